@@ -1,0 +1,169 @@
+"""Non-smooth functions with two faces: exact for verification, smooth for derivatives.
+
+Every kinked function of a model goes through a `Face`. The exact face has the kink, the smooth
+face replaces it within ``width`` of the kink by a polynomial that joins with continuous second
+derivative, so that both are equal outside that neighbourhood.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+Expression = Any
+"""A CasADi expression, a float or a NumPy array: the laws of the library accept all three."""
+
+
+def is_symbolic(*values: Expression) -> bool:
+    """Tell whether any of ``values`` is a CasADi matrix or expression.
+
+    Example:
+        >>> is_symbolic(1.0), is_symbolic(ca.SX.sym("x"))
+        (False, True)
+    """
+    return any(isinstance(v, (ca.SX, ca.MX, ca.DM)) for v in values)
+
+
+def maximum(a: Expression, b: Expression) -> Expression:
+    """Return the larger of two values, elementwise, for numbers, arrays and expressions.
+
+    Example:
+        >>> float(maximum(1.0, 2.0))
+        2.0
+    """
+    return ca.fmax(a, b) if is_symbolic(a, b) else np.maximum(a, b)
+
+
+def minimum(a: Expression, b: Expression) -> Expression:
+    """Return the smaller of two values, elementwise, for numbers, arrays and expressions.
+
+    Example:
+        >>> float(minimum(1.0, 2.0))
+        1.0
+    """
+    return ca.fmin(a, b) if is_symbolic(a, b) else np.minimum(a, b)
+
+
+def where(condition: Expression, yes: Expression, no: Expression) -> Expression:
+    """Return ``yes`` where the condition holds and ``no`` elsewhere.
+
+    Example:
+        >>> float(where(2 > 1, 5.0, 7.0))
+        5.0
+    """
+    if is_symbolic(condition, yes, no):
+        return ca.if_else(condition, yes, no)
+    return np.where(condition, yes, no)
+
+
+def sqrt(x: Expression) -> Expression:
+    """Return the square root of a number, array or expression.
+
+    Example:
+        >>> float(sqrt(4.0))
+        2.0
+    """
+    return ca.sqrt(x) if is_symbolic(x) else np.sqrt(x)
+
+
+@dataclass(frozen=True)
+class Face:
+    """A set of kinked functions, either with their kink or smoothed.
+
+    Args:
+        smooth: False for the exact face, True for the smooth one.
+
+    Example:
+        >>> float(EXACT.ramp(0.0, 1.0)), float(SMOOTH.ramp(0.0, 1.0))
+        (0.0, 0.1875)
+        >>> float(EXACT.ramp(2.0, 1.0)), float(SMOOTH.ramp(2.0, 1.0))
+        (2.0, 2.0)
+    """
+
+    smooth: bool
+
+    def ramp(self, x: Expression, width: float) -> Expression:
+        """Return max(0, x).
+
+        The smooth face is ``(x + w)^3 (3 w - x) / (16 w^3)`` for ``|x| < w``: value and two
+        derivatives join the exact function at ``x = -w`` and ``x = w``.
+
+        Args:
+            x: Argument, any unit.
+            width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+        """
+        if not self.smooth:
+            return maximum(x, 0.0)
+        c = minimum(maximum(x, -width), width)
+        return (c + width) ** 3 * (3 * width - c) / (16 * width**3) + maximum(x - width, 0.0)
+
+    def step(self, x: Expression, width: float) -> Expression:
+        """Return 1 for x > 0 and 0 otherwise; the smooth face is the derivative of `ramp`.
+
+        Args:
+            x: Argument, any unit.
+            width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+        """
+        if not self.smooth:
+            return where(x > 0, 1.0, 0.0)
+        c = minimum(maximum(x, -width), width)
+        return (c + width) ** 2 * (2 * width - c) / (4 * width**3)
+
+    def absolute(self, x: Expression, width: float) -> Expression:
+        """Return the absolute value of x, smoothed within ``width`` of zero.
+
+        Args:
+            x: Argument, any unit.
+            width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+        """
+        return self.ramp(x, width) + self.ramp(-x, width) if self.smooth else maximum(x, -x)
+
+    def sign(self, x: Expression, width: float) -> Expression:
+        """Return -1, 0 or 1 (exact), or its smooth transition within ``width`` of zero.
+
+        Args:
+            x: Argument, any unit.
+            width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+        """
+        return self.step(x, width) - self.step(-x, width)
+
+    def clip(self, x: Expression, lower: float, upper: float, width: float) -> Expression:
+        """Return x limited to ``[lower, upper]``.
+
+        Args:
+            x: Argument, any unit.
+            lower: Lower limit, in the unit of ``x``.
+            upper: Upper limit, in the unit of ``x``.
+            width: Half-width of the smoothed neighbourhoods, in the unit of ``x``.
+        """
+        return lower + self.ramp(x - lower, width) - self.ramp(x - upper, width)
+
+    def table(
+        self, x: Expression, points: Sequence[float], values: Sequence[float], width: float
+    ) -> Expression:
+        """Interpolate a table by straight lines, constant beyond its ends.
+
+        ``y = y_0 + sum_i (m_i - m_{i-1}) ramp(x - x_i)``, so the smooth face rounds every corner.
+
+        Args:
+            x: Argument, in the unit of ``points``.
+            points: Increasing abscissae.
+            values: Ordinates, as many as ``points``.
+            width: Half-width of the rounded corners; no more than half the closest spacing.
+        """
+        points_ = np.asarray(points, dtype=float)
+        values_ = np.asarray(values, dtype=float)
+        slopes = np.concatenate([[0.0], np.diff(values_) / np.diff(points_), [0.0]])
+        y = values_[0] + 0.0 * x
+        for point, change in zip(points_, np.diff(slopes), strict=True):
+            if change != 0.0:
+                y = y + change * self.ramp(x - point, width)
+        return y
+
+
+EXACT = Face(smooth=False)
+SMOOTH = Face(smooth=True)

@@ -1,0 +1,185 @@
+"""Named quantities of a model: states, inputs, outputs and parameters, all in SI."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from workbench.errors import WorkbenchError
+from workbench.model.units import parse_unit
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A named number with a unit and a scale.
+
+    Args:
+        name: Name by which it is found; letters, digits, underscores and dots.
+        unit: SI unit.
+        scale: Typical size, in ``unit``; sets tolerances and conditioning.
+        description: What it is, in a few words.
+
+    Raises:
+        WorkbenchError: If the unit is unknown or not SI, or the scale is not positive.
+
+    Example:
+        >>> Quantity("angle", "rad").unit
+        'rad'
+    """
+
+    name: str
+    unit: str
+    scale: float = 1.0
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the name, the unit and the scale."""
+        if not self.name.replace(".", "_").replace("_", "a").isalnum():
+            raise WorkbenchError(
+                f"quantity name {self.name!r} may hold letters, digits, underscores and dots only"
+            )
+        unit = parse_unit(self.unit)
+        if not math.isclose(unit.factor, 1.0) or unit.offset:
+            raise WorkbenchError(
+                f"{self.name} is declared in {self.unit!r}; quantities of a model are in SI units,"
+                f" convert it (1 {self.unit} = {unit.factor:g} SI)"
+            )
+        if not (math.isfinite(self.scale) and self.scale > 0):
+            raise WorkbenchError(
+                f"scale of {self.name} is {self.scale!r}; give a positive typical size"
+            )
+
+
+@dataclass(frozen=True)
+class State(Quantity):
+    """A quantity with a rate of change.
+
+    Args:
+        name: Name of the state.
+        unit: SI unit.
+        scale: Typical size, in ``unit``.
+        description: What it is, in a few words.
+        initial: Value at the start of a run unless another is given, in ``unit``.
+        lower: Smallest value inside the validity of the model's laws, in ``unit``.
+        upper: Largest value inside the validity of the model's laws, in ``unit``.
+
+    Example:
+        >>> State("speed", "rad/s", initial=0.5).initial
+        0.5
+    """
+
+    initial: float = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
+
+
+@dataclass(frozen=True)
+class Input(Quantity):
+    """A command or disturbance that drives the model, held between samples.
+
+    Args:
+        name: Name of the input.
+        unit: SI unit.
+        scale: Typical size, in ``unit``.
+        description: What it is, in a few words.
+        nominal: Value at rest, in ``unit``.
+        lower: Saturation, in ``unit``.
+        upper: Saturation, in ``unit``.
+        resolution: Step of the converter that writes it, in ``unit``; 0 for none.
+
+    Example:
+        >>> Input("valve", "V", nominal=5.0, lower=0.0, upper=10.0).upper
+        10.0
+    """
+
+    nominal: float = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
+    resolution: float = 0.0
+
+
+@dataclass(frozen=True)
+class Output(Quantity):
+    """What a sensor reads.
+
+    Args:
+        name: Name of the reading.
+        unit: SI unit.
+        scale: Typical size, in ``unit``.
+        description: What it is, in a few words.
+        resolution: Step of the converter that reads it, in ``unit``; 0 for none.
+        noise_rms: Root mean square of the white noise before conversion, in ``unit``.
+        lower: Lower end of the sensor's range, in ``unit``.
+        upper: Upper end of the sensor's range, in ``unit``.
+        display_unit: Unit in which people read it, such as ``deg``; the SI unit by default.
+
+    Example:
+        >>> Output("angle", "rad", resolution=3.5e-5, display_unit="deg").display_unit
+        'deg'
+    """
+
+    resolution: float = 0.0
+    noise_rms: float = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
+    display_unit: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the quantity and fall back to the SI unit for display."""
+        super().__post_init__()
+        if not self.display_unit:
+            object.__setattr__(self, "display_unit", self.unit)
+        parse_unit(self.display_unit)
+
+
+@dataclass(frozen=True)
+class Parameter(Quantity):
+    """A constant of the model, with bounds and where the number comes from.
+
+    Args:
+        name: Name of the parameter.
+        unit: SI unit.
+        scale: Typical size, in ``unit``; by default the magnitude of the value.
+        description: What it is, in a few words.
+        value: Nominal value, in ``unit``.
+        lower: Smallest plausible value, in ``unit``.
+        upper: Largest plausible value, in ``unit``.
+        source: Where the number comes from: a document, a measurement, an estimate.
+        fitted: Whether refitting may change it.
+
+    Raises:
+        WorkbenchError: If the value is not finite or outside its bounds.
+
+    Example:
+        >>> Parameter("mass", "kg", value=3.0, lower=0.0, upper=8.0).value
+        3.0
+    """
+
+    scale: float = 0.0
+    value: float = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
+    source: str = ""
+    fitted: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the value against its bounds and derive the scale from it."""
+        if self.scale == 0.0:
+            object.__setattr__(self, "scale", abs(self.value) or 1.0)
+        super().__post_init__()
+        if not (math.isfinite(self.value) and self.lower <= self.value <= self.upper):
+            raise WorkbenchError(
+                f"{self.name} is {self.value:g} {self.unit}; the valid range is {self.lower:g} to"
+                f" {self.upper:g} {self.unit}"
+            )
+
+    def with_value(self, value: float) -> Parameter:
+        """Return the same parameter with another value.
+
+        Args:
+            value: New value, in the parameter's unit.
+
+        Raises:
+            WorkbenchError: If the value is outside the bounds.
+        """
+        return replace(self, value=float(value))

@@ -1,0 +1,286 @@
+"""Units of measurement: parse, check and convert the unit strings of quantities.
+
+A unit is written as the field writes it: ``"N m s/rad"``, ``"m3/(s Pa)"``, ``"mm^2"``, ``"bar"``.
+The plane angle counts as a dimension of its own, so that degrees and radians are never mixed up
+with plain numbers.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import WorkbenchError
+
+Dimensions = tuple[int, ...]
+"""Exponents of metre, kilogram, second, kelvin, ampere and radian."""
+
+_ONE: Dimensions = (0, 0, 0, 0, 0, 0)
+_M: Dimensions = (1, 0, 0, 0, 0, 0)
+_KG: Dimensions = (0, 1, 0, 0, 0, 0)
+_S: Dimensions = (0, 0, 1, 0, 0, 0)
+_K: Dimensions = (0, 0, 0, 1, 0, 0)
+_A: Dimensions = (0, 0, 0, 0, 1, 0)
+_RAD: Dimensions = (0, 0, 0, 0, 0, 1)
+_N: Dimensions = (1, 1, -2, 0, 0, 0)
+_PA: Dimensions = (-1, 1, -2, 0, 0, 0)
+_J: Dimensions = (2, 1, -2, 0, 0, 0)
+_W: Dimensions = (2, 1, -3, 0, 0, 0)
+_V: Dimensions = (2, 1, -3, 0, -1, 0)
+_OHM: Dimensions = (2, 1, -3, 0, -2, 0)
+_HZ: Dimensions = (0, 0, -1, 0, 0, 0)
+
+_SYMBOLS: dict[str, tuple[float, Dimensions]] = {
+    "1": (1.0, _ONE),
+    "-": (1.0, _ONE),
+    "%": (0.01, _ONE),
+    "count": (1.0, _ONE),
+    "m": (1.0, _M),
+    "cm": (1e-2, _M),
+    "mm": (1e-3, _M),
+    "um": (1e-6, _M),
+    "µm": (1e-6, _M),
+    "km": (1e3, _M),
+    "l": (1e-3, (3, 0, 0, 0, 0, 0)),
+    "L": (1e-3, (3, 0, 0, 0, 0, 0)),
+    "kg": (1.0, _KG),
+    "g": (1e-3, _KG),
+    "mg": (1e-6, _KG),
+    "t": (1e3, _KG),
+    "s": (1.0, _S),
+    "ms": (1e-3, _S),
+    "us": (1e-6, _S),
+    "µs": (1e-6, _S),
+    "min": (60.0, _S),
+    "h": (3600.0, _S),
+    "Hz": (1.0, _HZ),
+    "kHz": (1e3, _HZ),
+    "K": (1.0, _K),
+    "A": (1.0, _A),
+    "mA": (1e-3, _A),
+    "rad": (1.0, _RAD),
+    "mrad": (1e-3, _RAD),
+    "deg": (math.pi / 180, _RAD),
+    "°": (math.pi / 180, _RAD),
+    "turn": (2 * math.pi, _RAD),
+    "rev": (2 * math.pi, _RAD),
+    "rpm": (2 * math.pi / 60, (0, 0, -1, 0, 0, 1)),
+    "N": (1.0, _N),
+    "mN": (1e-3, _N),
+    "kN": (1e3, _N),
+    "Nm": (1.0, _J),
+    "Pa": (1.0, _PA),
+    "hPa": (1e2, _PA),
+    "kPa": (1e3, _PA),
+    "MPa": (1e6, _PA),
+    "bar": (1e5, _PA),
+    "mbar": (1e2, _PA),
+    "psi": (6894.757293168361, _PA),
+    "J": (1.0, _J),
+    "kJ": (1e3, _J),
+    "W": (1.0, _W),
+    "kW": (1e3, _W),
+    "V": (1.0, _V),
+    "mV": (1e-3, _V),
+    "Ohm": (1.0, _OHM),
+    "Ω": (1.0, _OHM),
+}
+
+_TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+|[²³⁻¹]+|[A-Za-zµΩ°%]+|-)")
+_SUPERSCRIPTS = str.maketrans("²³⁻¹−", "23-1-")
+_CELSIUS = {"degC", "°C", "celsius"}
+_CELSIUS_ZERO_K = 273.15
+
+
+@dataclass(frozen=True)
+class Unit:
+    """A unit of measurement: SI value = value * factor + offset.
+
+    Args:
+        text: The unit as written.
+        factor: Size of the unit in SI base units.
+        dimensions: Exponents of metre, kilogram, second, kelvin, ampere, radian.
+        offset: SI value of zero in this unit; non-zero for degrees Celsius only.
+
+    Example:
+        >>> parse_unit("bar").factor
+        100000.0
+    """
+
+    text: str
+    factor: float
+    dimensions: Dimensions
+    offset: float = 0.0
+
+
+def _combine(a: Dimensions, b: Dimensions, power: int) -> Dimensions:
+    return tuple(x + power * y for x, y in zip(a, b, strict=True))
+
+
+def _unknown(text: str, token: str) -> WorkbenchError:
+    near = difflib.get_close_matches(token, _SYMBOLS, n=1, cutoff=0.5)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    return WorkbenchError(
+        f"unit {text!r} has the unknown part {token!r}{hint} (known: m, kg, s, K, A, V, N, Pa, bar,"
+        " rad, deg, Hz, W, J, l and their usual multiples, joined by spaces and /)"
+    )
+
+
+@lru_cache(maxsize=512)
+def parse_unit(text: str) -> Unit:
+    """Parse a unit string.
+
+    Args:
+        text: Unit such as ``"N m s/rad"``; ``""``, ``"1"`` and ``"-"`` mean dimensionless.
+
+    Returns:
+        The unit with its factor to SI and its dimensions.
+
+    Raises:
+        WorkbenchError: If a part of the unit is unknown; names the nearest known spelling.
+
+    Example:
+        >>> unit = parse_unit("m3/(s Pa)")
+        >>> unit.factor, unit.dimensions
+        (1.0, (4, -1, 1, 0, 0, 0))
+    """
+    stripped = text.strip()
+    if stripped in ("", "1", "-"):
+        return Unit(text, 1.0, _ONE)
+    if stripped in _CELSIUS:
+        return Unit(text, 1.0, _K, _CELSIUS_ZERO_K)
+    factor, dimensions = 1.0, _ONE
+    position, sign, group = 0, 1, [1]
+    last: tuple[float, Dimensions, int] | None = None
+    while position < len(stripped):
+        match = _TOKEN.match(stripped, position)
+        if match is None:
+            raise _unknown(text, stripped[position:])
+        token, position = match.group(1), match.end()
+        if token in "*·":
+            continue
+        if token == "/":
+            sign = -1
+        elif token == "(":
+            group.append(group[-1] * sign)
+            sign = 1
+        elif token == ")":
+            if len(group) == 1:
+                raise _unknown(text, ")")
+            group.pop()
+            sign = 1
+        elif token in _SYMBOLS and token != "-":
+            size, dims = _SYMBOLS[token]
+            power = group[-1] * sign
+            factor, dimensions = factor * size**power, _combine(dimensions, dims, power)
+            last, sign = (size, dims, power), 1
+        else:
+            digits = token.lstrip("^").translate(_SUPERSCRIPTS)
+            if last is None or not digits.lstrip("+-").isdigit():
+                raise _unknown(text, token)
+            size, dims, power = last
+            extra = power * (int(digits) - 1)
+            factor, dimensions = factor * size**extra, _combine(dimensions, dims, extra)
+            last = None
+    if len(group) != 1:
+        raise _unknown(text, "(")
+    return Unit(text, factor, dimensions)
+
+
+Values = TypeVar("Values", float, npt.NDArray[np.float64])
+
+
+def convert(values: Values, from_unit: str, to_unit: str) -> Values:
+    """Convert values from one unit to another of the same dimension.
+
+    Args:
+        values: Number or array, in ``from_unit``.
+        from_unit: Unit of the values.
+        to_unit: Unit wanted.
+
+    Returns:
+        The same shape, in ``to_unit``.
+
+    Raises:
+        WorkbenchError: If a unit is unknown or the two measure different things.
+
+    Example:
+        >>> convert(6.0, "bar", "kPa")
+        600.0
+        >>> convert(20.0, "degC", "K")
+        293.15
+    """
+    source, target = parse_unit(from_unit), parse_unit(to_unit)
+    if source.dimensions != target.dimensions:
+        raise WorkbenchError(
+            f"{from_unit!r} cannot be converted to {to_unit!r}: they measure different things"
+        )
+    if source.offset == target.offset:
+        return values * (source.factor / target.factor)
+    return (values * source.factor + source.offset - target.offset) / target.factor
+
+
+def to_si(values: Values, unit: str) -> Values:
+    """Convert values to the SI base unit of the same dimension.
+
+    Args:
+        values: Number or array, in ``unit``.
+        unit: Unit of the values.
+
+    Returns:
+        The same shape, in SI.
+
+    Raises:
+        WorkbenchError: If the unit is unknown.
+
+    Example:
+        >>> to_si(2.0, "bar")
+        200000.0
+    """
+    parsed = parse_unit(unit)
+    return values * parsed.factor + parsed.offset
+
+
+def from_si(values: Values, unit: str) -> Values:
+    """Convert SI values to a unit of the same dimension.
+
+    Args:
+        values: Number or array, in SI.
+        unit: Unit wanted.
+
+    Returns:
+        The same shape, in ``unit``.
+
+    Raises:
+        WorkbenchError: If the unit is unknown.
+
+    Example:
+        >>> from_si(200000.0, "bar")
+        2.0
+    """
+    parsed = parse_unit(unit)
+    return (values - parsed.offset) / parsed.factor
+
+
+def same_dimension(a: str, b: str) -> bool:
+    """Tell whether two units measure the same thing.
+
+    Args:
+        a: A unit.
+        b: Another unit.
+
+    Raises:
+        WorkbenchError: If a unit is unknown.
+
+    Example:
+        >>> same_dimension("N m", "kN mm"), same_dimension("rad", "1")
+        (True, False)
+    """
+    return parse_unit(a).dimensions == parse_unit(b).dimensions
