@@ -1,0 +1,113 @@
+"""Effects: pieces of physics that attach to the ports of a model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+
+from workbench.errors import WorkbenchError, check_choice
+from workbench.model.face import Expression
+from workbench.model.quantities import Parameter, State
+from workbench.model.scope import EffectView, PortView
+
+
+@dataclass(frozen=True)
+class About:
+    """What is known of an effect, for reports and for choosing between effects.
+
+    Args:
+        equation: The law, in one line of text.
+        source: Book, paper or manufacturer that the law comes from.
+        look_alikes: Names of effects that the same data may not separate.
+        separated_by: The experiment that tells it from its look-alikes.
+
+    Example:
+        >>> About("tau = -c omega", "viscous friction").look_alikes
+        ()
+    """
+
+    equation: str = ""
+    source: str = ""
+    look_alikes: tuple[str, ...] = ()
+    separated_by: str = ""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A piece of physics attached to one or several ports of a model.
+
+    The signal of each port is passed through ``transform``, in the order in which effects were
+    attached; the states of the effect follow ``rates``, which may use every signal of the model.
+
+    Args:
+        name: Name of the effect; its states and parameters appear as ``name.own_name``.
+        ports: Names of the ports that it acts on.
+        transform: Takes what the effect sees at a port, returns the new signal there.
+        parameters: Own parameters, with short names.
+        states: Own states, with short names.
+        rates: Takes what the effect sees of the whole model, returns the rate of each own state.
+        start: Same, returns the value of own states at the start of a run; ``State.initial`` for
+            those that it leaves out.
+        about: Equation, source, look-alikes.
+
+    Raises:
+        WorkbenchError: If states have no rates or names are used twice.
+
+    Example:
+        >>> drag = Effect(
+        ...     "drag",
+        ...     ("joint.torque",),
+        ...     lambda at: at.value - at.p.coefficient * at.signals.speed,
+        ...     parameters=(Parameter("coefficient", "N m s/rad", value=0.3, lower=0.0),),
+        ... )
+        >>> drag.with_parameters({"coefficient": 0.5}).parameters[0].value
+        0.5
+    """
+
+    name: str
+    ports: tuple[str, ...]
+    transform: Callable[[PortView], Expression]
+    parameters: tuple[Parameter, ...] = ()
+    states: tuple[State, ...] = ()
+    rates: Callable[[EffectView], Mapping[str, Expression]] | None = None
+    start: Callable[[EffectView], Mapping[str, Expression]] | None = None
+    about: About = field(default_factory=About)
+
+    def __post_init__(self) -> None:
+        """Check that the effect is complete."""
+        if not self.ports:
+            raise WorkbenchError(f"effect {self.name!r} names no port; give at least one")
+        if bool(self.states) != (self.rates is not None):
+            raise WorkbenchError(
+                f"effect {self.name!r} has {len(self.states)} state(s) and"
+                f" {'a' if self.rates else 'no'} rates function; it needs both or neither"
+            )
+        own = [q.name for q in (*self.parameters, *self.states)]
+        if len(set(own)) != len(own):
+            raise WorkbenchError(f"effect {self.name!r} uses a name twice: {', '.join(own)}")
+
+    def with_parameters(self, values: Mapping[str, float]) -> Effect:
+        """Return the same effect with other parameter values.
+
+        Args:
+            values: New values by short name, in each parameter's unit.
+
+        Raises:
+            WorkbenchError: If a name is unknown or a value outside its bounds.
+        """
+        for name in values:
+            check_choice(
+                f"parameter of effect {self.name}", name, [q.name for q in self.parameters]
+            )
+        changed = tuple(
+            q.with_value(values[q.name]) if q.name in values else q for q in self.parameters
+        )
+        return replace(self, parameters=changed)
+
+    def renamed(self, name: str) -> Effect:
+        """Return the same effect under another name, to attach it twice.
+
+        Args:
+            name: New name.
+        """
+        return replace(self, name=name)

@@ -1,0 +1,374 @@
+"""The model: named quantities and equations with ports, to which effects attach."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import WorkbenchError, check_choice, check_finite
+from workbench.model.effect import Effect
+from workbench.model.face import EXACT, SMOOTH, Expression, Face
+from workbench.model.quantities import Input, Output, Parameter, Quantity, State
+from workbench.model.scope import Names, Port
+from workbench.model.trace import Equations, Trace, trace
+
+Vector = npt.NDArray[np.float64]
+Own = TypeVar("Own", State, Parameter)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A plant: states, inputs, outputs, parameters and the equations that join them.
+
+    ``equations`` takes a `Scope` and returns two mappings: the rate of every own state and the
+    reading of every output. Whatever passes through ``scope.port`` can be changed by an effect.
+
+    Args:
+        name: Name of the plant.
+        equations: The equations, written with the names of a `Scope`.
+        states: States, those of attached effects last.
+        inputs: Inputs.
+        outputs: Outputs.
+        parameters: Parameters, those of attached effects last.
+        effects: Attached effects, in the order in which they act on a port.
+        description: What the plant is, in a few words.
+
+    Raises:
+        WorkbenchError: If a name is used twice, or the equations forget a state or an output.
+
+    Example:
+        >>> def equations(m):
+        ...     force = m.port("axis.force", m.u.force, unit="N", signals={"speed": m.x.speed})
+        ...     return {"position": m.x.speed, "speed": force / m.p.mass}, {"reading": m.x.position}
+        >>> axis = Model(
+        ...     "axis",
+        ...     equations,
+        ...     states=(State("position", "m"), State("speed", "m/s")),
+        ...     inputs=(Input("force", "N"),),
+        ...     outputs=(Output("reading", "m"),),
+        ...     parameters=(Parameter("mass", "kg", value=2.0, lower=0.1),),
+        ... )
+        >>> axis.rates([0.0, 1.0], [4.0])
+        array([1., 2.])
+    """
+
+    name: str
+    equations: Callable[..., Equations]
+    states: tuple[State, ...]
+    inputs: tuple[Input, ...]
+    outputs: tuple[Output, ...]
+    parameters: tuple[Parameter, ...] = ()
+    effects: tuple[Effect, ...] = ()
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the names and write the equations down once."""
+        for group in (self.states, self.inputs, self.outputs, self.parameters):
+            names = [q.name for q in group]
+            double = sorted({n for n in names if names.count(n) > 1})
+            if double:
+                raise WorkbenchError(f"model {self.name!r} uses the name {double[0]!r} twice")
+        _ = self.exact
+
+    @cached_property
+    def exact(self) -> Trace:
+        """The equations with their kinks, for verification."""
+        return trace(self, EXACT)
+
+    @cached_property
+    def smooth(self) -> Trace:
+        """The equations with rounded kinks, for prediction and derivatives."""
+        return trace(self, SMOOTH)
+
+    def face(self, face: Face | str) -> Trace:
+        """Return one face of the equations.
+
+        Args:
+            face: `EXACT`, `SMOOTH`, ``"exact"`` or ``"smooth"``.
+
+        Raises:
+            WorkbenchError: If the face is unknown.
+        """
+        name = face if isinstance(face, str) else ("smooth" if face.smooth else "exact")
+        check_choice("face", name, ("exact", "smooth"))
+        return self.smooth if name == "smooth" else self.exact
+
+    @property
+    def ports(self) -> tuple[Port, ...]:
+        """Places where an effect may act, in the order of the equations."""
+        return self.exact.ports
+
+    @property
+    def values(self) -> Vector:
+        """Parameter values, shape (n_parameters,), in SI."""
+        return np.array([q.value for q in self.parameters], dtype=float)
+
+    @property
+    def nominal_input(self) -> Vector:
+        """Inputs at rest, shape (n_inputs,), in SI."""
+        return np.array([q.nominal for q in self.inputs], dtype=float)
+
+    def parameter(self, name: str) -> Parameter:
+        """Return a parameter by name.
+
+        Args:
+            name: Name of the parameter; ``effect.name`` for one of an effect.
+
+        Raises:
+            WorkbenchError: If there is no such parameter.
+        """
+        return self.parameters[index_of("parameter", name, self.parameters)]
+
+    def effect(self, name: str) -> Effect:
+        """Return an attached effect by name.
+
+        Args:
+            name: Name of the effect.
+
+        Raises:
+            WorkbenchError: If no effect of that name is attached.
+        """
+        check_choice("effect", name, [e.name for e in self.effects])
+        return next(e for e in self.effects if e.name == name)
+
+    def with_effect(self, *effects: Effect) -> Model:
+        """Return a model with effects attached, acting after those that are there.
+
+        Args:
+            effects: The effects to attach.
+
+        Raises:
+            WorkbenchError: If a port does not exist or an effect of the name is attached already.
+        """
+        model = self
+        for effect in effects:
+            if any(effect.name == other.name for other in model.effects):
+                raise WorkbenchError(
+                    f"effect {effect.name!r} is attached already; take it away with without(), or"
+                    " attach it again under another name with renamed()"
+                )
+            for port in effect.ports:
+                check_choice(f"port of effect {effect.name}", port, [q.name for q in model.ports])
+            model = replace(
+                model,
+                effects=(*model.effects, effect),
+                states=(*model.states, *(_prefixed(effect, q) for q in effect.states)),
+                parameters=(*model.parameters, *(_prefixed(effect, q) for q in effect.parameters)),
+            )
+        return model
+
+    def without(self, *names: str) -> Model:
+        """Return a model with effects taken away.
+
+        Args:
+            names: Names of attached effects.
+
+        Raises:
+            WorkbenchError: If no effect of a name is attached.
+        """
+        for name in names:
+            check_choice("effect", name, [e.name for e in self.effects])
+        gone = tuple(f"{name}." for name in names)
+        return replace(
+            self,
+            effects=tuple(e for e in self.effects if e.name not in names),
+            states=tuple(q for q in self.states if not q.name.startswith(gone)),
+            parameters=tuple(q for q in self.parameters if not q.name.startswith(gone)),
+        )
+
+    def with_parameters(self, values: Mapping[str, float]) -> Model:
+        """Return a model with other parameter values.
+
+        Args:
+            values: New values by name, in each parameter's SI unit.
+
+        Raises:
+            WorkbenchError: If a name is unknown or a value outside its bounds.
+        """
+        for name in values:
+            index_of("parameter", name, self.parameters)
+        changed = tuple(
+            q.with_value(values[q.name]) if q.name in values else q for q in self.parameters
+        )
+        model = replace(self, parameters=changed)
+        # The symbolic equations do not depend on parameter values: writing them again is waste.
+        model.__dict__.update({k: v for k, v in self.__dict__.items() if k in ("exact", "smooth")})
+        return model
+
+    def rates(
+        self,
+        x: npt.ArrayLike,
+        u: npt.ArrayLike,
+        *,
+        face: Face | str = EXACT,
+        values: npt.ArrayLike | None = None,
+    ) -> Vector:
+        """Compute the rates of the states.
+
+        Args:
+            x: States, shape (n_states,), in SI.
+            u: Inputs, shape (n_inputs,), in SI.
+            face: Which face of the equations.
+            values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
+
+        Returns:
+            Rates, shape (n_states,), in SI per second.
+
+        Raises:
+            WorkbenchError: If a shape is wrong or a number is not finite.
+        """
+        return self._call(self.face(face).rates_function, x, u, values)
+
+    def read(
+        self,
+        x: npt.ArrayLike,
+        u: npt.ArrayLike,
+        *,
+        face: Face | str = EXACT,
+        values: npt.ArrayLike | None = None,
+    ) -> Vector:
+        """Compute what the sensors would read, without noise and quantisation.
+
+        Args:
+            x: States, shape (n_states,), in SI.
+            u: Inputs, shape (n_inputs,), in SI.
+            face: Which face of the equations.
+            values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
+
+        Returns:
+            Readings, shape (n_outputs,), in SI.
+
+        Raises:
+            WorkbenchError: If a shape is wrong or a number is not finite.
+        """
+        return self._call(self.face(face).outputs_function, x, u, values)
+
+    def signals(
+        self, x: npt.ArrayLike, u: npt.ArrayLike, *, face: Face | str = EXACT
+    ) -> dict[str, float]:
+        """Compute every port and published signal of the model at one instant.
+
+        Args:
+            x: States, shape (n_states,), in SI.
+            u: Inputs, shape (n_inputs,), in SI.
+            face: Which face of the equations.
+
+        Returns:
+            Values in SI, by name of port or signal.
+
+        Raises:
+            WorkbenchError: If a shape is wrong or a number is not finite.
+        """
+        traced = self.face(face)
+        values = self._call(traced.signals_function, x, u, None)
+        return dict(zip(traced.signal_names, values.tolist(), strict=True))
+
+    def initial_state(
+        self, given: Mapping[str, float] | None = None, *, u: npt.ArrayLike | None = None
+    ) -> Vector:
+        """Return a starting state.
+
+        Args:
+            given: Values of some states by name, in SI; the others start at their ``initial``, the
+                states of effects where the effect's ``start`` puts them.
+            u: Inputs at the start, shape (n_inputs,), in SI; at rest by default.
+
+        Returns:
+            States, shape (n_states,), in SI.
+
+        Raises:
+            WorkbenchError: If a name is unknown or a value not finite.
+        """
+        given = dict(given or {})
+        x = np.array([q.initial for q in self.states], dtype=float)
+        for name, value in given.items():
+            x[index_of("state", name, self.states)] = value
+        free = [i for i, q in enumerate(self.states) if q.name not in given]
+        # Once per effect, because the start of one effect may depend on the state of another.
+        for _ in self.effects:
+            started = self._call(
+                self.exact.start_function, x, self.nominal_input if u is None else u, None
+            )
+            x[free] = started[free]
+        return check_finite("initial state", x)
+
+    def _call(
+        self, function: ca.Function, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike | None
+    ) -> Vector:
+        x_ = check_vector("state", x, self.states)
+        u_ = check_vector("input", u, self.inputs)
+        p_ = self.values if p is None else check_vector("parameter", p, self.parameters)
+        return np.asarray(function(x_, u_, p_), dtype=float).ravel()
+
+    def __str__(self) -> str:
+        """Return a short aligned table of the model's quantities and ports."""
+        lines = [f"{self.name}: {self.description}" if self.description else self.name]
+        for title, group in (("states", self.states), ("inputs", self.inputs)):
+            lines += [f"  {title}"] + [_row(q) for q in group]
+        lines += ["  outputs"] + [_row(q) for q in self.outputs]
+        lines += ["  parameters"]
+        lines += [f"{_row(q)}  {q.value:<12.6g} {q.source}".rstrip() for q in self.parameters]
+        lines += ["  effects    " + (", ".join(e.name for e in self.effects) or "none")]
+        lines += ["  ports      " + ", ".join(q.name for q in self.ports)]
+        return "\n".join(lines)
+
+
+def index_of(kind: str, name: str, quantities: Sequence[Quantity]) -> int:
+    """Return the position of a quantity by name.
+
+    Args:
+        kind: What is looked for, for the message: ``"state"``, ``"parameter"``, ...
+        name: Name of the quantity.
+        quantities: Where to look.
+
+    Raises:
+        WorkbenchError: If there is none of that name; names the nearest.
+
+    Example:
+        >>> index_of("state", "speed", (State("angle", "rad"), State("speed", "rad/s")))
+        1
+    """
+    names = [q.name for q in quantities]
+    check_choice(kind, name, names)
+    return names.index(name)
+
+
+def check_vector(kind: str, values: npt.ArrayLike, quantities: Sequence[Quantity]) -> Vector:
+    """Return values as a finite vector with one entry per quantity.
+
+    Args:
+        kind: What the vector is, for the message: ``"state"``, ``"input"``, ...
+        values: Numbers in SI, shape (n,).
+        quantities: The n quantities that the numbers belong to.
+
+    Raises:
+        WorkbenchError: If the length is wrong or a value is not finite.
+
+    Example:
+        >>> check_vector("state", [1, 2], (State("angle", "rad"), State("speed", "rad/s")))
+        array([1., 2.])
+    """
+    vector = check_finite(f"{kind} vector", values).ravel()
+    if vector.size != len(quantities):
+        raise WorkbenchError(
+            f"{kind} vector has {vector.size} entries; the model needs {len(quantities)}:"
+            f" {', '.join(q.name for q in quantities)}"
+        )
+    return vector
+
+
+def _prefixed(effect: Effect, quantity: Own) -> Own:
+    return replace(quantity, name=f"{effect.name}.{quantity.name}")
+
+
+def _row(quantity: Quantity) -> str:
+    return f"    {quantity.name:<34} {quantity.unit:<14} {quantity.description}".rstrip()
+
+
+__all__ = ["Model", "Names", "Trace", "Expression", "check_vector", "index_of"]

@@ -1,0 +1,209 @@
+"""What the equations of a model see while they are written down: names, ports and signals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+from workbench.errors import WorkbenchError, check_choice
+from workbench.model.face import Expression, Face
+from workbench.model.units import parse_unit
+
+
+class Names(Mapping[str, Expression]):
+    """Read-only access to named values, as items or as attributes.
+
+    Args:
+        kind: What the names are, for messages: ``"state"``, ``"parameter"``, ...
+        values: The values by name; symbols, numbers or arrays.
+
+    Raises:
+        WorkbenchError: If a name is asked for that does not exist.
+
+    Example:
+        >>> names = Names("parameter", {"mass": 3.0})
+        >>> names.mass, names["mass"]
+        (3.0, 3.0)
+    """
+
+    def __init__(self, kind: str, values: Mapping[str, Expression]) -> None:
+        self._kind = kind
+        self._values = dict(values)
+
+    def __getitem__(self, name: str) -> Expression:
+        """Return the value of a name."""
+        if name not in self._values:
+            check_choice(self._kind, name, self._values)
+        return self._values[name]
+
+    def __getattr__(self, name: str) -> Expression:
+        """Return the value of a name."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return self[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names."""
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        """Return how many names there are."""
+        return len(self._values)
+
+
+@dataclass(frozen=True)
+class Port:
+    """A named place in the equations where an effect may act.
+
+    Args:
+        name: Name of the port, ``where.what``: ``joint.torque``.
+        unit: SI unit of the signal at the port.
+        scale: Typical size of the signal, in ``unit``.
+        description: What the signal is and which sign is positive.
+        signals: Names of the local signals that an effect may use there.
+        group: The equations that the same sensors cannot tell apart; the part before the dot.
+
+    Example:
+        >>> Port("joint.torque", "N m", 10.0, "torque on the arm", ("angle", "speed")).group
+        'joint'
+    """
+
+    name: str
+    unit: str
+    scale: float
+    description: str
+    signals: tuple[str, ...]
+
+    @property
+    def group(self) -> str:
+        """Part of the name before the dot: the component that the port belongs to."""
+        return self.name.split(".")[0]
+
+
+@dataclass(frozen=True)
+class PortView:
+    """What an effect sees at one of its ports.
+
+    Args:
+        port: Name of the port.
+        index: Position of the port in the effect's list of ports, from 0.
+        value: The signal before this effect, in the port's unit.
+        signals: Local signals of the port, by name, in SI.
+        p: The effect's own parameters, by their short names.
+        x: The effect's own states, by their short names.
+        face: Exact or smooth functions.
+    """
+
+    port: str
+    index: int
+    value: Expression
+    signals: Names
+    p: Names
+    x: Names
+    face: Face
+
+
+@dataclass(frozen=True)
+class EffectView:
+    """What an effect sees when the whole model has been written down.
+
+    Args:
+        p: The effect's own parameters, by their short names.
+        x: The effect's own states, by their short names.
+        face: Exact or smooth functions.
+        at: What the effect saw at each of its ports, by the port's name.
+        values: Final value of every port of the model and of every published signal, by name.
+    """
+
+    p: Names
+    x: Names
+    face: Face
+    at: Mapping[str, PortView]
+    values: Names
+
+
+Transform = Callable[[Port, Expression, Names], Expression]
+
+
+@dataclass
+class Scope:
+    """The names that the equations of a model may use, and the ports that they open.
+
+    Args:
+        x: States.
+        u: Inputs.
+        p: Parameters.
+        face: Exact or smooth versions of kinked functions.
+        transform: Applies the attached effects to the signal of a port.
+
+    Example:
+        >>> from workbench.model.face import EXACT
+        >>> scope = Scope(Names("state", {}), Names("input", {}), Names("parameter", {}), EXACT)
+        >>> scope.port("joint.torque", 2.0, unit="N m", scale=10.0)
+        2.0
+        >>> [port.name for port in scope.ports]
+        ['joint.torque']
+    """
+
+    x: Names
+    u: Names
+    p: Names
+    face: Face
+    transform: Transform = field(default=lambda port, value, signals: value)
+    ports: list[Port] = field(default_factory=list)
+    values: dict[str, Expression] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+
+    def port(
+        self,
+        name: str,
+        value: Expression,
+        *,
+        unit: str,
+        scale: float = 1.0,
+        description: str = "",
+        signals: Mapping[str, Expression] | None = None,
+    ) -> Expression:
+        """Open a port: return the signal after the effects attached there have acted on it.
+
+        Args:
+            name: Name of the port, ``where.what``.
+            value: The signal as the model has it, in ``unit``.
+            unit: SI unit of the signal.
+            scale: Typical size of the signal, in ``unit``.
+            description: What the signal is and which sign is positive.
+            signals: Local signals that an effect may use, by name, in SI.
+
+        Raises:
+            WorkbenchError: If a port of that name is open already or the unit is unknown.
+        """
+        self._claim(name, unit)
+        local = Names(f"signal at port {name}", signals or {})
+        port = Port(name, unit, scale, description, tuple(local))
+        result = self.transform(port, value, local)
+        self.ports.append(port)
+        self.values[name] = result
+        return result
+
+    def publish(self, name: str, value: Expression, *, unit: str) -> Expression:
+        """Name an internal signal, so that results can show it and effects can use its rate.
+
+        Args:
+            name: Name of the signal.
+            value: The signal, in ``unit``.
+            unit: SI unit of the signal.
+
+        Raises:
+            WorkbenchError: If a port or signal of that name exists already.
+        """
+        self._claim(name, unit)
+        self.values[name] = value
+        return value
+
+    def _claim(self, name: str, unit: str) -> None:
+        if name in self.values:
+            raise WorkbenchError(
+                f"the equations open {name!r} twice; ports and signals need different names"
+            )
+        parse_unit(unit)
+        self.units[name] = unit

@@ -1,0 +1,198 @@
+"""Writing the equations of a model down once, as CasADi functions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from workbench.errors import WorkbenchError
+from workbench.model.effect import Effect
+from workbench.model.face import Expression, Face
+from workbench.model.quantities import Quantity
+from workbench.model.scope import EffectView, Names, Port, PortView, Scope
+
+if TYPE_CHECKING:
+    from workbench.model.model import Model
+
+Equations = tuple[Mapping[str, Expression], Mapping[str, Expression]]
+"""Rate of every own state and reading of every output, by name."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One face of a model's equations as CasADi expressions.
+
+    Args:
+        x: Symbols of the states, in the model's order.
+        u: Symbols of the inputs.
+        p: Symbols of the parameters.
+        rates: Rates of the states.
+        outputs: Readings.
+        start: States at the start of a run, as functions of the states given.
+        ports: The ports that the equations opened.
+        signal_names: Names of ports and published signals.
+        signal_units: Their SI units.
+        signals: Their values.
+    """
+
+    x: ca.SX
+    u: ca.SX
+    p: ca.SX
+    rates: ca.SX
+    outputs: ca.SX
+    start: ca.SX
+    ports: tuple[Port, ...]
+    signal_names: tuple[str, ...]
+    signal_units: tuple[str, ...]
+    signals: ca.SX
+
+    def function(self, name: str, *expressions: ca.SX) -> ca.Function:
+        """Build a CasADi function of (states, inputs, parameters).
+
+        Args:
+            name: Name of the function.
+            expressions: What it returns, in this trace's symbols.
+        """
+        return ca.Function(name, [self.x, self.u, self.p], list(expressions))
+
+    @cached_property
+    def rates_function(self) -> ca.Function:
+        """Rates as a CasADi function of (x, u, p)."""
+        return self.function("rates", self.rates)
+
+    @cached_property
+    def outputs_function(self) -> ca.Function:
+        """Readings as a CasADi function of (x, u, p)."""
+        return self.function("outputs", self.outputs)
+
+    @cached_property
+    def signals_function(self) -> ca.Function:
+        """Ports and published signals as a CasADi function of (x, u, p)."""
+        return self.function("signals", self.signals)
+
+    @cached_property
+    def start_function(self) -> ca.Function:
+        """States at the start of a run as a CasADi function of (x, u, p)."""
+        return self.function("start", self.start)
+
+    @cached_property
+    def jacobian_function(self) -> ca.Function:
+        """Derivatives (df/dx, df/du, dg/dx, dg/du) as a CasADi function of (x, u, p)."""
+        return self.function(
+            "jacobians",
+            ca.jacobian(self.rates, self.x),
+            ca.jacobian(self.rates, self.u),
+            ca.jacobian(self.outputs, self.x),
+            ca.jacobian(self.outputs, self.u),
+        )
+
+
+def trace(model: Model, face: Face) -> Trace:
+    """Write the equations of a model down with CasADi symbols.
+
+    Args:
+        model: The model.
+        face: Exact or smooth functions.
+
+    Returns:
+        The equations as expressions and functions.
+
+    Raises:
+        WorkbenchError: If the equations forget a state or an output, return one that is not
+            declared, or an effect forgets the rate of one of its states.
+    """
+    symbols = {
+        "state": _symbols(model.states),
+        "input": _symbols(model.inputs),
+        "parameter": _symbols(model.parameters),
+    }
+    own = {
+        kind: {effect.name: _short_names(effect, values, kind) for effect in model.effects}
+        for kind, values in symbols.items()
+    }
+    seen: dict[str, dict[str, PortView]] = {effect.name: {} for effect in model.effects}
+
+    def transform(port: Port, value: Expression, signals: Names) -> Expression:
+        for effect in model.effects:
+            if port.name in effect.ports:
+                view = PortView(
+                    port.name,
+                    effect.ports.index(port.name),
+                    value,
+                    signals,
+                    own["parameter"][effect.name],
+                    own["state"][effect.name],
+                    face,
+                )
+                seen[effect.name][port.name] = view
+                value = effect.transform(view)
+        return value
+
+    scope = Scope(
+        *(Names(kind, values) for kind, values in symbols.items()), face=face, transform=transform
+    )
+    rates, outputs = model.equations(scope)
+    rates = dict(rates)
+    starts: dict[str, Expression] = {}
+    values = Names("signal", scope.values)
+    for effect in model.effects:
+        if effect.rates is None:
+            continue
+        view = EffectView(
+            own["parameter"][effect.name],
+            own["state"][effect.name],
+            face,
+            seen[effect.name],
+            values,
+        )
+        rates |= {f"{effect.name}.{k}": v for k, v in effect.rates(view).items()}
+        if effect.start is not None:
+            starts |= {f"{effect.name}.{k}": v for k, v in effect.start(view).items()}
+    start = ca.vcat([starts.get(n, s) for n, s in symbols["state"].items()] or [ca.SX(0, 1)])
+    return Trace(
+        x=_vector(symbols["state"]),
+        u=_vector(symbols["input"]),
+        p=_vector(symbols["parameter"]),
+        rates=_stack(model, "rate of state", rates, model.states),
+        outputs=_stack(model, "reading of output", outputs, model.outputs),
+        start=start,
+        ports=tuple(scope.ports),
+        signal_names=tuple(scope.values),
+        signal_units=tuple(scope.units[name] for name in scope.values),
+        signals=ca.vcat([ca.SX(v) for v in scope.values.values()] or [ca.SX(0, 1)]),
+    )
+
+
+def _symbols(quantities: Sequence[Quantity]) -> dict[str, ca.SX]:
+    return {q.name: ca.SX.sym(q.name) for q in quantities}
+
+
+def _short_names(effect: Effect, values: Mapping[str, ca.SX], kind: str) -> Names:
+    prefix = f"{effect.name}."
+    return Names(
+        f"{kind} of effect {effect.name}",
+        {k.removeprefix(prefix): v for k, v in values.items() if k.startswith(prefix)},
+    )
+
+
+def _vector(symbols: Mapping[str, ca.SX]) -> ca.SX:
+    return ca.vcat(list(symbols.values())) if symbols else ca.SX(0, 1)
+
+
+def _stack(
+    model: Model, what: str, given: Mapping[str, Expression], declared: Sequence[Quantity]
+) -> ca.SX:
+    names = [q.name for q in declared]
+    missing = [n for n in names if n not in given]
+    extra = [n for n in given if n not in names]
+    if missing or extra:
+        problem = f"no {what} {missing[0]!r}" if missing else f"an undeclared {what} {extra[0]!r}"
+        raise WorkbenchError(
+            f"the equations of model {model.name!r} return {problem}; they must return one for each"
+            f" of: {', '.join(names)}"
+        )
+    return ca.vcat([ca.SX(given[n]) for n in names]) if names else ca.SX(0, 1)
