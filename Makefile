@@ -1,0 +1,70 @@
+# `make demo` and `make test` need git, make and Python 3.11 to 3.13; they set up the rest in .venv.
+
+.PHONY: help demo test lint typecheck bench notebooks clean
+.DELETE_ON_ERROR:
+.DEFAULT_GOAL := help
+
+VENV := .venv
+BIN := $(VENV)/bin
+OUT ?= demo
+JOBS ?= 2
+DATA_OPTION := $(if $(WORKBENCH_DATA),--data "$(WORKBENCH_DATA)")
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+PINS := --constraint .ci/constraints.txt
+SETUP := pyproject.toml .ci/constraints.txt
+
+# The newest Python that the pins were made for; override with `make PYTHON=/path/to/python`.
+PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
+    if $$p -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' 2>/dev/null; \
+    then echo $$p; break; fi; done)
+
+help:
+	@echo "make demo       run the demonstration and write its page to $(OUT)/"
+	@echo "make test       lint, check types, run every test, doctest and notebook"
+	@echo "make bench      run the benchmarks"
+	@echo "make notebooks  open the notebooks in Jupyter"
+	@echo "make clean      remove the environment, caches and the demonstration's page"
+
+demo: $(VENV)/installed
+	$(BIN)/workbench demo --out "$(OUT)" $(DATA_OPTION)
+
+# pytest comes last, so that its closing line is the last line.
+test: lint typecheck
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
+
+lint: $(VENV)/installed-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+typecheck: $(VENV)/installed-test
+	$(BIN)/mypy
+
+bench: $(VENV)/installed
+	$(BIN)/python -m workbench.benchmarks
+
+notebooks: $(VENV)/installed
+	$(PIP) $(PINS) --editable ".[notebooks]"
+	$(BIN)/jupyter lab notebooks
+
+clean:
+	rm -rf $(VENV) build *.egg-info .mypy_cache .pytest_cache .ruff_cache "$(OUT)"
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { \
+	    echo "No Python 3.11, 3.12 or 3.13 found; install one or run: make PYTHON=/path/to/python" >&2; \
+	    exit 1; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' || { \
+	    echo "$(PYTHON) is not Python 3.11, 3.12 or 3.13; run: make PYTHON=/path/to/python" >&2; \
+	    exit 1; }
+	@"$(PYTHON)" -c 'import ensurepip, venv' 2>/dev/null || { \
+	    echo "$(PYTHON) lacks the module venv; install it (Debian, Ubuntu: apt install python3-venv)" >&2; \
+	    exit 1; }
+	"$(PYTHON)" -m venv --clear $(VENV)
+
+$(VENV)/installed: $(SETUP) | $(BIN)/python
+	$(PIP) $(PINS) --editable .
+	@touch $@
+
+$(VENV)/installed-test: $(SETUP) | $(VENV)/installed
+	$(PIP) $(PINS) --editable ".[test]"
+	@touch $@

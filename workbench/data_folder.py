@@ -1,0 +1,138 @@
+"""Where recordings are found: shipped with the package, or in a folder of the user's own."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from workbench.errors import WorkbenchError, check_choice
+
+ENVIRONMENT_VARIABLE = "WORKBENCH_DATA"
+"""Names the user's data folder when no folder is given."""
+
+
+def shipped_folder() -> Path:
+    """Return the folder of the recordings that ship with the package.
+
+    An installed package carries them inside itself, a checkout at its root.
+
+    Returns:
+        An existing folder.
+
+    Raises:
+        WorkbenchError: If neither place exists, which means an incomplete installation.
+
+    Example:
+        >>> shipped_folder().is_dir()
+        True
+    """
+    package = Path(__file__).resolve().parent
+    for folder in (package / "_data", package.parent / "data"):
+        if folder.is_dir():
+            return folder
+    raise WorkbenchError(
+        f"the shipped recordings are missing beside {package}; install the package again"
+    )
+
+
+def shipped_cases() -> tuple[str, ...]:
+    """Return the names of the shipped cases, sorted.
+
+    Returns:
+        Names that `shipped_data` accepts.
+
+    Raises:
+        WorkbenchError: If the installation carries no recordings.
+
+    Example:
+        >>> shipped_cases()
+        ('practice-07', 'practice-08')
+    """
+    return tuple(sorted(path.parent.name for path in shipped_folder().glob("*/case.toml")))
+
+
+def shipped_data(name: str) -> Path:
+    """Return the folder of a shipped case.
+
+    Args:
+        name: A name from `shipped_cases`.
+
+    Returns:
+        Folder with ``case.toml`` and the recordings as ``*.csv.gz``.
+
+    Raises:
+        WorkbenchError: If no case of that name ships with the package.
+
+    Example:
+        >>> sorted(path.name for path in shipped_data("practice-07").iterdir())[:2]
+        ['case.toml', 'identify_closed.csv.gz']
+    """
+    return shipped_folder() / check_choice("shipped case", name, shipped_cases())
+
+
+def data_folder(given: str | os.PathLike[str] | None = None) -> Path:
+    """Return the user's data folder: the one given, else the environment's.
+
+    Args:
+        given: Folder from an option such as ``--data``; None reads ``WORKBENCH_DATA``.
+
+    Returns:
+        An existing folder, as an absolute path.
+
+    Raises:
+        WorkbenchError: If no folder is named or the named one is not a readable folder.
+
+    Example:
+        >>> data_folder(shipped_folder()) == shipped_folder()
+        True
+    """
+    if given is not None:
+        origin, text = "data folder", os.fspath(given)
+    else:
+        origin = f"data folder named by {ENVIRONMENT_VARIABLE},"
+        text = os.environ.get(ENVIRONMENT_VARIABLE, "")
+    if not text.strip():
+        raise WorkbenchError(
+            "no data folder is named; give the option --data FOLDER or set the environment "
+            f"variable {ENVIRONMENT_VARIABLE}"
+        )
+    folder = Path(text).expanduser().absolute()
+    if not folder.exists():
+        raise WorkbenchError(
+            f"{origin} {text!r} does not exist; give the folder that holds the recordings"
+        )
+    if not folder.is_dir():
+        raise WorkbenchError(f"{origin} {text!r} is a file; give the folder that holds it")
+    if not os.access(folder, os.R_OK | os.X_OK):
+        raise WorkbenchError(f"{origin} {text!r} cannot be read; change its permissions")
+    return folder
+
+
+def external_data(relative: str, given: str | os.PathLike[str] | None = None) -> Path:
+    """Return a file or folder inside the user's data folder.
+
+    Args:
+        relative: Path inside the data folder, with forward slashes.
+        given: Data folder from an option; None reads ``WORKBENCH_DATA``.
+
+    Returns:
+        An existing path.
+
+    Raises:
+        WorkbenchError: If the data folder is missing or does not hold the path, or the path
+            leaves the data folder.
+
+    Example:
+        >>> external_data("practice-07/case.toml", shipped_folder()).name
+        'case.toml'
+    """
+    folder = data_folder(given)
+    path = folder / relative
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise WorkbenchError(f"{relative!r} leaves the data folder {str(folder)!r}")
+    if not path.exists():
+        raise WorkbenchError(
+            f"the data folder {str(folder)!r} holds no {relative!r}; check that it is the folder "
+            "that the recordings were put in"
+        )
+    return path
