@@ -1,0 +1,193 @@
+"""Ideal gas in an open chamber: rates of pressure and temperature, wall heat, entering enthalpy.
+
+Chambers have the states absolute pressure p and temperature T; the mass follows from
+``p V = m R T``. Flows are positive into the chamber. Any number of flows enters through two sums:
+the net mass flow and the enthalpy flow ``sum_i mdot_i T_i``, each with its own temperature.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.model.face import EXACT, Expression, Face
+
+FLOW_WIDTH = 1e-6
+"""Half-width over which the smooth face changes the temperature of a reversing flow, kg/s."""
+
+
+@dataclass(frozen=True)
+class Gas:
+    """Hold the constants of an ideal gas.
+
+    Args:
+        gas_constant: R, J/(kg K).
+        heat_ratio: gamma = c_p / c_v.
+
+    Source:
+        Dry air.
+
+    Example:
+        >>> round(AIR.cv, 1), round(AIR.cp, 1)
+        (717.6, 1004.7)
+    """
+
+    gas_constant: float = 287.05
+    heat_ratio: float = 1.4
+
+    @property
+    def cv(self) -> float:
+        """Specific heat capacity at constant volume, J/(kg K)."""
+        return self.gas_constant / (self.heat_ratio - 1)
+
+    @property
+    def cp(self) -> float:
+        """Specific heat capacity at constant pressure, J/(kg K)."""
+        return self.heat_ratio * self.cv
+
+
+AIR = Gas()
+"""Dry air."""
+
+
+def chamber_mass(
+    pressure: Expression, temperature: Expression, volume: Expression, *, gas: Gas = AIR
+) -> Expression:
+    """Return the mass of gas in a chamber, ``m = p V / (R T)``.
+
+    Args:
+        pressure: Absolute pressure p, Pa; any shape.
+        temperature: Temperature T, K.
+        volume: Volume V, m^3.
+        gas: Constants of the gas.
+
+    Returns:
+        Mass, kg.
+
+    Source:
+        Equation (5) of the paper.
+
+    Example:
+        >>> round(1e3 * chamber_mass(4e5, 293.15, 1e-4), 3)
+        0.475
+    """
+    return pressure * volume / (gas.gas_constant * temperature)
+
+
+def chamber_rates(
+    pressure: Expression,
+    temperature: Expression,
+    volume: Expression,
+    volume_rate: Expression,
+    mass_flow: Expression,
+    enthalpy_flow: Expression,
+    heat: Expression = 0.0,
+    *,
+    gas: Gas = AIR,
+    printed_work_sign: bool = False,
+) -> tuple[Expression, Expression]:
+    """Return the rates of pressure and temperature of an open chamber.
+
+    ``m dT/dt = gamma sum(mdot_i T_i) - T sum(mdot_i) - p dV/dt / c_v + Q / c_v`` and
+    ``p V = m R T``, which together give
+    ``V dp/dt = gamma R sum(mdot_i T_i) - gamma p dV/dt + (gamma - 1) Q``.
+
+    With the sign printed in line [15] (``+ p dV/dt / c_v``) the work of the gas enters as energy:
+    a closed chamber without heat then follows p V^0.6 instead of p V^1.4.
+
+    Args:
+        pressure: Absolute pressure p, Pa; any shape, as all others.
+        temperature: Temperature T, K.
+        volume: Volume V, m^3.
+        volume_rate: dV/dt, m^3/s.
+        mass_flow: Net mass flow into the chamber, kg/s.
+        enthalpy_flow: Sum of each inward mass flow times its temperature, kg K/s.
+        heat: Heat flow Q into the gas, W.
+        gas: Constants of the gas.
+        printed_work_sign: True for the sign as printed.
+
+    Returns:
+        dp/dt in Pa/s and dT/dt in K/s.
+
+    Source:
+        Lines [13] to [15] of the paper's Figure 3, equations (5) and (6), sign of the work
+        corrected by the first law.
+
+    Example:
+        >>> dp, dT = chamber_rates(2e5, 300.0, 1e-4, 1e-5, 0.0, 0.0)
+        >>> round(dp), round(dT, 2)
+        (-28000, -12.0)
+    """
+    work = pressure * volume_rate
+    sign = -1.0 if printed_work_sign else 1.0
+    inner = gas.heat_ratio * gas.gas_constant * enthalpy_flow + (gas.heat_ratio - 1) * (
+        heat - sign * work
+    )
+    pressure_rate = (inner - work) / volume
+    # m dT/dt = (inner / R) - T mdot, written with 1/m = R T / (p V)
+    temperature_rate = (
+        temperature / (pressure * volume) * (inner - gas.gas_constant * temperature * mass_flow)
+    )
+    return pressure_rate, temperature_rate
+
+
+def port_enthalpy_flow(
+    mass_flow: Expression,
+    outside_temperature: Expression,
+    chamber_temperature: Expression,
+    *,
+    face: Face = EXACT,
+) -> Expression:
+    """Return mass flow times the temperature it carries through a port.
+
+    The gas carries the temperature of the side it comes from: outside while it enters
+    (mass flow > 0), the chamber's while it leaves. The product is continuous; its slope has a kink
+    at zero flow, which the smooth face rounds within 1e-6 kg/s.
+
+    Args:
+        mass_flow: Mass flow into the chamber, kg/s; any shape.
+        outside_temperature: Temperature of the entering gas, K.
+        chamber_temperature: Temperature of the leaving gas, K.
+        face: Exact or smooth.
+
+    Returns:
+        Enthalpy flow divided by c_p, kg K/s.
+
+    Source:
+        Line [11] of the paper's Figure 3.
+
+    Example:
+        >>> float(port_enthalpy_flow(0.01, 290.0, 320.0)), float(
+        ...     port_enthalpy_flow(-0.01, 290.0, 320.0)
+        ... )
+        (2.9, -3.2)
+    """
+    inward = face.step(mass_flow, FLOW_WIDTH)
+    return mass_flow * (chamber_temperature + inward * (outside_temperature - chamber_temperature))
+
+
+def wall_heat(
+    temperature: Expression,
+    wall_temperature: Expression,
+    *,
+    coefficient: Expression = 150.0,
+    area: Expression = 0.0126,
+) -> Expression:
+    """Return the heat flow from the wall into the gas, ``Q = h S (T_wall - T)``.
+
+    Args:
+        temperature: Gas temperature T, K; any shape.
+        wall_temperature: Wall temperature, K.
+        coefficient: Heat transfer coefficient h, W/(m^2 K); the paper states 200.
+        area: Wetted area S, m^2.
+
+    Returns:
+        Heat flow into the gas, W.
+
+    Source:
+        Line [15] of the paper's Figure 3.
+
+    Example:
+        >>> round(wall_heat(283.15, 293.15), 3)
+        18.9
+    """
+    return coefficient * area * (wall_temperature - temperature)
