@@ -1,0 +1,216 @@
+"""Gas volume of a pneumatic muscle: a braided cylinder with flattened ends.
+
+The inextensible fibre of length b makes n turns, so the diameter follows from the fibre length s
+along the axis: ``d = sqrt(b^2 - s^2) / (pi n)``. At both ends the membrane closes down from d to
+the nominal d0 of the fitting over a height h: a spherical segment in place of a cylinder.
+
+With the two radii of the segment as they are, the ends take away exactly
+
+    V(s) - (pi d^2 / 4) s = -(2 pi / 3) h^3,    h^2 = (d^2 - d0^2) / 4,
+
+because ``h^2`` is also the difference of the squared radii. In this form dV/ds is finite and
+continuous at d = d0, although h itself has an infinite slope there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from workbench.errors import check_choice
+from workbench.model.face import EXACT, Expression, Face, maximum, sqrt
+
+END_HEIGHT_FLOOR = 1e-7
+"""Height of the ends while d <= d0, m: the 0.0001 mm branch of line [8]. It keeps second
+derivatives of h^3 finite at the nominal length and changes the volume by less than 1e-20 m^3."""
+
+END_WIDTH = 1e-7
+"""Half-width over which the smooth face rounds max(0, h^2), m^2: 0.02 mm of contraction."""
+
+
+@dataclass(frozen=True)
+class BraidedCylinder:
+    """Give the volume of a muscle from its fibre length.
+
+    Args:
+        nominal_length: Fibre length l of the muscle without pressure, m.
+        nominal_diameter: Diameter d0 of the muscle without pressure, m.
+        fibre_angle: Angle alpha0 between fibre and axis without pressure, rad.
+        printing: ``corrected`` or ``as_printed``. As printed, n has the unit of a length, the
+            square root is missing from d, the end has the larger radius twice, and the ends are
+            added to a cylinder that already contains them.
+
+    Raises:
+        WorkbenchError: If ``printing`` is neither.
+
+    Source:
+        Lines [6] to [10] of the paper's Figure 3.
+
+    Example:
+        >>> muscle = BraidedCylinder()
+        >>> round(muscle.turns, 3), round(1e3 * muscle.fibre, 2)
+        (1.484, 220.68)
+        >>> round(1e3 * float(muscle.diameter(0.17)), 1), round(1e6 * float(muscle.volume(0.17)), 1)
+        (30.2, 118.5)
+        >>> round(1e6 * float(BraidedCylinder(printing="as_printed").volume(0.17)))
+        352
+    """
+
+    nominal_length: float = 0.2
+    nominal_diameter: float = 0.02
+    fibre_angle: float = math.radians(25.0)
+    printing: Literal["corrected", "as_printed"] = "corrected"
+
+    def __post_init__(self) -> None:
+        check_choice("printing", self.printing, ("corrected", "as_printed"))
+
+    @property
+    def fibre(self) -> float:
+        """Length b of one fibre, m: ``l / cos(alpha0)``."""
+        return self.nominal_length / math.cos(self.fibre_angle)
+
+    @property
+    def turns(self) -> float:
+        """Turns n of one fibre: ``l tan(alpha0) / (pi d0)``; as printed, a length in m."""
+        if self.printing == "as_printed":
+            tangent = math.tan(self.fibre_angle)
+            return (tangent * self.nominal_length) ** 2 / (math.pi * self.nominal_diameter)
+        return self.nominal_length * math.tan(self.fibre_angle) / (math.pi * self.nominal_diameter)
+
+    def squared_radius(self, fibre_length: Expression) -> Expression:
+        """Return d^2 / 4, m^2, for a fibre length in m."""
+        reduced = (self.fibre**2 - fibre_length * fibre_length) / (2 * math.pi * self.turns)
+        if self.printing == "as_printed":
+            return reduced * reduced
+        return reduced / (2 * math.pi * self.turns)
+
+    def _squared_radius_slope(self, fibre_length: Expression) -> Expression:
+        if self.printing == "as_printed":
+            reduced = (self.fibre**2 - fibre_length * fibre_length) / (2 * math.pi * self.turns)
+            return -2 * reduced * fibre_length / (math.pi * self.turns)
+        return -fibre_length / (2 * math.pi**2 * self.turns**2)
+
+    def diameter(self, fibre_length: Expression) -> Expression:
+        """Return the diameter d of the middle, m, for a fibre length in m (line [6])."""
+        return 2 * sqrt(self.squared_radius(fibre_length))
+
+    def _squared_height(self, fibre_length: Expression, face: Face) -> Expression:
+        excess = self.squared_radius(fibre_length) - self.nominal_diameter**2 / 4
+        if face.smooth:
+            return face.ramp(excess, END_WIDTH) + END_HEIGHT_FLOOR**2
+        return maximum(excess, END_HEIGHT_FLOOR**2)
+
+    def end_height(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
+        """Return the height h of one flattened end, m, for a fibre length in m (line [8])."""
+        return sqrt(self._squared_height(fibre_length, face))
+
+    def end_volume(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
+        """Return the volume of one flattened end, m^3, for a fibre length in m (line [9]).
+
+        ``(pi h / 6) (3 R^2 + 3 R0^2 + h^2)`` with the two radii R = d/2 and R0 = d0/2; as printed,
+        with R twice.
+        """
+        radius2 = self.squared_radius(fibre_length)
+        other2 = radius2 if self.printing == "as_printed" else self.nominal_diameter**2 / 4
+        height2 = self._squared_height(fibre_length, face)
+        return math.pi * sqrt(height2) / 6 * (3 * radius2 + 3 * other2 + height2)
+
+    def cylinder_volume(self, fibre_length: Expression) -> Expression:
+        """Return the volume without flattening, m^3, for a fibre length in m (line [7])."""
+        return math.pi * self.squared_radius(fibre_length) * fibre_length
+
+    def end_flattening(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
+        """Return what the flattened ends add to the cylinder's volume, m^3.
+
+        Corrected ``-(2 pi / 3) h^3``, negative; as printed, both end volumes on top.
+
+        Args:
+            fibre_length: Fibre length s, m; any shape.
+            face: Exact or smooth; they differ within 0.02 mm of the nominal length.
+
+        Returns:
+            Volume, m^3, to be added to `cylinder_volume`.
+
+        Source:
+            Lines [8] to [10] of the paper's Figure 3.
+
+        Example:
+            >>> round(1e6 * float(BraidedCylinder().end_flattening(0.17)), 2)
+            -3.02
+        """
+        if self.printing == "as_printed":
+            return 2 * self.end_volume(fibre_length, face=face)
+        height2 = self._squared_height(fibre_length, face)
+        return -(2 * math.pi / 3) * height2**1.5
+
+    def volume(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
+        """Return the gas volume with flattened ends.
+
+        Args:
+            fibre_length: Fibre length s, m; any shape.
+            face: Exact or smooth.
+
+        Returns:
+            Volume, m^3, without fittings and line.
+
+        Source:
+            Lines [6] to [10] of the paper's Figure 3.
+
+        Example:
+            >>> round(1e6 * float(BraidedCylinder().volume(0.2)), 2)
+            62.83
+        """
+        return self.cylinder_volume(fibre_length) + self.end_flattening(fibre_length, face=face)
+
+    def cylinder_slope(self, fibre_length: Expression) -> Expression:
+        """Return dV/ds of the volume without flattening, m^2, for a fibre length in m."""
+        return math.pi * (
+            self.squared_radius(fibre_length)
+            + fibre_length * self._squared_radius_slope(fibre_length)
+        )
+
+    def slope(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
+        """Return dV/ds, the change of the gas volume with the fibre length, in closed form.
+
+        Minus the slope is the force per pressure that virtual work gives. It is finite at the
+        nominal length in the corrected law. As printed it is not: line [8] makes it grow like
+        ``1 / h`` towards q = 0, one more reason to correct line [9].
+
+        Args:
+            fibre_length: Fibre length s, m; any shape.
+            face: Exact or smooth.
+
+        Returns:
+            dV/ds, m^2; negative, because a muscle fills as it shortens.
+
+        Source:
+            Derivative of lines [6] to [10] of the paper's Figure 3.
+
+        Example:
+            >>> round(-1e5 * float(BraidedCylinder().slope(0.2)), 1)
+            257.5
+        """
+        height2 = self._squared_height(fibre_length, face)
+        excess = self.squared_radius(fibre_length) - self.nominal_diameter**2 / 4
+        on = (
+            face.step(excess, END_WIDTH)
+            if face.smooth
+            else face.step(excess - END_HEIGHT_FLOOR**2, 0.0)
+        )
+        radius2_slope = self._squared_radius_slope(fibre_length)
+        height2_slope = on * radius2_slope
+        height = sqrt(height2)
+        if self.printing == "as_printed":
+            radius2 = self.squared_radius(fibre_length)
+            ends = (
+                math.pi
+                / 3
+                * (
+                    height2_slope / (2 * height) * (6 * radius2 + height2)
+                    + height * (6 * radius2_slope + height2_slope)
+                )
+            )
+        else:
+            ends = -math.pi * height * height2_slope
+        return self.cylinder_slope(fibre_length) + ends
