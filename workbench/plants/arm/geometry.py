@@ -1,0 +1,164 @@
+"""Geometry of the antagonistic arm: muscle lengths, moment arms and contractions.
+
+Each muscle runs from a fixed anchor to a lever of 32 mm that turns with the arm. The anchors lie
+44.4 mm to either side of the pivot's axis and 416 mm away; the muscles cross:
+
+    L(theta)^2 = (44.4 + 32 cos theta)^2 + (416 - 32 sin theta)^2    (mm^2)
+
+Muscle 1 shortens as the angle grows, L1 = L(theta); muscle 2 is its mirror image,
+L2 = L(60 deg - theta).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from workbench.errors import check_choice
+from workbench.model.face import Expression, is_symbolic, sqrt
+
+TRAVEL = math.radians(60.0)
+"""Angle between the two stops, rad."""
+
+
+def _cos(x: Expression) -> Expression:
+    return ca.cos(x) if is_symbolic(x) else np.cos(x)
+
+
+def _sin(x: Expression) -> Expression:
+    return ca.sin(x) if is_symbolic(x) else np.sin(x)
+
+
+@dataclass(frozen=True)
+class ArmGeometry:
+    """Give the lengths of both muscles from the arm's angle.
+
+    Args:
+        lever: Radius of the lever, m.
+        anchor_offset: Distance of an anchor from the pivot's axis, m.
+        anchor_distance: Distance of the anchors along the axis, m.
+        fittings: Length between the anchors that is not fibre, m.
+        nominal_length: Fibre length without pressure, m.
+        printing: ``corrected`` or ``as_printed``. As printed, the constant holds r instead of r^2
+            (175059 mm^2) and the angle beta = 120 deg + alpha of the sine does not belong to the
+            cosine's alpha, so 423 mm is never reached. The printed length grows with alpha;
+            muscle 1, which has to shorten with the angle, is therefore taken at 60 deg - theta.
+
+    Raises:
+        WorkbenchError: If ``printing`` is neither.
+
+    Source:
+        The paper's Figure 4 and its equation for L, corrected from its own dimensions.
+
+    Example:
+        >>> g = ArmGeometry()
+        >>> [round(1e3 * float(length), 2) for length in g.lengths(0.0)]
+        [422.96, 392.96]
+        >>> round(-1e3 * float(g.moment_arms(0.0)[0]), 1)
+        31.5
+    """
+
+    lever: float = 0.032
+    anchor_offset: float = 0.0444
+    anchor_distance: float = 0.416
+    fittings: float = 0.223
+    nominal_length: float = 0.2
+    printing: Literal["corrected", "as_printed"] = "corrected"
+
+    def __post_init__(self) -> None:
+        check_choice("printing", self.printing, ("corrected", "as_printed"))
+
+    @property
+    def _constants(self) -> tuple[float, float, float]:
+        """Constant, cosine and sine coefficient of L^2, m^2."""
+        squares = self.anchor_distance**2 + self.anchor_offset**2
+        # 32 mm added to mm^2, as the printed 175059 has it
+        last = self.lever * 1e-3 if self.printing == "as_printed" else self.lever**2
+        return (
+            squares + last,
+            2 * self.anchor_offset * self.lever,
+            2 * self.anchor_distance * self.lever,
+        )
+
+    def _beta(self, alpha: Expression) -> Expression:
+        return alpha + math.radians(120.0) if self.printing == "as_printed" else math.pi - alpha
+
+    def length(self, alpha: Expression) -> Expression:
+        """Return the length L of one muscle between its anchors, ``L^2 = K + A cos a - B sin b``.
+
+        Args:
+            alpha: Angle of the muscle's own lever, rad: theta for muscle 1, 60 deg - theta for
+                muscle 2; any shape.
+
+        Returns:
+            Length, m.
+
+        Source:
+            The paper's equation for L, with b = 180 deg - a.
+
+        Example:
+            >>> round(1e3 * float(ArmGeometry().length(TRAVEL)), 2)
+            392.96
+        """
+        constant, cosine, sine = self._constants
+        return sqrt(constant + cosine * _cos(alpha) - sine * _sin(self._beta(alpha)))
+
+    def length_slope(self, alpha: Expression) -> Expression:
+        """Return dL/d(alpha), m/rad, for the angle of the muscle's own lever in rad."""
+        _, cosine, sine = self._constants
+        beta_slope = 1.0 if self.printing == "as_printed" else -1.0
+        numerator = -cosine * _sin(alpha) - sine * _cos(self._beta(alpha)) * beta_slope
+        return numerator / (2 * self.length(alpha))
+
+    def lengths(self, angle: Expression) -> tuple[Expression, Expression]:
+        """Return the lengths L1 and L2 of both muscles, m, for an arm angle in rad."""
+        one, two = self.length(angle), self.length(TRAVEL - angle)
+        return (two, one) if self.printing == "as_printed" else (one, two)
+
+    def moment_arms(self, angle: Expression) -> tuple[Expression, Expression]:
+        """Return dL1/dtheta and dL2/dtheta.
+
+        Args:
+            angle: Arm angle theta, rad; any shape.
+
+        Returns:
+            Slopes, m/rad: the first negative, the second positive. The joint torque of the
+            muscles is ``-F1 dL1/dtheta - F2 dL2/dtheta``.
+
+        Source:
+            Derivative of the paper's equation for L.
+
+        Example:
+            >>> [round(1e3 * float(a), 1) for a in ArmGeometry().moment_arms(TRAVEL / 2)]
+            [-30.1, 30.1]
+        """
+        one, two = self.length_slope(angle), -self.length_slope(TRAVEL - angle)
+        return (two, one) if self.printing == "as_printed" else (one, two)
+
+    def fibre_lengths(self, angle: Expression) -> tuple[Expression, Expression]:
+        """Return the fibre lengths s of both muscles, m, for an arm angle in rad."""
+        one, two = self.lengths(angle)
+        return one - self.fittings, two - self.fittings
+
+    def contractions(self, angle: Expression) -> tuple[Expression, Expression]:
+        """Return the contractions q of both muscles.
+
+        Args:
+            angle: Arm angle theta, rad; any shape.
+
+        Returns:
+            ``q = 200 mm - s`` of muscle 1 and 2, m.
+
+        Source:
+            The paper's nominal lengths: 423 mm between the anchors, 200 mm of fibre.
+
+        Example:
+            >>> [round(1e3 * float(q), 2) for q in ArmGeometry().contractions(0.0)]
+            [0.04, 30.04]
+        """
+        one, two = self.fibre_lengths(angle)
+        return self.nominal_length - one, self.nominal_length - two
