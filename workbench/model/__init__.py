@@ -4,7 +4,7 @@ from workbench.model.effect import About, Effect
 from workbench.model.face import EXACT, SMOOTH, Face
 from workbench.model.model import Model
 from workbench.model.quantities import Input, Output, Parameter, Quantity, State
-from workbench.model.scope import EffectView, Names, Port, PortView, Scope
+from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 from workbench.model.trace import Trace
 
 __all__ = [
@@ -25,4 +25,5 @@ __all__ = [
     "Scope",
     "State",
     "Trace",
+    "ValidRange",
 ]

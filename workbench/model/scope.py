@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
@@ -81,6 +82,27 @@ class Port:
 
 
 @dataclass(frozen=True)
+class ValidRange:
+    """The range of a signal within which the laws of a model hold.
+
+    Args:
+        signal: Name of the published signal.
+        unit: SI unit of the signal.
+        lower: Smallest valid value, in ``unit``.
+        upper: Largest valid value, in ``unit``.
+
+    Example:
+        >>> ValidRange("muscle_1.contraction", "m", 0.0, 0.033).upper
+        0.033
+    """
+
+    signal: str
+    unit: str
+    lower: float
+    upper: float
+
+
+@dataclass(frozen=True)
 class PortView:
     """What an effect sees at one of its ports.
 
@@ -153,6 +175,7 @@ class Scope:
     ports: list[Port] = field(default_factory=list)
     values: dict[str, Expression] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
+    ranges: list[ValidRange] = field(default_factory=list)
 
     def port(
         self,
@@ -185,19 +208,31 @@ class Scope:
         self.values[name] = result
         return result
 
-    def publish(self, name: str, value: Expression, *, unit: str) -> Expression:
-        """Name an internal signal, so that results can show it and effects can use its rate.
+    def publish(
+        self,
+        name: str,
+        value: Expression,
+        *,
+        unit: str,
+        lower: float = -math.inf,
+        upper: float = math.inf,
+    ) -> Expression:
+        """Name an internal signal, so that results can show it and effects can use it.
 
         Args:
             name: Name of the signal.
             value: The signal, in ``unit``.
             unit: SI unit of the signal.
+            lower: Smallest value for which the laws that use it hold, in ``unit``.
+            upper: Largest value for which the laws that use it hold, in ``unit``.
 
         Raises:
             WorkbenchError: If a port or signal of that name exists already.
         """
         self._claim(name, unit)
         self.values[name] = value
+        if lower > -math.inf or upper < math.inf:
+            self.ranges.append(ValidRange(name, unit, lower, upper))
         return value
 
     def _claim(self, name: str, unit: str) -> None:

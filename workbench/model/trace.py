@@ -13,7 +13,7 @@ from workbench.errors import WorkbenchError
 from workbench.model.effect import Effect
 from workbench.model.face import Expression, Face
 from workbench.model.quantities import Quantity
-from workbench.model.scope import EffectView, Names, Port, PortView, Scope
+from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 
 if TYPE_CHECKING:
     from workbench.model.model import Model
@@ -22,7 +22,7 @@ Equations = tuple[Mapping[str, Expression], Mapping[str, Expression]]
 """Rate of every own state and reading of every output, by name."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trace:
     """One face of a model's equations as CasADi expressions.
 
@@ -37,6 +37,7 @@ class Trace:
         signal_names: Names of ports and published signals.
         signal_units: Their SI units.
         signals: Their values.
+        ranges: Ranges of published signals within which the laws hold.
     """
 
     x: ca.SX
@@ -49,6 +50,7 @@ class Trace:
     signal_names: tuple[str, ...]
     signal_units: tuple[str, ...]
     signals: ca.SX
+    ranges: tuple[ValidRange, ...]
 
     def function(self, name: str, *expressions: ca.SX) -> ca.Function:
         """Build a CasADi function of (states, inputs, parameters).
@@ -164,6 +166,7 @@ def trace(model: Model, face: Face) -> Trace:
         signal_names=tuple(scope.values),
         signal_units=tuple(scope.units[name] for name in scope.values),
         signals=ca.vcat([ca.SX(v) for v in scope.values.values()] or [ca.SX(0, 1)]),
+        ranges=tuple(scope.ranges),
     )
 
 

@@ -1,0 +1,7 @@
+"""From model to trajectory, compiled where a C compiler is present."""
+
+from workbench.simulation.simulate import simulate
+from workbench.simulation.stepper import Stepper
+from workbench.simulation.trajectory import RangeViolation, Trajectory
+
+__all__ = ["RangeViolation", "Stepper", "Trajectory", "simulate"]

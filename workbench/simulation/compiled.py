@@ -1,0 +1,124 @@
+"""Compiled CasADi functions: C code generated, built once and cached by its content."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+
+import casadi as ca
+
+from workbench.errors import WorkbenchError
+
+_FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
+
+
+@functools.cache
+def compiler() -> str | None:
+    """Return the path of a C compiler, or None where there is none.
+
+    The environment variable ``WORKBENCH_CC`` names another compiler; ``none`` means that models
+    are interpreted.
+
+    Raises:
+        WorkbenchError: If ``WORKBENCH_CC`` names a program that does not exist.
+
+    Example:
+        >>> compiler() is None or compiler().startswith("/")
+        True
+    """
+    wanted = os.environ.get("WORKBENCH_CC", "")
+    if wanted == "none":
+        return None
+    if wanted:
+        found = shutil.which(wanted)
+        if found is None:
+            raise WorkbenchError(
+                f"WORKBENCH_CC is {wanted!r}, which is not a program on the path; name a C"
+                " compiler such as gcc or clang, or 'none' to interpret models"
+            )
+        return found
+    if sys.platform == "win32":
+        return None
+    return next((path for name in ("gcc", "clang", "cc") if (path := shutil.which(name))), None)
+
+
+def cache_folder() -> Path:
+    """Return the folder in which built functions are kept, made if it is not there.
+
+    ``WORKBENCH_CACHE`` names another folder; by default it is in the user's cache folder, or in
+    the folder for temporary files where that cannot be written.
+
+    Example:
+        >>> cache_folder().is_dir()
+        True
+    """
+    base = os.environ.get("WORKBENCH_CACHE")
+    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    for folder in (Path(base or home) / "workbench", Path(tempfile.gettempdir()) / "workbench"):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return Path(tempfile.mkdtemp(prefix="workbench-"))
+
+
+def compiled(function: ca.Function) -> ca.Function:
+    """Return the function as machine code where a C compiler exists, unchanged otherwise.
+
+    Args:
+        function: A CasADi function that can be generated as C.
+
+    Returns:
+        A function with the same signature and the same results.
+
+    Example:
+        >>> x = ca.SX.sym("x")
+        >>> float(compiled(ca.Function("twice", [x], [2 * x]))(3.0))
+        6.0
+    """
+    cc = compiler()
+    if cc is None:
+        return function
+    name = function.name()
+    generator = ca.CodeGenerator(f"{name}.c")
+    generator.add(function)
+    source = generator.dump()
+    key = hashlib.sha256("\0".join((ca.CasadiMeta.version(), cc, *_FLAGS, source)).encode())
+    library = cache_folder() / f"{name}-{key.hexdigest()[:24]}.so"
+    if not library.exists():
+        _build(cc, source, library)
+    if not library.exists():
+        return function
+    return ca.external(name, str(library))
+
+
+def _build(cc: str, source: str, library: Path) -> None:
+    # Built under another name and moved, so that a parallel run never loads a half-written file.
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        code = Path(folder) / "code.c"
+        built = Path(folder) / "code.so"
+        code.write_text(source)
+        done = subprocess.run(
+            [cc, *_FLAGS, "-o", str(built), str(code), "-lm"],
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if done.returncode == 0:
+            built.replace(library)
+        else:
+            warnings.warn(
+                f"{cc} could not build a model, which is interpreted instead:"
+                f" {done.stderr.strip()[:200]}",
+                RuntimeWarning,
+                stacklevel=3,
+            )

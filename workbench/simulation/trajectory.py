@@ -1,0 +1,208 @@
+"""The result of a simulation: states, readings and signals over time, and how far to trust them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import check_choice
+from workbench.model import EXACT, Face, Model
+from workbench.simulation.compiled import compiled
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class RangeViolation:
+    """A run that left the range within which a law of the model holds.
+
+    Args:
+        signal: Name of the state or published signal.
+        unit: SI unit of the signal.
+        lower: Smallest valid value, in ``unit``.
+        upper: Largest valid value, in ``unit``.
+        extreme: The value farthest outside, in ``unit``.
+        first_time: When it first left, in s.
+        share: Fraction of the samples outside, dimensionless.
+
+    Example:
+        >>> print(RangeViolation("q", "m", 0.0, 0.033, 0.034, 1.5, 0.01))
+        q left its valid range 0 to 0.033 m at 1.5 s: 0.034 m, 1.0 % of the run
+    """
+
+    signal: str
+    unit: str
+    lower: float
+    upper: float
+    extreme: float
+    first_time: float
+    share: float
+
+    def __str__(self) -> str:
+        """Return one sentence."""
+        return (
+            f"{self.signal} left its valid range {self.lower:g} to {self.upper:g} {self.unit} at"
+            f" {self.first_time:g} s: {self.extreme:.4g} {self.unit}, {100 * self.share:.1f} % of"
+            " the run"
+        )
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A simulated run of a model.
+
+    Args:
+        model: The plant.
+        time: Sample times, shape (n,), in s.
+        states: States, shape (n, n_states), in SI.
+        inputs: Inputs, held from each sample to the next, shape (n, n_inputs), in SI.
+        outputs: Readings without noise and quantisation, shape (n, n_outputs), in SI.
+        integrator: Name of the integrator, and whether it ran compiled.
+        tolerance: Local error allowed in a step, relative to the scales of the states.
+        error: Largest difference to a run with a ten times tighter tolerance, relative to the
+            scales of the states; NaN if that run was not made.
+        face: The face of the equations that was used.
+        values: Parameter values used, shape (n_parameters,), in SI.
+        violations: Where the run left the range of a law.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> from workbench.simulation import simulate
+        >>> run = simulate(servo_axis(), np.full((100, 1), 50.0), sample_time=0.01)
+        >>> run["speed"][-1] > 0.1, run.error < 1e-5
+        (np.True_, True)
+    """
+
+    model: Model
+    time: Vector
+    states: Vector
+    inputs: Vector
+    outputs: Vector
+    integrator: str
+    tolerance: float
+    error: float
+    face: Face
+    values: Vector
+    violations: tuple[RangeViolation, ...] = ()
+
+    @cached_property
+    def signals(self) -> dict[str, Vector]:
+        """Every port and published signal of the model, shape (n,) each, in SI, by name."""
+        traced = self.model.face(self.face)
+        table = _over(traced.signals_function, self.states, self.inputs, self.values)
+        return dict(zip(traced.signal_names, table.T, strict=True))
+
+    def __getitem__(self, name: str) -> Vector:
+        """Return a state, input, output, port or published signal over time, shape (n,), in SI."""
+        model = self.model
+        for quantities, table in (
+            (model.outputs, self.outputs),
+            (model.states, self.states),
+            (model.inputs, self.inputs),
+        ):
+            for i, quantity in enumerate(quantities):
+                if quantity.name == name:
+                    return np.asarray(table[:, i])
+        signals = self.signals
+        if name not in signals:
+            known = [q.name for q in (*model.outputs, *model.states, *model.inputs)]
+            check_choice("signal", name, [*known, *signals])
+        return signals[name]
+
+    def __str__(self) -> str:
+        """Return a short aligned table: each state's range, and how far to trust the run."""
+        lines = [
+            f"{self.model.name}: {len(self.time)} samples, {self.time[0]:g} to {self.time[-1]:g} s",
+            f"  {self.integrator}, tolerance {self.tolerance:g}, difference to a ten times tighter"
+            f" run {self.error:.1g} of scale",
+        ]
+        lines += [
+            f"  {q.name:<28} {column.min():>12.5g} to {column.max():<12.5g} {q.unit}"
+            for q, column in zip(self.model.states, self.states.T, strict=True)
+        ]
+        return "\n".join(lines + [f"  ! {violation}" for violation in self.violations])
+
+
+def read_outputs(
+    model: Model, states: Vector, inputs: Vector, *, face: Face = EXACT, values: Vector
+) -> Vector:
+    """Compute what the sensors would read along a run, without noise and quantisation.
+
+    Args:
+        model: The plant.
+        states: States, shape (n, n_states), in SI.
+        inputs: Inputs, shape (n, n_inputs), in SI.
+        face: Exact or smooth equations.
+        values: Parameter values, shape (n_parameters,), in SI.
+
+    Returns:
+        Readings, shape (n, n_outputs), in SI.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> read_outputs(axis, np.zeros((2, 2)), np.zeros((2, 1)), values=axis.values).shape
+        (2, 1)
+    """
+    return _over(model.face(face).outputs_function, states, inputs, values)
+
+
+def find_violations(
+    model: Model, time: Vector, states: Vector, inputs: Vector, *, face: Face, values: Vector
+) -> tuple[RangeViolation, ...]:
+    """Find where a run left the range within which a law of the model holds.
+
+    Args:
+        model: The plant.
+        time: Sample times, shape (n,), in s.
+        states: States, shape (n, n_states), in SI.
+        inputs: Inputs, shape (n, n_inputs), in SI.
+        face: Exact or smooth equations.
+        values: Parameter values, shape (n_parameters,), in SI.
+
+    Returns:
+        One entry per state or published signal that left its range, empty if none did.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> zero = np.zeros
+        >>> find_violations(
+        ...     axis, zero(2), zero((2, 2)), zero((2, 1)), face=EXACT, values=axis.values
+        ... )
+        ()
+    """
+    traced = model.face(face)
+    checks = [(q.name, q.unit, q.lower, q.upper) for q in model.states]
+    columns = [*states.T]
+    if traced.ranges:
+        which = [traced.signal_names.index(r.signal) for r in traced.ranges]
+        function = traced.function("ranged", traced.signals[which])
+        columns += [*_over(function, states, inputs, values).T]
+        checks += [(r.signal, r.unit, r.lower, r.upper) for r in traced.ranges]
+    found = []
+    for (name, unit, lower, upper), column in zip(checks, columns, strict=True):
+        excess = np.maximum(lower - column, column - upper)
+        outside = excess > 0
+        if outside.any():
+            found.append(
+                RangeViolation(
+                    name,
+                    unit,
+                    lower,
+                    upper,
+                    float(column[np.argmax(excess)]),
+                    float(time[np.argmax(outside)]),
+                    float(outside.mean()),
+                )
+            )
+    return tuple(found)
+
+
+def _over(function: object, states: Vector, inputs: Vector, values: Vector) -> Vector:
+    mapped = compiled(function).map(len(states))  # type: ignore[arg-type]
+    result = mapped(states.T, inputs.T, np.tile(values[:, None], (1, len(states))))
+    return np.asarray(result, dtype=float).T
