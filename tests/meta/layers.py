@@ -1,0 +1,78 @@
+"""A checker of imports: a module imports only from the layers below its own."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+
+LAYERS: tuple[tuple[str, ...], ...] = (
+    ("workbench.errors",),
+    ("workbench.data_folder", "workbench.files"),
+    ("workbench.model",),
+    ("workbench.physics",),
+    ("workbench.plants",),
+    ("workbench.simulation",),
+    ("workbench.operating_point", "workbench.linearisation"),
+    ("controllers",),
+    ("workbench.verification",),
+    ("workbench.recordings",),
+    ("workbench.diagnosis",),
+    ("workbench.reports",),
+    ("workbench.demo", "workbench.benchmarks"),
+    ("workbench.cli",),
+    ("workbench.__main__",),
+    ("workbench",),
+)
+"""Lowest layer first; the package's own `__init__` offers everything and stands on top."""
+
+BLIND: dict[str, tuple[str, ...]] = {
+    "controllers": ("workbench.physics", "workbench.plants", "workbench.simulation"),
+}
+"""What a layer must not know although it lies below: a controller knows linear models only."""
+
+
+def room(module: str) -> str | None:
+    """Return the room of the list that a module is in, or None.
+
+    Example:
+        >>> room("workbench.plants.arm.muscle"), room("workbench"), room("numpy")
+        ('workbench.plants', 'workbench', None)
+    """
+    for rooms in LAYERS:
+        for name in rooms:
+            if module == name or (name != "workbench" and module.startswith(name + ".")):
+                return name
+    return None
+
+
+def imports(source: str) -> Iterator[tuple[int, str]]:
+    """Yield the line and name of every module that a source imports, anywhere in it."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            for item in node.names:
+                yield node.lineno, item.name
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            # `from workbench import errors` names the room in its second half.
+            for item in node.names:
+                whole = f"{node.module}.{item.name}"
+                yield node.lineno, whole if room(whole) else node.module
+
+
+def check_module(module: str, source: str) -> list[str]:
+    """Return the imports of a module that point upward or that its layer must not know."""
+    level = {name: number for number, rooms in enumerate(LAYERS) for name in rooms}
+    home = room(module)
+    if home is None:
+        return [f"{module} is in no layer; give it a place in LAYERS"]
+    problems = []
+    for line, name in imports(source):
+        if name.split(".")[0] not in ("workbench", "controllers"):
+            continue
+        target = room(name)
+        if target is None:
+            problems.append(f"line {line}: {name} is in no layer; give it a place in LAYERS")
+        elif target in BLIND.get(home, ()):
+            problems.append(f"line {line}: {home} must not know {name}")
+        elif level[target] > level[home] or (level[target] == level[home] and target != home):
+            problems.append(f"line {line}: {home} imports {name}, which is not below it")
+    return problems

@@ -1,0 +1,26 @@
+"""`import workbench` stays light: what is slow to import is imported where it is used."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+HEAVY = ("control", "matplotlib", "scipy", "pandas", "h5py", "pyarrow", "statsmodels", "IPython")
+
+
+def loaded_by(statement: str) -> set[str]:
+    """Return which of the heavy packages a fresh interpreter has loaded after a statement."""
+    code = f"{statement}\nimport sys\nprint(*(set(sys.modules) & set({HEAVY!r})))"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return set(run.stdout.split())
+
+
+@pytest.mark.parametrize("package", ["workbench", "controllers"])
+def test_import_loads_nothing_heavy(package: str) -> None:
+    assert loaded_by(f"import {package}") == set()
+
+
+def test_a_heavy_import_is_found() -> None:
+    assert "scipy" in loaded_by("import scipy.linalg")

@@ -1,0 +1,51 @@
+"""Folders are layers: imports point only downward."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.meta.layers import check_module
+from tests.meta.sources import module_files, module_name
+
+
+@pytest.mark.parametrize("path", module_files(), ids=module_name)
+def test_imports_point_downward(path: Path) -> None:
+    problems = check_module(module_name(path), path.read_text(encoding="utf-8"))
+    assert not problems, f"{module_name(path)}:\n" + "\n".join(problems)
+
+
+@pytest.mark.parametrize(
+    ("module", "source", "problem"),
+    [
+        ("workbench.model.face", "import workbench.physics.gas", "which is not below it"),
+        ("workbench.model.face", "from workbench.physics import gas", "which is not below it"),
+        ("workbench.model.face", "from workbench import physics", "which is not below it"),
+        ("workbench.model.face", "import workbench", "which is not below it"),
+        ("workbench.model.face", "def f():\n    import workbench.cli", "which is not below it"),
+        ("workbench.plants.arm", "import controllers.pid", "which is not below it"),
+        ("controllers.pid", "from workbench.plants.arm import Arm", "must not know"),
+        ("workbench.operating_point", "import workbench.linearisation", "which is not below it"),
+        ("workbench.drawer", "", "is in no layer"),
+        ("workbench.cli", "import workbench.drawer.thing", "is in no layer"),
+    ],
+)
+def test_a_wrong_arrow_is_found(module: str, source: str, problem: str) -> None:
+    problems = check_module(module, source)
+    assert len(problems) == 1
+    assert problem in problems[0]
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("workbench.physics.gas", "from workbench.model import face\nimport numpy"),
+        ("workbench.model.model", "from workbench.model.face import EXACT"),
+        ("controllers.mpc", "from workbench.linearisation import LinearModel"),
+        ("workbench.verification.loop", "import controllers.pid"),
+        ("workbench", "from workbench.cli import main"),
+    ],
+)
+def test_a_downward_arrow_passes(module: str, source: str) -> None:
+    assert check_module(module, source) == []

@@ -1,0 +1,76 @@
+"""The texts of the checkout are clean and its files are about one thing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.meta.hygiene import SUFFIXES, check_text
+from tests.meta.sources import ROOT, module_files, module_name, texts
+
+MOST_LINES = 450
+DRAWERS = {"utils", "util", "helpers", "misc", "common", "tools", "stuff"}
+TOP_LEVEL = {"workbench", "controllers", "notebooks", "tests", "data"}
+
+
+def test_texts_are_clean() -> None:
+    problems = [
+        problem
+        for path in texts(SUFFIXES)
+        for problem in check_text(
+            path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+        )
+    ]
+    assert not problems, "\n".join(problems)
+
+
+def test_the_texts_that_count_are_read() -> None:
+    names = {path.relative_to(ROOT).as_posix() for path in texts(SUFFIXES)}
+    assert {
+        ".ci/run",
+        "Makefile",
+        "README.md",
+        "data/README.md",
+        "pyproject.toml",
+        "workbench/errors.py",
+    } <= names
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "path = '/" + "work/main'",
+        "open('/" + "tmp/x')",
+        "see ../sha" + "red/design.md",
+        "# TO" + "DO: finish",
+        "# FIX" + "ME",
+        "https://py" + "pi.org",
+        "as iss" + "ue 12 asks",
+    ],
+)
+def test_a_forbidden_word_is_found(line: str) -> None:
+    assert list(check_text("README.md", f"First line.\n{line}\n"))
+
+
+def test_the_exception_holds_for_one_file_only() -> None:
+    line = "../sha" + "red/recordings"
+    assert not list(check_text(".ci/run", line))
+    assert list(check_text("Makefile", line))
+
+
+@pytest.mark.parametrize("path", module_files(), ids=module_name)
+def test_a_file_is_about_one_thing(path: Path) -> None:
+    lines = len(path.read_text(encoding="utf-8").splitlines())
+    assert lines <= MOST_LINES, f"{lines} lines; split the file by what its parts are about"
+    assert path.stem not in DRAWERS, f"{path.name} says nothing about what is in it"
+
+
+def test_top_level_folders() -> None:
+    folders = {
+        path.name
+        for path in ROOT.iterdir()
+        if path.is_dir() and (path.name in TOP_LEVEL or any(path.rglob("*.py")))
+    }
+    kept = {name for name in folders if not name.startswith(".") and name not in {"build", "demo"}}
+    assert kept == TOP_LEVEL
