@@ -197,7 +197,8 @@ def phi(
 
     ``phi = sum_i c_i q^i`` beyond the switch, ``floor`` before it. The branch is needed: at q = 0
     the polynomial gives +61.6 N, force without pressure. The smooth face blends the branches over
-    0.05 mm on either side of the switch, where it differs by up to 0.3 N.
+    0.05 mm on either side of the switch, where it differs by up to 0.2 N (half the jump, where
+    there is one).
 
     Args:
         contraction: Contraction q, m; any shape.
