@@ -1,0 +1,226 @@
+"""The antagonistic arm: one servovalve, two muscles, one joint, and the rig's sensors."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from workbench.errors import check_choice, check_range
+from workbench.model import Effect, Model, Output, Scope
+from workbench.model.trace import Equations
+from workbench.physics.force_laws import ForceLaw, PaperLaw, Petrovic, Sarosi, TonduLopez
+from workbench.physics.heat_exchange import heat_exchange
+from workbench.physics.leakage import centre_leakage
+from workbench.physics.line import line, silencer
+from workbench.physics.muscle_volume import BraidedCylinder
+from workbench.physics.valve_curve import LINEAR, MPYE, ValveCurve
+from workbench.plants.arm import joint as joint_component
+from workbench.plants.arm import muscle as muscle_component
+from workbench.plants.arm import servovalve as valve_component
+from workbench.plants.arm.geometry import ArmGeometry
+from workbench.plants.arm.inertia import MAXIMUM_LOAD, ArmBody, Plane
+from workbench.plants.arm.joint import damper_and_bearing, gravity, joint
+from workbench.plants.arm.muscle import MuscleLaws, muscle, muscle_laws, muscle_states
+from workbench.plants.arm.servovalve import valve
+
+Variant = Literal["corrected", "as_printed"]
+ForceLawName = Literal["paper", "petrovic", "tondu_lopez", "tondu_lopez_k", "tondu_lopez_kp", "sarosi"]
+
+FORCE_LAWS: dict[str, ForceLaw] = {
+    "paper": PaperLaw(),
+    "petrovic": Petrovic(),
+    "tondu_lopez": TonduLopez(),
+    "tondu_lopez_k": TonduLopez.constant_k(),
+    "tondu_lopez_kp": TonduLopez.pressure_dependent_k(),
+    "sarosi": Sarosi(),
+}
+"""Equations (4), (3), (1), (2) with constant and with pressure-dependent k, and Sarosi's law."""
+
+COUNTS_PER_TURN = 180_000
+
+OUTPUTS = (
+    Output(
+        "angle",
+        "rad",
+        1.0,
+        "encoder, 180000 counts per turn",
+        resolution=2 * math.pi / COUNTS_PER_TURN,
+        display_unit="deg",
+    ),
+    *(
+        Output(
+            f"pressure_{i}",
+            "Pa",
+            1e5,
+            f"gauge pressure sensor of muscle {i}, 12 bit on 10 bar",
+            resolution=10e5 / 4096,
+            noise_rms=600.0,
+            lower=0.0,
+            upper=10e5,
+            display_unit="bar",
+        )
+        for i in (1, 2)
+    ),
+    Output(
+        "load_cell",
+        "N",
+        100.0,
+        "load cell on the lower stop",
+        resolution=0.5,
+        noise_rms=0.5,
+        lower=0.0,
+        upper=5000.0,
+    ),
+)
+
+
+@dataclass(frozen=True)
+class _Plant:
+    """The fixed choices of an arm, kept together so that its equations can be pickled."""
+
+    laws: MuscleLaws
+    geometry: ArmGeometry
+    body: ArmBody
+    curve: ValveCurve
+
+    def __call__(self, m: Scope) -> Equations:
+        """Write down the equations."""
+        x = m.x
+        flows = valve(
+            m,
+            pressures=(x.pressure_1, x.pressure_2),
+            temperatures=(x.temperature_1, x.temperature_2),
+            curve=self.curve,
+        )
+        lengths = self.geometry.fibre_lengths(x.angle)
+        muscles = [
+            muscle(
+                m,
+                f"_{i}",
+                fibre_length=lengths[i - 1],
+                coordinate=x.angle,
+                coordinate_speed=x.speed,
+                flow=flow,
+                laws=self.laws,
+            )
+            for i, flow in ((1, flows.flow_1), (2, flows.flow_2))
+        ]
+        motion = joint(
+            m,
+            forces=(muscles[0].force, muscles[1].force),
+            geometry=self.geometry,
+            body=self.body,
+        )
+        readings = {
+            "angle": (x.angle, "rad", 1.0, {"speed": x.speed}),
+            "pressure_1": (muscles[0].gauge_pressure, "Pa", 1e5, {}),
+            "pressure_2": (muscles[1].gauge_pressure, "Pa", 1e5, {}),
+            "load_cell": (motion.load_cell, "N", 100.0, {}),
+        }
+        outputs = {
+            name: m.port(
+                f"{name}.reading",
+                value,
+                unit=unit,
+                scale=scale,
+                description="what the sensor reads, before noise and conversion",
+                signals=signals,
+            )
+            for name, (value, unit, scale, signals) in readings.items()
+        }
+        rates = {**flows.rates, **muscles[0].rates, **muscles[1].rates, **motion.rates}
+        return rates, outputs
+
+
+def arm(
+    load_kg: float = 0.0,
+    *,
+    plane: Plane = "horizontal",
+    supply_bar: float = 6.0,
+    variant: Variant = "corrected",
+    force_law: ForceLawName = "paper",
+    valve_curve: Literal["mpye", "linear"] = "mpye",
+    silencers: bool = False,
+    line_volumes: bool = False,
+) -> Model:
+    """Build the antagonistic arm of the paper.
+
+    The term phi(q), the flattened ends, heat exchange, leakage, damper, bearing friction, gravity,
+    silencers and lines are effects: ``without("bearing_friction")`` takes one away.
+
+    Args:
+        load_kg: Mass of the plates, 0 to 8 kg.
+        plane: Plane of the motion, ``"horizontal"`` (no weight) or ``"vertical"``.
+        supply_bar: Supply pressure, 2 to 10 bar gauge.
+        variant: ``"corrected"``, or ``"as_printed"`` with every misprint of the paper's equations
+            undone, for the record.
+        force_law: ``"paper"`` is equation (4), ``"petrovic"`` (3), ``"tondu_lopez"`` (1),
+            ``"tondu_lopez_k"`` and ``"tondu_lopez_kp"`` (2) with constant and pressure-dependent
+            k, ``"sarosi"`` Sarosi's law.
+        valve_curve: ``"mpye"``, the manufacturer's soft-overlap curve, or ``"linear"``.
+        silencers: Whether the exhausts blow through silencers.
+        line_volumes: Whether the tubes between valve and muscles have volume and resistance.
+
+    Returns:
+        Model with the input ``valve`` (V) and the outputs ``angle`` (rad), ``pressure_1``,
+        ``pressure_2`` (Pa, gauge) and ``load_cell`` (N).
+
+    Raises:
+        WorkbenchError: If an argument is outside its range.
+
+    Example:
+        >>> plant = arm(load_kg=3)
+        >>> plant.read(plant.initial_state(), [5.0]).round(3).tolist()
+        [0.524, 300000.0, 300000.0, 0.0]
+    """
+    load = check_range("load", load_kg, 0.0, MAXIMUM_LOAD, "kg", fix="the arm carries 0 to 8 plates")
+    supply = check_range("supply pressure", supply_bar, 2.0, 10.0, "bar gauge")
+    check_choice("plane", plane, ("horizontal", "vertical"))
+    check_choice("variant", variant, ("corrected", "as_printed"))
+    check_choice("force law", force_law, FORCE_LAWS)
+    check_choice("valve curve", valve_curve, ("mpye", "linear"))
+    printed = variant == "as_printed"
+    law = PaperLaw.variant(variant) if force_law == "paper" else FORCE_LAWS[force_law]
+    laws, law_effects = muscle_laws(
+        law, BraidedCylinder(printing=variant), printed_work_sign=printed
+    )
+    effects: list[Effect] = [
+        *law_effects,
+        heat_exchange(coefficient=200.0 if printed else 150.0),
+        centre_leakage(),
+    ]
+    if plane == "vertical":
+        effects.append(gravity(plane))
+    effects += damper_and_bearing()
+    if line_volumes:
+        effects += [line(1), line(2)]
+    if silencers:
+        effects += [silencer(1), silencer(2)]
+    parameters = (
+        *joint_component.PARAMETERS,
+        *muscle_component.PARAMETERS,
+        *valve_component.PARAMETERS,
+    )
+    values = {"load": load, "supply_pressure": supply * 1e5}
+    return Model(
+        "arm",
+        _Plant(
+            laws,
+            ArmGeometry(printing=variant),
+            ArmBody(),
+            MPYE if valve_curve == "mpye" else LINEAR,
+        ),
+        states=(
+            *valve_component.STATES,
+            *muscle_states("_1"),
+            *muscle_states("_2"),
+            *joint_component.STATES,
+        ),
+        inputs=(valve_component.COMMAND,),
+        outputs=OUTPUTS,
+        parameters=tuple(
+            replace(q, value=values[q.name]) if q.name in values else q for q in parameters
+        ),
+        description=f"antagonistic pneumatic-muscle arm, {load:g} kg, {plane} plane, {variant}",
+    ).with_effect(*effects)

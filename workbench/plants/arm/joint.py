@@ -1,0 +1,275 @@
+"""The joint as a component: arm with plates, gravity, damper, bearing friction and stops."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from workbench.model import About, Effect, Input, Model, Output, Parameter, PortView, Scope, State
+from workbench.model.face import Expression, where
+from workbench.model.trace import Equations
+from workbench.physics.friction import coulomb_friction, viscous_friction
+from workbench.plants.arm.geometry import ArmGeometry
+from workbench.plants.arm.inertia import MAXIMUM_LOAD, ArmBody, Plane
+
+STATES = (
+    State(
+        "angle",
+        "rad",
+        1.0,
+        "arm angle",
+        initial=math.radians(30.0),
+        lower=math.radians(-1.0),
+        upper=math.radians(61.0),
+    ),
+    State("speed", "rad/s", 1.0, "arm speed"),
+)
+
+PARAMETERS = (
+    Parameter(
+        "load",
+        "kg",
+        1.0,
+        "mass of the plates",
+        value=0.0,
+        lower=0.0,
+        upper=MAXIMUM_LOAD,
+        source="chosen by the user",
+    ),
+    Parameter(
+        "arm_inertia",
+        "kg m2",
+        description="inertia of the bare arm about the joint",
+        value=0.0556,
+        lower=0.8 * 0.0556,
+        upper=1.2 * 0.0556,
+        source="computed from the paper's dimensions",
+        fitted=True,
+    ),
+    Parameter(
+        "lower_stop",
+        "rad",
+        1.0,
+        "angle of the lower stop",
+        value=0.0,
+        lower=0.0,
+        upper=math.radians(60.0),
+        source="paper",
+    ),
+    Parameter(
+        "upper_stop",
+        "rad",
+        description="angle of the upper stop",
+        value=math.radians(60.0),
+        lower=0.0,
+        upper=math.radians(60.0),
+        source="paper",
+    ),
+    Parameter(
+        "stop_stiffness",
+        "N m/rad",
+        description="stiffness of a stop",
+        value=2e4,
+        lower=1e3,
+        upper=1e6,
+        source="estimate",
+    ),
+    Parameter(
+        "stop_damping",
+        "N m s/rad",
+        description="damping of a stop",
+        value=60.0,
+        lower=0.0,
+        upper=1e3,
+        source="estimate",
+    ),
+    Parameter(
+        "load_cell_arm",
+        "m",
+        description="lever of the load cell on the lower stop",
+        value=0.367,
+        lower=0.05,
+        upper=0.5,
+        source="estimate: under the plates",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """Rates of the joint and the force on the load cell.
+
+    Args:
+        rates: Rates of ``angle`` and ``speed``.
+        load_cell: Force on the load cell of the lower stop, in N.
+    """
+
+    rates: Mapping[str, Expression]
+    load_cell: Expression
+
+
+def joint(
+    m: Scope, *, forces: tuple[Expression, Expression], geometry: ArmGeometry, body: ArmBody
+) -> JointMotion:
+    """Write down the equations of the joint.
+
+    ``J d2theta/dt2 = -F1 dL1/dtheta - F2 dL2/dtheta + stops``; gravity, damper and friction attach
+    to the port ``joint.torque``.
+
+    Args:
+        m: Scope with the names of `STATES` and `PARAMETERS`.
+        forces: Pulling forces of muscle 1 and 2, in N.
+        geometry: Lever arms.
+        body: Masses of arm and plates.
+
+    Returns:
+        Rates and the load cell's force.
+
+    Source:
+        The paper's Figure 4 and its description of arm, plates and stops.
+    """
+    x, p = m.x, m.p
+    lower = _stop(m, "lower_stop", p.lower_stop - x.angle, -x.speed)
+    upper = _stop(m, "upper_stop", x.angle - p.upper_stop, x.speed)
+    slope_1, slope_2 = geometry.moment_arms(x.angle)
+    torque = m.port(
+        "joint.torque",
+        -forces[0] * slope_1 - forces[1] * slope_2,
+        unit="N m",
+        scale=10.0,
+        description="torque on the arm, positive with the angle, without the stops",
+        signals={
+            "angle": x.angle,
+            "speed": x.speed,
+            "load": p.load,
+            "force_1": forces[0],
+            "force_2": forces[1],
+        },
+    )
+    inertia = m.port(
+        "joint.inertia",
+        p.arm_inertia + body.inertia(p.load) - body.inertia(0.0),
+        unit="kg m2",
+        description="inertia about the joint",
+        signals={"load": p.load},
+    )
+    return JointMotion(
+        {"angle": x.speed, "speed": (torque + lower - upper) / inertia},
+        lower / p.load_cell_arm,
+    )
+
+
+def _stop(m: Scope, name: str, penetration: Expression, speed: Expression) -> Expression:
+    p = m.p
+    push = m.face.ramp(p.stop_stiffness * penetration + p.stop_damping * speed, 1.0)
+    touching = m.face.step(penetration, 1e-5)
+    torque = where(penetration > 0, push, 0.0) if not m.face.smooth else touching * push
+    return m.port(
+        f"{name}.torque",
+        torque,
+        unit="N m",
+        scale=10.0,
+        description="torque with which the stop pushes the arm back",
+        signals={"penetration": penetration, "speed": speed},
+    )
+
+
+def gravity(plane: Plane, body: ArmBody | None = None, *, name: str = "gravity") -> Effect:
+    """Build the weight of arm and plates.
+
+    ``T = T - g [m_arm (x cos theta - y sin theta) + load (x_p cos theta + y_p sin theta)]`` in the
+    vertical plane, nothing in the horizontal one.
+
+    Args:
+        plane: ``"vertical"`` or ``"horizontal"``.
+        body: Masses of arm and plates; the paper's by default.
+        name: Name of the effect.
+
+    Returns:
+        Effect on ``joint.torque``.
+
+    Raises:
+        WorkbenchError: If the plane is unknown.
+
+    Example:
+        >>> gravity("vertical").ports
+        ('joint.torque',)
+    """
+    masses = body or ArmBody()
+
+    def transform(at: PortView) -> Expression:
+        return at.value - masses.gravity_torque(at.signals.angle, at.signals.load, plane=plane)
+
+    return Effect(
+        name,
+        ("joint.torque",),
+        transform,
+        about=About("T - g sum(m r)", "statics of the paper's Figure 4"),
+    )
+
+
+def damper_and_bearing() -> tuple[Effect, Effect]:
+    """Build the damper of the joint and the Coulomb friction of its bearing.
+
+    Returns:
+        The effects ``damper`` and ``bearing_friction`` on ``joint.torque``.
+
+    Example:
+        >>> [effect.name for effect in damper_and_bearing()]
+        ['damper', 'bearing_friction']
+    """
+    return (
+        viscous_friction(
+            coefficient=0.3, lower=0.05, upper=1.0, source="estimate", name="damper"
+        ),
+        coulomb_friction(
+            level=0.3,
+            transition_speed=0.02,
+            lower=0.05,
+            upper=1.0,
+            source="estimate",
+            name="bearing_friction",
+        ),
+    )
+
+
+def arm_joint(load_kg: float = 0.0, *, plane: Plane = "horizontal") -> Model:
+    """Build the joint alone, pulled by prescribed forces.
+
+    Args:
+        load_kg: Mass of the plates, 0 to 8 kg.
+        plane: ``"horizontal"`` or ``"vertical"``.
+
+    Returns:
+        Model with the inputs ``force_1`` and ``force_2`` (N) and the outputs ``angle`` (rad) and
+        ``load_cell`` (N).
+
+    Raises:
+        WorkbenchError: If the load or the plane is outside its range.
+
+    Example:
+        >>> model = arm_joint(3.0)
+        >>> model.rates([0.5, 0.0], [500.0, 500.0])[1].round(1)
+        np.float64(0.7)
+    """
+    geometry, body = ArmGeometry(), ArmBody()
+
+    def equations(m: Scope) -> Equations:
+        motion = joint(m, forces=(m.u.force_1, m.u.force_2), geometry=geometry, body=body)
+        return motion.rates, {"angle": m.x.angle, "load_cell": motion.load_cell}
+
+    weight = (gravity(plane),) if plane == "vertical" else ()
+    return (
+        Model(
+            "arm joint",
+            equations,
+            states=STATES,
+            inputs=tuple(Input(f"force_{i}", "N", 100.0) for i in (1, 2)),
+            outputs=(Output("angle", "rad", display_unit="deg"), Output("load_cell", "N", 100.0)),
+            parameters=PARAMETERS,
+            description="arm with plates between two stops",
+        )
+        .with_effect(*weight, *damper_and_bearing())
+        .with_parameters({"load": load_kg})
+    )

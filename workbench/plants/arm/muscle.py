@@ -1,0 +1,413 @@
+"""The pneumatic muscle as a component: static force, gas volume, gas energy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from workbench.model import About, Effect, Input, Model, Output, Parameter, PortView, Scope, State
+from workbench.model.face import Expression
+from workbench.model.trace import Equations
+from workbench.physics.force_laws import (
+    IDENTIFIED_RANGE,
+    ForceLaw,
+    PaperLaw,
+    Petrovic,
+    slack,
+)
+from workbench.physics.gas import chamber_rates, port_enthalpy_flow
+from workbench.physics.heat_exchange import heat_exchange
+from workbench.physics.muscle_volume import BraidedCylinder
+from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
+
+PARAMETERS = (
+    Parameter(
+        "force_gain",
+        "1",
+        description="measured over nominal muscle force",
+        value=1.0,
+        lower=0.85,
+        upper=1.15,
+        source="nominal",
+        fitted=True,
+    ),
+    Parameter(
+        "volume_gain",
+        "1",
+        description="actual over computed muscle volume",
+        value=1.0,
+        lower=0.9,
+        upper=1.25,
+        source="nominal",
+    ),
+    Parameter(
+        "dead_volume",
+        "m3",
+        description="volume of fittings and line",
+        value=15e-6,
+        lower=5e-6,
+        upper=30e-6,
+        source="estimate",
+        fitted=True,
+    ),
+)
+
+AMBIENT = tuple(q for q in VALVE_PARAMETERS if q.name.startswith("ambient"))
+
+
+def muscle_states(suffix: str = "") -> tuple[State, State]:
+    """Return the states of the gas of a muscle.
+
+    Args:
+        suffix: Ending of the names, ``"_1"`` for muscle 1.
+
+    Returns:
+        Absolute pressure in Pa and temperature in K.
+
+    Example:
+        >>> [state.name for state in muscle_states("_1")]
+        ['pressure_1', 'temperature_1']
+    """
+    return (
+        State(
+            f"pressure{suffix}",
+            "Pa",
+            1e5,
+            "absolute pressure",
+            initial=4.01325e5,
+            lower=5e4,
+            upper=1.2e6,
+        ),
+        State(
+            f"temperature{suffix}",
+            "K",
+            10.0,
+            "gas temperature",
+            initial=293.15,
+            lower=150.0,
+            upper=500.0,
+        ),
+    )
+
+
+@dataclass(frozen=True)
+class MuscleLaws:
+    """Which laws a muscle follows.
+
+    Args:
+        force: Static force law.
+        volume: Geometry of the braid.
+        printed_work_sign: The sign of the gas work as printed in the paper.
+
+    Example:
+        >>> MuscleLaws().printed_work_sign
+        False
+    """
+
+    force: ForceLaw = PaperLaw()
+    volume: BraidedCylinder = BraidedCylinder()
+    printed_work_sign: bool = False
+
+
+@dataclass(frozen=True)
+class MuscleAction:
+    """Force of a muscle and the rates of its gas.
+
+    Args:
+        force: Pulling force, in N.
+        gauge_pressure: Pressure above ambient, in Pa.
+        rates: Rates of the gas states.
+    """
+
+    force: Expression
+    gauge_pressure: Expression
+    rates: Mapping[str, Expression]
+
+
+def muscle(
+    m: Scope,
+    suffix: str,
+    *,
+    fibre_length: Expression,
+    coordinate: ca.SX,
+    coordinate_speed: Expression,
+    flow: Expression,
+    laws: MuscleLaws,
+) -> MuscleAction:
+    """Write down the equations of one muscle.
+
+    Args:
+        m: Scope with the names of `muscle_states`, `PARAMETERS` and the ambient.
+        suffix: Ending of the names of states and ports, ``"_1"`` for muscle 1.
+        fibre_length: Fibre length s, in m, as an expression in ``coordinate``.
+        coordinate: Symbol of the state or input that the length depends on.
+        coordinate_speed: Its rate.
+        flow: Mass flow from the valve, in kg/s.
+        laws: Force law and braid geometry.
+
+    Returns:
+        Force and rates.
+
+    Source:
+        The paper's Figure 3, lines [1] to [15], with the corrections of its misprints.
+    """
+    p = m.p
+    pressure, temperature = m.x[f"pressure{suffix}"], m.x[f"temperature{suffix}"]
+    ambient_pressure, ambient = p.ambient_pressure, p.ambient_temperature
+    gauge = pressure - ambient_pressure
+    contraction = m.publish(
+        f"muscle{suffix}.contraction",
+        laws.volume.nominal_length - fibre_length,
+        unit="m",
+        lower=IDENTIFIED_RANGE.contraction[0],
+        upper=IDENTIFIED_RANGE.contraction[1],
+    )
+    contraction_speed = ca.jtimes(contraction, coordinate, coordinate_speed)
+
+    flow = m.port(
+        f"chamber{suffix}.flow",
+        flow,
+        unit="kg/s",
+        scale=1e-3,
+        description="mass flow into the muscle",
+        signals={
+            "pressure": pressure,
+            "gauge_pressure": gauge,
+            "temperature": temperature,
+            "ambient_pressure": ambient_pressure,
+            "ambient_temperature": ambient,
+        },
+    )
+    heat = m.port(
+        f"chamber{suffix}.heat",
+        0.0,
+        unit="W",
+        scale=10.0,
+        description="heat flow into the gas",
+        signals={
+            "temperature": temperature,
+            "wall_temperature": ambient,
+            "gauge_pressure": gauge,
+        },
+    )
+    braid = m.port(
+        f"muscle{suffix}.volume",
+        laws.volume.cylinder_volume(fibre_length),
+        unit="m3",
+        scale=1e-5,
+        description="volume inside the braid",
+        signals={"fibre_length": fibre_length},
+    )
+    volume = m.publish(
+        f"chamber{suffix}.volume", p.volume_gain * braid + p.dead_volume, unit="m3"
+    )
+    pressure_rate, temperature_rate = chamber_rates(
+        pressure,
+        temperature,
+        volume,
+        ca.jtimes(volume, coordinate, coordinate_speed),
+        flow,
+        port_enthalpy_flow(flow, ambient, temperature, face=m.face),
+        heat,
+        printed_work_sign=laws.printed_work_sign,
+    )
+    local = {
+        "contraction": contraction,
+        "contraction_speed": contraction_speed,
+        "gauge_pressure": gauge,
+    }
+    tension = m.port(
+        f"muscle{suffix}.tension",
+        laws.force.tension(contraction, gauge, face=m.face),
+        unit="N",
+        scale=100.0,
+        description="tension before the muscle goes slack",
+        signals=local,
+    )
+    force = m.port(
+        f"muscle{suffix}.force",
+        p.force_gain * slack(tension),
+        unit="N",
+        scale=100.0,
+        description="pulling force on the lever",
+        signals=local,
+    )
+    return MuscleAction(
+        force,
+        gauge,
+        {f"pressure{suffix}": pressure_rate, f"temperature{suffix}": temperature_rate},
+    )
+
+
+def muscle_laws(
+    force_law: ForceLaw, volume: BraidedCylinder, *, printed_work_sign: bool = False
+) -> tuple[MuscleLaws, tuple[Effect, ...]]:
+    """Split the laws of a muscle into the base and the effects that can be left out.
+
+    The term phi(q) of the paper's force law and the flattening of the ends become effects on the
+    ports of both muscles.
+
+    Args:
+        force_law: Static force law.
+        volume: Geometry of the braid.
+        printed_work_sign: The sign of the gas work as printed in the paper.
+
+    Returns:
+        The laws of the base, and the effects ``force_correction`` (for the paper's law only) and
+        ``end_flattening`` with the ports of muscle 1 and 2.
+
+    Example:
+        >>> laws, effects = muscle_laws(PaperLaw(), BraidedCylinder())
+        >>> type(laws.force).__name__, [effect.name for effect in effects]
+        ('Petrovic', ['force_correction', 'end_flattening'])
+    """
+    effects = [end_flattening(volume)]
+    base = force_law
+    if isinstance(force_law, PaperLaw):
+        if force_law.reference_pressure == 0.0:
+            base = Petrovic(force_law.gain_bar_mm)
+            effects.insert(0, force_correction(force_law))
+    return MuscleLaws(base, volume, printed_work_sign), tuple(effects)
+
+
+def force_correction(
+    law: PaperLaw | None = None,
+    ports: tuple[str, ...] = ("muscle_1.tension", "muscle_2.tension"),
+    *,
+    name: str = "force_correction",
+) -> Effect:
+    """Build the pressure-independent term phi(q) of the paper's force law.
+
+    ``T = T + phi(q)``
+
+    Args:
+        law: The law whose phi(q) it is; the paper's identified one by default.
+        ports: Ports of muscle tensions, with the local signal ``contraction``.
+        name: Name of the effect.
+
+    Returns:
+        Effect adding phi(q).
+
+    Example:
+        >>> force_correction().name
+        'force_correction'
+    """
+    paper = law or PaperLaw()
+
+    def transform(at: PortView) -> Expression:
+        return at.value + at.p.gain * paper.phi(at.signals.contraction, face=at.face)
+
+    return Effect(
+        name,
+        ports,
+        transform,
+        parameters=(
+            Parameter(
+                "gain",
+                "1",
+                value=1.0,
+                lower=0.0,
+                upper=2.0,
+                source="paper, equation (4)",
+                description="share of phi(q)",
+            ),
+        ),
+        about=About("T + phi(q)", "equation (4) and line [1] of the paper's Figure 3"),
+    )
+
+
+def end_flattening(
+    braid: BraidedCylinder | None = None,
+    ports: tuple[str, ...] = ("muscle_1.volume", "muscle_2.volume"),
+    *,
+    name: str = "end_flattening",
+) -> Effect:
+    """Build what the flattened ends take off the volume of the cylinder.
+
+    ``V = V - (2 pi / 3) h^3``, with h the height of a flattened end.
+
+    Args:
+        braid: Geometry of the braid; that of the DMSP-20-200N by default.
+        ports: Ports of braid volumes, with the local signal ``fibre_length``.
+        name: Name of the effect.
+
+    Returns:
+        Effect adding the volume of both ends, which is negative.
+
+    Example:
+        >>> end_flattening().ports
+        ('muscle_1.volume', 'muscle_2.volume')
+    """
+    geometry = braid or BraidedCylinder()
+
+    def transform(at: PortView) -> Expression:
+        return at.value + geometry.end_flattening(at.signals.fibre_length, face=at.face)
+
+    return Effect(
+        name,
+        ports,
+        transform,
+        about=About("V + dV_ends(s)", "lines [8] to [10] of the paper's Figure 3"),
+    )
+
+
+def pneumatic_muscle(
+    force_law: ForceLaw | None = None, *, volume: BraidedCylinder | None = None
+) -> Model:
+    """Build one muscle alone, with prescribed length and mass flow.
+
+    Args:
+        force_law: Static force law; the paper's equation (4) by default.
+        volume: Geometry of the braid; that of the DMSP-20-200N by default.
+
+    Returns:
+        Model with the inputs ``fibre_length`` (m), ``fibre_speed`` (m/s) and ``flow`` (kg/s), and
+        the outputs ``force`` (N) and ``pressure`` (Pa, gauge).
+
+    Example:
+        >>> model = pneumatic_muscle()
+        >>> force, pressure = model.read([4.01325e5, 293.15], [0.2, 0.0, 0.0])
+        >>> round(force, 1), pressure
+        (830.8, 300000.0)
+    """
+    laws, effects = muscle_laws(force_law or PaperLaw(), volume or BraidedCylinder())
+
+    def equations(m: Scope) -> Equations:
+        action = muscle(
+            m,
+            "",
+            fibre_length=m.u.fibre_length,
+            coordinate=m.u.fibre_length,
+            coordinate_speed=m.u.fibre_speed,
+            flow=m.u.flow,
+            laws=laws,
+        )
+        return action.rates, {"force": action.force, "pressure": action.gauge_pressure}
+
+    return Model(
+        "pneumatic muscle",
+        equations,
+        states=muscle_states(),
+        inputs=(
+            Input("fibre_length", "m", 0.01, nominal=0.2, lower=0.165, upper=0.201),
+            Input("fibre_speed", "m/s", 0.1),
+            Input("flow", "kg/s", 1e-3),
+        ),
+        outputs=(
+            Output("force", "N", 100.0),
+            Output("pressure", "Pa", 1e5, display_unit="bar"),
+        ),
+        parameters=(*PARAMETERS, *AMBIENT),
+        description="DMSP-20-200N",
+    ).with_effect(
+        *(_on_single_muscle(effect) for effect in effects), heat_exchange(("chamber.heat",))
+    )
+
+
+def _on_single_muscle(effect: Effect) -> Effect:
+    port = effect.ports[0].replace("_1", "")
+    return Effect(
+        effect.name, (port,), effect.transform, parameters=effect.parameters, about=effect.about
+    )

@@ -1,0 +1,257 @@
+"""The servovalve as a component: second-order spool, four metering edges, two exhausts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.face import Expression
+from workbench.model.trace import Equations
+from workbench.physics.flow import orifice_flow
+from workbench.physics.leakage import centre_leakage
+from workbench.physics.valve_curve import MPYE, ValveCurve, opening
+
+STATES = (
+    State("spool", "V", 1.0, "spool position, as a voltage from the centre"),
+    State("spool_speed", "V/s", 600.0, "speed of the spool"),
+)
+
+COMMAND = Input(
+    "valve",
+    "V",
+    1.0,
+    "valve voltage; above the centre fills muscle 1 and vents muscle 2",
+    nominal=5.0,
+    lower=0.0,
+    upper=10.0,
+    resolution=10.0 / 4096,
+)
+
+PARAMETERS = (
+    Parameter("valve_centre", "V", 1.0, "voltage of the middle position", 5.0, 4.0, 6.0, "paper"),
+    Parameter(
+        "valve_conductance",
+        "m3/(s Pa)",
+        description="sonic conductance of a fully open edge",
+        value=2.9e-8,
+        lower=2.4e-8,
+        upper=3.4e-8,
+        source="computed from the manufacturer's 700 l/min, 6 to 5 bar",
+        fitted=True,
+    ),
+    Parameter(
+        "critical_ratio",
+        "1",
+        description="critical pressure ratio of the edges",
+        value=0.23,
+        lower=0.15,
+        upper=0.4,
+        source="computed from the manufacturer's flow",
+    ),
+    Parameter(
+        "spool_frequency",
+        "rad/s",
+        description="natural frequency of the spool",
+        value=2 * ca.pi * 95.0,
+        lower=2 * ca.pi * 80.0,
+        upper=2 * ca.pi * 130.0,
+        source="manufacturer, 95 Hz at full stroke",
+    ),
+    Parameter(
+        "spool_damping",
+        "1",
+        description="damping ratio of the spool",
+        value=0.7,
+        lower=0.3,
+        upper=1.5,
+        source="estimate",
+    ),
+    Parameter(
+        "supply_pressure",
+        "Pa",
+        description="supply pressure, gauge",
+        value=6e5,
+        lower=2e5,
+        upper=1e6,
+        source="paper",
+    ),
+    Parameter(
+        "ambient_pressure",
+        "Pa",
+        description="ambient pressure, absolute",
+        value=1.01325e5,
+        lower=7e4,
+        upper=1.1e5,
+        source="standard atmosphere",
+    ),
+    Parameter(
+        "ambient_temperature",
+        "K",
+        description="temperature of the surroundings and of the supply",
+        value=293.15,
+        lower=250.0,
+        upper=330.0,
+        source="paper",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class ValveFlows:
+    """Net mass flows out of the valve and the rates of its spool.
+
+    Args:
+        flow_1: Mass flow towards muscle 1, in kg/s.
+        flow_2: Mass flow towards muscle 2, in kg/s.
+        rates: Rates of ``spool`` and ``spool_speed``.
+    """
+
+    flow_1: Expression
+    flow_2: Expression
+    rates: Mapping[str, Expression]
+
+
+def valve(
+    m: Scope,
+    *,
+    pressures: tuple[Expression, Expression],
+    temperatures: tuple[Expression, Expression],
+    curve: ValveCurve = MPYE,
+) -> ValveFlows:
+    """Write down the equations of the servovalve.
+
+    The spool is of second order on the command from the centre. Each of the four edges is an
+    ISO 6358 restriction with a share of the full conductance; a positive spool opens supply to 1
+    and 2 to exhaust.
+
+    Args:
+        m: Scope with the names of `STATES`, `COMMAND` and `PARAMETERS`.
+        pressures: Absolute pressures in the lines to muscle 1 and 2, in Pa.
+        temperatures: Temperatures of the gas in the lines, in K.
+        curve: Opening over spool voltage.
+
+    Returns:
+        The flows and the spool's rates.
+
+    Source:
+        The paper's description of the valve; manufacturer's flow curve and bandwidth.
+    """
+    x, p = m.x, m.p
+    ambient = p.ambient_temperature
+    command = m.port(
+        "valve.command",
+        m.u.valve,
+        unit="V",
+        description="voltage that reaches the valve",
+        signals={"centre": p.valve_centre, "spool": x.spool},
+    )
+    frequency = p.spool_frequency
+    acceleration = frequency * frequency * (command - p.valve_centre - x.spool) - (
+        2 * p.spool_damping * frequency * x.spool_speed
+    )
+    spool = m.port(
+        "valve.spool",
+        x.spool,
+        unit="V",
+        description="spool position that meters, as a voltage from the centre",
+        signals={"speed": x.spool_speed, "command": command},
+    )
+    positive = opening(spool, curve=curve, face=m.face)
+    negative = opening(-spool, curve=curve, face=m.face)
+    supply = m.port(
+        "supply.pressure",
+        p.supply_pressure + p.ambient_pressure,
+        unit="Pa",
+        scale=1e5,
+        description="absolute pressure at the valve's inlet",
+        signals={"temperature": ambient},
+    )
+    net, drawn = [], 0.0
+    for number, fill, vent in ((1, positive, negative), (2, negative, positive)):
+        pressure, temperature = pressures[number - 1], temperatures[number - 1]
+        signals = {"spool": spool}
+        share_fill = m.port(
+            f"valve.supply_{number}",
+            fill,
+            unit="1",
+            scale=0.1,
+            description=f"opening from supply to {number}, of full conductance",
+            signals=signals,
+        )
+        share_vent = m.port(
+            f"valve.exhaust_{number}",
+            vent,
+            unit="1",
+            scale=0.1,
+            description=f"opening from {number} to exhaust, of full conductance",
+            signals=signals,
+        )
+        exhaust = m.port(
+            f"exhaust_{number}.pressure",
+            p.ambient_pressure,
+            unit="Pa",
+            scale=1e5,
+            description="absolute pressure behind the exhausting edge",
+            signals={"temperature": ambient},
+        )
+        seen = m.port(
+            f"line_{number}.pressure",
+            pressure,
+            unit="Pa",
+            scale=1e5,
+            description="absolute pressure that the valve sees",
+            signals={"temperature": temperature},
+        )
+        conductance, ratio = p.valve_conductance, p.critical_ratio
+        filling = orifice_flow(
+            supply, seen, ambient, temperature, share_fill * conductance, ratio, face=m.face
+        )
+        venting = orifice_flow(
+            seen, exhaust, temperature, ambient, share_vent * conductance, ratio, face=m.face
+        )
+        m.publish(f"exhaust_{number}.flow", venting, unit="kg/s")
+        drawn = drawn + filling
+        net.append(filling - venting)
+    m.publish("supply.flow", drawn, unit="kg/s")
+    return ValveFlows(net[0], net[1], {"spool": x.spool_speed, "spool_speed": acceleration})
+
+
+def _alone(m: Scope) -> Equations:
+    temperature = m.p.ambient_temperature
+    flows = valve(
+        m,
+        pressures=(m.u.pressure_1, m.u.pressure_2),
+        temperatures=(temperature, temperature),
+    )
+    return flows.rates, {"flow_1": flows.flow_1, "flow_2": flows.flow_2}
+
+
+def servovalve() -> Model:
+    """Build the servovalve alone, blowing against prescribed pressures.
+
+    Returns:
+        Model with the inputs ``valve`` (V), ``pressure_1`` and ``pressure_2`` (Pa, absolute) and
+        the outputs ``flow_1`` and ``flow_2`` (kg/s, towards the muscles).
+
+    Example:
+        >>> model = servovalve()
+        >>> filling, venting = model.read([0.9, 0.0], [5.9, 3e5, 3e5])
+        >>> round(1e3 * filling, 2), round(1e3 * venting, 2)
+        (1.36, -0.54)
+    """
+    pressures = tuple(
+        Input(f"pressure_{i}", "Pa", 1e5, "absolute", nominal=4e5, lower=0.0, upper=2e6)
+        for i in (1, 2)
+    )
+    return Model(
+        "servovalve",
+        _alone,
+        states=STATES,
+        inputs=(COMMAND, *pressures),
+        outputs=(Output("flow_1", "kg/s", 1e-3), Output("flow_2", "kg/s", 1e-3)),
+        parameters=PARAMETERS,
+        description="MPYE-5-1/8-HF proportional valve",
+    ).with_effect(centre_leakage())

@@ -1,0 +1,292 @@
+"""Turn the columns of a file into signals in SI, and say how."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from workbench.errors import WorkbenchError
+from workbench.model.units import parse_unit, same_dimension, to_si
+from workbench.recordings.columns import Columns
+from workbench.recordings.headers import Header, read_header, read_unit, tidy_name
+from workbench.recordings.kinds import kind_of
+from workbench.recordings.mapping import ColumnMapping, ColumnRule, MappedColumn, MappingRules
+from workbench.recordings.recording import Role, Scalar, Signal, Vector
+from workbench.recordings.wanted import Wanted, guess_role, is_time, match_wanted
+
+AMBIENT_PA = 101325.0
+_STEP_NAMES = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod")
+
+
+@dataclass(frozen=True, eq=False)
+class Assigned:
+    """The signals of a file.
+
+    Args:
+        time: Instants, shape (n,), in s; None if the file has none.
+        signals: Signals, each with n samples.
+        mapping: How the columns became signals.
+        notes: What was left out, assumed or repaired.
+        metadata: Scalars found beside the columns.
+    """
+
+    time: Vector | None
+    signals: tuple[Signal, ...]
+    mapping: ColumnMapping
+    notes: tuple[str, ...]
+    metadata: dict[str, Scalar]
+
+
+def header_list(columns: Columns) -> list[Header]:
+    """Return the headers taken apart; names that occur twice keep their unit.
+
+    Args:
+        columns: Columns of a file.
+
+    Example:
+        >>> two = Columns(("laser_V", "laser_mm"), ("", ""), np.zeros((1, 2)))
+        >>> [h.name for h in header_list(two)]
+        ['laser_V', 'laser_mm']
+    """
+    headers = [read_header(text) for text in columns.headers]
+    for i, text in enumerate(columns.units):
+        if text and not headers[i].unit:
+            unit, reference = read_unit(text)
+            problem = "" if unit is not None else f"unit {text!r} is not known"
+            headers[i] = replace(
+                headers[i], unit=unit or "", reference=headers[i].reference or reference,
+                problem=problem,
+            )
+    names = [h.name for h in headers]
+    headers = [
+        replace(h, name=tidy_name(h.column) or h.name) if names.count(h.name) > 1 else h
+        for h in headers
+    ]
+    seen: dict[str, int] = {}
+    for i, header in enumerate(headers):
+        seen[header.name] = seen.get(header.name, 0) + 1
+        if seen[header.name] > 1:
+            headers[i] = replace(header, name=f"{header.name}_{seen[header.name]}")
+    return headers
+
+
+def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
+    """Return the index of the column that a rule names.
+
+    Args:
+        headers: The columns of the file.
+        rule: Rule of a mapping file.
+
+    Raises:
+        WorkbenchError: If there is no such column; lists what there is.
+    """
+    for key in ("column", "name"):
+        for i, header in enumerate(headers):
+            if getattr(header, key).strip() == rule.column.strip():
+                return i
+    raise WorkbenchError(
+        f"the mapping takes {rule.signal!r} from column {rule.column!r}, which the file does not "
+        f"have; it has: {', '.join(h.column for h in headers)[:400]}"
+    )
+
+
+def find_time(headers: Sequence[Header], rules: MappingRules) -> int | None:
+    """Return the index of the time column, None if there is none.
+
+    Args:
+        headers: The columns of the file.
+        rules: Rules of a mapping file.
+
+    Raises:
+        WorkbenchError: If the mapping names a time column that the file does not have.
+
+    Example:
+        >>> find_time([Header("u", "u"), Header("time_ms", "time", "ms")], MappingRules())
+        1
+    """
+    if rules.time is not None:
+        return find_column(headers, rules.time)
+    if rules.sample_time_s is not None:
+        return None
+    named = [i for i, h in enumerate(headers) if is_time(h)]
+    if named:
+        return named[0]
+    by_unit = [i for i, h in enumerate(headers)
+               if h.unit and same_dimension(h.unit, "s") and i == 0]
+    return by_unit[0] if by_unit else None
+
+
+def _readable(columns: Columns, index: int, name: str) -> str:
+    """Return why a column cannot be a signal, ``""`` if it can."""
+    header = columns.headers[index]
+    count, example = columns.unreadable.get(header, (0, ""))
+    n = len(columns.values)
+    if n and count > 0.5 * n:
+        return f"holds text in {100 * count / n:.0f} % of its rows (first: {example})"
+    if n and not np.isfinite(columns.values[:, index]).any():
+        return "is empty"
+    return "" if name else "has no name"
+
+
+def _signal(
+    columns: Columns, index: int, header: Header, rule: ColumnRule, want: Wanted, how: str
+) -> tuple[Signal, MappedColumn]:
+    problem = _readable(columns, index, rule.signal)
+    if problem:
+        raise WorkbenchError(
+            f"column {header.column!r}, needed for {rule.signal!r}, {problem}; repair the file or "
+            "map another column"
+        )
+    unit = rule.unit or header.unit
+    if header.problem and not rule.unit:
+        raise WorkbenchError(
+            f"column {header.column!r}: {header.problem}; write a known unit in the header or give "
+            "one in a mapping file"
+        )
+    if want.unit and unit and not same_dimension(unit, want.unit):
+        raise WorkbenchError(
+            f"column {header.column!r} is in {unit!r} but {rule.signal} is measured in "
+            f"{want.unit!r}; correct the unit"
+        )
+    # A factor changes what the column measures, so the header's unit no longer holds.
+    if rule.factor != 1.0 and not rule.unit and header.unit:
+        raise WorkbenchError(
+            f"signal {rule.signal!r} has a factor but no unit; give the unit after the factor"
+        )
+    values = rule.sign * rule.factor * columns.values[:, index] + rule.offset
+    if not unit and want.unit:
+        unit_shown, kind = "", kind_of(want.unit)
+    else:
+        unit_shown, kind = unit, kind_of(unit)
+        if unit:
+            values = to_si(values, unit)
+    name, note = kind.name, ""
+    reference = rule.reference or header.reference
+    if kind.name == "pressure" and reference == "absolute":
+        values, name = values - AMBIENT_PA, "gauge pressure"
+        note = f"absolute; {AMBIENT_PA / 1e5:g} bar subtracted"
+    elif kind.name == "pressure" and reference == "gauge":
+        name = "gauge pressure"
+    role = cast("Role", rule.role or want.role or guess_role(rule.signal))
+    display = want.display_unit or (unit if unit and parse_unit(unit).factor != 1 else "")
+    signal = Signal(rule.signal, values, kind.unit, name, role, display)
+    row = MappedColumn(header.column, rule.signal, unit_shown, kind.unit, how, rule.sign,
+                       rule.factor, rule.offset, note)
+    return signal, row
+
+
+def _time(
+    columns: Columns, headers: Sequence[Header], rules: MappingRules
+) -> tuple[Vector | None, MappedColumn | None, int | None]:
+    index = find_time(headers, rules)
+    if index is not None:
+        header = headers[index]
+        rule = rules.time or ColumnRule("time", header.column)
+        unit = rule.unit or header.unit
+        problem = _readable(columns, index, "time")
+        if problem:
+            raise WorkbenchError(
+                f"the time column {header.column!r} {problem}; write the time in seconds as numbers"
+            )
+        if unit and not same_dimension(unit, "s"):
+            raise WorkbenchError(f"the time column {header.column!r} is in {unit!r}; give s or ms")
+        raw = rule.sign * rule.factor * columns.values[:, index] + rule.offset
+        how = "mapping file" if rules.time is not None else "name"
+        row = MappedColumn(header.column, "time", unit, "s", how, rule.sign, rule.factor,
+                           rule.offset)
+        return (to_si(raw, unit) if unit else raw), row, index
+    step = rules.sample_time_s
+    source = "sample_time_s"
+    if step is None:
+        for key, value in columns.metadata.items():
+            plain = read_header(key).name.replace("_", "").lower()
+            if plain in _STEP_NAMES and isinstance(value, (int, float)) and value > 0:
+                unit = read_header(key).unit
+                step, source = (to_si(float(value), unit) if unit else float(value)), key
+    if step is None:
+        return None, None, None
+    note = f"every {step:g} s"
+    row = MappedColumn(source, "time", "s", "s", "sample time", note=note)
+    return np.arange(len(columns.values)) * step, row, None
+
+
+def assign(
+    columns: Columns, rules: MappingRules | None = None, wanted: Sequence[Wanted] = ()
+) -> Assigned:
+    """Turn columns into signals.
+
+    With rules for signals only those are taken; otherwise the wanted ones are found by name and
+    unit, and every other column of numbers keeps its own name. Pressures stated as absolute become
+    gauge pressures.
+
+    Args:
+        columns: Columns of a file.
+        rules: Content of a mapping file.
+        wanted: Signals asked for.
+
+    Returns:
+        Time, signals, mapping, notes and metadata.
+
+    Raises:
+        WorkbenchError: If a column is missing, of another unit or unreadable.
+
+    Example:
+        >>> file = Columns(("time_ms", "angle_deg"), ("", ""), np.array([[0.0, 0.0], [2.0, 180.0]]))
+        >>> found = assign(file)
+        >>> found.time, found.signals[0].values
+        (array([0.   , 0.002]), array([0.        , 3.14159265]))
+    """
+    rules = rules or MappingRules()
+    headers = header_list(columns)
+    metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
+    time, time_row, time_index = _time(columns, headers, rules)
+    by_name = {w.name: w for w in wanted}
+    signals: list[Signal] = []
+    rows = [] if time_row is None else [time_row]
+    unused: list[tuple[str, str]] = []
+    taken = set() if time_index is None else {time_index}
+    for rule in rules.signals:
+        index = find_column(headers, rule)
+        want = by_name.get(rule.signal, Wanted(rule.signal))
+        signal, row = _signal(columns, index, headers[index], rule, want, "mapping file")
+        signals.append(signal)
+        rows.append(row)
+        taken.add(index)
+    missing = [w for w in wanted if w.name not in {s.name for s in signals}]
+    for name, (index, how) in match_wanted(missing, headers, taken).items():
+        rule = ColumnRule(name, headers[index].column)
+        signal, row = _signal(columns, index, headers[index], rule, by_name[name], how)
+        signals.append(signal)
+        rows.append(row)
+        taken.add(index)
+    order = {w.name: i for i, w in enumerate(wanted)}
+    signals.sort(key=lambda s: order.get(s.name, len(order)))
+    for index, header in enumerate(headers):
+        if index in taken:
+            continue
+        why = _readable(columns, index, header.name) or header.problem
+        if rules.signals:
+            why = why or "not in the mapping"
+        elif header.name in {s.name for s in signals}:
+            why = why or "another column has its name"
+        if why:
+            unused.append((header.column, why))
+            continue
+        rule = ColumnRule(header.name, header.column)
+        signal, row = _signal(columns, index, header, rule, Wanted(header.name), "header")
+        signals.append(signal)
+        rows.append(row)
+    notes = list(columns.notes)
+    for index in sorted(taken | {i for i, h in enumerate(headers)
+                                 if h.column in {r.column for r in rows}}):
+        count, example = columns.unreadable.get(columns.headers[index], (0, ""))
+        if count:
+            notes.append(
+                f"{count} cell(s) of column {columns.headers[index]!r} hold no number (first: "
+                f"{example}); they count as missing"
+            )
+    return Assigned(time, tuple(signals), ColumnMapping(tuple(rows), tuple(unused)), tuple(notes),
+                    metadata)

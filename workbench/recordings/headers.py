@@ -1,0 +1,182 @@
+"""Names and units out of column headers: ``pressure_1_bar``, ``angle [deg]``, ``t / ms``."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from workbench.errors import WorkbenchError
+from workbench.model.units import parse_unit
+from workbench.recordings.kinds import kind_of
+
+# How loggers spell the units that `workbench.model.units` knows by their symbol.
+_SPELLINGS = {
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "msec": "ms", "millisecond": "ms",
+    "milliseconds": "ms", "volt": "V", "volts": "V", "degree": "deg", "degrees": "deg",
+    "grad": "deg", "radian": "rad", "radians": "rad", "meter": "m", "metre": "m", "newton": "N",
+    "pascal": "Pa", "percent": "%", "Bar": "bar", "BAR": "bar", "DEG": "deg", "Deg": "deg",
+    "RAD": "rad", "Sec": "s", "lpm": "l/min",
+}  # fmt: skip
+_REFERENCES = {
+    "abs": "absolute", "absolute": "absolute", "a": "absolute",
+    "gauge": "gauge", "g": "gauge", "rel": "gauge", "relative": "gauge",
+}  # fmt: skip
+_BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*[\[(<{](?P<unit>[^\])>}]*)[\])>}]\s*$")
+_SLASH = re.compile(r"^(?P<name>.*\S)\s+/\s*(?P<unit>\S.*)$")
+_WORD = re.compile(r"[A-Za-zµΩ°%]+")
+# Symbols that are as often the name of a chamber, an axis or a constant as a unit.
+_AMBIGUOUS = {"A", "C", "K", "J", "W", "N", "L", "h", "t", "g", "l", "m", "s", "count", "turn"}
+_MEANING = {
+    "pressure": "Pa", "angle": "rad", "torque": "N m", "force": "N", "temperature": "K",
+    "voltage": "V", "time": "s", "mass": "kg",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Header:
+    """A column header taken apart.
+
+    Args:
+        column: The header as it stands in the file.
+        name: The name without its unit.
+        unit: The unit; ``""`` if none is stated.
+        reference: ``gauge``, ``absolute`` or ``""`` (pressures).
+        problem: What could not be understood; ``""`` if nothing.
+    """
+
+    column: str
+    name: str
+    unit: str = ""
+    reference: str = ""
+    problem: str = ""
+
+
+def tidy_name(text: str) -> str:
+    """Return a name of letters, digits and underscores.
+
+    Args:
+        text: Any text.
+
+    Example:
+        >>> tidy_name("Spool Pos.")
+        'Spool_Pos'
+    """
+    return re.sub(r"\W+", "_", text.strip()).strip("_")
+
+
+def _known(unit: str) -> str | None:
+    spelled = _WORD.sub(lambda m: _SPELLINGS.get(m.group(), m.group()), unit.strip())
+    for text in (unit.strip(), spelled):
+        try:
+            parse_unit(text)
+        except (WorkbenchError, OverflowError, ZeroDivisionError):
+            continue
+        return text
+    return None
+
+
+def _pressure_unit(unit: str) -> tuple[str | None, str]:
+    """Read ``bara``, ``barg``, ``bar(g)``, ``bar abs``, ``psig``: unit and reference."""
+    match = re.fullmatch(
+        r"(bar|mbar|kPa|MPa|hPa|Pa|psi)[\s_(]*(abs|absolute|gauge|rel|relative|a|g)\)?",
+        unit.strip(), flags=re.IGNORECASE,
+    )
+    if match is None:
+        return None, ""
+    stem = match.group(1)
+    known = _known(stem) or _known(stem.lower())
+    return known, _REFERENCES[match.group(2).lower()]
+
+
+def read_unit(text: str) -> tuple[str | None, str]:
+    """Return the unit a text states, and the reference of a pressure.
+
+    Args:
+        text: Text such as ``sec``, ``barg`` or ``deg/s``.
+
+    Returns:
+        The unit as `workbench.model.units` spells it (None if unknown) and ``gauge``,
+        ``absolute`` or ``""``.
+
+    Example:
+        >>> read_unit("sec"), read_unit("barg"), read_unit("furlong")
+        (('s', ''), ('bar', 'gauge'), (None, ''))
+    """
+    pressure, reference = _pressure_unit(text)
+    if pressure is not None:
+        return pressure, reference
+    return _known(text), ""
+
+
+def _fits(name: str, unit: str) -> bool:
+    """Tell whether a trailing symbol is a unit, given what the name says it measures."""
+    if unit not in _AMBIGUOUS:
+        return True
+    for word, expected in _MEANING.items():
+        if word in name.lower():
+            return kind_of(unit) == kind_of(expected)
+    return True
+
+
+def _suffix(column: str) -> tuple[str, str, str] | None:
+    """Split ``name_unit``, the unit being one to three words joined by underscores."""
+    words = re.split(r"[_\s]+", column)
+    for count in (3, 2, 1):
+        if len(words) <= count:
+            continue
+        name, tail = "_".join(words[:-count]), words[-count:]
+        if not all(re.search(r"[A-Za-zµΩ°%]", w) for w in tail):
+            continue
+        spellings = [" ".join(tail)] if count == 1 else [
+            "/".join(w for w in tail if w != "per"), " ".join(tail), "_".join(tail)]
+        if count > 1 and "per" not in tail and tail[-1] not in ("s", "s2", "min", "abs", "gauge"):
+            spellings = spellings[1:]
+        for spelling in spellings:
+            unit, reference = read_unit(spelling)
+            if unit is not None and tidy_name(name) and _fits(name, unit):
+                return name, unit, reference
+    return None
+
+
+def read_header(column: str) -> Header:
+    """Take a column header apart into name and unit.
+
+    Args:
+        column: Header such as ``pressure_1_bar``, ``angle [deg]``, ``angle (deg)``, ``t / ms``.
+
+    Returns:
+        Name, unit and, for pressures, the reference.
+
+    Example:
+        >>> header = read_header("pressure_1_bar")
+        >>> header.name, header.unit
+        ('pressure_1', 'bar')
+        >>> read_header("Supply [barg]").reference
+        'gauge'
+        >>> read_header("pressure_1").unit
+        ''
+    """
+    text = column.strip().strip('"').strip()
+    match = _BRACKETS.match(text) or _SLASH.match(text)
+    if match is not None and match.group("name").strip():
+        name, stated = match.group("name"), match.group("unit")
+        unit, reference = read_unit(stated)
+        if unit is not None:
+            return _with_reference(column, name, unit, reference)
+        if re.fullmatch(r"[\d\s]*", stated) is None:
+            return Header(column, tidy_name(name), problem=f"unit {stated.strip()!r} is not known")
+    found = _suffix(text)
+    if found is not None:
+        return _with_reference(column, *found)
+    return _with_reference(column, text, "", "")
+
+
+def _with_reference(column: str, name: str, unit: str, reference: str) -> Header:
+    words = tidy_name(name).split("_")
+    for word in words[1:]:
+        if word.lower() in ("abs", "absolute", "gauge", "rel") and len(words) > 1:
+            return Header(
+                column, "_".join(w for w in words if w != word), unit,
+                reference or _REFERENCES[word.lower()],
+            )
+    return Header(column, tidy_name(name) or "column", unit, reference)

@@ -1,0 +1,90 @@
+"""What a unit measures: the kind of a signal, its SI unit and the unit people read it in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.model.units import Unit, parse_unit
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A physical quantity.
+
+    Args:
+        name: Name of the quantity, such as ``angle``.
+        unit: SI unit.
+        display_unit: Unit in which people of the field read it.
+
+    Example:
+        >>> kind_of("bar").unit
+        'Pa'
+    """
+
+    name: str
+    unit: str
+    display_unit: str
+
+
+_KINDS = (
+    Kind("dimensionless", "1", "1"),
+    Kind("time", "s", "s"),
+    Kind("angle", "rad", "deg"),
+    Kind("angular speed", "rad/s", "deg/s"),
+    Kind("angular acceleration", "rad/s2", "deg/s2"),
+    Kind("pressure", "Pa", "bar"),
+    Kind("pressure rate", "Pa/s", "bar/s"),
+    Kind("voltage", "V", "V"),
+    Kind("current", "A", "A"),
+    Kind("length", "m", "mm"),
+    Kind("speed", "m/s", "m/s"),
+    Kind("acceleration", "m/s2", "m/s2"),
+    Kind("area", "m2", "mm2"),
+    Kind("volume", "m3", "l"),
+    Kind("volume flow", "m3/s", "l/min"),
+    Kind("mass flow", "kg/s", "g/s"),
+    Kind("mass", "kg", "kg"),
+    Kind("force", "N", "N"),
+    Kind("torque", "N m", "N m"),
+    Kind("power", "W", "W"),
+    Kind("temperature", "K", "degC"),
+    Kind("frequency", "Hz", "Hz"),
+)
+UNSTATED = Kind("unstated", "", "")
+_BASES = ("m", "kg", "s", "K", "A", "rad")
+
+
+def _composed(unit: Unit) -> Kind:
+    above = [f"{b}{e if e > 1 else ''}" for b, e in zip(_BASES, unit.dimensions, strict=True)
+             if e > 0]
+    below = [f"{b}{-e if e < -1 else ''}" for b, e in zip(_BASES, unit.dimensions, strict=True)
+             if e < 0]
+    text = " ".join(above) or "1"
+    if below:
+        text += f"/({' '.join(below)})" if len(below) > 1 else f"/{below[0]}"
+    return Kind(text, text, text)
+
+
+def kind_of(unit: str) -> Kind:
+    """Return what a unit measures.
+
+    Args:
+        unit: Any unit known to `workbench.model.units`; ``""`` for a signal without stated unit.
+
+    Returns:
+        The kind with its SI unit; a kind named after its SI unit if it has no common name.
+
+    Raises:
+        WorkbenchError: If the unit is unknown.
+
+    Example:
+        >>> kind_of("deg/s").name, kind_of("N/m").unit
+        ('angular speed', 'kg/s2')
+    """
+    if not unit:
+        return UNSTATED
+    parsed = parse_unit(unit)
+    for kind in _KINDS:
+        if parse_unit(kind.unit).dimensions == parsed.dimensions:
+            return kind
+    return _composed(parsed)

@@ -1,0 +1,241 @@
+"""Which column becomes which signal: by a small TOML file, or by name and unit."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.model.units import parse_unit
+from workbench.recordings.recording import Role
+from workbench.recordings.tables import aligned_table
+
+
+@dataclass(frozen=True)
+class ColumnRule:
+    """What a mapping file says about one signal: value = sign * factor * column + offset.
+
+    Args:
+        signal: Name of the signal.
+        column: Header of the column, as in the file or without its unit.
+        unit: Unit of ``sign * factor * column + offset``; by default the header's.
+        sign: 1, or -1 to turn the signal round.
+        factor: Gain, for a sensor's voltage that becomes a pressure.
+        offset: Added after sign and factor, in ``unit``.
+        role: ``command``, ``reference`` or ``measurement``; by default from the name.
+        reference: ``gauge`` or ``absolute`` (pressures); absolute becomes gauge.
+
+    Example:
+        >>> ColumnRule("angle", "q1", "deg", sign=-1).unit
+        'deg'
+    """
+
+    signal: str
+    column: str
+    unit: str = ""
+    sign: float = 1.0
+    factor: float = 1.0
+    offset: float = 0.0
+    role: Role | str = ""
+    reference: str = ""
+
+    def __post_init__(self) -> None:
+        """Check every entry, naming the signal."""
+        where = f"of signal {self.signal!r} in the mapping"
+        for key in ("column", "unit"):
+            if not isinstance(getattr(self, key), str):
+                raise WorkbenchError(f"{key} {where} is {getattr(self, key)!r}; write a text")
+        if not self.column:
+            raise WorkbenchError(f"the mapping names no column for signal {self.signal!r}")
+        parse_unit(self.unit)
+        for key in ("sign", "factor", "offset"):
+            check_range(f"{key} {where}", getattr(self, key), -1e12, 1e12)
+        if float(self.sign) not in (1.0, -1.0):
+            raise WorkbenchError(f"sign {where} is {self.sign!r}; it must be 1 or -1")
+        if float(self.factor) == 0.0:
+            raise WorkbenchError(f"factor {where} is 0; it must not be")
+        if self.role:
+            check_choice(f"role {where}", self.role, ("command", "reference", "measurement"))
+        if self.reference:
+            check_choice(f"reference {where}", self.reference, ("gauge", "absolute"))
+
+
+@dataclass(frozen=True)
+class MappingRules:
+    """The content of a mapping file.
+
+    Args:
+        signals: Rules by signal, in order; empty to map by name and unit.
+        time: Rule of the time column; None to find it by name.
+        columns: Names of the columns, for a file without a header.
+        sample_time_s: Step in s, for a file without a time column.
+        metadata: Settings to add to the recording.
+    """
+
+    signals: tuple[ColumnRule, ...] = ()
+    time: ColumnRule | None = None
+    columns: tuple[str, ...] = ()
+    sample_time_s: float | None = None
+    metadata: Mapping[str, str | int | float | bool] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class MappedColumn:
+    """One line of the printed mapping.
+
+    Args:
+        column: Header in the file.
+        signal: Name of the signal; ``time`` for the time base.
+        unit: Unit of the column; ``""`` if it was taken as SI because none was stated.
+        si_unit: Unit of the signal.
+        how: ``mapping file``, ``name``, ``unit``, ``sample time`` ...
+        sign: 1 or -1.
+        factor: Gain.
+        offset: In ``unit``.
+        note: What else was done.
+    """
+
+    column: str
+    signal: str
+    unit: str
+    si_unit: str
+    how: str
+    sign: float = 1.0
+    factor: float = 1.0
+    offset: float = 0.0
+    note: str = ""
+
+    @property
+    def stated(self) -> bool:
+        """Whether somebody said what the column is: a mapping file, a model or a unit."""
+        return bool(self.unit) or self.how != "header"
+
+
+@dataclass(frozen=True)
+class ColumnMapping:
+    """How the columns of a file became the signals of a recording.
+
+    Args:
+        rows: One per signal, the time first.
+        unused: Headers of columns that were left out, with the reason.
+    """
+
+    rows: tuple[MappedColumn, ...]
+    unused: tuple[tuple[str, str], ...] = ()
+
+    def __iter__(self) -> Iterator[MappedColumn]:
+        return iter(self.rows)
+
+    def __str__(self) -> str:
+        def formula(r: MappedColumn) -> str:
+            gain = r.sign * r.factor
+            text = "" if gain == 1 else ("-" if gain == -1 else f"{gain:g} ")
+            return f"{text}column" + (f" {r.offset:+g}" if r.offset else "")
+
+        body = [
+            (r.column, r.signal, r.unit or "not stated", r.si_unit or "taken as SI", formula(r),
+             r.how, r.note)
+            for r in self.rows
+        ]
+        body += [(column, "-", "", "", "", "left out", why) for column, why in self.unused]
+        titles = ("column", "signal", "unit", "SI unit", "value", "by", "note")
+        return aligned_table(titles, body)
+
+
+def _rule(signal: str, entry: object, path: str) -> ColumnRule:
+    if isinstance(entry, str):
+        return ColumnRule(signal, entry)
+    if not isinstance(entry, Mapping):
+        raise WorkbenchError(
+            f"signal {signal!r} in {path} is {entry!r}; write a column name or a table with column,"
+            " unit, sign, offset"
+        )
+    known = [f.name for f in fields(ColumnRule) if f.name != "signal"]
+    for key in entry:
+        check_choice(f"key of signal {signal!r} in {path}", str(key), known)
+    return ColumnRule(signal, **{"column": signal, **entry})
+
+
+def rules_from(content: Mapping[str, Any], *, path: str = "the mapping") -> MappingRules:
+    """Build the rules from the content of a mapping file.
+
+    ``{"angle": "q1"}`` is short for ``{"signals": {"angle": {"column": "q1"}}}``.
+
+    Args:
+        content: Tables ``signals`` and ``time``, and ``columns``, ``sample_time_s``, ``metadata``.
+        path: Name of the file, for messages.
+
+    Raises:
+        WorkbenchError: If a key is unknown or an entry is not what it must be.
+
+    Example:
+        >>> rules_from({"signals": {"angle": {"column": "q1", "unit": "deg"}}}).signals[0].column
+        'q1'
+    """
+    known = ("signals", "time", "columns", "sample_time_s", "metadata")
+    if content and not set(content) & set(known) and all(
+        isinstance(v, (str, Mapping)) for v in content.values()
+    ):
+        content = {"signals": content}
+    for key in content:
+        check_choice(f"key of {path}", str(key), known)
+    signals = content.get("signals", {})
+    columns = content.get("columns", ())
+    metadata = content.get("metadata", {})
+    if not isinstance(signals, Mapping) or not isinstance(metadata, Mapping):
+        raise WorkbenchError(f"signals and metadata of {path} must be tables, such as [signals]")
+    if isinstance(columns, str) or not isinstance(columns, Sequence) or not all(
+        isinstance(c, str) for c in columns
+    ):
+        raise WorkbenchError(f"columns of {path} is {columns!r}; write a list of names")
+    time = content.get("time")
+    if isinstance(time, Mapping) and "column" not in time:
+        raise WorkbenchError(f"[time] of {path} names no column; write column = \"...\"")
+    step = content.get("sample_time_s")
+    if step is not None:
+        step = check_range(f"sample_time_s of {path}", step, 1e-9, 1e6, "s")
+    bad = [k for k, v in metadata.items() if not isinstance(v, (str, int, float, bool))]
+    if bad:
+        raise WorkbenchError(f"metadata {bad[0]!r} of {path} must be a text or a number")
+    return MappingRules(
+        tuple(_rule(str(name), entry, path) for name, entry in signals.items()),
+        None if time is None else _rule("time", time, path),
+        tuple(columns), step, dict(metadata),
+    )
+
+
+def read_mapping(path: str | Path) -> MappingRules:
+    """Read a mapping file.
+
+    .. code-block:: toml
+
+        columns = ["time_ms", "laser_V", "laser_mm", "pressure_bar"]  # file without header
+
+        [time]
+        column = "time_ms"
+
+        [signals.position]
+        column = "laser_mm"
+        unit = "mm"
+        sign = -1
+        offset = 25.0
+
+    Args:
+        path: TOML file.
+
+    Raises:
+        WorkbenchError: If the file is missing, not TOML or has an unknown key.
+    """
+    file = Path(path)
+    try:
+        content = tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise WorkbenchError(
+            f"mapping file {file} cannot be read: {error.strerror or error}"
+        ) from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise WorkbenchError(f"mapping file {file} is not valid TOML: {error}") from None
+    return rules_from(content, path=file.name)

@@ -1,0 +1,95 @@
+"""Read Parquet files with pyarrow, batch by batch."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import WorkbenchError
+from workbench.recordings.columns import Columns
+from workbench.recordings.recording import Scalar
+from workbench.recordings.thinning import Thinner
+
+
+def _pyarrow() -> Any:
+    try:
+        import pyarrow as pa
+        import pyarrow.parquet  # noqa: F401  (makes pa.parquet)
+    except ImportError:
+        raise WorkbenchError(
+            "reading Parquet needs pyarrow, which is not installed; install it with the extra "
+            "'parquet', or save the recording as CSV"
+        ) from None
+    return pa
+
+
+def read_parquet(path: str | Path, *, max_rows: int = 2_000_000) -> Columns:
+    """Read the number columns of a Parquet file.
+
+    Args:
+        path: The file.
+        max_rows: Largest number of rows kept; a longer file is averaged in groups.
+
+    Returns:
+        The columns with notes on what was left out.
+
+    Raises:
+        WorkbenchError: If pyarrow is missing, or the file is damaged or holds no numbers.
+    """
+    file = Path(path)
+    pa = _pyarrow()
+    numeric = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
+    try:
+        source = pa.parquet.ParquetFile(file)
+        schema = source.schema_arrow
+        names = [f.name for f in schema if any(test(f.type) for test in numeric)]
+        stamps = [f.name for f in schema if pa.types.is_timestamp(f.type)]
+        thinner = Thinner(max_rows)
+        start: Any = None
+        for batch in source.iter_batches(batch_size=65536, columns=names + stamps):
+            cells = [
+                batch.column(n).cast(pa.float64()).to_numpy(zero_copy_only=False) for n in names
+            ]
+            for n in stamps:
+                raw = batch.column(n).cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False)
+                start = raw[0] if start is None else start
+                cells.append((raw - start) / np.timedelta64(1, "s"))
+            if cells:
+                thinner.add(np.column_stack(cells).astype(float))
+        metadata = _metadata(schema)
+    # pyarrow raises OSError, its own errors or ValueError on damaged files.
+    except (OSError, ValueError, pa.ArrowException) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise WorkbenchError(
+            f"{file.name} is truncated or not a Parquet file ({reason}); save or copy it again"
+        ) from None
+    values = thinner.rows()
+    if not (names or stamps) or len(values) == 0:
+        raise WorkbenchError(f"{file.name} holds no columns of numbers")
+    values[~np.isfinite(values)] = np.nan
+    left = [f.name for f in schema if f.name not in names + stamps]
+    notes = [f"left out, not columns of numbers: {', '.join(left)}"] if left else []
+    if thinner.factor > 1:
+        notes.append(
+            f"{thinner.total} rows were averaged in groups of {thinner.factor}, all columns alike"
+        )
+    headers = tuple([*names, *(f"{n} [s]" for n in stamps)])
+    return Columns(headers, ("",) * len(headers), values, True, metadata, tuple(notes))
+
+
+def _metadata(schema: Any) -> dict[str, Scalar]:
+    out: dict[str, Scalar] = {}
+    for key, value in (schema.metadata or {}).items():
+        name = key.decode("utf-8", "replace")
+        if name in ("pandas", "ARROW:schema"):
+            continue
+        text = value.decode("utf-8", "replace")
+        try:
+            decoded = json.loads(text)
+        except (json.JSONDecodeError, RecursionError):
+            decoded = text
+        out[name] = decoded if isinstance(decoded, (str, int, float, bool)) else text
+    return out

@@ -1,0 +1,365 @@
+"""A recording: a time base and named signals in SI, with what was done to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, overload
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import WorkbenchError, check_choice
+from workbench.model.units import from_si, same_dimension
+from workbench.recordings.kinds import kind_of
+from workbench.recordings.tables import aligned_table
+
+if TYPE_CHECKING:
+    from workbench.recordings.mapping import ColumnMapping
+
+Vector = npt.NDArray[np.float64]
+Role = Literal["command", "reference", "measurement"]
+Scalar = str | int | float | bool
+
+
+def _frozen(values: npt.ArrayLike, what: str) -> Vector:
+    array = np.array(values, dtype=float)
+    if array.ndim != 1:
+        raise WorkbenchError(f"{what} has the shape {array.shape}; it must be one column of numbers")
+    array.setflags(write=False)
+    return array
+
+
+@dataclass(frozen=True, eq=False)
+class Signal:
+    """A named column of a recording, in SI.
+
+    Args:
+        name: Name of the signal.
+        values: Samples, shape (n,), in ``unit``; NaN where nothing was measured.
+        unit: SI unit; ``""`` if the file did not state one.
+        kind: What it measures; by default from the unit. Pressures say ``gauge pressure``,
+            ``absolute pressure`` or, if nothing was stated, ``pressure``.
+        role: ``command`` (held between samples), ``reference`` or ``measurement``.
+        display_unit: Unit in which people read it; by default from the unit.
+
+    Raises:
+        WorkbenchError: If the values are not one column or the role is unknown.
+
+    Example:
+        >>> Signal("angle", np.zeros(3), "rad").kind
+        'angle'
+    """
+
+    name: str
+    values: Vector
+    unit: str = ""
+    kind: str = ""
+    role: Role = "measurement"
+    display_unit: str = ""
+
+    def __post_init__(self) -> None:
+        """Freeze the samples and fill in the kind."""
+        object.__setattr__(self, "values", _frozen(self.values, f"signal {self.name!r}"))
+        check_choice(f"role of {self.name!r}", self.role, ("command", "reference", "measurement"))
+        kind = kind_of(self.unit)
+        if not self.kind:
+            object.__setattr__(self, "kind", kind.name)
+        if not self.display_unit or not same_dimension(self.display_unit, self.unit):
+            object.__setattr__(self, "display_unit", kind.display_unit)
+
+    @property
+    def held(self) -> bool:
+        """Whether the signal keeps its value until the next sample."""
+        return self.role in ("command", "reference")
+
+    def displayed(self, values: npt.ArrayLike | None = None) -> Vector:
+        """Return the samples, or other SI values of this signal, in the display unit.
+
+        Args:
+            values: Values in ``unit``, any shape; the samples if not given.
+        """
+        array = self.values if values is None else np.asarray(values, dtype=float)
+        return from_si(array, self.display_unit) if self.display_unit else array
+
+
+@dataclass(frozen=True)
+class Span:
+    """A stretch of a recording in which a signal was not measured.
+
+    Args:
+        signal: Name of the signal.
+        start: First instant concerned, in s.
+        stop: Last instant concerned, in s.
+        reason: Why, in a few words.
+    """
+
+    signal: str
+    start: float
+    stop: float
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Signals over time, in SI.
+
+    The time base may be anything a file can hold; `workbench.recordings.check_recording` makes it
+    increasing and uniform. What is done to a recording is written into its notes.
+
+    Args:
+        name: Name of the recording.
+        time: Instants, shape (n,), in s.
+        signals: The signals, each with n samples.
+        source: Where it comes from: a file name, a rig.
+        notes: What was corrected or assumed, in order.
+        metadata: Settings of the trial, such as ``load_kg``.
+        excluded: Stretches in which a signal was not measured and must not be judged.
+        mapping: How the columns of the file became signals.
+
+    Raises:
+        WorkbenchError: If lengths differ, a name is used twice or the time is not finite.
+
+    Example:
+        >>> time = np.arange(4) * 0.1
+        >>> recording = Recording("trial", time, (Signal("angle", np.ones(4), "rad"),))
+        >>> recording["angle"].sum()
+        np.float64(4.0)
+        >>> print(recording)
+        trial: 4 samples, 0.3 s, 10 Hz
+        signal  kind   role         unit    minimum  maximum  missing
+        angle   angle  measurement  deg     57.2958  57.2958  0
+    """
+
+    name: str
+    time: Vector
+    signals: tuple[Signal, ...]
+    source: str = ""
+    notes: tuple[str, ...] = ()
+    metadata: Mapping[str, Scalar] = field(default_factory=dict)
+    excluded: tuple[Span, ...] = ()
+    mapping: ColumnMapping | None = None
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays and compare their lengths."""
+        object.__setattr__(self, "time", _frozen(self.time, "time"))
+        object.__setattr__(self, "signals", tuple(self.signals))
+        object.__setattr__(self, "notes", tuple(self.notes))
+        object.__setattr__(self, "excluded", tuple(self.excluded))
+        if not np.all(np.isfinite(self.time)):
+            raise WorkbenchError(
+                f"recording {self.name!r} has instants that are not finite; remove those rows"
+            )
+        for signal in self.signals:
+            if len(signal.values) != len(self.time):
+                raise WorkbenchError(
+                    f"signal {signal.name!r} has {len(signal.values)} samples but the time has "
+                    f"{len(self.time)}; they must be equal"
+                )
+        double = sorted({n for n in self.names if self.names.count(n) > 1})
+        if double:
+            raise WorkbenchError(
+                f"recording {self.name!r} has two signals {double[0]!r}; rename one"
+            )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the signals, in order."""
+        return tuple(s.name for s in self.signals)
+
+    @property
+    def commands(self) -> tuple[str, ...]:
+        """Names of the commands."""
+        return tuple(s.name for s in self.signals if s.role == "command")
+
+    @property
+    def measurements(self) -> tuple[str, ...]:
+        """Names of the measured signals."""
+        return tuple(s.name for s in self.signals if s.role == "measurement")
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample, in s."""
+        return float(self.time[-1] - self.time[0]) if len(self.time) else 0.0
+
+    @property
+    def sample_time(self) -> float:
+        """Median step of the time base, in s; NaN with fewer than two samples."""
+        return float(np.median(np.diff(self.time))) if len(self.time) > 1 else float("nan")
+
+    @property
+    def increasing(self) -> bool:
+        """Whether every instant lies after the one before."""
+        return bool(np.all(np.diff(self.time) > 0))
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def signal(self, name: str) -> Signal:
+        """Return a signal by name.
+
+        Args:
+            name: Name of the signal.
+
+        Raises:
+            WorkbenchError: If there is no such signal; names the nearest spelling.
+        """
+        check_choice(f"signal of recording {self.name!r}", name, self.names)
+        return next(s for s in self.signals if s.name == name)
+
+    @overload
+    def __getitem__(self, key: str) -> Vector: ...
+    @overload
+    def __getitem__(self, key: slice) -> Recording: ...
+    def __getitem__(self, key: str | slice) -> Vector | Recording:
+        """Return the samples of a signal in SI, or a slice of the recording."""
+        return self.take(key) if isinstance(key, slice) else self.signal(key).values
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.names
+
+    def matrix(self, names: Iterable[str]) -> npt.NDArray[np.float64]:
+        """Return signals side by side, shape (n, number of names), in SI.
+
+        Args:
+            names: Names of the signals, in the order wanted.
+
+        Raises:
+            WorkbenchError: If a signal is missing.
+        """
+        return np.column_stack([self[name] for name in names])
+
+    def valid(self, name: str) -> npt.NDArray[np.bool_]:
+        """Return where a signal was really measured, shape (n,).
+
+        Args:
+            name: Name of the signal.
+        """
+        good = np.isfinite(self[name])
+        for span in self.excluded:
+            if span.signal == name:
+                good &= ~((self.time >= span.start) & (self.time <= span.stop))
+        return good
+
+    def take(self, rows: slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]) -> Recording:
+        """Return the recording at some of its rows.
+
+        Args:
+            rows: A slice, a mask of shape (n,) or row numbers.
+        """
+        return replace(
+            self,
+            time=self.time[rows],
+            signals=tuple(replace(s, values=s.values[rows]) for s in self.signals),
+        )
+
+    def between(self, start: float, stop: float) -> Recording:
+        """Return the samples with ``start <= time <= stop``.
+
+        Args:
+            start: First instant, in s.
+            stop: Last instant, in s.
+
+        Raises:
+            WorkbenchError: If fewer than two samples lie between.
+        """
+        rows = (self.time >= start) & (self.time <= stop)
+        if np.count_nonzero(rows) < 2:
+            raise WorkbenchError(
+                f"recording {self.name!r} has no samples from {start:g} to {stop:g} s; it runs from "
+                f"{self.time.min():g} to {self.time.max():g} s"
+            )
+        return self.take(rows)
+
+    def select(self, names: Iterable[str]) -> Recording:
+        """Return the recording with these signals only, in this order.
+
+        Args:
+            names: Names of the signals.
+
+        Raises:
+            WorkbenchError: If a signal is missing.
+        """
+        return replace(self, signals=tuple(self.signal(name) for name in names))
+
+    def with_signal(self, signal: Signal) -> Recording:
+        """Return the recording with a signal replaced or added.
+
+        Args:
+            signal: The signal, with as many samples as the recording.
+        """
+        if signal.name not in self:
+            return replace(self, signals=(*self.signals, signal))
+        return replace(
+            self, signals=tuple(signal if s.name == signal.name else s for s in self.signals)
+        )
+
+    def with_roles(self, roles: Mapping[str, Role]) -> Recording:
+        """Return the recording with other roles of its signals.
+
+        Args:
+            roles: Role by name of signal.
+
+        Raises:
+            WorkbenchError: If a signal is missing or a role unknown.
+        """
+        changed = self
+        for name, role in roles.items():
+            changed = changed.with_signal(replace(self.signal(name), role=role))
+        return changed
+
+    def noted(self, *notes: str) -> Recording:
+        """Return the recording with notes added.
+
+        Args:
+            notes: What was done, one sentence each.
+        """
+        return replace(self, notes=(*self.notes, *notes))
+
+    def resample(
+        self, *, rate_Hz: float | None = None, times: npt.ArrayLike | None = None
+    ) -> Recording:
+        """Return the recording on another time base, see `workbench.recordings.resample`.
+
+        Args:
+            rate_Hz: Rate of a uniform time base.
+            times: Instants wanted, shape (m,), in s.
+        """
+        from workbench.recordings.resampling import resample
+
+        return resample(self, rate_Hz=rate_Hz, times=times)
+
+    def decimate(self, factor: int) -> Recording:
+        """Return every ``factor``-th sample, see `workbench.recordings.decimate`.
+
+        Args:
+            factor: Number of samples that become one.
+        """
+        from workbench.recordings.resampling import decimate
+
+        return decimate(self, factor)
+
+    def to_csv(self, path: str | Path) -> Path:
+        """Write the recording without loss, see `workbench.recordings.write_recording`.
+
+        Args:
+            path: File to write; a name ending in ``.gz`` is compressed.
+        """
+        from workbench.recordings.saving import write_recording
+
+        return write_recording(self, path)
+
+    def __str__(self) -> str:
+        rate = 1 / self.sample_time if self.sample_time else float("nan")
+        rows = []
+        for s in self.signals:
+            shown = s.displayed()
+            finite = shown[np.isfinite(shown)]
+            low, high = (f"{finite.min():.6g}", f"{finite.max():.6g}") if finite.size else ("", "")
+            missing = str(int(np.count_nonzero(~self.valid(s.name))))
+            rows.append((s.name, s.kind, s.role, s.display_unit or "?", low, high, missing))
+        head = f"{self.name}: {len(self)} samples, {self.duration:.6g} s, {rate:.6g} Hz"
+        titles = ("signal", "kind", "role", "unit", "minimum", "maximum", "missing")
+        notes = [f"note: {note}" for note in self.notes]
+        return "\n".join([head, aligned_table(titles, rows), *notes])

@@ -1,0 +1,35 @@
+"""Aligned tables of text, as recordings and check reports print themselves."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Sequence
+
+
+def aligned_table(
+    header: Sequence[str], rows: Sequence[Sequence[str]], *, width: int = 100
+) -> str:
+    """Return a table with aligned columns; the last column wraps.
+
+    Args:
+        header: Column titles.
+        rows: Cells, as many per row as titles.
+        width: Width of the page, in characters.
+
+    Example:
+        >>> print(aligned_table(("signal", "unit"), [("angle", "rad"), ("valve", "V")]))
+        signal  unit
+        angle   rad
+        valve   V
+    """
+    lines = [tuple(header), *(tuple(row) for row in rows)]
+    widths = [max(len(line[i]) for line in lines) for i in range(len(header) - 1)]
+    indent = sum(widths) + 2 * len(widths)
+    room = max(30, width - indent)
+    out = []
+    for line in lines:
+        start = "".join(cell.ljust(w) + "  " for cell, w in zip(line[:-1], widths, strict=True))
+        wrapped = textwrap.wrap(line[-1], room) or [""]
+        out.append((start + wrapped[0]).rstrip())
+        out.extend(" " * indent + more for more in wrapped[1:])
+    return "\n".join(out)

@@ -1,0 +1,190 @@
+"""The signals somebody wants from a file, and which column each of them is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from workbench.errors import WorkbenchError
+from workbench.model.units import parse_unit, same_dimension
+from workbench.recordings.headers import Header
+from workbench.recordings.recording import Role
+
+_SYNONYMS = (
+    {"angle", "theta", "phi", "joint_angle", "winkel", "q", "alpha"},
+    {"position", "x", "y", "displacement", "pos", "stroke", "weg", "qm"},
+    {"speed", "velocity", "omega", "v", "angular_speed", "geschwindigkeit"},
+    {"valve", "u", "command", "valve_command", "valve_voltage", "input", "ventil", "control"},
+    {"pressure_1", "p1", "p_1", "pressure1", "pressure_a", "pa", "p_a", "druck_1"},
+    {"pressure_2", "p2", "p_2", "pressure2", "pressure_b", "pb", "p_b", "druck_2"},
+    {"pressure", "p", "druck"},
+    {"time", "t", "timestamp", "time_stamp", "zeit", "elapsed", "elapsed_time", "tiempo", "temps"},
+)
+_COMMANDS = {
+    "command", "cmd", "valve", "u", "input", "control", "vir", "pump", "motor", "pwm", "duty",
+    "ventil",
+}  # fmt: skip
+_REFERENCES = {
+    "reference", "ref", "setpoint", "goal", "target", "desired", "demand", "soll", "qg", "sp",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A signal that a model or a caller asks for.
+
+    Args:
+        name: Name of the signal.
+        unit: Unit of the same dimension as the column must have; ``""`` for any.
+        role: Role the signal gets; ``""`` to guess it from the name.
+        display_unit: Unit in which people read it; ``""`` for the column's.
+    """
+
+    name: str
+    unit: str = ""
+    role: Role | str = ""
+    display_unit: str = ""
+
+
+def wanted_signals(signals: Any) -> tuple[Wanted, ...]:
+    """Return what is asked for, from names, from names with units, or from a model.
+
+    Args:
+        signals: None, names, a mapping from name to unit, or an object with ``inputs`` and
+            ``outputs`` (such as a `workbench.model.model.Model`), whose inputs are commands.
+
+    Raises:
+        WorkbenchError: If it is none of these or a unit is unknown.
+
+    Example:
+        >>> [w.name for w in wanted_signals({"angle": "rad", "valve": "V"})]
+        ['angle', 'valve']
+    """
+    if signals is None:
+        return ()
+    if hasattr(signals, "inputs") and hasattr(signals, "outputs"):
+        return (
+            *(Wanted(q.name, q.unit, "command") for q in signals.inputs),
+            *(Wanted(q.name, q.unit, "measurement", getattr(q, "display_unit", ""))
+              for q in signals.outputs),
+        )
+    if isinstance(signals, Mapping):
+        for unit in signals.values():
+            parse_unit(unit)
+        return tuple(Wanted(str(name), unit) for name, unit in signals.items())
+    if isinstance(signals, str) or not isinstance(signals, Iterable):
+        raise WorkbenchError(
+            f"signals is {signals!r}; give a list of names, a mapping from name to unit, or a model"
+        )
+    return tuple(Wanted(str(name)) for name in signals)
+
+
+def guess_role(name: str) -> Role:
+    """Guess from its name whether a signal is a command, a reference or a measurement.
+
+    Args:
+        name: Name of the signal.
+
+    Example:
+        >>> guess_role("valve"), guess_role("goal_position"), guess_role("angle")
+        ('command', 'reference', 'measurement')
+    """
+    words = set(re.split(r"[_\s.]+", name.lower()))
+    if words & _REFERENCES:
+        return "reference"
+    return "command" if words & _COMMANDS else "measurement"
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"[\W_]+", "", text).lower()
+
+
+def is_time(header: Header) -> bool:
+    """Tell whether a column is the time by its name.
+
+    Args:
+        header: The column's header.
+
+    Example:
+        >>> is_time(Header("t", "t")), is_time(Header("rise_s", "rise", "s"))
+        (True, False)
+    """
+    names = {_plain(n) for n in _SYNONYMS[-1]}
+    right_unit = not header.unit or same_dimension(header.unit, "s")
+    return right_unit and _plain(header.name) in names
+
+
+def _same(wanted: Wanted, header: Header) -> int:
+    """Return how well a name fits: 0 not at all, 1 a synonym, 2 the name itself."""
+    if _plain(wanted.name) in (_plain(header.name), _plain(header.column)):
+        return 2
+    plain = _plain(header.name)
+    return int(any(
+        _plain(wanted.name) in {_plain(s) for s in group} and plain in {_plain(s) for s in group}
+        for group in _SYNONYMS
+    ))
+
+
+def _units_agree(wanted: Wanted, header: Header) -> bool:
+    return not wanted.unit or not header.unit or same_dimension(wanted.unit, header.unit)
+
+
+def match_wanted(
+    wanted: Sequence[Wanted], headers: Sequence[Header], taken: Iterable[int]
+) -> dict[str, tuple[int, str]]:
+    """Find the column of every wanted signal: by its name, a synonym, or as the only one left.
+
+    Args:
+        wanted: The signals asked for.
+        headers: The columns of the file.
+        taken: Indices of columns that are used already.
+
+    Returns:
+        Column index and ``name``, ``synonym`` or ``unit``, by signal.
+
+    Raises:
+        WorkbenchError: If a signal has no column or one of another unit; lists the columns.
+
+    Example:
+        >>> columns = [Header("q1_deg", "q1", "deg"), Header("u_V", "u", "V")]
+        >>> match_wanted([Wanted("angle", "rad"), Wanted("valve", "V")], columns, ())
+        {'valve': (1, 'synonym'), 'angle': (0, 'unit')}
+    """
+    used = set(taken)
+    found: dict[str, tuple[int, str]] = {}
+    for quality, how in ((2, "name"), (1, "synonym")):
+        for want in wanted:
+            if want.name in found:
+                continue
+            named = [i for i, h in enumerate(headers) if i not in used and _same(want, h) == quality]
+            fitting = [i for i in named if _units_agree(want, headers[i])]
+            if named and not fitting and quality == 2:
+                bad = headers[named[0]]
+                raise WorkbenchError(
+                    f"column {bad.column!r} is in {bad.unit!r} but {want.name} is measured in "
+                    f"{want.unit!r}; correct the header or give the unit in a mapping file"
+                )
+            if len(fitting) == 1 or (fitting and quality == 2):
+                found[want.name] = (fitting[0], how)
+                used.add(fitting[0])
+    for want in wanted:
+        if want.name in found or not want.unit:
+            continue
+        rivals = [w for w in wanted if w.name not in found and w.unit
+                  and same_dimension(w.unit, want.unit)]
+        left = [i for i, h in enumerate(headers) if i not in used and h.unit
+                and same_dimension(h.unit, want.unit)]
+        if len(left) == 1 and len(rivals) == 1:
+            found[want.name] = (left[0], "unit")
+            used.add(left[0])
+    for want in wanted:
+        if want.name not in found:
+            columns = ", ".join(h.column for h in headers) or "none"
+            unit = f" ({want.unit})" if want.unit else ""
+            raise WorkbenchError(
+                f"no column for signal {want.name!r}{unit}; the file has: {columns[:400]}; name the "
+                f'column in a mapping file: [signals.{want.name}] column = "..."'
+            )
+    return found
