@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.meta.hygiene import SUFFIXES, check_text
-from tests.meta.sources import ROOT, module_files, module_name, texts
+from tests.meta.sources import ROOT, SKIPPED_FOLDERS, module_files, module_name, texts
 
 MOST_LINES = 450
 DRAWERS = {"utils", "util", "helpers", "misc", "common", "tools", "stuff"}
@@ -67,10 +67,7 @@ def test_a_file_is_about_one_thing(path: Path) -> None:
 
 
 def test_top_level_folders() -> None:
-    folders = {
-        path.name
-        for path in ROOT.iterdir()
-        if path.is_dir() and (path.name in TOP_LEVEL or any(path.rglob("*.py")))
-    }
-    kept = {name for name in folders if not name.startswith(".") and name not in {"build", "demo"}}
-    assert kept == TOP_LEVEL
+    folders = {path.parent for package in ROOT.iterdir() for path in package.glob("*.py")}
+    # Hidden folders, builds and environments hold no sources of the project.
+    names = {path.name for path in folders if not path.name.startswith(".")} - SKIPPED_FOLDERS
+    assert names <= TOP_LEVEL
