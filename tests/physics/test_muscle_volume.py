@@ -9,7 +9,8 @@ from scipy.integrate import quad
 
 from workbench.errors import WorkbenchError
 from workbench.model.face import EXACT, SMOOTH, Face
-from workbench.physics.force_laws import Sarosi, TonduLopez, pressure_gain
+from workbench.physics.force_laws import Sarosi, TonduLopez
+from workbench.physics.force_polynomials import pressure_gain
 from workbench.physics.muscle_volume import BraidedCylinder
 
 MUSCLE = BraidedCylinder()

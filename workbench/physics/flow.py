@@ -54,8 +54,8 @@ def flow_function(
     b = 0.23).
 
     Args:
-        ratio: Downstream over upstream absolute pressure r, 0..1; any shape. Larger values count
-            as 1.
+        ratio: Ratio r of the downstream to the upstream absolute pressure, 0..1; any shape.
+            Larger values count as 1.
         critical_ratio: Critical ratio b, below which the flow is choked.
         face: Exact or smooth.
 

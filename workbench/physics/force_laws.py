@@ -12,14 +12,25 @@ they were published, and their names say so.
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 import casadi as ca
 import numpy as np
 
 from workbench.errors import check_choice
-from workbench.model.face import EXACT, Expression, Face, is_symbolic, sqrt, where
+from workbench.model.face import EXACT, Expression, Face, is_symbolic, sqrt
+from workbench.physics.force_polynomials import (
+    PHI_FLOOR,
+    PHI_MM,
+    PHI_ROUNDED_MM,
+    PHI_SWITCH,
+    PHI_SWITCH_PRINTED,
+    continuous_switch,
+    phi,
+    pressure_gain,
+)
 
 BAR = 1e5
 """Pascal in one bar."""
@@ -121,140 +132,59 @@ def validity(
     return tuple(found)
 
 
-class ForceLaw(Protocol):
-    """Describe what the plant needs of a force law."""
+class ForceLaw(ABC):
+    """Describe a static force law: a raw tension, and the force of a muscle that only pulls.
 
+    A law of one's own is a frozen dataclass that derives from this class, has a field
+    ``slack_width`` (N) and defines `tension`.
+
+    Example:
+        >>> @dataclass(frozen=True)
+        ... class Piston(ForceLaw):
+        ...     area: float = 3e-4
+        ...     slack_width: float = SLACK_WIDTH
+        ...
+        ...     def tension(self, contraction, gauge_pressure, *, face=EXACT):
+        ...         return self.area * gauge_pressure
+        >>> round(float(Piston().force(0.0, 1e5)), 1)
+        30.0
+    """
+
+    slack_width: float
+
+    @abstractmethod
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
     ) -> Expression:
-        """Return the unclamped tension, N, for a contraction in m and a gauge pressure in Pa."""
+        """Return the unclamped tension, which may be negative.
+
+        Args:
+            contraction: Contraction q, m; number, array or expression.
+            gauge_pressure: Gauge pressure p, Pa; of a shape that fits ``contraction``.
+            face: Exact or smooth; a law without a kink is the same on both.
+
+        Returns:
+            Tension, N.
+        """
 
     def force(
         self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
     ) -> Expression:
-        """Return the pulling force, N, for a contraction in m and a gauge pressure in Pa."""
+        """Return the pulling force: the tension through the rounded slack clamp.
 
+        Args:
+            contraction: Contraction q, m; number, array or expression.
+            gauge_pressure: Gauge pressure p, Pa; of a shape that fits ``contraction``.
+            face: Exact or smooth.
 
-def _polynomial(x: Expression, coefficients: tuple[Expression, ...]) -> Expression:
-    value = 0.0 * x
-    for c in reversed(coefficients):
-        value = value * x + c
-    return value
-
-
-def pressure_gain(
-    contraction: Expression, coefficients: tuple[Expression, ...] = (280.0, -2.2, 0.033)
-) -> Expression:
-    """Return D(q), the tension gained per pascal.
-
-    ``D(q) = D1 + D2 q + D3 q^2`` with q in mm and D in N/bar.
-
-    Args:
-        contraction: Contraction q, m; any shape.
-        coefficients: D1, D2, D3 in N/bar, N/(bar mm), N/(bar mm^2).
-
-    Returns:
-        Gain, N/Pa, of the shape of ``contraction``.
-
-    Source:
-        Equation (3) of the paper, identified values of its Figure 7.
-
-    Example:
-        >>> round(1e5 * pressure_gain(0.03), 3)
-        243.7
-    """
-    return _polynomial(1e3 * contraction, coefficients) / BAR
-
-
-PHI_MM = (61.62, -43.691, 2.0189, -0.053424, 0.00045804)
-"""Polynomial of phi(q) in line [1] of Figure 3: N/mm^i for i = 0..4."""
-
-PHI_ROUNDED_MM = (61.62, -43.69, 2.02, -0.053, 0.00046)
-"""The same polynomial as rounded in the paper's text; 14 N off at 30 mm."""
-
-PHI_FLOOR = -9.2101
-"""Value of phi(q) below the switch, N."""
-
-PHI_SWITCH = 1.7573250315586657e-3
-"""Contraction at which the polynomial `PHI_MM` passes `PHI_FLOOR`, m."""
-
-PHI_SWITCH_PRINTED = 1.6e-3
-"""Contraction of the switch as printed, 1 - s/l_nom > 0.008, m."""
-
-PHI_WIDTH = 0.05e-3
-"""Half-width of the smooth face's blend of the two branches of phi(q), m."""
-
-
-def phi(
-    contraction: Expression,
-    *,
-    coefficients: tuple[Expression, ...] = PHI_MM,
-    floor: Expression = PHI_FLOOR,
-    switch: Expression = PHI_SWITCH,
-    face: Face = EXACT,
-) -> Expression:
-    """Return the part of the tension that does not depend on pressure.
-
-    ``phi = sum_i c_i q^i`` beyond the switch, ``floor`` before it. The branch is needed: at q = 0
-    the polynomial gives +61.6 N, force without pressure. The smooth face blends the branches over
-    0.05 mm on either side of the switch, where it differs by up to 0.2 N (half the jump, where
-    there is one).
-
-    Args:
-        contraction: Contraction q, m; any shape.
-        coefficients: Polynomial, N/mm^i, from i = 0.
-        floor: Value before the switch, N.
-        switch: Contraction of the switch, m; the printed 1.6 mm makes phi jump by 5.88 N.
-        face: Exact or smooth.
-
-    Returns:
-        phi, N, of the shape of ``contraction``.
-
-    Source:
-        Line [1] of the paper's Figure 3, with the switch moved to where the branches meet.
-
-    Example:
-        >>> float(phi(0.0)), round(float(phi(0.03)), 2)
-        (-9.2101, -503.54)
-    """
-    above = _polynomial(1e3 * contraction, coefficients)
-    if face.smooth:
-        return floor + face.step(contraction - switch, PHI_WIDTH) * (above - floor)
-    return where(contraction > switch, above, floor)
-
-
-def continuous_switch(
-    coefficients: tuple[float, ...] = PHI_MM, *, floor: float = PHI_FLOOR
-) -> float:
-    """Return the contraction at which the polynomial of phi first passes its floor.
-
-    Args:
-        coefficients: Polynomial, N/mm^i, from i = 0.
-        floor: Value of phi before the switch, N.
-
-    Returns:
-        Contraction, m: the smallest root in 0..33 mm; 0 if the polynomial starts below the floor
-        or never reaches it.
-
-    Source:
-        Continuity of line [1] of the paper's Figure 3.
-
-    Example:
-        >>> round(1e3 * continuous_switch(), 3)
-        1.757
-    """
-    shifted = np.array(coefficients[::-1], dtype=float)
-    shifted[-1] -= floor
-    if shifted[-1] <= 0.0:
-        return 0.0
-    roots = np.roots(shifted)
-    real = roots[np.abs(roots.imag) < 1e-9].real
-    inside = real[(real >= 0.0) & (real <= 33.0)]
-    return float(inside.min()) / 1e3 if inside.size else 0.0
+        Returns:
+            Force, N, positive.
+        """
+        return slack(self.tension(contraction, gauge_pressure, face=face), width=self.slack_width)
 
 
 @dataclass(frozen=True)
-class PaperLaw:
+class PaperLaw(ForceLaw):
     """Give the tension of equation (4): ``F = D(q) p + phi(q)``.
 
     Args:
@@ -312,11 +242,26 @@ class PaperLaw:
         return cls()
 
     def pressure_gain(self, contraction: Expression) -> Expression:
-        """Return D(q), N/Pa, for a contraction in m."""
+        """Return D(q), the tension gained per pascal.
+
+        Args:
+            contraction: Contraction q, m; any shape.
+
+        Returns:
+            Gain, N/Pa.
+        """
         return pressure_gain(contraction, self.gain_bar_mm)
 
     def phi(self, contraction: Expression, *, face: Face = EXACT) -> Expression:
-        """Return the pressure-independent tension, N, for a contraction in m."""
+        """Return phi, the part of the tension that does not depend on pressure.
+
+        Args:
+            contraction: Contraction q, m; any shape.
+            face: Exact or smooth.
+
+        Returns:
+            Tension, N.
+        """
         return phi(
             contraction,
             coefficients=self.phi_mm,
@@ -328,19 +273,13 @@ class PaperLaw:
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
     ) -> Expression:
-        """Return the unclamped tension, N, for a contraction in m and a gauge pressure in Pa."""
+        """Return the unclamped tension, N, which may be negative."""
         pressure = gauge_pressure + self.reference_pressure
         return self.pressure_gain(contraction) * pressure + self.phi(contraction, face=face)
 
-    def force(
-        self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
-    ) -> Expression:
-        """Return the pulling force, N, for a contraction in m and a gauge pressure in Pa."""
-        return slack(self.tension(contraction, gauge_pressure, face=face), width=self.slack_width)
-
 
 @dataclass(frozen=True)
-class Petrovic:
+class Petrovic(ForceLaw):
     """Give the tension of equation (3): ``F = (D1 + D2 q + D3 q^2) p``, without phi.
 
     Args:
@@ -361,29 +300,20 @@ class Petrovic:
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
     ) -> Expression:
-        """Return the unclamped tension, N, for a contraction in m and a gauge pressure in Pa.
-
-        The law has no kink, so ``face`` changes nothing.
-        """
+        """Return the unclamped tension, N, which may be negative."""
         return pressure_gain(contraction, self.gain_bar_mm) * gauge_pressure
-
-    def force(
-        self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
-    ) -> Expression:
-        """Return the pulling force, N, for a contraction in m and a gauge pressure in Pa."""
-        return slack(self.tension(contraction, gauge_pressure, face=face), width=self.slack_width)
 
 
 @dataclass(frozen=True)
-class TonduLopez:
+class TonduLopez(ForceLaw):
     """Give the tension of equations (1) and (2), from the virtual work of a braided cylinder.
 
     ``F = pi r0^2 p [a (1 - k e)^2 - b]``, ``e = q / l0``, ``a = 3 / tan(alpha0)^2``,
     ``b = 1 / sin(alpha0)^2``, and ``k = k_exponential exp(-p / 1 bar) + k_constant``.
 
     Args:
-        k_constant: Constant part of the correction for flattened ends.
-        k_exponential: Part that decays with gauge pressure; zero for a constant k.
+        k_constant: Constant part of the correction for flattened ends, a factor.
+        k_exponential: Factor of the part that decays with gauge pressure; zero for a constant k.
         nominal_length: l0, m.
         nominal_diameter: 2 r0, m.
         fibre_angle: alpha0 between fibre and axis, rad.
@@ -437,7 +367,14 @@ class TonduLopez:
         return cls(k_constant=0.8566, k_exponential=13.234)
 
     def shape_factor(self, gauge_pressure: Expression) -> Expression:
-        """Return k for a gauge pressure in Pa."""
+        """Return the factor k by which the flattened ends change the contraction.
+
+        Args:
+            gauge_pressure: Gauge pressure p, Pa; any shape.
+
+        Returns:
+            k, dimensionless.
+        """
         scaled = gauge_pressure / BAR
         decay = ca.exp(-scaled) if is_symbolic(scaled) else np.exp(-scaled)
         return self.k_constant + self.k_exponential * decay
@@ -445,25 +382,16 @@ class TonduLopez:
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
     ) -> Expression:
-        """Return the unclamped tension, N, for a contraction in m and a gauge pressure in Pa.
-
-        The law has no kink, so ``face`` changes nothing.
-        """
+        """Return the unclamped tension, N, which may be negative."""
         area = math.pi * self.nominal_diameter**2 / 4
         a = 3 / math.tan(self.fibre_angle) ** 2
         b = 1 / math.sin(self.fibre_angle) ** 2
         ratio = 1 - self.shape_factor(gauge_pressure) * contraction / self.nominal_length
         return area * gauge_pressure * (a * ratio * ratio - b)
 
-    def force(
-        self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
-    ) -> Expression:
-        """Return the pulling force, N, for a contraction in m and a gauge pressure in Pa."""
-        return slack(self.tension(contraction, gauge_pressure, face=face), width=self.slack_width)
-
 
 @dataclass(frozen=True)
-class Sarosi:
+class Sarosi(ForceLaw):
     """Give the tension of Sarosi's law, fitted to a Festo DMSP-20-200N.
 
     ``F = (a p + b) exp(c kappa) + d kappa p + e p + f`` with p in bar gauge and the relative
@@ -499,18 +427,9 @@ class Sarosi:
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
     ) -> Expression:
-        """Return the unclamped tension, N, for a contraction in m and a gauge pressure in Pa.
-
-        The law has no kink, so ``face`` changes nothing.
-        """
+        """Return the unclamped tension, N, which may be negative."""
         kappa = 100 * contraction / self.nominal_length
         p = gauge_pressure / BAR
         exponent = self.c * kappa
         decay = ca.exp(exponent) if is_symbolic(exponent) else np.exp(exponent)
         return (self.a * p + self.b) * decay + self.d * kappa * p + self.e * p + self.f
-
-    def force(
-        self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
-    ) -> Expression:
-        """Return the pulling force, N, for a contraction in m and a gauge pressure in Pa."""
-        return slack(self.tension(contraction, gauge_pressure, face=face), width=self.slack_width)

@@ -21,7 +21,7 @@ class Gas:
 
     Args:
         gas_constant: R, J/(kg K).
-        heat_ratio: gamma = c_p / c_v.
+        heat_ratio: gamma = c_p / c_v, dimensionless.
 
     Source:
         Dry air.

@@ -79,7 +79,14 @@ class BraidedCylinder:
         return self.nominal_length * math.tan(self.fibre_angle) / (math.pi * self.nominal_diameter)
 
     def squared_radius(self, fibre_length: Expression) -> Expression:
-        """Return d^2 / 4, m^2, for a fibre length in m."""
+        """Return the squared radius of the middle, d^2 / 4.
+
+        Args:
+            fibre_length: Fibre length s, m; any shape.
+
+        Returns:
+            Squared radius, m^2.
+        """
         reduced = (self.fibre**2 - fibre_length * fibre_length) / (2 * math.pi * self.turns)
         if self.printing == "as_printed":
             return reduced * reduced
@@ -92,7 +99,14 @@ class BraidedCylinder:
         return -fibre_length / (2 * math.pi**2 * self.turns**2)
 
     def diameter(self, fibre_length: Expression) -> Expression:
-        """Return the diameter d of the middle, m, for a fibre length in m (line [6])."""
+        """Return the diameter d of the middle (line [6]).
+
+        Args:
+            fibre_length: Fibre length s, m; any shape.
+
+        Returns:
+            Diameter, m.
+        """
         return 2 * sqrt(self.squared_radius(fibre_length))
 
     def _squared_height(self, fibre_length: Expression, face: Face) -> Expression:
@@ -102,14 +116,29 @@ class BraidedCylinder:
         return maximum(excess, END_HEIGHT_FLOOR**2)
 
     def end_height(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
-        """Return the height h of one flattened end, m, for a fibre length in m (line [8])."""
+        """Return the height h of one flattened end (line [8]).
+
+        Args:
+            fibre_length: Fibre length s, m; any shape.
+            face: Exact or smooth.
+
+        Returns:
+            Height, m.
+        """
         return sqrt(self._squared_height(fibre_length, face))
 
     def end_volume(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
-        """Return the volume of one flattened end, m^3, for a fibre length in m (line [9]).
+        """Return the volume of one flattened end (line [9]).
 
         ``(pi h / 6) (3 R^2 + 3 R0^2 + h^2)`` with the two radii R = d/2 and R0 = d0/2; as printed,
         with R twice.
+
+        Args:
+            fibre_length: Fibre length s, m; any shape.
+            face: Exact or smooth.
+
+        Returns:
+            Volume, m^3.
         """
         radius2 = self.squared_radius(fibre_length)
         other2 = radius2 if self.printing == "as_printed" else self.nominal_diameter**2 / 4
@@ -117,7 +146,14 @@ class BraidedCylinder:
         return math.pi * sqrt(height2) / 6 * (3 * radius2 + 3 * other2 + height2)
 
     def cylinder_volume(self, fibre_length: Expression) -> Expression:
-        """Return the volume without flattening, m^3, for a fibre length in m (line [7])."""
+        """Return the volume without flattening (line [7]).
+
+        Args:
+            fibre_length: Fibre length s, m; any shape.
+
+        Returns:
+            Volume, m^3.
+        """
         return math.pi * self.squared_radius(fibre_length) * fibre_length
 
     def end_flattening(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
@@ -164,7 +200,14 @@ class BraidedCylinder:
         return self.cylinder_volume(fibre_length) + self.end_flattening(fibre_length, face=face)
 
     def cylinder_slope(self, fibre_length: Expression) -> Expression:
-        """Return dV/ds of the volume without flattening, m^2, for a fibre length in m."""
+        """Return dV/ds of the volume without flattening.
+
+        Args:
+            fibre_length: Fibre length s, m; any shape.
+
+        Returns:
+            dV/ds, m^2; negative.
+        """
         return math.pi * (
             self.squared_radius(fibre_length)
             + fibre_length * self._squared_radius_slope(fibre_length)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from workbench.physics.force_laws import PaperLaw, continuous_switch
+from workbench.physics.force_laws import PaperLaw
+from workbench.physics.force_polynomials import continuous_switch
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
 from workbench.plants.arm.inertia import ArmBody
 

@@ -108,14 +108,28 @@ class ArmGeometry:
         return sqrt(constant + cosine * _cos(alpha) - sine * _sin(self._beta(alpha)))
 
     def length_slope(self, alpha: Expression) -> Expression:
-        """Return dL/d(alpha), m/rad, for the angle of the muscle's own lever in rad."""
+        """Return dL/d(alpha) of one muscle.
+
+        Args:
+            alpha: Angle of the muscle's own lever, rad; any shape.
+
+        Returns:
+            Slope, m/rad.
+        """
         _, cosine, sine = self._constants
         beta_slope = 1.0 if self.printing == "as_printed" else -1.0
         numerator = -cosine * _sin(alpha) - sine * _cos(self._beta(alpha)) * beta_slope
         return numerator / (2 * self.length(alpha))
 
     def lengths(self, angle: Expression) -> tuple[Expression, Expression]:
-        """Return the lengths L1 and L2 of both muscles, m, for an arm angle in rad."""
+        """Return the lengths L1 and L2 of both muscles between their anchors.
+
+        Args:
+            angle: Arm angle theta, rad; any shape.
+
+        Returns:
+            L1 and L2, m.
+        """
         one, two = self.length(angle), self.length(TRAVEL - angle)
         return (two, one) if self.printing == "as_printed" else (one, two)
 
@@ -140,7 +154,14 @@ class ArmGeometry:
         return (two, one) if self.printing == "as_printed" else (one, two)
 
     def fibre_lengths(self, angle: Expression) -> tuple[Expression, Expression]:
-        """Return the fibre lengths s of both muscles, m, for an arm angle in rad."""
+        """Return the fibre lengths s of both muscles.
+
+        Args:
+            angle: Arm angle theta, rad; any shape.
+
+        Returns:
+            Fibre lengths of muscle 1 and 2, m.
+        """
         one, two = self.lengths(angle)
         return one - self.fittings, two - self.fittings
 
