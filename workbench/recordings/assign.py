@@ -210,7 +210,7 @@ def _time(
         return None, None, None
     note = f"every {step:g} s"
     row = MappedColumn(source, "time", "s", "s", "sample time", note=note)
-    return np.arange(len(columns.values)) * step, row, None
+    return np.arange(len(columns.values), dtype=float) * float(step), row, None
 
 
 def assign(

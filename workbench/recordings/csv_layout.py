@@ -166,20 +166,24 @@ def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
     body = [(i, line) for i, line in enumerate(lines) if not is_comment(line)]
     if not body:
         raise WorkbenchError(f"{source} holds no rows of numbers; it is empty or all comments")
-    best: tuple[int, int, str | None, str] | None = None
+    best: tuple[float, int, int, str | None, str] | None = None
     for separator, decimal in _candidates([line for _, line in body]):
         rows = [split_line(line, separator) for _, line in body]
         start = _first_row(rows, decimal, 2 if separator is not None else 1)
         if start is None:
             continue
-        if best is None or len(rows[start]) > best[0]:
-            best = (len(rows[start]), start, separator, decimal)
+        width = len(rows[start])
+        alike = [r for r in rows[start : start + 40] if len(r) == width]
+        # The share of numbers decides first: "0,5;2" split at its commas is wider, but not numbers.
+        share = round(sum(_numeric_share(r, decimal) for r in alike) / len(alike), 1)
+        if best is None or (share, width) > best[:2]:
+            best = (share, width, start, separator, decimal)
     if best is None:
         raise WorkbenchError(
             f"{source} holds no rows of numbers that share one separator (tab, semicolon, comma or "
             f"blank); its first line is {body[0][1].strip()[:60]!r}"
         )
-    width, start, separator, decimal = best
+    _, width, start, separator, decimal = best
     headers, units, used = _titles(body, lines, start, separator, width)
     above = [line for i, line in enumerate(lines[: body[start][0]]) if i not in used]
     metadata, saved = _metadata(above)

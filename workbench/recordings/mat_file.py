@@ -46,7 +46,7 @@ def _load_v73(path: Path) -> dict[str, Any]:
 
 
 def _flat(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
-    """Write structs out as ``struct.field``, and logged ``Name`` and ``Data`` pairs by their name."""
+    """Write structs out as ``struct.field``, and pairs of ``Name`` and ``Data`` by their name."""
     if depth > _MAX_DEPTH:
         return
     fields = getattr(value, "_fieldnames", None)

@@ -17,7 +17,7 @@ from workbench.recordings.thinning import Thinner
 def _pyarrow() -> Any:
     try:
         import pyarrow as pa
-        import pyarrow.parquet  # noqa: F401  (makes pa.parquet)
+        import pyarrow.parquet
     except ImportError:
         raise WorkbenchError(
             "reading Parquet needs pyarrow, which is not installed; install it with the extra "
@@ -76,7 +76,7 @@ def read_parquet(path: str | Path, *, max_rows: int = 2_000_000) -> Columns:
         notes.append(
             f"{thinner.total} rows were averaged in groups of {thinner.factor}, all columns alike"
         )
-    headers = tuple([*names, *(f"{n} [s]" for n in stamps)])
+    headers = (*names, *(f"{n} [s]" for n in stamps))
     return Columns(headers, ("",) * len(headers), values, True, metadata, tuple(notes))
 
 

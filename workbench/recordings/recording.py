@@ -26,7 +26,7 @@ Scalar = str | int | float | bool
 def _frozen(values: npt.ArrayLike, what: str) -> Vector:
     array = np.array(values, dtype=float)
     if array.ndim != 1:
-        raise WorkbenchError(f"{what} has the shape {array.shape}; it must be one column of numbers")
+        raise WorkbenchError(f"{what} has the shape {array.shape}; it must be one column")
     array.setflags(write=False)
     return array
 
@@ -267,8 +267,8 @@ class Recording:
         rows = (self.time >= start) & (self.time <= stop)
         if np.count_nonzero(rows) < 2:
             raise WorkbenchError(
-                f"recording {self.name!r} has no samples from {start:g} to {stop:g} s; it runs from "
-                f"{self.time.min():g} to {self.time.max():g} s"
+                f"recording {self.name!r} has no samples from {start:g} to {stop:g} s; it runs "
+                f"from {self.time.min():g} to {self.time.max():g} s"
             )
         return self.take(rows)
 

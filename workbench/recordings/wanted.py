@@ -158,7 +158,8 @@ def match_wanted(
         for want in wanted:
             if want.name in found:
                 continue
-            named = [i for i, h in enumerate(headers) if i not in used and _same(want, h) == quality]
+            named = [i for i, h in enumerate(headers)
+                     if i not in used and _same(want, h) == quality]
             fitting = [i for i in named if _units_agree(want, headers[i])]
             if named and not fitting and quality == 2:
                 bad = headers[named[0]]
@@ -184,7 +185,7 @@ def match_wanted(
             columns = ", ".join(h.column for h in headers) or "none"
             unit = f" ({want.unit})" if want.unit else ""
             raise WorkbenchError(
-                f"no column for signal {want.name!r}{unit}; the file has: {columns[:400]}; name the "
-                f'column in a mapping file: [signals.{want.name}] column = "..."'
+                f"no column for signal {want.name!r}{unit}; the file has: {columns[:400]}; name "
+                f'the column in a mapping file: [signals.{want.name}] column = "..."'
             )
     return found

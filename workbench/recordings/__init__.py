@@ -1,0 +1,33 @@
+"""Read, check, resample and align recordings of real machines."""
+
+from workbench.recordings.case import Case, read_case
+from workbench.recordings.mapping import (
+    ColumnMapping,
+    ColumnRule,
+    MappedColumn,
+    MappingRules,
+    read_mapping,
+)
+from workbench.recordings.read import Table, read_recording, read_table
+from workbench.recordings.recording import Recording, Signal, Span
+from workbench.recordings.resampling import decimate, resample
+from workbench.recordings.saving import write_recording
+
+__all__ = [
+    "Case",
+    "ColumnMapping",
+    "ColumnRule",
+    "MappedColumn",
+    "MappingRules",
+    "Recording",
+    "Signal",
+    "Span",
+    "Table",
+    "decimate",
+    "read_case",
+    "read_mapping",
+    "read_recording",
+    "read_table",
+    "resample",
+    "write_recording",
+]

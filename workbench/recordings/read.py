@@ -1,0 +1,313 @@
+"""Read a recording from any supported file."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import WorkbenchError, check_range
+from workbench.recordings.assign import assign, find_time, header_list
+from workbench.recordings.columns import Columns
+from workbench.recordings.csv_file import read_csv
+from workbench.recordings.json_file import read_json
+from workbench.recordings.mapping import ColumnMapping, MappingRules, read_mapping, rules_from
+from workbench.recordings.mat_file import read_mat
+from workbench.recordings.parquet_file import read_parquet
+from workbench.recordings.recording import Recording, Signal, Vector
+from workbench.recordings.saving import restore_recording
+from workbench.recordings.tables import aligned_table
+from workbench.recordings.wanted import Wanted, wanted_signals
+
+TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
+SUFFIXES = (*TEXT_SUFFIXES, ".mat", ".parquet", ".pq", ".json", ".jsonl", ".ndjson")
+MAX_ROWS = 2_000_000
+
+MappingLike = str | Path | Mapping[str, Any] | MappingRules | None
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Columns in SI without a time, such as a map of static forces.
+
+    Args:
+        name: Name of the table.
+        signals: The columns, each with n values.
+        source: Where it comes from.
+        notes: What was left out, assumed or repaired.
+        metadata: Settings found beside the columns.
+        mapping: How the columns of the file became signals.
+
+    Example:
+        >>> table = Table("map", (Signal("force", np.array([0.0, 10.0]), "N"),))
+        >>> table["force"]
+        array([ 0., 10.])
+    """
+
+    name: str
+    signals: tuple[Signal, ...]
+    source: str = ""
+    notes: tuple[str, ...] = ()
+    metadata: Mapping[str, str | int | float | bool] | None = None
+    mapping: ColumnMapping | None = None
+
+    def __getitem__(self, name: str) -> Vector:
+        """Return a column in SI."""
+        for signal in self.signals:
+            if signal.name == name:
+                return signal.values
+        raise WorkbenchError(
+            f"table {self.name!r} has no column {name!r}; it has "
+            f"{', '.join(s.name for s in self.signals)}"
+        )
+
+    def __str__(self) -> str:
+        rows = [
+            (s.name, s.kind, s.unit or "?", f"{np.nanmin(s.values):.6g}",
+             f"{np.nanmax(s.values):.6g}")
+            for s in self.signals
+        ]
+        n = len(self.signals[0].values) if self.signals else 0
+        head = f"{self.name}: {n} rows"
+        body = aligned_table(("column", "kind", "unit", "minimum", "maximum"), rows)
+        return "\n".join([head, body, *(f"note: {note}" for note in self.notes)])
+
+
+def rules_of(mapping: MappingLike, columns: Sequence[str], sample_time_s: float | None
+             ) -> MappingRules:
+    """Return the rules of a mapping in any of its forms, with the caller's additions.
+
+    Args:
+        mapping: TOML file, the content of one, rules, or None.
+        columns: Names of the columns, for a file without header.
+        sample_time_s: Step in s, for a file without time.
+
+    Raises:
+        WorkbenchError: If the mapping cannot be understood.
+    """
+    if mapping is None:
+        rules = MappingRules()
+    elif isinstance(mapping, MappingRules):
+        rules = mapping
+    elif isinstance(mapping, Mapping):
+        rules = rules_from(mapping)
+    else:
+        rules = read_mapping(mapping)
+    if isinstance(columns, str):
+        raise WorkbenchError(f"columns is {columns!r}; give a list of names")
+    if columns:
+        rules = replace(rules, columns=tuple(str(c) for c in columns))
+    if sample_time_s is not None:
+        rules = replace(rules, sample_time_s=check_range("sample_time_s", sample_time_s, 1e-9, 1e6,
+                                                         "s"))
+    return rules
+
+
+def suffix_of(path: Path) -> str:
+    """Return the ending that tells the format, ``.gz`` removed.
+
+    Args:
+        path: The file.
+
+    Example:
+        >>> suffix_of(Path("trial.csv.gz"))
+        '.csv'
+    """
+    endings = [s.lower() for s in path.suffixes]
+    if endings and endings[-1] == ".gz":
+        endings.pop()
+    return endings[-1] if endings else ""
+
+
+def _require_file(path: Path) -> None:
+    if path.is_dir():
+        raise WorkbenchError(f"{path} is a folder; read_case reads a folder of recordings")
+    if path.is_file():
+        return
+    folder = path.parent
+    names = [p.name for p in folder.iterdir()] if folder.is_dir() else []
+    near = difflib.get_close_matches(path.name, names, n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise WorkbenchError(f"there is no file {path}{hint}")
+
+
+def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_ROWS) -> Columns:
+    """Read a file as columns, by its ending.
+
+    Args:
+        path: The file.
+        rules: Content of a mapping file.
+        max_rows: Largest number of rows kept.
+
+    Raises:
+        WorkbenchError: If the ending is unknown or the file cannot be read.
+    """
+    file = Path(path)
+    _require_file(file)
+    suffix = suffix_of(file)
+    if suffix in TEXT_SUFFIXES:
+        return read_csv(
+            file, columns=rules.columns, max_rows=max_rows,
+            find_time=lambda empty: find_time(header_list(empty), rules),
+        )
+    if suffix == ".mat":
+        return read_mat(file)
+    if suffix in (".parquet", ".pq"):
+        return read_parquet(file, max_rows=max_rows)
+    if suffix in (".json", ".jsonl", ".ndjson"):
+        return read_json(file)
+    raise WorkbenchError(
+        f"{file.name} ends in {suffix or 'nothing'!r}, which is no known format; recordings are "
+        f"{', '.join(SUFFIXES)} (text also as .gz)"
+    )
+
+
+def _named(columns: Columns, path: Path, rules: MappingRules) -> None:
+    if not columns.named and not rules.signals:
+        count = len(columns.headers)
+        raise WorkbenchError(
+            f"{path.name} has no header; name its {count} columns: columns = [\"time_s\", ...] in "
+            "a mapping file, or the option columns"
+        )
+
+
+def read_recording(
+    path: str | Path,
+    *,
+    mapping: MappingLike = None,
+    signals: Any = None,
+    columns: Sequence[str] = (),
+    sample_time_s: float | None = None,
+    max_rows: int = MAX_ROWS,
+    name: str | None = None,
+) -> Recording:
+    r"""Read a recording: CSV, MATLAB ``.mat``, Parquet or a JSON log.
+
+    Units come from the headers (``pressure_1_bar``, ``angle [deg]``), a row of units or the
+    mapping; a column without unit is taken as SI and the mapping says so. Print
+    ``recording.mapping`` to see how each column was read.
+
+    Args:
+        path: The file; text files may be compressed (``.csv.gz``).
+        mapping: TOML file (see `read_mapping`) or its content; None to map by name and unit.
+        signals: Names wanted, a mapping from name to unit, or a model whose inputs and outputs are
+            wanted. None to take every column of numbers.
+        columns: Names of the columns, for a file without header.
+        sample_time_s: Step in s, for a file without time column.
+        max_rows: Largest number of rows kept; a longer file is averaged in groups, with a note.
+        name: Name of the recording; by default the file name.
+
+    Returns:
+        The recording, in SI, as it stands in the file; `check_recording` judges and corrects it.
+
+    Raises:
+        WorkbenchError: If the file cannot be read, or a column is missing, of another unit or text.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "trial.csv"
+        >>> _ = file.write_text("time_ms;angle_deg\n0;0,0\n2;90,0\n4;180,0\n")
+        >>> recording = read_recording(file)
+        >>> recording.time, recording["angle"].round(3)
+        (array([0.   , 0.002, 0.004]), array([0.   , 1.571, 3.142]))
+        >>> print(recording.mapping)
+        column     signal  unit  SI unit  value   by      note
+        time_ms    time    ms    s        column  name
+        angle_deg  angle   deg   rad      column  header
+    """
+    file = Path(path)
+    rules = rules_of(mapping, columns, sample_time_s)
+    wanted = wanted_signals(signals)
+    check_range("max_rows", max_rows, 2, 1e9)
+    found = read_columns(file, rules, max_rows=int(max_rows))
+    title = name or file.name.removesuffix(".gz").rsplit(".", 1)[0]
+    if found.saved is not None and mapping is None and not columns:
+        return _as_wanted(restore_recording(found, found.saved), wanted)
+    _named(found, file, rules)
+    assigned = assign(found, rules, wanted)
+    if assigned.time is None:
+        raise WorkbenchError(
+            f"{file.name} has no time column (its columns: {', '.join(found.headers)[:300]}); name "
+            'one in a mapping file, [time] column = "...", or give sample_time_s'
+        )
+    if not assigned.signals:
+        raise WorkbenchError(f"{file.name} holds a time but no signals")
+    rows = np.isfinite(assigned.time)
+    if np.count_nonzero(rows) < 2:
+        raise WorkbenchError(
+            f"{file.name} has {np.count_nonzero(rows)} row(s) with a time; a recording needs two"
+        )
+    recording = Recording(title, np.where(rows, assigned.time, 0.0), assigned.signals, file.name,
+                          assigned.notes, assigned.metadata, (), assigned.mapping)
+    return recording if rows.all() else recording.take(rows).noted(
+        f"{np.count_nonzero(~rows)} row(s) without a time left out"
+    )
+
+
+def _as_wanted(recording: Recording, wanted: Sequence[Wanted]) -> Recording:
+    """Check that a restored recording has what is asked for, and put it first."""
+    if not wanted:
+        return recording
+    names = [w.name for w in wanted]
+    for name in names:
+        recording.signal(name)
+    return recording.select([*names, *(n for n in recording.names if n not in names)])
+
+
+def read_table(
+    path: str | Path,
+    *,
+    mapping: MappingLike = None,
+    signals: Any = None,
+    columns: Sequence[str] = (),
+    name: str | None = None,
+) -> Table:
+    """Read columns that are not a recording over time, such as a force map.
+
+    Args:
+        path: The file, in any format of `read_recording`.
+        mapping: TOML file or its content; None to map by name and unit.
+        signals: Names wanted, a mapping from name to unit, or None for every column of numbers.
+        columns: Names of the columns, for a file without header.
+        name: Name of the table; by default the file name.
+
+    Returns:
+        The columns in SI.
+
+    Raises:
+        WorkbenchError: If the file cannot be read, or a column is missing, of another unit or text.
+    """
+    file = Path(path)
+    rules = rules_of(mapping, columns, None)
+    found = read_columns(file, rules)
+    _named(found, file, rules)
+    assigned = assign(found, rules, wanted_signals(signals))
+    if not assigned.signals:
+        raise WorkbenchError(f"{file.name} holds no columns of numbers")
+    signals_ = assigned.signals
+    if assigned.time is not None:
+        signals_ = (Signal("time", assigned.time, "s"), *signals_)
+    return Table(name or file.name.removesuffix(".gz").rsplit(".", 1)[0], signals_, file.name,
+                 assigned.notes, assigned.metadata, assigned.mapping)
+
+
+def read_settings(path: Path) -> dict[str, Any]:
+    """Read a TOML file of settings.
+
+    Args:
+        path: The file.
+
+    Raises:
+        WorkbenchError: If it is missing or not TOML.
+    """
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise WorkbenchError(f"{path} cannot be read: {error.strerror or error}") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise WorkbenchError(f"{path} is not valid TOML: {error}") from None

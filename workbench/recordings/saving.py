@@ -1,0 +1,140 @@
+"""Write a recording as CSV that reads back without loss."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import WorkbenchError
+from workbench.recordings.columns import Columns
+from workbench.recordings.csv_layout import SAVED_MARK
+from workbench.recordings.mapping import ColumnMapping, MappedColumn
+from workbench.recordings.recording import Recording, Signal, Span
+
+_VERSION = 1
+
+
+def _description(recording: Recording, columns: list[str]) -> str:
+    mapping = None
+    if recording.mapping is not None:
+        mapping = {"rows": [asdict(r) for r in recording.mapping.rows],
+                   "unused": recording.mapping.unused}
+    content = {
+        "version": _VERSION,
+        "name": recording.name,
+        "source": recording.source,
+        "notes": recording.notes,
+        "metadata": dict(recording.metadata),
+        "excluded": [asdict(span) for span in recording.excluded],
+        "mapping": mapping,
+        "signals": [
+            {"column": column, "name": s.name, "unit": s.unit, "kind": s.kind, "role": s.role,
+             "display_unit": s.display_unit}
+            for column, s in zip(columns, recording.signals, strict=True)
+        ],
+    }
+    return json.dumps(content, allow_nan=False)
+
+
+def _column(signal: Signal) -> str:
+    # A unit with blanks or slashes stands in brackets, so that the header stays readable.
+    if not signal.unit or signal.unit == "1":
+        return signal.name
+    plain = signal.unit.isalpha()
+    return f"{signal.name}_{signal.unit}" if plain else f"{signal.name} [{signal.unit}]"
+
+
+def write_recording(recording: Recording, path: str | Path) -> Path:
+    """Write a recording as CSV in SI; `read_recording` returns the same recording.
+
+    Numbers are written with as many digits as they need to read back bit by bit. The file is
+    written whole or not at all.
+
+    Args:
+        recording: The recording.
+        path: File to write; a name ending in ``.gz`` is compressed.
+
+    Returns:
+        The path.
+
+    Raises:
+        WorkbenchError: If the file cannot be written.
+    """
+    target = Path(path)
+    columns = [_column(s) for s in recording.signals]
+    try:
+        description = _description(recording, columns)
+    except (TypeError, ValueError) as error:
+        raise WorkbenchError(
+            f"metadata of recording {recording.name!r} cannot be written ({error}); keep to texts "
+            "and finite numbers"
+        ) from None
+    table = np.column_stack([recording.time, *(s.values for s in recording.signals)])
+    opener: Any = gzip.open if target.suffix == ".gz" else open
+    partial = ""
+    try:
+        handle, partial = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
+        os.close(handle)
+        with opener(partial, "wt", encoding="utf-8", newline="\n") as stream:
+            stream.write(f"{SAVED_MARK}{description}\n")
+            stream.write(",".join(["time_s", *columns]) + "\n")
+            for row in table.tolist():
+                stream.write(",".join("" if v != v else repr(v) for v in row) + "\n")
+        Path(partial).chmod(0o644)
+        Path(partial).replace(target)
+    except OSError as error:
+        raise WorkbenchError(f"{target} cannot be written: {error.strerror or error}") from None
+    finally:
+        if partial:
+            Path(partial).unlink(missing_ok=True)
+    return target
+
+
+def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
+    """Build a recording from a file that `write_recording` wrote.
+
+    Args:
+        columns: Columns of the file.
+        saved: The description in its first line.
+
+    Raises:
+        WorkbenchError: If the description does not fit the columns.
+    """
+    try:
+        if saved["version"] != _VERSION:
+            raise WorkbenchError(
+                f"the recording was written in format {saved['version']!r}; this version reads "
+                f"format {_VERSION}"
+            )
+        index = {header: k for k, header in enumerate(columns.headers)}
+        mapping = saved["mapping"]
+        return Recording(
+            str(saved["name"]),
+            columns.values[:, index["time_s"]],
+            tuple(
+                Signal(s["name"], columns.values[:, index[s["column"]]], s["unit"], s["kind"],
+                       s["role"], s["display_unit"])
+                for s in saved["signals"]
+            ),
+            str(saved["source"]),
+            (*saved["notes"], *columns.notes),
+            dict(saved["metadata"]),
+            tuple(Span(**span) for span in saved["excluded"]),
+            None if mapping is None else ColumnMapping(
+                tuple(MappedColumn(**row) for row in mapping["rows"]),
+                tuple((column, why) for column, why in mapping["unused"]),
+            ),
+        )
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise WorkbenchError(
+            f"the first line of the file describes another recording than its columns ({error}); "
+            "delete that line to read the columns by their headers"
+        ) from None
