@@ -62,6 +62,8 @@ class Port:
         scale: Typical size of the signal, in ``unit``.
         description: What the signal is and which sign is positive.
         signals: Names of the local signals that an effect may use there.
+        disturbance: Root mean square of what the model's author expects the equations to leave out
+            here, in ``unit``; 0 where the signal is trusted.
         group: The equations that the same sensors cannot tell apart; the part before the dot.
 
     Example:
@@ -74,6 +76,7 @@ class Port:
     scale: float
     description: str
     signals: tuple[str, ...]
+    disturbance: float = 0.0
 
     @property
     def group(self) -> str:
@@ -186,6 +189,7 @@ class Scope:
         scale: float = 1.0,
         description: str = "",
         signals: Mapping[str, Expression] | None = None,
+        disturbance: float = 0.0,
     ) -> Expression:
         """Open a port: return the signal after the effects attached there have acted on it.
 
@@ -196,13 +200,14 @@ class Scope:
             scale: Typical size of the signal, in ``unit``.
             description: What the signal is and which sign is positive.
             signals: Local signals that an effect may use, by name, in SI.
+            disturbance: Root mean square of what the equations may leave out here, in ``unit``.
 
         Raises:
             WorkbenchError: If a port of that name is open already or the unit is unknown.
         """
         self._claim(name, unit)
         local = Names(f"signal at port {name}", signals or {})
-        port = Port(name, unit, scale, description, tuple(local))
+        port = Port(name, unit, scale, description, tuple(local), disturbance)
         result = self.transform(port, value, local)
         self.ports.append(port)
         self.values[name] = result

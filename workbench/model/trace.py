@@ -38,6 +38,9 @@ class Trace:
         signal_units: Their SI units.
         signals: Their values.
         ranges: Ranges of published signals within which the laws hold.
+        push: Symbols of what is added to the signal of each port, in the order of ``ports``.
+        pushed_rates: Rates of the states with that added.
+        pushed_outputs: Readings with that added.
     """
 
     x: ca.SX
@@ -51,6 +54,22 @@ class Trace:
     signal_units: tuple[str, ...]
     signals: ca.SX
     ranges: tuple[ValidRange, ...]
+    push: ca.SX
+    pushed_rates: ca.SX
+    pushed_outputs: ca.SX
+
+    @cached_property
+    def rates_by_port(self) -> ca.SX:
+        """Derivatives of the rates by what is added to each port, (n_states, n_ports)."""
+        return self._at_rest(ca.jacobian(self.pushed_rates, self.push))
+
+    @cached_property
+    def outputs_by_port(self) -> ca.SX:
+        """Derivatives of the readings by what is added to each port, (n_outputs, n_ports)."""
+        return self._at_rest(ca.jacobian(self.pushed_outputs, self.push))
+
+    def _at_rest(self, expression: ca.SX) -> ca.SX:
+        return ca.substitute(expression, self.push, ca.SX.zeros(self.push.numel()))
 
     def function(self, name: str, *expressions: ca.SX) -> ca.Function:
         """Build a CasADi function of (states, inputs, parameters).
@@ -117,6 +136,8 @@ def trace(model: Model, face: Face) -> Trace:
         for kind, values in symbols.items()
     }
     seen: dict[str, dict[str, PortView]] = {effect.name: {} for effect in model.effects}
+    # What is added to the signal of each port, zero but for its derivatives.
+    pushes: dict[str, ca.SX] = {}
 
     def transform(port: Port, value: Expression, signals: Names) -> Expression:
         for effect in model.effects:
@@ -132,10 +153,15 @@ def trace(model: Model, face: Face) -> Trace:
                 )
                 seen[effect.name][port.name] = view
                 value = effect.transform(view)
-        return value
+        pushes[port.name] = ca.SX.sym(f"push.{port.name}")
+        return value + pushes[port.name]
 
     scope = Scope(
-        *(Names(kind, values) for kind, values in symbols.items()), face=face, transform=transform
+        Names("state", symbols["state"]),
+        Names("input", symbols["input"]),
+        Names("parameter", symbols["parameter"]),
+        face=face,
+        transform=transform,
     )
     rates, outputs = model.equations(scope)
     rates = dict(rates)
@@ -155,18 +181,28 @@ def trace(model: Model, face: Face) -> Trace:
         if effect.start is not None:
             starts |= {f"{effect.name}.{k}": v for k, v in effect.start(view).items()}
     start = ca.vcat([starts.get(n, s) for n, s in symbols["state"].items()] or [ca.SX(0, 1)])
+    signals = ca.vcat([ca.SX(v) for v in scope.values.values()] or [ca.SX(0, 1)])
+    pushed_rates = _stack(model, "rate of state", rates, model.states)
+    pushed_outputs = _stack(model, "reading of output", outputs, model.outputs)
+    push = _vector(pushes)
+    still = ca.substitute(
+        [pushed_rates, pushed_outputs, start, signals], [push], [ca.SX.zeros(push.numel())]
+    )
     return Trace(
         x=_vector(symbols["state"]),
         u=_vector(symbols["input"]),
         p=_vector(symbols["parameter"]),
-        rates=_stack(model, "rate of state", rates, model.states),
-        outputs=_stack(model, "reading of output", outputs, model.outputs),
-        start=start,
+        rates=still[0],
+        outputs=still[1],
+        start=still[2],
         ports=tuple(scope.ports),
         signal_names=tuple(scope.values),
         signal_units=tuple(scope.units[name] for name in scope.values),
-        signals=ca.vcat([ca.SX(v) for v in scope.values.values()] or [ca.SX(0, 1)]),
+        signals=still[3],
         ranges=tuple(scope.ranges),
+        push=push,
+        pushed_rates=pushed_rates,
+        pushed_outputs=pushed_outputs,
     )
 
 

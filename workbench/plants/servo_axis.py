@@ -15,6 +15,7 @@ def _equations(m: Scope) -> Equations:
         scale=100.0,
         description="force on the carriage, positive with the position",
         signals={"position": m.x.position, "speed": m.x.speed},
+        disturbance=2.0,
     )
     reading = m.port("position.reading", m.x.position, unit="m", signals={"speed": m.x.speed})
     return (

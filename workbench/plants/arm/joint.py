@@ -146,6 +146,7 @@ def joint(
             "force_1": forces[0],
             "force_2": forces[1],
         },
+        disturbance=0.1,
     )
     inertia = m.port(
         "joint.inertia",

@@ -179,6 +179,7 @@ def muscle(
             "ambient_pressure": ambient_pressure,
             "ambient_temperature": ambient,
         },
+        disturbance=3e-5,
     )
     heat = m.port(
         f"chamber{suffix}.heat",
