@@ -1,0 +1,123 @@
+"""Files and folders of results, written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from workbench.errors import WorkbenchError
+
+
+def _sentence(what: str, path: Path, error: OSError) -> WorkbenchError:
+    reason = (error.strerror or str(error)).lower()
+    return WorkbenchError(
+        f"{what} {str(path)!r} cannot be written: {reason}; give a place where you may write"
+    )
+
+
+def _usual_permissions(path: Path, folder: bool) -> None:
+    # Temporary files are private; results get what the user's umask gives any new file.
+    umask = os.umask(0)
+    os.umask(umask)
+    path.chmod((0o777 if folder else 0o666) & ~umask)
+
+
+def write_whole(path: str | os.PathLike[str], content: str | bytes) -> Path:
+    """Write a file so that it is complete or as it was before.
+
+    The content goes into a temporary file in the same folder, which then takes the place of the
+    target in one step. Missing folders are made.
+
+    Args:
+        path: File to write.
+        content: Text (written as UTF-8) or bytes.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        WorkbenchError: If the file cannot be written there.
+
+    Example:
+        >>> with tempfile.TemporaryDirectory() as folder:
+        ...     write_whole(Path(folder) / "new" / "results.json", "{}").read_text()
+        '{}'
+    """
+    target = Path(path)
+    data = content.encode() if isinstance(content, str) else content
+    if target.is_dir():
+        raise WorkbenchError(f"file {str(target)!r} is a folder; give the name of a file")
+    temporary = None
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}-", dir=target.parent)
+        with os.fdopen(handle, "wb") as stream:
+            stream.write(data)
+        _usual_permissions(Path(temporary), folder=False)
+        Path(temporary).replace(target)
+    except BaseException as error:
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise _sentence("file", target, error) from None
+        raise
+    return target
+
+
+@contextmanager
+def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Collect results in a temporary folder beside the target and move them when all are there.
+
+    If the block raises, nothing in the target changes. Files that the target held before and that
+    the block did not write again stay.
+
+    Args:
+        path: Folder that is to hold the results; made if it is not there.
+
+    Yields:
+        An empty temporary folder, on the same disk as the target.
+
+    Raises:
+        WorkbenchError: If the folder cannot be written; raised before the block runs.
+
+    Example:
+        >>> with tempfile.TemporaryDirectory() as place:
+        ...     with whole_folder(Path(place) / "out") as folder:
+        ...         _ = (folder / "page.html").write_text("page")
+        ...     (Path(place) / "out" / "page.html").read_text()
+        'page'
+    """
+    target = Path(path).expanduser().absolute()
+    if target.exists() and not target.is_dir():
+        raise WorkbenchError(f"folder {str(target)!r} is a file; give the name of a folder")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if target.exists():
+            tempfile.TemporaryFile(dir=target).close()
+        temporary = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+    except OSError as error:
+        raise _sentence("folder", target, error) from None
+    try:
+        yield temporary
+        try:
+            _move(temporary, target)
+        except OSError as error:
+            raise _sentence("folder", target, error) from None
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _move(source: Path, target: Path) -> None:
+    if not target.exists():
+        _usual_permissions(source, folder=True)
+        source.replace(target)
+        return
+    for item in sorted(source.iterdir()):
+        if item.is_dir():
+            _move(item, target / item.name)
+        else:
+            item.replace(target / item.name)

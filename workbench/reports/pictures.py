@@ -1,0 +1,169 @@
+"""Figures as files and as parts of a page that follow its light or dark ground."""
+
+from __future__ import annotations
+
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from workbench.errors import WorkbenchError
+from workbench.files import write_whole
+from workbench.reports.style import FONT_POINTS, PALETTE
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FONTS = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'DejaVu Sans', sans-serif"
+"""Fonts of the page; the picture is laid out with DejaVu Sans, which is wider than all of them."""
+
+_PIXELS_PER_INCH = 200
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure on a page, with what it shows in words.
+
+    Args:
+        name: Name of its files, in small letters with hyphens.
+        figure: The figure.
+        caption: What it shows and what to see in it, in one or two sentences.
+        alternative: What it shows, for those who cannot see it.
+
+    Raises:
+        WorkbenchError: If the name cannot be a file's or an element's name.
+
+    Example:
+        >>> from workbench.reports.style import new_figure
+        >>> figure, _ = new_figure([2.0])
+        >>> Picture("steps", figure, "Steps of the arm.", "angle over time").name
+        'steps'
+    """
+
+    name: str
+    figure: Figure
+    caption: str
+    alternative: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the name."""
+        if not re.fullmatch(r"[a-z][a-z0-9-]*", self.name):
+            raise WorkbenchError(
+                f"picture name {self.name!r} may hold small letters, digits and hyphens only"
+            )
+
+
+def _settings(name: str) -> dict[str, object]:
+    return {
+        "font.family": ["DejaVu Sans"],
+        "font.size": FONT_POINTS,
+        "axes.unicode_minus": True,
+        "svg.fonttype": "none",
+        "svg.hashsalt": name,
+        "path.simplify": True,
+        "path.simplify_threshold": 0.3,
+    }
+
+
+def svg(picture: Picture) -> str:
+    """Draw a picture as SVG.
+
+    Args:
+        picture: The picture.
+
+    Returns:
+        A stand-alone SVG document with text as text; the same picture gives the same document.
+
+    Example:
+        >>> from workbench.reports.style import new_figure
+        >>> figure, _ = new_figure([2.0])
+        >>> svg(Picture("steps", figure, "Steps.")).startswith("<?xml")
+        True
+    """
+    from matplotlib import rc_context
+
+    stream = io.StringIO()
+    with rc_context(_settings(picture.name)):  # type: ignore[arg-type]
+        picture.figure.savefig(
+            stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=72
+        )
+    return stream.getvalue()
+
+
+def inline_svg(picture: Picture) -> str:
+    """Draw a picture as an SVG element that takes its colours from the page around it.
+
+    Each colour of the palette becomes a CSS variable with its light value as fall-back, and all
+    identifiers carry the picture's name, so that several pictures stand on one page.
+
+    Args:
+        picture: The picture.
+
+    Returns:
+        One ``<svg>`` element.
+
+    Example:
+        >>> from workbench.reports.style import new_figure
+        >>> figure, _ = new_figure([2.0])
+        >>> "var(--grid, #dde1e4)" in inline_svg(Picture("steps", figure, "Steps."))
+        True
+    """
+    text = svg(picture)
+    text = text[text.index("<svg") :]
+    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r'\bid="', f'id="{picture.name}-', text)
+    text = text.replace('xlink:href="#', f'href="#{picture.name}-')
+    text = text.replace("url(#", f"url(#{picture.name}-")
+    text = re.sub(r'\s+xmlns(?::xlink)?="[^"]*"', "", text)
+    # A fixed size would overflow a phone; the view box keeps the proportions.
+    head, rest = text.split(">", 1)
+    head = re.sub(r'\s(?:width|height)="[^"]*"', "", head)
+    title = picture.alternative or picture.caption
+    head += f' role="img" aria-label="{_escaped(title)}"'
+    for colour in PALETTE:
+        rest = rest.replace(f": {colour.light}", f": var(--{colour.name}, {colour.light})")
+    rest = rest.replace("'DejaVu Sans'", FONTS.replace('"', "'"))
+    # Text without a colour of its own is black, which a dark page would swallow.
+    rest = rest.replace("<text ", '<text fill="currentColor" ')
+    return f"{head}>{rest}"
+
+
+def _escaped(text: str) -> str:
+    import html
+
+    return html.escape(text, quote=True)
+
+
+def save(picture: Picture, folder: Path) -> tuple[Path, Path]:
+    """Write a picture as PNG and SVG files.
+
+    Args:
+        picture: The picture.
+        folder: Where to write ``NAME.png`` and ``NAME.svg``.
+
+    Returns:
+        The paths of both files.
+
+    Raises:
+        WorkbenchError: If a file cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> from workbench.reports.style import new_figure
+        >>> figure, _ = new_figure([2.0])
+        >>> with tempfile.TemporaryDirectory() as place:
+        ...     [path.name for path in save(Picture("steps", figure, "Steps."), Path(place))]
+        ['steps.png', 'steps.svg']
+    """
+    from matplotlib import rc_context
+
+    stream = io.BytesIO()
+    with rc_context(_settings(picture.name)):  # type: ignore[arg-type]
+        picture.figure.savefig(
+            stream, format="png", dpi=_PIXELS_PER_INCH, metadata={"Software": None}
+        )
+    return (
+        write_whole(folder / f"{picture.name}.png", stream.getvalue()),
+        write_whole(folder / f"{picture.name}.svg", svg(picture)),
+    )

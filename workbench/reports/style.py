@@ -1,0 +1,241 @@
+"""Colours, type and lines of every picture: one colour per controller everywhere.
+
+Each colour has a value on light paper and one on a dark screen. Pictures are drawn with the light
+values; `workbench.reports.pictures` lets a page replace them when it is shown dark.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from workbench.errors import check_choice, check_range
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+
+@dataclass(frozen=True)
+class Colour:
+    """A colour on light paper and on a dark screen.
+
+    Args:
+        name: Name by which pages refer to it.
+        light: Value on light ground, ``#rrggbb``.
+        dark: Value on dark ground, ``#rrggbb``.
+
+    Example:
+        >>> CONTROLLERS["pid"].light
+        '#0062a8'
+    """
+
+    name: str
+    light: str
+    dark: str
+
+
+CONTROLLERS: dict[str, Colour] = {
+    "pid": Colour("pid", "#0062a8", "#5db5f5"),
+    "sliding_mode": Colour("sliding-mode", "#c24a00", "#ff9152"),
+    "mpc": Colour("mpc", "#00805c", "#36d6a4"),
+}
+"""The colours of the controllers that come with the workbench."""
+
+FURTHER: tuple[Colour, ...] = (
+    Colour("further-1", "#a8307c", "#f28bc8"),
+    Colour("further-2", "#7a5c00", "#e0bf4d"),
+    Colour("further-3", "#6a4fc4", "#b5a3ff"),
+    Colour("further-4", "#4f6d1f", "#a9cf6c"),
+    Colour("further-5", "#a13333", "#ff8f8f"),
+    Colour("further-6", "#006d80", "#59cfe3"),
+)
+"""Given in order to controllers of one's own, laws, and other things to be told apart."""
+
+INK = Colour("ink", "#1d2226", "#e8eaed")
+MEASURED = Colour("measured", "#30373d", "#d5d9de")
+SIMULATED = Colour("simulated", "#b01f63", "#ff86bd")
+REFERENCE = Colour("reference", "#70777d", "#9aa2a9")
+FAINT = Colour("faint", "#b3bac0", "#59626b")
+GRID = Colour("grid", "#dde1e4", "#343b42")
+BAND = Colour("band", "#eaf1e4", "#26332a")
+PAPER = Colour("paper", "#fefefe", "#15191d")
+
+ROLES: tuple[Colour, ...] = (INK, MEASURED, SIMULATED, REFERENCE, FAINT, GRID, BAND, PAPER)
+"""Everything that is no controller."""
+
+RAMP: tuple[Colour, ...] = (
+    Colour("ramp-1", "#3b2f80", "#a99bff"),
+    Colour("ramp-2", "#2f5f9e", "#77b0f0"),
+    Colour("ramp-3", "#1f8a94", "#5fd0d4"),
+    Colour("ramp-4", "#3fa35c", "#8ae09a"),
+    Colour("ramp-5", "#8d9a1c", "#d3dc62"),
+    Colour("ramp-6", "#c27b12", "#f5b95c"),
+    Colour("ramp-7", "#b8442b", "#ff9077"),
+)
+"""An ordered family, such as angles or contractions, from the smallest to the largest."""
+
+PALETTE: tuple[Colour, ...] = (*CONTROLLERS.values(), *FURTHER, *ROLES, *RAMP)
+
+WIDTH_INCHES = 5.2
+"""One width for all pictures: readable on a phone, and two stand side by side on a screen."""
+
+FONT_POINTS = 10.0
+
+
+def colours(names: Iterable[str]) -> dict[str, Colour]:
+    """Return one colour per controller, the same in every picture.
+
+    Args:
+        names: Names of controllers; those that come with the workbench keep their own colour, the
+            others take the further ones in the order in which they are named.
+
+    Returns:
+        Colours by name, no two the same.
+
+    Raises:
+        WorkbenchError: If there are more controllers than colours that can be told apart.
+
+    Example:
+        >>> [colour.name for colour in colours(["pid", "mine"]).values()]
+        ['pid', 'further-1']
+    """
+    wanted = list(dict.fromkeys(names))
+    own = [name for name in wanted if name not in CONTROLLERS]
+    check_range("number of controllers in one picture", len(own), 0, len(FURTHER))
+    given = dict(zip(own, FURTHER, strict=False))
+    return {name: CONTROLLERS.get(name) or given[name] for name in wanted}
+
+
+def ramp(count: int) -> tuple[Colour, ...]:
+    """Return colours for an ordered family, spread over the ramp.
+
+    Args:
+        count: How many.
+
+    Returns:
+        ``count`` colours from the first to the last of the ramp.
+
+    Raises:
+        WorkbenchError: If the family has no member or more than the ramp has colours.
+
+    Example:
+        >>> [colour.name for colour in ramp(3)]
+        ['ramp-1', 'ramp-4', 'ramp-7']
+    """
+    check_range("number of curves in a family", count, 1, len(RAMP))
+    last = len(RAMP) - 1
+    return tuple(RAMP[round(i * last / max(count - 1, 1))] for i in range(count))
+
+
+def colour(name: str) -> Colour:
+    """Return a colour of the palette by name.
+
+    Args:
+        name: Name of the colour.
+
+    Raises:
+        WorkbenchError: If the palette has no such colour.
+
+    Example:
+        >>> colour("ink").dark
+        '#e8eaed'
+    """
+    check_choice("colour", name, [c.name for c in PALETTE])
+    return next(c for c in PALETTE if c.name == name)
+
+
+def new_figure(heights: Iterable[float], *, share_x: bool = True) -> tuple[Figure, list[Axes]]:
+    """Return an empty figure of the common width with panels above each other.
+
+    Args:
+        heights: Height of each panel, in inches.
+        share_x: Whether the panels share their horizontal axis.
+
+    Returns:
+        The figure and its axes from top to bottom.
+
+    Example:
+        >>> figure, (above, below) = new_figure([1.5, 1.0])
+        >>> float(figure.get_size_inches()[0])
+        5.2
+    """
+    from matplotlib.figure import Figure
+
+    rows = list(heights)
+    figure = Figure(figsize=(WIDTH_INCHES, sum(rows) + 0.55), layout="constrained")
+    figure.patch.set_facecolor(PAPER.light)
+    grid = figure.subplots(
+        len(rows), 1, sharex=share_x, squeeze=False, gridspec_kw={"height_ratios": rows}
+    )
+    panels = [row[0] for row in grid]
+    for axes in panels:
+        _dress(axes)
+    return figure, panels
+
+
+def _dress(axes: Axes) -> None:
+    axes.set_facecolor("none")
+    axes.grid(True, color=GRID.light, linewidth=0.8)
+    axes.set_axisbelow(True)
+    for side, spine in axes.spines.items():
+        spine.set_visible(side in ("left", "bottom"))
+        spine.set_color(FAINT.light)
+    axes.tick_params(colors=INK.light, labelsize=FONT_POINTS - 1, color=FAINT.light)
+    axes.margins(x=0)
+
+
+def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str = "") -> None:
+    """Write the labels of a panel, with their units.
+
+    Args:
+        axes: The panel.
+        x: Quantity and unit of the horizontal axis; None leaves it to the panel below.
+        y: Quantity and unit of the vertical axis.
+        title: What the panel shows, in a few words.
+
+    Example:
+        >>> figure, (panel,) = new_figure([2.0])
+        >>> label(panel, x="time in s", y="angle in °")
+        >>> panel.get_xlabel()
+        'time in s'
+    """
+    if x is not None:
+        axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)
+    if y is not None:
+        axes.set_ylabel(y, fontsize=FONT_POINTS, color=INK.light)
+    if title:
+        axes.set_title(title, fontsize=FONT_POINTS, color=INK.light, loc="left")
+
+
+def key(axes: Axes, *, columns: int = 3, handles: list[Line2D] | None = None) -> None:
+    """Write the legend above a panel, where it covers no curve.
+
+    Args:
+        axes: The panel.
+        columns: Entries side by side.
+        handles: Lines to name; those of the panel that have a label by default.
+
+    Example:
+        >>> figure, (panel,) = new_figure([2.0])
+        >>> _ = panel.plot([0, 1], [0, 1], label="measured")
+        >>> key(panel)
+        >>> panel.get_legend() is None
+        False
+    """
+    options = {} if handles is None else {"handles": handles}
+    axes.legend(
+        **options,  # type: ignore[arg-type]
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0, 1.0, 0.1),
+        borderaxespad=0.2,
+        ncols=columns,
+        frameon=False,
+        fontsize=FONT_POINTS - 1,
+        labelcolor=INK.light,
+        handlelength=1.6,
+        columnspacing=1.2,
+        handletextpad=0.5,
+    )

@@ -1,0 +1,139 @@
+"""Tables of a page: words and numbers with a mark where something was required."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from workbench.errors import WorkbenchError
+
+Mark = Literal["", "met", "missed", "open"]
+
+MARKS: dict[Mark, str] = {"": "", "met": "✓", "missed": "✗", "open": "–"}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One entry of a table.
+
+    Args:
+        text: What stands there.
+        mark: Whether a requirement is met or missed, or ``"open"`` where it could not be judged.
+        reason: Why, shown beside the mark.
+
+    Example:
+        >>> print(Cell("0.42 s", "met"))
+        0.42 s ✓
+    """
+
+    text: str
+    mark: Mark = ""
+    reason: str = ""
+
+    def __str__(self) -> str:
+        """Return the text with its mark."""
+        return f"{self.text} {MARKS[self.mark]}".strip()
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under headings.
+
+    Args:
+        title: What the table lists.
+        headings: Heading of each column, with the unit where all its numbers share one.
+        rows: Rows of entries; plain words are entries without a mark.
+        note: What to know when reading it, in a sentence.
+
+    Raises:
+        WorkbenchError: If a row has more or fewer entries than there are headings.
+
+    Example:
+        >>> print(Table("Modes", ("angle in °", "frequency in Hz"), (("30", "2.1"),)))
+        Modes
+        angle in °  frequency in Hz
+        30          2.1
+    """
+
+    title: str
+    headings: tuple[str, ...]
+    rows: tuple[tuple[Cell | str, ...], ...]
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the rows."""
+        for number, row in enumerate(self.rows, start=1):
+            if len(row) != len(self.headings):
+                raise WorkbenchError(
+                    f"row {number} of table {self.title!r} has {len(row)} entries; its headings"
+                    f" ask for {len(self.headings)}"
+                )
+
+    @property
+    def cells(self) -> tuple[tuple[Cell, ...], ...]:
+        """Rows with every entry as a `Cell`."""
+        return tuple(
+            tuple(entry if isinstance(entry, Cell) else Cell(entry) for entry in row)
+            for row in self.rows
+        )
+
+    def __str__(self) -> str:
+        """Return the table as aligned text."""
+        lines = [self.headings, *(tuple(str(cell) for cell in row) for row in self.cells)]
+        widths = [max(len(line[i]) for line in lines) for i in range(len(self.headings))]
+        body = [
+            "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
+            for line in lines
+        ]
+        return "\n".join([self.title, *body, *([self.note] if self.note else [])])
+
+
+def number(value: float, digits: int = 3, *, unit: str = "") -> str:
+    """Write a number with a given number of significant digits, and none that mean nothing.
+
+    Args:
+        value: The number, in ``unit``.
+        digits: Significant digits.
+        unit: Unit written behind it.
+
+    Returns:
+        The number as text; a dash if it is not a number.
+
+    Example:
+        >>> number(0.000123456), number(12345.6, unit="Pa"), number(float("nan"))
+        ('0.000123', '12300 Pa', '–')
+    """
+    if value is None or math.isnan(value):
+        return "–"
+    suffix = f" {unit}" if unit else ""
+    if math.isinf(value):
+        return ("∞" if value > 0 else "−∞") + suffix
+    if value == 0:
+        return f"0{suffix}"
+    places = digits - 1 - math.floor(math.log10(abs(value)))
+    rounded = round(value, places)
+    text = f"{rounded:.{min(max(places, 0), 9)}f}"
+    if abs(value) < 1e-6 or abs(value) >= 1e7:
+        text = f"{value:.{digits - 1}e}"
+    return text.replace("-", "−") + suffix
+
+
+def interval(low: float, high: float, digits: int = 3, *, unit: str = "") -> str:
+    """Write the two ends of an interval.
+
+    Args:
+        low: Lower end, in ``unit``.
+        high: Upper end, in ``unit``.
+        digits: Significant digits.
+        unit: Unit written behind it.
+
+    Returns:
+        The interval as text.
+
+    Example:
+        >>> interval(279.5, 280.5, 4)
+        '279.5 … 280.5'
+    """
+    suffix = f" {unit}" if unit else ""
+    return f"{number(low, digits)} … {number(high, digits)}{suffix}"
