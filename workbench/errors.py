@@ -40,6 +40,9 @@ def check_range(
         unit: Unit printed behind the numbers.
         fix: The usual fix, one clause.
 
+    Returns:
+        The same number, in ``unit``.
+
     Raises:
         WorkbenchError: If the value is not a number, not finite or outside the range.
 
@@ -70,6 +73,9 @@ def check_choice(name: str, value: str, choices: Iterable[str]) -> str:
         value: The word given.
         choices: The valid words.
 
+    Returns:
+        The same word.
+
     Raises:
         WorkbenchError: If the word is not one of the choices.
 
@@ -90,7 +96,10 @@ def check_finite(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
 
     Args:
         name: What the numbers are, as the user knows it.
-        values: Numbers of any shape.
+        values: Numbers of any shape, in any unit.
+
+    Returns:
+        The same numbers as an array of that shape, in the same unit.
 
     Raises:
         WorkbenchError: If they are not numbers or not finite; names the first bad index.

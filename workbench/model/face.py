@@ -21,6 +21,12 @@ Expression = Any
 def is_symbolic(*values: Expression) -> bool:
     """Tell whether any of ``values`` is a CasADi matrix or expression.
 
+    Args:
+        values: What to look at, in any unit and of any shape.
+
+    Returns:
+        Whether CasADi's functions are needed instead of NumPy's.
+
     Example:
         >>> is_symbolic(1.0), is_symbolic(ca.SX.sym("x"))
         (False, True)
@@ -30,6 +36,13 @@ def is_symbolic(*values: Expression) -> bool:
 
 def maximum(a: Expression, b: Expression) -> Expression:
     """Return the larger of two values, elementwise, for numbers, arrays and expressions.
+
+    Args:
+        a: One value, in any unit; any shape that broadcasts with ``b``.
+        b: The other value, in the unit of ``a``.
+
+    Returns:
+        The larger of both at every element, in the unit of ``a``.
 
     Example:
         >>> float(maximum(1.0, 2.0))
@@ -41,6 +54,13 @@ def maximum(a: Expression, b: Expression) -> Expression:
 def minimum(a: Expression, b: Expression) -> Expression:
     """Return the smaller of two values, elementwise, for numbers, arrays and expressions.
 
+    Args:
+        a: One value, in any unit; any shape that broadcasts with ``b``.
+        b: The other value, in the unit of ``a``.
+
+    Returns:
+        The smaller of both at every element, in the unit of ``a``.
+
     Example:
         >>> float(minimum(1.0, 2.0))
         1.0
@@ -50,6 +70,17 @@ def minimum(a: Expression, b: Expression) -> Expression:
 
 def where(condition: Expression, yes: Expression, no: Expression) -> Expression:
     """Return ``yes`` where the condition holds and ``no`` elsewhere.
+
+    Both sides are computed everywhere, so neither may fail where the other one counts.
+
+    Args:
+        condition: True or false, or a dimensionless number that counts as true unless it is 0;
+            any shape that broadcasts with ``yes`` and ``no``.
+        yes: Value where the condition holds, in any unit.
+        no: Value where it does not, in the unit of ``yes``.
+
+    Returns:
+        The chosen value at every element, in the unit of ``yes``.
 
     Example:
         >>> float(where(2 > 1, 5.0, 7.0))
@@ -62,6 +93,12 @@ def where(condition: Expression, yes: Expression, no: Expression) -> Expression:
 
 def sqrt(x: Expression) -> Expression:
     """Return the square root of a number, array or expression.
+
+    Args:
+        x: Radicand, 0 or more, in any unit and of any shape.
+
+    Returns:
+        Square root of the shape of ``x``, in the square root of its unit.
 
     Example:
         >>> float(sqrt(4.0))
@@ -94,7 +131,10 @@ class Face:
 
         Args:
             x: Argument, any unit.
-            width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+            width: Half-width w of the smoothed neighbourhood, in the unit of ``x``.
+
+        Returns:
+            The larger of 0 and x, in the unit of ``x``; 3 w / 16 at x = 0 on the smooth face.
         """
         if not self.smooth:
             return maximum(x, 0.0)
@@ -107,6 +147,9 @@ class Face:
         Args:
             x: Argument, any unit.
             width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+
+        Returns:
+            0 to 1, dimensionless; at x = 0 it is 0 on the exact and 1/2 on the smooth face.
         """
         if not self.smooth:
             return where(x > 0, 1.0, 0.0)
@@ -119,6 +162,9 @@ class Face:
         Args:
             x: Argument, any unit.
             width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+
+        Returns:
+            Absolute value, in the unit of ``x``; 3 ``width`` / 8 at x = 0 on the smooth face.
         """
         return self.ramp(x, width) + self.ramp(-x, width) if self.smooth else maximum(x, -x)
 
@@ -128,6 +174,9 @@ class Face:
         Args:
             x: Argument, any unit.
             width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+
+        Returns:
+            Sign of x, -1 to 1, dimensionless; 0 at x = 0 on both faces.
         """
         return self.step(x, width) - self.step(-x, width)
 
@@ -139,6 +188,10 @@ class Face:
             lower: Lower limit, in the unit of ``x``.
             upper: Upper limit, in the unit of ``x``.
             width: Half-width of the smoothed neighbourhoods, in the unit of ``x``.
+
+        Returns:
+            The limited value, in the unit of ``x``. The smooth face keeps the limits too and
+            differs from the exact one by at most 3 ``width`` / 16.
         """
         return lower + self.ramp(x - lower, width) - self.ramp(x - upper, width)
 
@@ -151,9 +204,13 @@ class Face:
 
         Args:
             x: Argument, in the unit of ``points``.
-            points: Increasing abscissae.
-            values: Ordinates, as many as ``points``.
-            width: Half-width of the rounded corners; no more than half the closest spacing.
+            points: Abscissae x_i, shape (n,), increasing, in the unit of ``x``.
+            values: Ordinates y_i, shape (n,), in any unit.
+            width: Half-width of the rounded corners, in the unit of ``x``; no more than half the
+                closest spacing.
+
+        Returns:
+            Interpolated ordinate of the shape of ``x``, in the unit of ``values``.
         """
         points_ = np.asarray(points, dtype=float)
         values_ = np.asarray(values, dtype=float)

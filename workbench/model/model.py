@@ -371,4 +371,4 @@ def _row(quantity: Quantity) -> str:
     return f"    {quantity.name:<34} {quantity.unit:<14} {quantity.description}".rstrip()
 
 
-__all__ = ["Model", "Names", "Trace", "Expression", "check_vector", "index_of"]
+__all__ = ["Expression", "Model", "Names", "Trace", "check_vector", "index_of"]

@@ -16,7 +16,7 @@ class Names(Mapping[str, Expression]):
 
     Args:
         kind: What the names are, for messages: ``"state"``, ``"parameter"``, ...
-        values: The values by name; symbols, numbers or arrays.
+        values: The values by name, in SI; symbols, numbers or arrays.
 
     Raises:
         WorkbenchError: If a name is asked for that does not exist.
@@ -64,6 +64,7 @@ class Port:
         signals: Names of the local signals that an effect may use there.
         disturbance: Root mean square of what the model's author expects the equations to leave out
             here, in ``unit``; 0 where the signal is trusted.
+        relative_disturbance: The same, as a fraction of the signal's magnitude, dimensionless.
         group: The equations that the same sensors cannot tell apart; the part before the dot.
 
     Example:
@@ -77,6 +78,7 @@ class Port:
     description: str
     signals: tuple[str, ...]
     disturbance: float = 0.0
+    relative_disturbance: float = 0.0
 
     @property
     def group(self) -> str:
@@ -114,8 +116,8 @@ class PortView:
         index: Position of the port in the effect's list of ports, from 0.
         value: The signal before this effect, in the port's unit.
         signals: Local signals of the port, by name, in SI.
-        p: The effect's own parameters, by their short names.
-        x: The effect's own states, by their short names.
+        p: The effect's own parameters, by their short names, in SI.
+        x: The effect's own states, by their short names, in SI.
         face: Exact or smooth functions.
     """
 
@@ -133,11 +135,12 @@ class EffectView:
     """What an effect sees when the whole model has been written down.
 
     Args:
-        p: The effect's own parameters, by their short names.
-        x: The effect's own states, by their short names.
+        p: The effect's own parameters, by their short names, in SI.
+        x: The effect's own states, by their short names, in SI.
         face: Exact or smooth functions.
         at: What the effect saw at each of its ports, by the port's name.
-        values: Final value of every port of the model and of every published signal, by name.
+        values: Final value of every port of the model and of every published signal, by name, in
+            SI.
     """
 
     p: Names
@@ -155,11 +158,15 @@ class Scope:
     """The names that the equations of a model may use, and the ports that they open.
 
     Args:
-        x: States.
-        u: Inputs.
-        p: Parameters.
+        x: States, by name, in SI.
+        u: Inputs, by name, in SI.
+        p: Parameters, by name, in SI.
         face: Exact or smooth versions of kinked functions.
-        transform: Applies the attached effects to the signal of a port.
+        transform: Applies the attached effects to the signal of a port; none by default.
+        ports: The ports opened so far, in the order of the equations.
+        values: Final value of every port and published signal so far, by name, in its SI unit.
+        units: Those SI units, by name of port or signal.
+        ranges: The ranges given to published signals so far.
 
     Example:
         >>> from workbench.model.face import EXACT
@@ -190,6 +197,7 @@ class Scope:
         description: str = "",
         signals: Mapping[str, Expression] | None = None,
         disturbance: float = 0.0,
+        relative_disturbance: float = 0.0,
     ) -> Expression:
         """Open a port: return the signal after the effects attached there have acted on it.
 
@@ -201,13 +209,19 @@ class Scope:
             description: What the signal is and which sign is positive.
             signals: Local signals that an effect may use, by name, in SI.
             disturbance: Root mean square of what the equations may leave out here, in ``unit``.
+            relative_disturbance: The same, as a fraction of the signal's magnitude, dimensionless.
+
+        Returns:
+            The signal that the equations go on with, in ``unit``.
 
         Raises:
             WorkbenchError: If a port of that name is open already or the unit is unknown.
         """
         self._claim(name, unit)
         local = Names(f"signal at port {name}", signals or {})
-        port = Port(name, unit, scale, description, tuple(local), disturbance)
+        port = Port(
+            name, unit, scale, description, tuple(local), disturbance, relative_disturbance
+        )
         result = self.transform(port, value, local)
         self.ports.append(port)
         self.values[name] = result
@@ -231,8 +245,11 @@ class Scope:
             lower: Smallest value for which the laws that use it hold, in ``unit``.
             upper: Largest value for which the laws that use it hold, in ``unit``.
 
+        Returns:
+            The same signal, in ``unit``.
+
         Raises:
-            WorkbenchError: If a port or signal of that name exists already.
+            WorkbenchError: If a port or signal of that name exists already or the unit is unknown.
         """
         self._claim(name, unit)
         self.values[name] = value

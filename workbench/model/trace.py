@@ -27,20 +27,22 @@ class Trace:
     """One face of a model's equations as CasADi expressions.
 
     Args:
-        x: Symbols of the states, in the model's order.
-        u: Symbols of the inputs.
-        p: Symbols of the parameters.
-        rates: Rates of the states.
-        outputs: Readings.
-        start: States at the start of a run, as functions of the states given.
+        x: Symbols of the states in the model's order, shape (n_states, 1), in SI.
+        u: Symbols of the inputs, shape (n_inputs, 1), in SI.
+        p: Symbols of the parameters, shape (n_parameters, 1), in SI.
+        rates: Rates of the states, shape (n_states, 1), in SI per second.
+        outputs: Readings, shape (n_outputs, 1), in SI.
+        start: States at the start of a run, as functions of the states given, shape
+            (n_states, 1), in SI.
         ports: The ports that the equations opened.
         signal_names: Names of ports and published signals.
         signal_units: Their SI units.
-        signals: Their values.
+        signals: Their values, shape (n_signals, 1), each in its unit of ``signal_units``.
         ranges: Ranges of published signals within which the laws hold.
-        push: Symbols of what is added to the signal of each port, in the order of ``ports``.
-        pushed_rates: Rates of the states with that added.
-        pushed_outputs: Readings with that added.
+        push: Symbols of what is added to the signal of each port in the order of ``ports``, shape
+            (n_ports, 1), in the ports' SI units; zero in ``rates`` and ``outputs``.
+        pushed_rates: Rates of the states with that added, shape (n_states, 1), in SI per second.
+        pushed_outputs: Readings with that added, shape (n_outputs, 1), in SI.
     """
 
     x: ca.SX
@@ -60,12 +62,12 @@ class Trace:
 
     @cached_property
     def rates_by_port(self) -> ca.SX:
-        """Derivatives of the rates by what is added to each port, (n_states, n_ports)."""
+        """Derivatives of the rates by what each port adds, (n_states, n_ports), in SI."""
         return self._at_rest(ca.jacobian(self.pushed_rates, self.push))
 
     @cached_property
     def outputs_by_port(self) -> ca.SX:
-        """Derivatives of the readings by what is added to each port, (n_outputs, n_ports)."""
+        """Derivatives of the readings by what each port adds, (n_outputs, n_ports), in SI."""
         return self._at_rest(ca.jacobian(self.pushed_outputs, self.push))
 
     def _at_rest(self, expression: ca.SX) -> ca.SX:
@@ -76,7 +78,10 @@ class Trace:
 
         Args:
             name: Name of the function.
-            expressions: What it returns, in this trace's symbols.
+            expressions: What it returns, in this trace's symbols; any shape, in SI.
+
+        Returns:
+            Function of three vectors (x, u, p) in SI with one result per expression.
         """
         return ca.Function(name, [self.x, self.u, self.p], list(expressions))
 
@@ -125,6 +130,18 @@ def trace(model: Model, face: Face) -> Trace:
     Raises:
         WorkbenchError: If the equations forget a state or an output, return one that is not
             declared, or an effect forgets the rate of one of its states.
+
+    Example:
+        >>> from workbench.model import EXACT, Input, Model, Output, State
+        >>> carriage = Model(
+        ...     "carriage",
+        ...     lambda m: ({"position": m.u.speed}, {"reading": m.x.position}),
+        ...     states=(State("position", "m"),),
+        ...     inputs=(Input("speed", "m/s"),),
+        ...     outputs=(Output("reading", "m"),),
+        ... )
+        >>> trace(carriage, EXACT).rates
+        SX(speed)
     """
     symbols = {
         "state": _symbols(model.states),

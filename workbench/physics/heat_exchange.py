@@ -21,8 +21,8 @@ def heat_exchange(
     Args:
         ports: Ports of the heat flow into chambers, with the local signals ``temperature`` and
             ``wall_temperature``.
-        coefficient: Heat transfer coefficient, in W/(m2 K).
-        area: Wetted area of one chamber, in m2.
+        coefficient: Heat transfer coefficient, in W/(m^2 K).
+        area: Wetted area of one chamber, in m^2.
         name: Name of the effect.
 
     Returns:
@@ -59,9 +59,7 @@ def heat_exchange(
                 fitted=True,
                 description="heat transfer coefficient",
             ),
-            Parameter(
-                "area", "m2", value=area, lower=1e-5, upper=1.0, source="paper, Figure 2"
-            ),
+            Parameter("area", "m2", value=area, lower=1e-5, upper=1.0, source="paper, Figure 2"),
         ),
         about=About("Q = h S (T_wall - T)", "line [15] of the paper's Figure 3"),
     )

@@ -67,7 +67,7 @@ def chamber_leakage(
     Args:
         port: Port of the mass flow into a chamber, with the local signals ``pressure``,
             ``temperature``, ``ambient_pressure`` and ``ambient_temperature``.
-        conductance: Sonic conductance of the leak, in m3/(s Pa).
+        conductance: Sonic conductance of the leak, in m^3/(s Pa).
         name: Name of the effect.
 
     Returns:

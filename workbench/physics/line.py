@@ -53,8 +53,8 @@ def line(
 
     Args:
         number: Chamber 1 or 2.
-        volume: Gas volume of the tube, in m3.
-        conductance: Sonic conductance between tube and chamber, in m3/(s Pa).
+        volume: Gas volume of the tube, in m^3.
+        conductance: Sonic conductance between tube and chamber, in m^3/(s Pa).
         name: Name of the effect; ``line_1`` or ``line_2`` by default.
 
     Returns:
@@ -123,8 +123,8 @@ def silencer(
 
     Args:
         number: Exhaust of chamber 1 or 2.
-        volume: Gas volume of the silencer, in m3.
-        conductance: Sonic conductance to ambient, in m3/(s Pa).
+        volume: Gas volume of the silencer, in m^3.
+        conductance: Sonic conductance to ambient, in m^3/(s Pa).
         name: Name of the effect; ``silencer_1`` or ``silencer_2`` by default.
 
     Returns:

@@ -27,8 +27,8 @@ def supply_droop(
     Args:
         port: Port of the supply pressure, with the local signal ``temperature``; the model must
             publish ``supply.flow``.
-        volume: Reservoir volume, in m3.
-        conductance: Sonic conductance between source and reservoir, in m3/(s Pa).
+        volume: Reservoir volume, in m^3.
+        conductance: Sonic conductance between source and reservoir, in m^3/(s Pa).
         name: Name of the effect.
 
     Returns:
@@ -87,9 +87,7 @@ def supply_droop(
                 description="sonic conductance of the feed",
             ),
         ),
-        states=(
-            State("pressure", "Pa", 1e5, "pressure of the reservoir", initial=7e5, lower=0.0),
-        ),
+        states=(State("pressure", "Pa", 1e5, "pressure of the reservoir", initial=7e5, lower=0.0),),
         rates=rates,
         start=start,
         about=About(

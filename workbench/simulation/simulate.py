@@ -83,7 +83,7 @@ def simulate(
         except NumericalError:
             if attempt == candidates[-1]:
                 raise
-    time = sample_time * np.arange(len(held))
+    time = sample_time * np.arange(len(held), dtype=np.float64)
     return Trajectory(
         model=model,
         time=time,

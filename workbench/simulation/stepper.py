@@ -32,17 +32,21 @@ class _Buffered:
         # CasADi stores matrices by columns.
         self.arguments = [np.zeros(shape, order="F") for shape in shapes]
         for i, array in enumerate(self.arguments):
-            self._buffer.set_arg(i, memoryview(array.reshape(-1, order="F")))
-        self.result = np.zeros(function.size_out(0), order="F")
-        self._buffer.set_res(0, memoryview(self.result.reshape(-1, order="F")))
+            self._buffer.set_arg(i, array.reshape(-1, order="F").data)
+        self.result: Vector = np.zeros(function.size_out(0), order="F")
+        self._buffer.set_res(0, self.result.reshape(-1, order="F").data)
 
     def __call__(self, *values: npt.ArrayLike) -> Vector:
         for array, value in zip(self.arguments, values, strict=True):
             array[:] = value
-        self._call()
+        self.evaluate()
         if self._buffer.ret():
             raise RuntimeError("the integrator gave up")
         return self.result
+
+    def evaluate(self) -> None:
+        """Compute ``result`` from what ``arguments`` hold."""
+        self._call()
 
 
 @lru_cache(maxsize=64)
@@ -143,7 +147,7 @@ class Stepper:
         Raises:
             NumericalError: If the integrator gives up or the states are no longer finite.
         """
-        return self.run(x, np.asarray(u, dtype=float).reshape(1, -1))[0]
+        return self.run(x, np.asarray(u, dtype=float).reshape(1, -1)).ravel()
 
     def run(self, x: npt.ArrayLike, u: npt.ArrayLike) -> Vector:
         """Return the states after each of several samples.
@@ -182,7 +186,7 @@ class Stepper:
         read = self._read
         read.arguments[0][:, 0] = x
         read.arguments[1][:, 0] = u
-        read._call()
+        read.evaluate()
         return read.result[:, 0].copy()
 
     def _block(self, samples: int) -> _Buffered:
@@ -205,4 +209,3 @@ class Stepper:
             " parameters have left the range of the model, or the model is stiff (use"
             " method='rosenbrock')"
         )
-

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -202,7 +203,7 @@ def find_violations(
     return tuple(found)
 
 
-def _over(function: object, states: Vector, inputs: Vector, values: Vector) -> Vector:
-    mapped = compiled(function).map(len(states))  # type: ignore[arg-type]
+def _over(function: ca.Function, states: Vector, inputs: Vector, values: Vector) -> Vector:
+    mapped = compiled(function).map(len(states))
     result = mapped(states.T, inputs.T, np.tile(values[:, None], (1, len(states))))
     return np.asarray(result, dtype=float).T
