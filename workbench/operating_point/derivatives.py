@@ -1,0 +1,104 @@
+"""Rates, readings and all their derivatives at a point, in one call without conversions."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.model import Face, Model, Trace
+
+Vector = npt.NDArray[np.float64]
+
+
+class Derivatives:
+    """Evaluates rates and readings of one face of a model with their automatic derivatives.
+
+    Args:
+        model: The plant.
+        face: Exact or smooth equations. On a kink the exact face gives the mean of both sides
+            where the kink is a maximum or minimum.
+
+    Example:
+        >>> from workbench.model import EXACT
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> at = Derivatives(axis, EXACT)
+        >>> values, jacobian = at(np.zeros(2), np.array([95.0]), axis.values)
+        >>> values.tolist(), jacobian.shape
+        ([0.0, 1.0, 0.0], (3, 3))
+    """
+
+    def __init__(self, model: Model, face: Face) -> None:
+        """Build the functions, or take those built for the same equations before."""
+        traced = model.face(face)
+        self.n_x, self.n_u, self.n_p = traced.x.numel(), traced.u.numel(), traced.p.numel()
+        self._values = _Buffer(_values_function(traced))
+        self._both = _Buffer(_both_function(traced))
+
+    def values(self, x: Vector, u: Vector, p: Vector) -> Vector:
+        """Compute rates, then readings.
+
+        Args:
+            x: States, shape (n_x,), in SI.
+            u: Inputs, shape (n_u,), in SI.
+            p: Parameters, shape (n_p,), in SI.
+
+        Returns:
+            Rates and readings, shape (n_x + n_y,), in SI.
+        """
+        return self._values(x, u, p)[:, 0]
+
+    def __call__(self, x: Vector, u: Vector, p: Vector) -> tuple[Vector, Vector]:
+        """Compute rates and readings, and their derivatives by states and inputs.
+
+        Args:
+            x: States, shape (n_x,), in SI.
+            u: Inputs, shape (n_u,), in SI.
+            p: Parameters, shape (n_p,), in SI.
+
+        Returns:
+            Values, shape (n_x + n_y,), and derivatives, shape (n_x + n_y, n_x + n_u), in SI.
+        """
+        table = self._both(x, u, p)
+        return table[:, 0], table[:, 1:]
+
+
+class _Buffer:
+    """A CasADi function of three vectors, called through its buffer interface."""
+
+    def __init__(self, function: ca.Function) -> None:
+        self._buffer, self._call = function.buffer()
+        # An empty buffer has no address; a spare number stands in for no inputs or parameters.
+        self._arguments = [np.zeros(max(1, function.numel_in(i))) for i in range(3)]
+        self._sizes = [function.numel_in(i) for i in range(3)]
+        for i, array in enumerate(self._arguments):
+            self._buffer.set_arg(i, _memory(array))
+        self._result = np.zeros(function.size_out(0), order="F")
+        self._buffer.set_res(0, _memory(self._result.reshape(-1, order="F")))
+
+    def __call__(self, *vectors: Vector) -> Vector:
+        for array, size, vector in zip(self._arguments, self._sizes, vectors, strict=True):
+            array[:size] = vector
+        self._call()
+        return self._result.copy()
+
+
+def _memory(array: Any) -> memoryview:
+    # NumPy's annotations do not say that an array is a buffer before Python 3.12.
+    return memoryview(array)
+
+
+@lru_cache(maxsize=64)
+def _values_function(traced: Trace) -> ca.Function:
+    return traced.function("values", ca.densify(ca.vertcat(traced.rates, traced.outputs)))
+
+
+@lru_cache(maxsize=64)
+def _both_function(traced: Trace) -> ca.Function:
+    values = ca.vertcat(traced.rates, traced.outputs)
+    jacobian = ca.jacobian(values, ca.vertcat(traced.x, traced.u))
+    return traced.function("values_and_derivatives", ca.densify(ca.horzcat(values, jacobian)))

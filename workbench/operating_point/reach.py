@@ -1,0 +1,136 @@
+"""What a trim could reach when it cannot reach what was asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.model import Model
+from workbench.model.units import from_si
+from workbench.operating_point.trim import Problem, Solution, solve
+
+_GRID = 13
+_BISECTIONS = 7
+_CHOICES = ("load", "supply_pressure")
+"""Parameters that a user chooses, and may choose differently."""
+
+
+def what_would_be_possible(problem: Problem, failed: Solution) -> str:
+    """Say which values of each given quantity, of load and of supply would have a solution.
+
+    Changes one of them at a time, over its range, and keeps the others as asked.
+
+    Args:
+        problem: The trim that has no solution.
+        failed: Where its search ended.
+
+    Returns:
+        One clause for the end of an error message.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> nowhere = Problem(axis, (), np.zeros(2), np.full(3, -1.0), np.full(3, 1.0))
+        >>> what_would_be_possible(nowhere, solve(nowhere, np.zeros(2), np.zeros(1)))
+        'change the given values'
+    """
+    clauses = []
+    for name, unit, lower, upper, changed in _alternatives(problem):
+        interval = _solvable(changed, lower, upper, failed)
+        if interval is not None:
+            low, high = (from_si(value, unit) for value in interval)
+            clauses.append(f"{name} from {_short(low)} to {_short(high)} {unit}")
+    if not clauses:
+        return "change the given values"
+    return "with the rest as asked, possible would be " + ", or ".join(clauses)
+
+
+def _alternatives(
+    problem: Problem,
+) -> Iterator[tuple[str, str, float, float, Callable[[float], Problem]]]:
+    """Yield name, unit, range and the changed problem for everything that could be different."""
+    model = problem.model
+    readings = {q.name: q for q in model.outputs}
+    bounded = {
+        q.name: (low, high, q.unit)
+        for q, low, high in zip(
+            (*model.states, *model.inputs), problem.lower, problem.upper, strict=True
+        )
+    }
+    for i, condition in enumerate(problem.conditions):
+        if condition.label == "mean pressure":
+            low, high, unit = bounded["pressure_1"]
+            low, high, unit = 0.0, high - low, "bar"
+        elif condition.label in readings:
+            quantity = readings[condition.label]
+            low, high, unit = quantity.lower, quantity.upper, quantity.display_unit
+            if math.isinf(high) and condition.label in bounded:
+                low, high, _ = bounded[condition.label]
+        else:
+            low, high, unit = bounded[condition.label]
+        if math.isfinite(low) and math.isfinite(high):
+
+            def with_value(value: float, i: int = i) -> Problem:
+                conditions = list(problem.conditions)
+                conditions[i] = replace(conditions[i], value=value)
+                return replace(problem, conditions=tuple(conditions))
+
+            yield condition.label, unit, low, high, with_value
+    for parameter in model.parameters:
+        if parameter.name in _CHOICES:
+
+            def with_parameter(value: float, name: str = parameter.name) -> Problem:
+                changed = model.with_parameters({name: value})
+                return replace(problem, model=changed, upper=_with_supply(problem, changed))
+
+            name = parameter.name.replace("_", " ")
+            unit = "bar" if parameter.unit == "Pa" else parameter.unit
+            yield name, unit, parameter.lower, parameter.upper, with_parameter
+
+
+def _with_supply(problem: Problem, changed: Model) -> np.ndarray:
+    """Move the upper bound of the chamber pressures along with the supply."""
+    before = {q.name: q.value for q in problem.model.parameters}.get("supply_pressure", 0.0)
+    after = {q.name: q.value for q in changed.parameters}.get("supply_pressure", 0.0)
+    upper = problem.upper.copy()
+    for i, quantity in enumerate(changed.states):
+        if quantity.name in ("pressure_1", "pressure_2"):
+            upper[i] += after - before
+    return upper
+
+
+def _solvable(
+    changed: Callable[[float], Problem], lower: float, upper: float, failed: Solution
+) -> tuple[float, float] | None:
+    """Return the interval of values that can be solved, or None; it is searched on a grid."""
+    reached: dict[float, Solution] = {}
+
+    def works(value: float) -> bool:
+        problem = changed(value)
+        start = min(reached.items(), key=lambda item: abs(item[0] - value), default=(0.0, failed))[
+            1
+        ]
+        solution = solve(problem, start.x, start.u, robust=False)
+        if solution.solved:
+            reached[value] = solution
+        return solution.solved
+
+    grid = np.linspace(lower, upper, _GRID)
+    solved = [value for value in grid.tolist() if works(value)]
+    if not solved:
+        return None
+    ends = []
+    for end, step in ((solved[0], -1), (solved[-1], 1)):
+        inside, outside = end, float(np.clip(end + step * (grid[1] - grid[0]), lower, upper))
+        for _ in range(_BISECTIONS if inside != outside else 0):
+            middle = 0.5 * (inside + outside)
+            inside, outside = (middle, outside) if works(middle) else (inside, middle)
+        ends.append(inside)
+    return ends[0], ends[1]
+
+
+def _short(value: float) -> str:
+    return f"{value:.3g}"

@@ -1,0 +1,305 @@
+"""The trim itself: a scaled Newton method with bounds, first on the smooth, then on the exact face.
+
+Unknown are all states, all inputs and, where one is allowed, the drift. Each step is the shortest
+one in scaled variables, so that whatever the equations leave open stays where the search started.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.model import EXACT, SMOOTH, Face, Model
+from workbench.operating_point.derivatives import Derivatives
+
+Vector = npt.NDArray[np.float64]
+
+RESIDUAL_TOLERANCE = 1e-8
+"""Largest residual, in scales of a state per second and scales of a reading."""
+
+_MAX_STEPS = 60
+_SINGULAR = 1e-10
+
+
+@dataclass(frozen=True)
+class Condition:
+    """One value that the trim has to meet: a weighted sum of readings, states and inputs.
+
+    Args:
+        label: How it is called in messages.
+        weights: Weights of readings, states and inputs, in this order, shape (n_y + n_x + n_u,),
+            in SI units of the condition per unit of each.
+        value: What the sum has to be, in SI.
+        scale: Typical size of the sum, in SI.
+    """
+
+    label: str
+    weights: Vector
+    value: float
+    scale: float
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a trim has to solve.
+
+    Args:
+        model: The plant.
+        conditions: Values to be met.
+        drift_direction: Direction in which the rates may differ from zero, shape (n_x,), in SI
+            per unit of drift; zero for none.
+        lower: Smallest states and inputs, shape (n_x + n_u,), in SI.
+        upper: Largest states and inputs, shape (n_x + n_u,), in SI.
+    """
+
+    model: Model
+    conditions: tuple[Condition, ...]
+    drift_direction: Vector
+    lower: Vector
+    upper: Vector
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a trim found, whether or not it is good enough.
+
+    Args:
+        x: States, shape (n_x,), in SI.
+        u: Inputs, shape (n_u,), in SI.
+        drift: Drift along the problem's direction, in units of that direction per second.
+        residual: Largest remaining error, relative to the scales.
+        worst: Name of the equation that the error is in.
+        condition_number: Ratio of the largest to the smallest singular value of the scaled
+            equations, dimensionless, without what they leave open.
+        undetermined: States and inputs that the equations leave open.
+        steps: Number of steps made.
+    """
+
+    x: Vector
+    u: Vector
+    drift: float
+    residual: float
+    worst: str
+    condition_number: float
+    undetermined: tuple[str, ...]
+    steps: int
+
+    @property
+    def solved(self) -> bool:
+        """Whether the residual is within tolerance."""
+        return self.residual <= RESIDUAL_TOLERANCE
+
+
+def solve(problem: Problem, x: Vector, u: Vector, *, robust: bool = True) -> Solution:
+    """Solve a trim from a starting point.
+
+    Args:
+        problem: What to solve.
+        x: States to start from, shape (n_x,), in SI.
+        u: Inputs to start from, shape (n_u,), in SI.
+        robust: Whether to fall back to a bounded least-squares search where Newton's method ends
+            outside its tolerance.
+
+    Returns:
+        The best point found.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> free = np.full(3, np.inf)
+        >>> rest = Problem(axis, (), np.zeros(2), -free, free)
+        >>> solve(rest, np.array([0.1, 0.5]), np.zeros(1)).x.round(6).tolist()
+        [0.1, 0.0]
+    """
+    exact, smooth = _Equations(problem, EXACT), _Equations(problem, SMOOTH)
+    z0 = exact.scaled(x, u)
+    z, steps = exact.newton(z0)
+    if exact.error(z) > RESIDUAL_TOLERANCE:
+        # The rounded kinks guide the search, the exact equations then finish it.
+        start, more = smooth.newton(z0)
+        better, last = exact.newton(start)
+        steps += more + last
+        if exact.error(better) < exact.error(z):
+            z = better
+    if robust and exact.error(z) > RESIDUAL_TOLERANCE:
+        better, more = exact.newton(smooth.least_squares(z))
+        steps += more
+        if exact.error(better) < exact.error(z):
+            z = better
+    return exact.solution(z, steps)
+
+
+class _Equations:
+    """The equations of a trim on one face, in scaled variables."""
+
+    def __init__(self, problem: Problem, face: Face) -> None:
+        self.problem = problem
+        model = problem.model
+        self.at = Derivatives(model, face)
+        self.p = model.values
+        self.n_x, self.n_u = len(model.states), len(model.inputs)
+        self.drifts = bool(np.any(problem.drift_direction))
+        own = [q.scale for q in (*model.states, *model.inputs)]
+        self.size = np.array(own + ([1.0] if self.drifts else []))
+        self.lower = np.append(problem.lower, -np.inf)[: len(self.size)] / self.size
+        self.upper = np.append(problem.upper, np.inf)[: len(self.size)] / self.size
+        self.rate_size = np.array([q.scale for q in model.states])
+        self.weights = np.array([c.weights for c in problem.conditions]).reshape(
+            len(problem.conditions), -1
+        )
+        self.wanted = np.array([c.value for c in problem.conditions])
+        self.wanted_size = np.array([c.scale for c in problem.conditions])
+        self.n_y = len(model.outputs)
+
+    def scaled(self, x: Vector, u: Vector) -> Vector:
+        z = np.concatenate([x, u, [0.0] if self.drifts else []]) / self.size
+        return np.asarray(np.clip(z, self.lower, self.upper))
+
+    def evaluate(self, z: Vector) -> tuple[Vector, Vector]:
+        """Return the scaled errors and their derivatives by the scaled unknowns."""
+        full = z * self.size
+        x, u = full[: self.n_x], full[self.n_x : self.n_x + self.n_u]
+        values, jacobian = self.at(x, u, self.p)
+        rates, readings = values[: self.n_x], values[self.n_x :]
+        error = rates / self.rate_size
+        slope = jacobian[: self.n_x] / self.rate_size[:, None]
+        if self.drifts:
+            direction = self.problem.drift_direction / self.rate_size
+            error = error - full[-1] * direction
+            slope = np.column_stack([slope, -direction])
+        if len(self.wanted):
+            everything = np.concatenate([readings, x, u])
+            of_y, of_z = self.weights[:, : self.n_y], self.weights[:, self.n_y :]
+            met = (self.weights @ everything - self.wanted) / self.wanted_size
+            rows = (of_y @ jacobian[self.n_x :] + of_z) / self.wanted_size[:, None]
+            if self.drifts:
+                rows = np.column_stack([rows, np.zeros(len(rows))])
+            error, slope = np.concatenate([error, met]), np.vstack([slope, rows])
+        return error, slope * self.size
+
+    def error(self, z: Vector) -> float:
+        worst = np.max(np.abs(self.evaluate(z)[0]), initial=0.0)
+        return float(worst) if np.isfinite(worst) else float("inf")
+
+    def newton(self, z: Vector) -> tuple[Vector, int]:
+        """Take damped shortest steps inside the bounds until nothing improves."""
+        error, slope = self.evaluate(z)
+        cost = float(error @ error)
+        for steps in range(_MAX_STEPS):
+            if np.max(np.abs(error), initial=0.0) <= 1e-3 * RESIDUAL_TOLERANCE:
+                return z, steps
+            step = self._step(z, error, slope)
+            for halving in range(12):
+                trial = np.clip(z + step * 0.5**halving, self.lower, self.upper)
+                new_error, new_slope = self.evaluate(trial)
+                new_cost = float(new_error @ new_error)
+                if np.isfinite(new_cost) and np.isfinite(new_slope).all() and new_cost < cost:
+                    break
+            else:
+                return z, steps
+            stalled = new_cost > 0.999 * cost and new_cost > RESIDUAL_TOLERANCE**2
+            z, error, slope, cost = trial, new_error, new_slope, new_cost
+            if stalled:
+                return z, steps
+        return z, _MAX_STEPS
+
+    def _step(self, z: Vector, error: Vector, slope: Vector) -> Vector:
+        """Return the shortest step that solves the linearised equations inside the bounds."""
+        step = np.zeros_like(z)
+        free = np.ones(len(z), dtype=bool)
+        # Unknowns that stand on a bound and want to leave it are held, at most all but one.
+        for _ in range(len(z)):
+            solved = np.linalg.lstsq(slope[:, free], -error, rcond=_SINGULAR)[0]
+            step[:] = 0.0
+            step[free] = solved
+            leaving = free & (
+                ((z <= self.lower) & (step < 0.0)) | ((z >= self.upper) & (step > 0.0))
+            )
+            if not leaving.any():
+                return step
+            free &= ~leaving
+            if not free.any():
+                break
+        return step
+
+    def least_squares(self, z: Vector) -> Vector:
+        """Search with a trust region, which is slower and more robust."""
+        from scipy.optimize import least_squares
+
+        found = least_squares(
+            lambda v: self.evaluate(v)[0],
+            np.clip(z, self.lower, self.upper),
+            jac=lambda v: self.evaluate(v)[1],
+            bounds=(self.lower - 1e-12, self.upper + 1e-12),
+            x_scale=1.0,
+            xtol=1e-12,
+            ftol=1e-12,
+            gtol=1e-12,
+            max_nfev=100,
+        )
+        return np.asarray(np.clip(found.x, self.lower, self.upper), dtype=float)
+
+    def solution(self, z: Vector, steps: int) -> Solution:
+        error, slope = self.evaluate(z)
+        names = [q.name for q in (*self.problem.model.states, *self.problem.model.inputs)]
+        labels = [f"rate of {q.name}" for q in self.problem.model.states]
+        labels += [c.label for c in self.problem.conditions]
+        singular, right = _singular_values(slope)
+        kept = singular[singular > _SINGULAR * singular[0]]
+        null = right[len(kept) :]
+        open_ = tuple(
+            name
+            for name, share in zip(names, np.sqrt((null**2).sum(axis=0)), strict=False)
+            if share > 0.1
+        )
+        full = z * self.size
+        worst = int(np.argmax(np.abs(error)))
+        return Solution(
+            x=full[: self.n_x],
+            u=full[self.n_x : self.n_x + self.n_u],
+            drift=float(full[-1]) if self.drifts else 0.0,
+            residual=float(np.abs(error[worst])),
+            worst=labels[worst],
+            condition_number=float(kept[0] / kept[-1]),
+            undetermined=open_,
+            steps=steps,
+        )
+
+
+def _singular_values(slope: Vector) -> tuple[Vector, Vector]:
+    # Rows scaled to length one: a row's size is a matter of its unit, not of conditioning.
+    length = np.linalg.norm(slope, axis=1, keepdims=True)
+    _, singular, right = np.linalg.svd(slope / np.where(length > 0.0, length, 1.0))
+    return singular, right
+
+
+def conditions_of(
+    model: Model, given: Sequence[tuple[str, float]], *, label: str = ""
+) -> tuple[Condition, ...]:
+    """Turn given values into conditions; a name is looked up in readings, states, then inputs.
+
+    Args:
+        model: The plant.
+        given: Names and values, in SI.
+        label: Label instead of the name.
+
+    Returns:
+        One condition per value.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> conditions_of(servo_axis(), [("position", 0.2)])[0].weights.tolist()
+        [1.0, 0.0, 0.0, 0.0]
+    """
+    everything = [*model.outputs, *model.states, *model.inputs]
+    names = [q.name for q in everything]
+    found = []
+    for name, value in given:
+        index = names.index(name)
+        weights = np.zeros(len(names))
+        weights[index] = 1.0
+        found.append(Condition(label or name, weights, float(value), everything[index].scale))
+    return tuple(found)
