@@ -132,6 +132,11 @@ class PredictionError:
             check_choice("port", name, ports)
             # White noise of the same power at low frequency as the correlated signal.
             self._pushed[ports.index(name)] = rms * np.sqrt(2 * CORRELATION_TIME * self.sample_time)
+        self._relative = {
+            i: port.relative_disturbance * np.sqrt(2 * CORRELATION_TIME * self.sample_time)
+            for i, port in enumerate(model.ports)
+            if port.relative_disturbance > 0
+        }
         self._output_scale = np.array([model.outputs[i].scale for i in self._rows])
         self._substeps = _substeps(model, self.sample_time)
         self._functions: dict[int, ca.Function] = {}
@@ -202,6 +207,7 @@ class PredictionError:
                 self._columns,
                 tuple(self.free_scale),
                 tuple(self._pushed.items()),
+                tuple(self._relative.items()),
                 self.sample_time,
                 self._substeps,
                 samples,
@@ -232,6 +238,7 @@ def _filter(
     columns: tuple[int, ...],
     free_scale: tuple[float, ...],
     pushed: tuple[tuple[int, float], ...],
+    relative: tuple[tuple[int, float], ...],
     sample_time: float,
     substeps: int,
     samples: int,
@@ -260,7 +267,7 @@ def _filter(
         [reads, ca.densify(ca.jacobian(reads, z)), ca.densify(by_parameters(reads))],
         {"cse": True},
     )
-    noise = ca.Function("noise", [z, u, p], [_process_noise(traced, z, sx, dict(pushed))])
+    noise = ca.Function("noise", [z, u, p], [_process_noise(traced, z, sx, dict(pushed), dict(relative))])
     step = _sample(
         rate,
         slope,
@@ -289,14 +296,24 @@ def _filter(
     return compiled(ca.Function("filter", block, list(result)))
 
 
-def _process_noise(traced: Trace, z: ca.SX, scale: Vector, pushed: Mapping[int, float]) -> ca.SX:
+def _process_noise(
+    traced: Trace,
+    z: ca.SX,
+    scale: Vector,
+    pushed: Mapping[int, float],
+    relative: Mapping[int, float],
+) -> ca.SX:
     """Covariance that the disturbances at the ports add in one sample."""
-    if not pushed:
+    ports = sorted({*pushed, *relative})
+    if not ports:
         return ca.SX.zeros(len(scale), len(scale))
-    slope = traced.rates_by_port[:, list(pushed)]
+    sizes = []
+    for i in ports:
+        signal = traced.signals[traced.signal_names.index(traced.ports[i].name)]
+        sizes.append(ca.sqrt(pushed.get(i, 0.0) ** 2 + (relative.get(i, 0.0) * signal) ** 2))
+    slope = ca.mtimes(traced.rates_by_port[:, ports], ca.diag(ca.vcat(sizes)))
     slope = ca.substitute(slope, traced.x, z * scale) / scale
-    pushed_by = ca.mtimes(slope, ca.diag(ca.SX(list(pushed.values()))))
-    return ca.densify(ca.mtimes(pushed_by, pushed_by.T))
+    return ca.densify(ca.mtimes(slope, slope.T))
 
 
 def _sample(

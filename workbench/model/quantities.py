@@ -62,6 +62,8 @@ class State(Quantity):
         initial: Value at the start of a run unless another is given, in ``unit``.
         lower: Smallest value inside the validity of the model's laws, in ``unit``.
         upper: Largest value inside the validity of the model's laws, in ``unit``.
+        start_rms: How far a recording may start from ``initial``, root mean square, in ``unit``;
+            the scale by default.
 
     Example:
         >>> State("speed", "rad/s", initial=0.5).initial
@@ -71,6 +73,7 @@ class State(Quantity):
     initial: float = 0.0
     lower: float = -math.inf
     upper: float = math.inf
+    start_rms: float = 0.0
 
 
 @dataclass(frozen=True)

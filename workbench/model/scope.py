@@ -219,9 +219,7 @@ class Scope:
         """
         self._claim(name, unit)
         local = Names(f"signal at port {name}", signals or {})
-        port = Port(
-            name, unit, scale, description, tuple(local), disturbance, relative_disturbance
-        )
+        port = Port(name, unit, scale, description, tuple(local), disturbance, relative_disturbance)
         result = self.transform(port, value, local)
         self.ports.append(port)
         self.values[name] = result

@@ -12,6 +12,8 @@ def heat_exchange(
     *,
     coefficient: float = 150.0,
     area: float = 0.0126,
+    lower: float = 0.0,
+    upper: float = 1e5,
     name: str = "heat_exchange",
 ) -> Effect:
     """Build heat exchange with a wall at ambient temperature; without it the gas is adiabatic.
@@ -23,6 +25,8 @@ def heat_exchange(
             ``wall_temperature``.
         coefficient: Heat transfer coefficient, in W/(m^2 K).
         area: Wetted area of one chamber, in m^2.
+        lower: Smallest plausible coefficient, in W/(m^2 K).
+        upper: Largest plausible coefficient, in W/(m^2 K).
         name: Name of the effect.
 
     Returns:
@@ -53,8 +57,8 @@ def heat_exchange(
                 "coefficient",
                 "W/(m2 K)",
                 value=coefficient,
-                lower=0.0,
-                upper=1e5,
+                lower=lower,
+                upper=upper,
                 source="estimate; the paper's model has 200",
                 fitted=True,
                 description="heat transfer coefficient",

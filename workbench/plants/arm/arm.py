@@ -25,7 +25,9 @@ from workbench.plants.arm.muscle import MuscleLaws, muscle, muscle_laws, muscle_
 from workbench.plants.arm.servovalve import valve
 
 Variant = Literal["corrected", "as_printed"]
-ForceLawName = Literal["paper", "petrovic", "tondu_lopez", "tondu_lopez_k", "tondu_lopez_kp", "sarosi"]
+ForceLawName = Literal[
+    "paper", "petrovic", "tondu_lopez", "tondu_lopez_k", "tondu_lopez_kp", "sarosi"
+]
 
 FORCE_LAWS: dict[str, ForceLaw] = {
     "paper": PaperLaw(),
@@ -174,7 +176,9 @@ def arm(
         >>> plant.read(plant.initial_state(), [5.0]).round(3).tolist()
         [0.524, 300000.0, 300000.0, 0.0]
     """
-    load = check_range("load", load_kg, 0.0, MAXIMUM_LOAD, "kg", fix="the arm carries 0 to 8 plates")
+    load = check_range(
+        "load", load_kg, 0.0, MAXIMUM_LOAD, "kg", fix="the arm carries 0 to 8 plates"
+    )
     supply = check_range("supply pressure", supply_bar, 2.0, 10.0, "bar gauge")
     check_choice("plane", plane, ("horizontal", "vertical"))
     check_choice("variant", variant, ("corrected", "as_printed"))
@@ -187,7 +191,7 @@ def arm(
     )
     effects: list[Effect] = [
         *law_effects,
-        heat_exchange(coefficient=200.0 if printed else 150.0),
+        heat_exchange(coefficient=200.0 if printed else 150.0, lower=40.0, upper=250.0),
         centre_leakage(),
     ]
     if plane == "vertical":

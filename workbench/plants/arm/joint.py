@@ -23,7 +23,7 @@ STATES = (
         lower=math.radians(-1.0),
         upper=math.radians(61.0),
     ),
-    State("speed", "rad/s", 1.0, "arm speed"),
+    State("speed", "rad/s", 1.0, "arm speed", start_rms=0.01),
 )
 
 PARAMETERS = (
@@ -101,7 +101,7 @@ class JointMotion:
     """Rates of the joint and the force on the load cell.
 
     Args:
-        rates: Rates of ``angle`` and ``speed``.
+        rates: Rates of ``angle``, in rad/s, and ``speed``, in rad/s^2, by name.
         load_cell: Force on the load cell of the lower stop, in N.
     """
 
@@ -128,6 +128,18 @@ def joint(
 
     Source:
         The paper's Figure 4 and its description of arm, plates and stops.
+
+    Example:
+        >>> from workbench.model import EXACT, Names
+        >>> scope = Scope(
+        ...     Names("state", {"angle": 0.5, "speed": 0.0}),
+        ...     Names("input", {}),
+        ...     Names("parameter", {q.name: q.value for q in PARAMETERS}),
+        ...     EXACT,
+        ... )
+        >>> motion = joint(scope, forces=(500.0, 0.0), geometry=ArmGeometry(), body=ArmBody())
+        >>> bool(motion.rates["speed"] > 0.0), float(motion.load_cell)
+        (True, 0.0)
     """
     x, p = m.x, m.p
     lower = _stop(m, "lower_stop", p.lower_stop - x.angle, -x.speed)
@@ -173,6 +185,8 @@ def _stop(m: Scope, name: str, penetration: Expression, speed: Expression) -> Ex
         scale=10.0,
         description="torque with which the stop pushes the arm back",
         signals={"penetration": penetration, "speed": speed},
+        # A contact of some milliseconds is sampled too coarsely to be predicted to the noise.
+        relative_disturbance=0.1,
     )
 
 
@@ -221,9 +235,7 @@ def damper_and_bearing() -> tuple[Effect, Effect]:
         ['damper', 'bearing_friction']
     """
     return (
-        viscous_friction(
-            coefficient=0.3, lower=0.05, upper=1.0, source="estimate", name="damper"
-        ),
+        viscous_friction(coefficient=0.3, lower=0.05, upper=1.0, source="estimate", name="damper"),
         coulomb_friction(
             level=0.3,
             transition_speed=0.02,

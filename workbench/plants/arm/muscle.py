@@ -86,6 +86,7 @@ def muscle_states(suffix: str = "") -> tuple[State, State]:
             10.0,
             "gas temperature",
             initial=293.15,
+            start_rms=2.0,
             lower=150.0,
             upper=500.0,
         ),
@@ -118,7 +119,7 @@ class MuscleAction:
     Args:
         force: Pulling force, in N.
         gauge_pressure: Pressure above ambient, in Pa.
-        rates: Rates of the gas states.
+        rates: Rates of the pressure, in Pa/s, and the temperature, in K/s, by name of the state.
     """
 
     force: Expression
@@ -142,8 +143,9 @@ def muscle(
         m: Scope with the names of `muscle_states`, `PARAMETERS` and the ambient.
         suffix: Ending of the names of states and ports, ``"_1"`` for muscle 1.
         fibre_length: Fibre length s, in m, as an expression in ``coordinate``.
-        coordinate: Symbol of the state or input that the length depends on.
-        coordinate_speed: Its rate.
+        coordinate: Symbol of the state or input that the length depends on, in its SI unit (rad
+            for the arm's angle, m for a length).
+        coordinate_speed: Its rate, in that unit per second.
         flow: Mass flow from the valve, in kg/s.
         laws: Force law and braid geometry.
 
@@ -152,6 +154,27 @@ def muscle(
 
     Source:
         The paper's Figure 3, lines [1] to [15], with the corrections of its misprints.
+
+    Example:
+        >>> from workbench.model import EXACT, Names
+        >>> length = ca.SX.sym("fibre_length")
+        >>> scope = Scope(
+        ...     Names("state", {"pressure": 4.01325e5, "temperature": 293.15}),
+        ...     Names("input", {}),
+        ...     Names("parameter", {q.name: q.value for q in (*PARAMETERS, *AMBIENT)}),
+        ...     EXACT,
+        ... )
+        >>> action = muscle(
+        ...     scope,
+        ...     "",
+        ...     fibre_length=length,
+        ...     coordinate=length,
+        ...     coordinate_speed=0.0,
+        ...     flow=0.0,
+        ...     laws=MuscleLaws(),
+        ... )
+        >>> round(float(ca.evalf(ca.substitute(action.force, length, 0.2))), 1)
+        830.8
     """
     p = m.p
     pressure, temperature = m.x[f"pressure{suffix}"], m.x[f"temperature{suffix}"]
@@ -201,9 +224,7 @@ def muscle(
         description="volume inside the braid",
         signals={"fibre_length": fibre_length},
     )
-    volume = m.publish(
-        f"chamber{suffix}.volume", p.volume_gain * braid + p.dead_volume, unit="m3"
-    )
+    volume = m.publish(f"chamber{suffix}.volume", p.volume_gain * braid + p.dead_volume, unit="m3")
     pressure_rate, temperature_rate = chamber_rates(
         pressure,
         temperature,
@@ -266,10 +287,9 @@ def muscle_laws(
     """
     effects = [end_flattening(volume)]
     base = force_law
-    if isinstance(force_law, PaperLaw):
-        if force_law.reference_pressure == 0.0:
-            base = Petrovic(force_law.gain_bar_mm)
-            effects.insert(0, force_correction(force_law))
+    if isinstance(force_law, PaperLaw) and force_law.reference_pressure == 0.0:
+        base = Petrovic(force_law.gain_bar_mm)
+        effects.insert(0, force_correction(force_law))
     return MuscleLaws(base, volume, printed_work_sign), tuple(effects)
 
 

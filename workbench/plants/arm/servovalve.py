@@ -16,7 +16,7 @@ from workbench.physics.valve_curve import MPYE, ValveCurve, opening
 
 STATES = (
     State("spool", "V", 1.0, "spool position, as a voltage from the centre"),
-    State("spool_speed", "V/s", 600.0, "speed of the spool"),
+    State("spool_speed", "V/s", 600.0, "speed of the spool", start_rms=1.0),
 )
 
 COMMAND = Input(
@@ -106,7 +106,7 @@ class ValveFlows:
     Args:
         flow_1: Mass flow towards muscle 1, in kg/s.
         flow_2: Mass flow towards muscle 2, in kg/s.
-        rates: Rates of ``spool`` and ``spool_speed``.
+        rates: Rates of ``spool``, in V/s, and ``spool_speed``, in V/s^2, by name.
     """
 
     flow_1: Expression
@@ -138,6 +138,18 @@ def valve(
 
     Source:
         The paper's description of the valve; manufacturer's flow curve and bandwidth.
+
+    Example:
+        >>> from workbench.model import EXACT, Names
+        >>> scope = Scope(
+        ...     Names("state", {"spool": 1.0, "spool_speed": 0.0}),
+        ...     Names("input", {"valve": 6.0}),
+        ...     Names("parameter", {q.name: q.value for q in PARAMETERS}),
+        ...     EXACT,
+        ... )
+        >>> flows = valve(scope, pressures=(4e5, 4e5), temperatures=(293.15, 293.15))
+        >>> bool(flows.flow_1 > 0.0), bool(flows.flow_2 < 0.0)
+        (True, True)
     """
     x, p = m.x, m.p
     ambient = p.ambient_temperature
