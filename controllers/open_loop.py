@@ -1,0 +1,67 @@
+"""No control: a command that is held, for open-loop runs in the sampled loop."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from controllers.protocol import Command, Info, Measurement, Reference
+
+
+@dataclass(frozen=True)
+class HeldCommand:
+    """A controller that always gives the same command.
+
+    Args:
+        values: The command in SI, one value per actuator.
+        sample_time: Time between steps, in s.
+        name: Name under which results are reported.
+        sensors: Names of the outputs that are read, and not used.
+        follows: Names of the outputs that have a reference, which is not followed.
+        actuators: Names of the inputs that are commanded.
+        preview: No future references are used.
+
+    Example:
+        >>> HeldCommand((5.0,)).step(None, (), ())
+        ((5.0,), None, {})
+    """
+
+    values: Command
+    sample_time: float = 0.002
+    name: str = "held command"
+    sensors: tuple[str, ...] = ()
+    follows: tuple[str, ...] = ()
+    actuators: tuple[str, ...] = ("valve",)
+    preview: int = 0
+
+    def initial_state(self, measurement: Measurement) -> None:
+        """Return no state.
+
+        Args:
+            measurement: Not used; in SI.
+        """
+
+    def step(
+        self, state: None, measurement: Measurement, reference: Reference
+    ) -> tuple[Command, None, Info]:
+        """Return the command.
+
+        Args:
+            state: Not used.
+            measurement: Not used; in SI.
+            reference: Not used; in SI.
+
+        Returns:
+            The command in SI, no state, no information.
+        """
+        return self.values, None, {}
+
+    def linear_command(self, command: Command) -> Command:
+        """Return the command unchanged.
+
+        Args:
+            command: Command in SI.
+
+        Returns:
+            The same, in SI.
+        """
+        return command

@@ -1,0 +1,103 @@
+"""What every controller offers: one pure step at a fixed sample time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol, runtime_checkable
+
+Measurement = tuple[float, ...]
+"""Readings of the controller's `Controller.sensors`, in their order, in SI."""
+
+Reference = tuple[float, ...]
+"""Wanted values of the followed outputs now, then those of each previewed sample, in SI."""
+
+Command = tuple[float, ...]
+"""Values for the controller's actuators, in their order, in SI."""
+
+Info = Mapping[str, float | str]
+"""What a step tells about itself, by name: never needed to go on."""
+
+
+@runtime_checkable
+class Controller(Protocol):
+    """A sampled control law.
+
+    A controller is a frozen set of gains. Everything that changes from sample to sample is in the
+    state that `step` takes and returns, so that a run can be repeated, branched and exported. It
+    knows the plant through linear models and through the readings of its sensors only, and the
+    same object runs on a linear model, on the full plant and on the rig.
+
+    Time: the measurement of sample k is taken at t = k h, the command computed from it is held
+    over [k h, (k + 1) h).
+
+    Attributes:
+        name: Name under which results are reported.
+        sample_time: Time h between steps, in s.
+        sensors: Names of the outputs that it reads.
+        follows: Names of the outputs that have a reference.
+        actuators: Names of the inputs that it commands.
+        preview: Number of future samples of the reference that it wants.
+
+    Example:
+        >>> from controllers.pid import AnglePID
+        >>> issubclass(AnglePID, object)
+        True
+    """
+
+    @property
+    def name(self) -> str:
+        """Name under which results are reported."""
+
+    @property
+    def sample_time(self) -> float:
+        """Time between steps, in s."""
+
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """Names of the outputs that it reads."""
+
+    @property
+    def follows(self) -> tuple[str, ...]:
+        """Names of the outputs that have a reference."""
+
+    @property
+    def actuators(self) -> tuple[str, ...]:
+        """Names of the inputs that it commands."""
+
+    @property
+    def preview(self) -> int:
+        """Number of future samples of the reference that it wants."""
+
+    def initial_state(self, measurement: Measurement) -> Any:
+        """Return the state from which the controller starts without a bump.
+
+        Args:
+            measurement: Readings of the sensors at the start, in SI.
+        """
+
+    def step(
+        self, state: Any, measurement: Measurement, reference: Reference
+    ) -> tuple[Command, Any, Info]:
+        """Compute the command of one sample, without side effects.
+
+        Args:
+            state: What the step before returned, or `initial_state`.
+            measurement: Readings of the sensors, in SI.
+            reference: Wanted values of the followed outputs, now and previewed, in SI.
+
+        Returns:
+            The command in SI, the next state, and information about the step.
+        """
+
+    def linear_command(self, command: Command) -> Command:
+        """Return the command to which a linear model responds as the plant to ``command``.
+
+        A controller that inverts a static curve of the actuator hands the plant a command bent by
+        that inverse; the linear model has the straight line at rest instead.
+
+        Args:
+            command: What `step` returned, in SI.
+
+        Returns:
+            Command for a linear model, in SI.
+        """

@@ -1,0 +1,104 @@
+"""The inverse valve curve: controllers decide an opening, the valve is given the voltage for it.
+
+The flow curve of a soft-overlap valve is almost flat at the centre and steep outside: its local
+gain spans 15 to 1. Deciding the opening and inverting the curve leaves a plant whose gain is nearly
+constant, and the linear model at rest then holds for large commands too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from controllers.arithmetic import FLOATS, Arithmetic, Number
+from workbench.errors import WorkbenchError, check_finite
+
+MPYE_VOLTAGE: tuple[float, ...] = (
+    0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0,
+    1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 3.5, 4.0, 4.5, 5.0,
+)  # fmt: skip
+"""Distance of the command from the centre, V."""
+
+MPYE_FRACTION: tuple[float, ...] = (
+    0.0, 0.002, 0.005, 0.008, 0.012, 0.017, 0.023, 0.030, 0.041, 0.056, 0.071,
+    0.107, 0.17, 0.24, 0.30, 0.36, 0.49, 0.64, 0.75, 0.86, 0.97, 1.0,
+)  # fmt: skip
+"""Flow as a fraction of the full one, read from the manufacturer's data sheet."""
+
+
+@dataclass(frozen=True)
+class ValveInverse:
+    """The controller's knowledge of the valve: its data sheet, not the valve that is mounted.
+
+    Args:
+        voltages: Increasing distances from the centre, in V, starting at 0.
+        fractions: Increasing openings, as fractions of the full conductance, starting at 0.
+        centre: Voltage at which the valve is shut, in V.
+
+    Raises:
+        WorkbenchError: If the two tables do not match or do not increase from 0.
+
+    Source:
+        Manufacturer's flow curve of the MPYE-5-1/8-HF.
+
+    Example:
+        >>> valve = ValveInverse()
+        >>> round(valve.command(0.056), 3), round(valve.command(-2.0), 3)
+        (5.9, 0.0)
+    """
+
+    voltages: tuple[float, ...] = MPYE_VOLTAGE
+    fractions: tuple[float, ...] = MPYE_FRACTION
+    centre: float = 5.0
+
+    def __post_init__(self) -> None:
+        """Check the tables."""
+        check_finite("valve curve", (*self.voltages, *self.fractions, self.centre))
+        same = len(self.voltages) == len(self.fractions) >= 2
+        if not same or not all(
+            table[0] == 0.0 and all(a < b for a, b in zip(table, table[1:], strict=False))
+            for table in (self.voltages, self.fractions)
+        ):
+            raise WorkbenchError(
+                f"a valve curve has {len(self.voltages)} voltages and {len(self.fractions)}"
+                " openings; give equally many, two or more, increasing from 0, so that the curve"
+                " can be inverted"
+            )
+
+    @property
+    def gain_at_rest(self) -> float:
+        """Slope of the curve at the centre, in fractions of the full opening per V."""
+        return self.fractions[1] / self.voltages[1]
+
+    def command(self, opening: Number, arithmetic: Arithmetic = FLOATS) -> Number:
+        """Return the voltage that gives a signed opening.
+
+        Args:
+            opening: Wanted fraction of the full conductance, -1..1; beyond, the full voltage.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            Voltage, V.
+        """
+        return self.centre + arithmetic.table(opening, self.fractions, self.voltages)
+
+    def opening(self, command: float) -> float:
+        """Return the signed opening that a voltage gives.
+
+        Args:
+            command: Voltage, V.
+
+        Returns:
+            Fraction of the full conductance, -1..1.
+        """
+        return float(FLOATS.table(command - self.centre, self.voltages, self.fractions))
+
+    def linear_command(self, command: float) -> float:
+        """Return the voltage at which the tangent at rest gives the opening of ``command``.
+
+        Args:
+            command: Voltage on the plant, V.
+
+        Returns:
+            Voltage for a linear model, V; it may leave the plant's range.
+        """
+        return self.centre + self.opening(command) / self.gain_at_rest

@@ -1,0 +1,297 @@
+"""The sampled loop: one controller, one plant, one scenario.
+
+At t = k h, in this order:
+
+1. the sensors read the plant: noise, then conversion (quantised), then clipped to their range;
+2. the references of sample k (and the previewed ones) are read;
+3. the controller steps;
+4. the command is clipped to the input's range and converted (quantised);
+5. the command is held over [k h, (k + 1) h) while the plant moves.
+
+The controller's own computing time is not simulated as a delay.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controllers.protocol import Controller
+from workbench.errors import NumericalError, WorkbenchError, check_choice, check_range
+from workbench.model import Effect, Input, Model, Output, Parameter
+from workbench.verification.run import Run
+from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LinearPlant
+from workbench.verification.scenario import Scenario
+from workbench.verification.start import start_state
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+
+def verify(
+    controller: Controller,
+    plant: Model | LinearModel,
+    scenario: Scenario,
+    *,
+    seed: int = 0,
+    tolerance: float = TOLERANCE,
+) -> Run:
+    """Run a controller on a plant through a scenario.
+
+    Args:
+        controller: The controller; its sample time must be the scenario's.
+        plant: The full plant, or a linear model of it. A linear model is discretised exactly and
+            receives ``controller.linear_command``, so that a compensated valve curve does not
+            count twice; its inputs are clipped but not quantised.
+        scenario: What is asked.
+        seed: Seed of the sensors' noise.
+        tolerance: Local error allowed in a step of the plant, relative to its scales.
+
+    Returns:
+        The record of the run.
+
+    Raises:
+        WorkbenchError: If sensors, actuators or sample times do not fit, or the scenario changes
+            parameters of a linear model.
+        NumericalError: If the plant left the range of its laws so far that it cannot be simulated.
+
+    Example:
+        >>> from controllers.open_loop import HeldCommand
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> from workbench.verification.signals import Steps
+        >>> scenario = Scenario("rest", {"position": Steps((0.0,), (0.0,))}, 0.1, settle=0.0)
+        >>> controller = HeldCommand((1.0,), actuators=("force",), follows=("position",))
+        >>> run = verify(controller, servo_axis(), scenario)
+        >>> len(run.time)
+        50
+    """
+    h = scenario.sample_time
+    if abs(controller.sample_time - h) > 1e-9:
+        raise WorkbenchError(
+            f"controller {controller.name!r} steps every {controller.sample_time:g} s and scenario"
+            f" {scenario.name!r} every {h:g} s; design the controller for the scenario's sample"
+            " time"
+        )
+    for name in controller.follows:
+        check_choice("followed output", name, scenario.references)
+    events: list[tuple[int, str, float]] = []
+    sampled: FullPlant | LinearPlant
+    if isinstance(plant, Model):
+        model: Model | None = _with_disturbances(plant, scenario, events)
+        assert model is not None
+        x0, _ = start_state(model, scenario)
+        sampled = FullPlant(model, h, x0, tolerance=tolerance)
+        inputs, outputs, name = model.inputs, model.outputs, model.name
+        state_names = tuple(q.name for q in model.states)
+    else:
+        if scenario.changes or scenario.disturbances:
+            raise WorkbenchError(
+                f"scenario {scenario.name!r} changes the plant during the run, which a linear model"
+                " cannot; use the full plant"
+            )
+        model = None
+        sampled = LinearPlant(plant, h)
+        described = plant.operating_point.model
+        inputs = _named(described.inputs, plant.input_names)
+        outputs = _named(described.outputs, plant.output_names)
+        name = f"linear model of {described.name}"
+        state_names = tuple(plant.state_names)
+    return _loop(
+        controller, sampled, scenario, seed, model, name, inputs, outputs, state_names, events
+    )
+
+
+def _loop(
+    controller: Controller,
+    plant: FullPlant | LinearPlant,
+    scenario: Scenario,
+    seed: int,
+    model: Model | None,
+    name: str,
+    inputs: tuple[Input, ...],
+    outputs: tuple[Output, ...],
+    state_names: tuple[str, ...],
+    events: list[tuple[int, str, float]],
+) -> Run:
+    h, n = scenario.sample_time, scenario.samples
+    warm = round(scenario.settle / h)
+    names = [q.name for q in outputs]
+    for sensor in controller.sensors:
+        check_choice("sensor", sensor, names)
+    columns = [names.index(sensor) for sensor in controller.sensors]
+    sense = _sensors([outputs[i] for i in columns], columns, scenario, warm + n, seed)
+    rows, targets = _references(controller, scenario, warm, n)
+    convert = _actuators(controller, inputs, scenario, full=model is not None)
+    straight = controller.linear_command
+    step, hold, linear = controller.step, plant.hold, model is None
+
+    states = np.empty((n, len(plant.state)))
+    readings, measured, commands, infos = [], [], [], []
+    parameters = np.empty((n, len(plant.parameters)))
+    parameters[:] = plant.parameters
+    pending = sorted(events)
+    memory: Any = None
+    try:
+        for k in range(-warm, n):
+            while pending and k >= pending[0][0]:
+                _, parameter, value = pending.pop(0)
+                assert isinstance(plant, FullPlant)
+                plant.set_parameter(parameter, value)
+                parameters[k:] = plant.parameters
+            seen = sense(k + warm, plant.readings)
+            if k == -warm:
+                memory = controller.initial_state(seen)
+            command, memory, info = step(memory, seen, rows[k + warm])
+            command = convert(straight(command) if linear else command)
+            if k >= 0:
+                states[k] = plant.state
+                readings.append(plant.readings)
+                measured.append(seen)
+                commands.append(command)
+                infos.append(info)
+            hold(command)
+    except NumericalError as error:
+        raise NumericalError(
+            f"{controller.name} on {name}, {scenario.name}, at {k * h:.3f} s: {error}"
+        ) from None
+    return Run(
+        controller=controller.name,
+        plant=name,
+        scenario=scenario,
+        seed=seed,
+        time=h * np.arange(n),
+        references=targets,
+        states=states,
+        outputs=np.array(readings, dtype=float),
+        measured=np.array(measured, dtype=float).reshape(n, -1),
+        inputs=np.array(commands, dtype=float),
+        parameters=parameters,
+        infos=tuple(infos),
+        output_quantities=outputs,
+        input_quantities=inputs,
+        sensors=controller.sensors,
+        follows=controller.follows,
+        model=model,
+        integrator=plant.integrator,
+        tolerance=plant.tolerance,
+        state_names=state_names,
+    )
+
+
+def _named(quantities: Sequence[Any], names: Sequence[str]) -> tuple[Any, ...]:
+    by_name = {q.name: q for q in quantities}
+    return tuple(by_name[name] for name in names)
+
+
+def _with_disturbances(
+    model: Model, scenario: Scenario, events: list[tuple[int, str, float]]
+) -> Model:
+    """Attach one effect per disturbance and list every change of a parameter by its sample."""
+
+    def sample(time: float) -> int:
+        return int(np.ceil(time / scenario.sample_time - 1e-6))
+
+    ports = {port.name: port for port in model.ports}
+    for i, disturbance in enumerate(scenario.disturbances):
+        check_choice("port of a disturbance", disturbance.port, ports)
+        own = f"disturbance_{i + 1}"
+        level = Parameter(
+            "level", ports[disturbance.port].unit, abs(disturbance.level) or 1.0, value=0.0
+        )
+        model = model.with_effect(
+            Effect(own, (disturbance.port,), lambda at: at.value + at.p.level, (level,))
+        )
+        events.append((sample(disturbance.time), f"{own}.level", disturbance.level))
+        if np.isfinite(disturbance.until):
+            events.append((sample(disturbance.until), f"{own}.level", 0.0))
+    for change in scenario.changes:
+        model.parameter(change.parameter).with_value(change.value)
+        events.append((sample(change.time), change.parameter, change.value))
+    return model
+
+
+def _sensors(
+    sensors: Sequence[Output], columns: Sequence[int], scenario: Scenario, n: int, seed: int
+) -> Callable[[int, Sequence[float]], tuple[float, ...]]:
+    """Return a function (sample, readings of all outputs) -> what the controller reads."""
+    rng = np.random.default_rng(seed)
+    # Every sensor draws, noisy or not, so that its noise does not depend on its neighbours.
+    draws = [rng.standard_normal(n) for _ in sensors]
+    noise = [
+        (d * (q.noise_rms if scenario.noise else 0.0)).tolist()
+        for q, d in zip(sensors, draws, strict=True)
+    ]
+    chain = [
+        (column, noise[i], q.resolution if scenario.quantise else 0.0, q.lower, q.upper)
+        for i, (q, column) in enumerate(zip(sensors, columns, strict=True))
+    ]
+
+    def sense(k: int, readings: Sequence[float]) -> tuple[float, ...]:
+        seen = []
+        for column, drawn, resolution, lower, upper in chain:
+            value = readings[column] + drawn[k]
+            if resolution:
+                value = round(value / resolution) * resolution
+            seen.append(lower if value < lower else upper if value > upper else value)
+        return tuple(seen)
+
+    return sense
+
+
+def _actuators(
+    controller: Controller, inputs: Sequence[Input], scenario: Scenario, *, full: bool
+) -> Callable[[tuple[float, ...]], tuple[float, ...]]:
+    """Return a function from the controller's command to the values of all inputs."""
+    names = [q.name for q in inputs]
+    for actuator in controller.actuators:
+        check_choice("actuator", actuator, names)
+    if set(names) != set(controller.actuators):
+        missing = sorted(set(names) - set(controller.actuators))
+        raise WorkbenchError(
+            f"controller {controller.name!r} does not command the input {missing[0]!r} of the"
+            f" plant; it commands {', '.join(controller.actuators)}"
+        )
+    infinite = float("inf")
+    chain = [
+        (
+            controller.actuators.index(q.name),
+            q.lower if full else -infinite,
+            q.upper if full else infinite,
+            q.resolution if scenario.quantise and full else 0.0,
+        )
+        for q in inputs
+    ]
+
+    def convert(command: tuple[float, ...]) -> tuple[float, ...]:
+        values = []
+        for source, lower, upper, resolution in chain:
+            value = command[source]
+            value = lower if value < lower else upper if value > upper else value
+            if resolution:
+                value = round(value / resolution) * resolution
+            values.append(value)
+        return tuple(values)
+
+    return convert
+
+
+def _references(
+    controller: Controller, scenario: Scenario, warm: int, n: int
+) -> tuple[list[tuple[float, ...]], Mapping[str, np.ndarray[Any, Any]]]:
+    """Return the reference row of every sample, and the course of each followed output."""
+    preview = int(check_range("preview", controller.preview, 0, 1e5, "samples"))
+    h = scenario.sample_time
+    time = np.maximum(h * np.arange(-warm, n + preview), 0.0)
+    courses = [scenario.references[name].sample(time) for name in controller.follows]
+    table = np.column_stack(courses) if courses else np.empty((len(time), 0))
+    if preview:
+        wide = np.hstack([table[i : i + warm + n] for i in range(preview + 1)])
+    else:
+        wide = table
+    targets = {
+        name: course[warm : warm + n]
+        for name, course in zip(controller.follows, courses, strict=True)
+    }
+    return [tuple(row) for row in wide.tolist()], targets

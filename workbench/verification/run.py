@@ -1,0 +1,135 @@
+"""The record of a closed-loop run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import check_choice
+from workbench.model import Input, Model, Output
+from workbench.verification.scenario import Scenario
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Run:
+    """What happened in a closed loop, sample by sample.
+
+    Row k holds the states and readings at t = k h, and the command held from there to (k + 1) h.
+
+    Args:
+        controller: Name of the controller.
+        plant: Name of the plant.
+        scenario: What was asked.
+        seed: Seed of the sensors' noise.
+        time: Sample times, shape (n,), in s.
+        references: Wanted values of each followed output, shape (n,) each, in SI.
+        states: States, shape (n, n_states), in SI.
+        outputs: Outputs without noise and quantisation, shape (n, n_outputs), in SI.
+        measured: What the controller's sensors read, shape (n, n_sensors), in SI.
+        inputs: Commands that reached the plant, shape (n, n_inputs), in SI.
+        parameters: Plant parameters, shape (n, n_parameters), in SI; no columns for a linear model.
+        infos: What each step told about itself.
+        output_quantities: Outputs, in the order of the columns.
+        input_quantities: Inputs, in the order of the columns.
+        sensors: Names of the columns of ``measured``.
+        follows: Names of the outputs that had a reference.
+        model: The full plant, None for a linear model.
+        integrator: How the plant was advanced.
+        tolerance: Tolerance of the integrator, relative to the scales of the states.
+
+    Example:
+        >>> "measured" in Run.__dataclass_fields__
+        True
+    """
+
+    controller: str
+    plant: str
+    scenario: Scenario
+    seed: int
+    time: Vector
+    references: Mapping[str, Vector]
+    states: Vector
+    outputs: Vector
+    measured: Vector
+    inputs: Vector
+    parameters: Vector
+    infos: tuple[Mapping[str, Any], ...]
+    output_quantities: tuple[Output, ...]
+    input_quantities: tuple[Input, ...]
+    sensors: tuple[str, ...]
+    follows: tuple[str, ...]
+    model: Model | None = None
+    integrator: str = ""
+    tolerance: float = 0.0
+    state_names: tuple[str, ...] = field(default=())
+
+    def __getitem__(self, name: str) -> Vector:
+        """Return an output, input, state or signal over time, shape (n,), in SI."""
+        for names, table in (
+            ([q.name for q in self.output_quantities], self.outputs),
+            ([q.name for q in self.input_quantities], self.inputs),
+            (list(self.state_names), self.states),
+        ):
+            if name in names:
+                return np.asarray(table[:, names.index(name)])
+        known = [q.name for q in (*self.output_quantities, *self.input_quantities)]
+        check_choice("signal", name, [*known, *self.state_names, *self.signal_names])
+        return self._signal(name)
+
+    @cached_property
+    def signal_names(self) -> tuple[str, ...]:
+        """Names of the ports and published signals of the full plant."""
+        return self.model.exact.signal_names if self.model else ()
+
+    def measurement(self, name: str) -> Vector:
+        """Return what one of the controller's sensors read.
+
+        Args:
+            name: Name of the sensor.
+
+        Returns:
+            Readings, shape (n,), in SI.
+
+        Raises:
+            WorkbenchError: If the controller has no such sensor.
+        """
+        check_choice("sensor", name, self.sensors)
+        return np.asarray(self.measured[:, self.sensors.index(name)])
+
+    def info(self, name: str) -> Vector:
+        """Return a number that the steps told, NaN where a step did not tell it.
+
+        Args:
+            name: Name of the entry.
+
+        Returns:
+            Values, shape (n,), in the entry's own unit.
+        """
+        return np.array([float(i.get(name, np.nan)) for i in self.infos])
+
+    def _signal(self, name: str) -> Vector:
+        assert self.model is not None
+        traced = self.model.exact
+        function = traced.function("signal", traced.signals[traced.signal_names.index(name)])
+        values = function.map(len(self.time))(self.states.T, self.inputs.T, self.parameters.T)
+        return np.asarray(values, dtype=float).ravel()
+
+    def __str__(self) -> str:
+        """Return a short aligned table of what moved."""
+        lines = [
+            f"{self.controller} on {self.plant}: {self.scenario.name}, {len(self.time)} samples of"
+            f" {self.scenario.sample_time:g} s, seed {self.seed}, {self.integrator}"
+        ]
+        rows = [*zip(self.output_quantities, self.outputs.T, strict=True)]
+        rows += [*zip(self.input_quantities, self.inputs.T, strict=True)]
+        lines += [
+            f"  {q.name:<20} {c.min():>12.5g} to {c.max():<12.5g} {q.unit}" for q, c in rows
+        ]
+        return "\n".join(lines)

@@ -1,0 +1,202 @@
+"""Plants as a sampled controller meets them: hold a command, read the sensors one sample later."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import NumericalError
+from workbench.model import EXACT, Face, Model, Trace
+from workbench.model.model import check_vector, index_of
+from workbench.simulation.compiled import compiled, compiler
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+Vector = npt.NDArray[np.float64]
+
+TOLERANCE = 1e-6
+"""Local error allowed in a step of the plant, relative to the scales of its states."""
+
+
+class FullPlant:
+    """The full nonlinear plant, advanced sample by sample.
+
+    One compiled call holds the inputs for a sample and reads the sensors at its end, with the
+    inputs that led there. Buffers are reused: at 500 Hz the call itself is most of the time.
+
+    Args:
+        model: The plant.
+        sample_time: Time between samples, in s.
+        start: States at the start, shape (n_states,), in SI.
+        tolerance: Local error allowed in a step, relative to the scales of the states.
+        method: ``"erk"``, or ``"rosenbrock"`` for stiff models.
+        face: Exact or smooth equations.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> plant = FullPlant(axis, 0.002, axis.initial_state())
+        >>> plant.hold((1.0,))
+        >>> len(plant.readings)
+        1
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        sample_time: float,
+        start: npt.ArrayLike,
+        *,
+        tolerance: float = TOLERANCE,
+        method: str = "erk",
+        face: Face = EXACT,
+    ) -> None:
+        self.model = model
+        self.integrator = f"{method}, {'compiled' if compiler() else 'interpreted'}"
+        self.tolerance = tolerance
+        self._scale = np.array([q.scale for q in model.states])
+        traced = model.face(face)
+        function = _sample(traced, tuple(self._scale), method, sample_time, tolerance)
+        x = check_vector("state", start, model.states)
+        u = model.nominal_input
+        buffer, self._call = function.buffer()
+        self._buffer = buffer
+        self._z, self._u, self._p = x / self._scale, u.copy(), model.values.copy()
+        self._end = np.zeros_like(self._z)
+        self._y = np.asarray(traced.outputs_function(x, u, self._p), dtype=float).ravel()
+        for i, array in enumerate((self._z, self._u, self._p)):
+            buffer.set_arg(i, memoryview(array))
+        for i, array in enumerate((self._end, self._y)):
+            buffer.set_res(i, memoryview(array))
+        self.readings: list[float] = self._y.tolist()
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Change a parameter from now on.
+
+        Args:
+            name: Name of the parameter.
+            value: New value, in its SI unit.
+
+        Raises:
+            WorkbenchError: If there is no such parameter or the value is outside its bounds.
+        """
+        i = index_of("parameter", name, self.model.parameters)
+        self._p[i] = self.model.parameters[i].with_value(value).value
+
+    @property
+    def parameters(self) -> Vector:
+        """Parameter values of now, shape (n_parameters,), in SI."""
+        return self._p.copy()
+
+    @property
+    def state(self) -> Vector:
+        """States of now, shape (n_states,), in SI."""
+        return self._z * self._scale
+
+    def hold(self, command: tuple[float, ...]) -> None:
+        """Hold a command for one sample and read the sensors at its end.
+
+        Args:
+            command: Inputs, shape (n_inputs,), in SI.
+
+        Raises:
+            NumericalError: If the integrator gives up or the states are no longer finite.
+        """
+        for i, value in enumerate(command):
+            self._u[i] = value
+        self._call()
+        # A sum is not finite if any term is not; it is the cheapest test.
+        if self._buffer.ret() or not -1e300 < self._end.sum() < 1e300:
+            raise NumericalError(
+                f"the integrator of {self.model.name!r} gave up in a closed loop: the states or"
+                " the parameters have left the range of the model, or the model is stiff (use"
+                " method='rosenbrock')"
+            )
+        self._z[:] = self._end
+        self.readings = self._y.tolist()
+
+
+class LinearPlant:
+    """A linear model, discretised exactly for held inputs and advanced sample by sample.
+
+    ``x[k+1] = Ad x[k] + Bd u[k]`` with ``Ad = exp(A h)``: there is no shift by half a sample, which
+    interpolating the inputs between the samples would bring.
+
+    Args:
+        linear: The linear model; its operating point is added to all signals.
+        sample_time: Time between samples, in s.
+
+    Source:
+        Zero-order-hold equivalent; Åström and Wittenmark, Computer-Controlled Systems, 1997,
+        section 2.3.
+
+    Example:
+        >>> LinearPlant.__name__
+        'LinearPlant'
+    """
+
+    def __init__(self, linear: LinearModel, sample_time: float) -> None:
+        self.linear = linear
+        self.integrator = "exact discretisation"
+        self.tolerance = 0.0
+        point = linear.operating_point
+        self._A, self._B, self._C, self._D = (
+            np.asarray(matrix, dtype=float) for matrix in linear.discretise(sample_time)
+        )
+        names = [q.name for q in point.model.states]
+        self._x0 = np.array([point.x[names.index(n)] for n in linear.state_names])
+        names = [q.name for q in point.model.inputs]
+        self._u0 = np.array([point.u[names.index(n)] for n in linear.input_names])
+        names = [q.name for q in point.model.outputs]
+        self._y0 = np.array([point.y[names.index(n)] for n in linear.output_names])
+        self._x = np.zeros(len(self._x0))
+        self.readings: list[float] = self._y0.tolist()
+
+    @property
+    def parameters(self) -> Vector:
+        """No parameters, shape (0,); a linear model has numbers (in SI) in its matrices only."""
+        return np.zeros(0)
+
+    @property
+    def state(self) -> Vector:
+        """States of now with their operating point, shape (n_states,), in SI."""
+        return self._x0 + self._x
+
+    def hold(self, command: tuple[float, ...]) -> None:
+        """Hold a command for one sample and read the outputs at its end.
+
+        Args:
+            command: Inputs, shape (n_inputs,), in SI.
+        """
+        du = np.asarray(command, dtype=float) - self._u0
+        self._x = self._A @ self._x + self._B @ du
+        self.readings = (self._y0 + self._C @ self._x + self._D @ du).tolist()
+
+
+@lru_cache(maxsize=64)
+def _sample(
+    traced: Trace, scale: tuple[float, ...], method: str, sample_time: float, tolerance: float
+) -> ca.Function:
+    """Build (z, u, p) -> (z one sample later, readings there), with z = x / scale."""
+    size = np.array(scale)
+    z = ca.SX.sym("z", len(size))
+    rates = ca.substitute(traced.rates, traced.x, z * size) / size
+    integrator = ca.integrator(
+        "interval",
+        method,
+        {"x": z, "u": traced.u, "p": traced.p, "ode": rates},
+        0.0,
+        sample_time,
+        {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 2000},
+    )
+    z0 = ca.MX.sym("z0", len(size))
+    u = ca.MX.sym("u", traced.u.numel())
+    p = ca.MX.sym("p", traced.p.numel())
+    end = integrator(x0=z0, u=u, p=p)["xf"]
+    readings = traced.outputs_function(end * size, u, p)
+    return compiled(ca.Function("closed_loop_sample", [z0, u, p], [end, readings]))

@@ -1,0 +1,218 @@
+"""A scenario: what is asked of a closed loop, as data."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
+from workbench.verification.signals import Signal, Steps, signal_from_table
+
+
+@dataclass(frozen=True)
+class Change:
+    """A parameter of the plant takes another value at some time.
+
+    Args:
+        time: Time, in s; the sample that begins at or after it has the new value.
+        parameter: Name of a parameter of the plant.
+        value: New value, in the parameter's SI unit.
+
+    Raises:
+        WorkbenchError: If the time is negative or a number not finite.
+
+    Example:
+        >>> Change(2.0, "load", 4.0).parameter
+        'load'
+    """
+
+    time: float
+    parameter: str
+    value: float
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range(f"time of the change of {self.parameter}", self.time, 0.0, 1e6, "s")
+        check_finite(f"new value of {self.parameter}", self.value)
+
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A constant added to a port of the plant from some time on.
+
+    Args:
+        time: Time, in s.
+        port: Name of a port, such as ``"joint.torque"``.
+        level: What is added, in the port's SI unit.
+        until: Time at which it ends, in s.
+
+    Raises:
+        WorkbenchError: If the times are not in order or a number is not finite.
+
+    Example:
+        >>> Disturbance(1.0, "joint.torque", 3.0, until=2.0).level
+        3.0
+    """
+
+    time: float
+    port: str
+    level: float
+    until: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range(f"time of the disturbance on {self.port}", self.time, 0.0, 1e6, "s")
+        check_finite(f"disturbance on {self.port}", self.level)
+        if not self.until > self.time:
+            raise WorkbenchError(
+                f"the disturbance on {self.port} ends at {self.until:g} s, before it begins at"
+                f" {self.time:g} s; give a later end"
+            )
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """What a closed loop has to do.
+
+    Args:
+        name: Name under which results are reported.
+        references: Wanted course of each followed output, by name, in SI.
+        duration: Length of the run, in s.
+        sample_time: Time between samples, in s.
+        start: Given values of the operating point at which the run starts, in SI, by name; the
+            references at t = 0 by default.
+        settle: Time for which the loop holds the start before t = 0, in s. It is not recorded.
+        changes: Parameters that change during the run.
+        disturbances: Loads on ports of the plant during the run.
+        noise: Whether sensors are noisy.
+        quantise: Whether sensors and commands have the resolution of their converters.
+
+    Raises:
+        WorkbenchError: If a number is outside its range or there is no reference.
+
+    Example:
+        >>> step_scenario(from_deg=15, to_deg=30).duration
+        3.0
+    """
+
+    name: str
+    references: Mapping[str, Signal]
+    duration: float
+    sample_time: float = 0.002
+    start: Mapping[str, float] | None = None
+    settle: float = 0.5
+    changes: tuple[Change, ...] = ()
+    disturbances: tuple[Disturbance, ...] = ()
+    noise: bool = True
+    quantise: bool = True
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range(f"sample time of scenario {self.name!r}", self.sample_time, 1e-6, 10.0, "s")
+        lower = 2 * self.sample_time
+        check_range(f"duration of scenario {self.name!r}", self.duration, lower, 1e5, "s")
+        check_range(f"settle time of scenario {self.name!r}", self.settle, 0.0, 1e4, "s")
+        if not self.references:
+            raise WorkbenchError(
+                f"scenario {self.name!r} has no reference; give one, such as angle = steps"
+            )
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the run."""
+        return round(self.duration / self.sample_time)
+
+    def without_imperfections(self) -> Scenario:
+        """Return the scenario with ideal sensors and converters."""
+        return replace(self, noise=False, quantise=False)
+
+
+def step_scenario(
+    *,
+    from_deg: float,
+    to_deg: float,
+    back: bool = False,
+    hold: float = 2.5,
+    sample_time: float = 0.002,
+    output: str = "angle",
+) -> Scenario:
+    """Build a step between two angles, and back if wanted.
+
+    Args:
+        from_deg: Angle before the step.
+        to_deg: Angle after the step.
+        back: Whether a step back follows.
+        hold: Time that each step is held, in s.
+        sample_time: Time between samples, in s.
+        output: Name of the followed output, an angle.
+
+    Returns:
+        A scenario that holds the first angle for 0.5 s before the step.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> step_scenario(from_deg=15, to_deg=45, back=True).references["angle"].changes[0][0]
+        0.5
+    """
+    angles = (from_deg, to_deg, from_deg) if back else (from_deg, to_deg)
+    values = tuple(math.radians(check_range("angle", a, -360.0, 360.0, "deg")) for a in angles)
+    times = (0.0, *(0.5 + hold * i for i in range(len(angles) - 1)))
+    return Scenario(
+        f"step {from_deg:g} to {to_deg:g} deg" + (" and back" if back else ""),
+        {output: Steps(times, values)},
+        duration=0.5 + hold * (len(angles) - 1),
+        sample_time=sample_time,
+    )
+
+
+def scenario_from_table(name: str, table: Mapping[str, Any]) -> Scenario:
+    """Build a scenario from a table of a study file.
+
+    Args:
+        name: Name of the scenario.
+        table: The fields of `Scenario`; ``references`` maps an output to a signal's table,
+            ``changes`` and ``disturbances`` are lists of tables.
+
+    Returns:
+        The scenario.
+
+    Raises:
+        WorkbenchError: If a key is unknown or missing, or a value outside its range.
+
+    Example:
+        >>> reference = {"kind": "steps", "unit": "deg", "times": [0, 1], "values": [15, 45]}
+        >>> scenario_from_table("up", {"duration": 3, "references": {"angle": reference}}).samples
+        1500
+    """
+    entries = dict(table)
+    for key in entries:
+        check_choice(f"key of scenario {name!r}", key, _KEYS)
+    for key in ("references", "duration"):
+        if key not in entries:
+            raise WorkbenchError(f"scenario {name!r} has no {key!r}; add it")
+    entries["references"] = {
+        output: signal_from_table(signal) for output, signal in entries["references"].items()
+    }
+    for key, build in (("changes", Change), ("disturbances", Disturbance)):
+        entries[key] = tuple(_build(build, name, key, row) for row in entries.get(key, ()))
+    for key in ("duration", "sample_time", "settle"):
+        if key in entries:
+            entries[key] = check_range(f"{key} of scenario {name!r}", entries[key], 0.0, 1e6, "s")
+    return Scenario(name, **entries)
+
+
+_KEYS = tuple(Scenario.__dataclass_fields__)[1:]
+
+
+def _build(build: type[Any], name: str, key: str, row: Mapping[str, Any]) -> Any:
+    fields = build.__dataclass_fields__
+    for entry in row:
+        check_choice(f"key of {key} in scenario {name!r}", entry, fields)
+    missing = [n for n, f in fields.items() if n not in row and n != "until"]
+    if missing:
+        raise WorkbenchError(f"an entry of {key} in scenario {name!r} has no {missing[0]!r}")
+    return build(**row)

@@ -1,0 +1,211 @@
+"""Reference signals over time: steps, a sine, ramps; frozen data that a study file can hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
+from workbench.model.units import to_si
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Steps:
+    """A staircase: each value holds from its time to the next.
+
+    Args:
+        times: Increasing times, in s; the first is 0.
+        values: Values in SI, as many as ``times``.
+
+    Raises:
+        WorkbenchError: If the times do not increase from 0 or the lengths differ.
+
+    Example:
+        >>> Steps((0.0, 1.0), (0.2, 0.5)).sample(np.array([0.0, 0.9, 1.0]))
+        array([0.2, 0.2, 0.5])
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check that the times increase from 0."""
+        times = check_finite("times of the steps", self.times)
+        check_finite("values of the steps", self.values)
+        if len(times) != len(self.values) or not len(times) or times[0] != 0.0:
+            raise WorkbenchError(
+                f"steps have {len(self.values)} values for the times {list(self.times)}; give one"
+                " value per time and start at 0 s"
+            )
+        if np.any(np.diff(times) <= 0):
+            raise WorkbenchError(
+                f"the times of the steps are {list(self.times)} s; they must increase"
+            )
+
+    def sample(self, time: npt.ArrayLike) -> Vector:
+        """Return the signal at some times.
+
+        Args:
+            time: Times, shape (n,), in s.
+
+        Returns:
+            Values, shape (n,), in SI.
+        """
+        # A time computed as k h may fall short of its decimal value by one rounding.
+        instants = np.asarray(time, dtype=float) + 1e-9
+        index = np.searchsorted(self.times, instants, side="right") - 1
+        return np.asarray(self.values, dtype=float)[np.maximum(index, 0)]
+
+    @property
+    def changes(self) -> tuple[tuple[float, float, float], ...]:
+        """Time in s, value before and value after of every step."""
+        v = self.values
+        return tuple(
+            (t, v[i], v[i + 1]) for i, t in enumerate(self.times[1:]) if v[i] != v[i + 1]
+        )
+
+
+@dataclass(frozen=True)
+class Sine:
+    """A sine that starts at its mean.
+
+    Args:
+        mean: Mean value, in SI.
+        amplitude: Amplitude, in SI.
+        frequency_Hz: Frequency, in Hz.
+        begin: Time until which the mean is held, in s.
+
+    Raises:
+        WorkbenchError: If a number is not finite or the frequency not positive.
+
+    Example:
+        >>> Sine(0.5, 0.2, 1.0).sample(np.array([0.0, 0.25])).round(3)
+        array([0.5, 0.7])
+    """
+
+    mean: float
+    amplitude: float
+    frequency_Hz: float
+    begin: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_finite("mean and amplitude of the sine", (self.mean, self.amplitude))
+        check_range("frequency of the sine", self.frequency_Hz, 1e-4, 1e3, "Hz")
+        check_range("begin of the sine", self.begin, 0.0, 1e5, "s")
+
+    def sample(self, time: npt.ArrayLike) -> Vector:
+        """Return the signal at some times.
+
+        Args:
+            time: Times, shape (n,), in s.
+
+        Returns:
+            Values, shape (n,), in SI.
+        """
+        elapsed = np.maximum(np.asarray(time, dtype=float) - self.begin, 0.0)
+        wave = np.sin(2.0 * math.pi * self.frequency_Hz * elapsed)
+        return np.asarray(self.mean + self.amplitude * wave, dtype=float)
+
+    @property
+    def changes(self) -> tuple[tuple[float, float, float], ...]:
+        """No steps."""
+        return ()
+
+
+@dataclass(frozen=True)
+class Ramps:
+    """Straight lines between points, constant before the first and after the last.
+
+    Args:
+        times: Increasing times, in s.
+        values: Values in SI, as many as ``times``.
+
+    Raises:
+        WorkbenchError: If the times do not increase or the lengths differ.
+
+    Example:
+        >>> Ramps((0.0, 2.0), (0.0, 1.0)).sample(np.array([1.0, 5.0]))
+        array([0.5, 1. ])
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check that the times increase."""
+        times = check_finite("times of the ramps", self.times)
+        check_finite("values of the ramps", self.values)
+        if len(times) != len(self.values) or not len(times) or np.any(np.diff(times) <= 0):
+            raise WorkbenchError(
+                f"ramps have {len(self.values)} values for the times {list(self.times)} s; give one"
+                " value per time, with times that increase"
+            )
+
+    def sample(self, time: npt.ArrayLike) -> Vector:
+        """Return the signal at some times.
+
+        Args:
+            time: Times, shape (n,), in s.
+
+        Returns:
+            Values, shape (n,), in SI.
+        """
+        return np.asarray(np.interp(time, self.times, self.values), dtype=float)
+
+    @property
+    def changes(self) -> tuple[tuple[float, float, float], ...]:
+        """No steps."""
+        return ()
+
+
+Signal = Steps | Sine | Ramps
+
+_KINDS: dict[str, tuple[type[Signal], tuple[str, ...], tuple[str, ...]]] = {
+    # kind: class, keys in the signal's unit, other keys
+    "steps": (Steps, ("values",), ("times",)),
+    "sine": (Sine, ("mean", "amplitude"), ("frequency_Hz", "begin")),
+    "ramps": (Ramps, ("values",), ("times",)),
+}
+
+
+def signal_from_table(table: Mapping[str, Any]) -> Signal:
+    """Build a signal from a table of a study file.
+
+    Args:
+        table: ``kind`` (``"steps"``, ``"sine"``, ``"ramps"``), ``unit`` of its values and the
+            fields of that kind.
+
+    Raises:
+        WorkbenchError: If the kind, the unit or a key is unknown, or a key is missing.
+
+    Example:
+        >>> signal_from_table({"kind": "steps", "unit": "deg", "times": [0], "values": [180]})
+        Steps(times=(0.0,), values=(3.14...,))
+    """
+    entries = dict(table)
+    kind = check_choice("kind of reference", str(entries.pop("kind", "steps")), _KINDS)
+    unit = str(entries.pop("unit", "1"))
+    build, in_unit, others = _KINDS[kind]
+    for key in entries:
+        check_choice(f"key of the {kind} reference", key, ("kind", "unit", *in_unit, *others))
+    for key in (*in_unit, *others):
+        if key not in entries and key != "begin":
+            raise WorkbenchError(f"the {kind} reference has no {key!r}; add it")
+    arguments: dict[str, Any] = {}
+    for key, value in entries.items():
+        numbers = check_finite(f"{key} of the {kind} reference", value)
+        converted = to_si(numbers, unit) if key in in_unit else numbers
+        arguments[key] = (
+            tuple(float(v) for v in np.ravel(converted))
+            if np.ndim(value)
+            else float(np.asarray(converted))
+        )
+    return build(**arguments)
