@@ -263,8 +263,8 @@ def arm_joint(load_kg: float = 0.0, *, plane: Plane = "horizontal") -> Model:
 
     Example:
         >>> model = arm_joint(3.0)
-        >>> model.rates([0.5, 0.0], [500.0, 500.0])[1].round(1)
-        np.float64(0.7)
+        >>> round(float(model.rates([0.5, 0.0], [500.0, 500.0])[1]), 2)
+        0.56
     """
     geometry, body = ArmGeometry(), ArmBody()
 

@@ -389,7 +389,7 @@ def pneumatic_muscle(
 
     Example:
         >>> model = pneumatic_muscle()
-        >>> force, pressure = model.read([4.01325e5, 293.15], [0.2, 0.0, 0.0])
+        >>> force, pressure = model.read([4.01325e5, 293.15], [0.2, 0.0, 0.0]).tolist()
         >>> round(force, 1), pressure
         (830.8, 300000.0)
     """

@@ -250,9 +250,9 @@ def servovalve() -> Model:
 
     Example:
         >>> model = servovalve()
-        >>> filling, venting = model.read([0.9, 0.0], [5.9, 3e5, 3e5])
+        >>> filling, venting = model.read([0.9, 0.0], [5.9, 3e5, 3e5]).tolist()
         >>> round(1e3 * filling, 2), round(1e3 * venting, 2)
-        (1.36, -0.54)
+        (1.36, -0.52)
     """
     pressures = tuple(
         Input(f"pressure_{i}", "Pa", 1e5, "absolute", nominal=4e5, lower=0.0, upper=2e6)
