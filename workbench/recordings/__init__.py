@@ -1,6 +1,8 @@
 """Read, check, resample and align recordings of real machines."""
 
+from workbench.recordings.alignment import align, clock_shift
 from workbench.recordings.case import Case, read_case
+from workbench.recordings.checks import Check, CheckReport, check_recording
 from workbench.recordings.mapping import (
     ColumnMapping,
     ColumnRule,
@@ -15,6 +17,8 @@ from workbench.recordings.saving import write_recording
 
 __all__ = [
     "Case",
+    "Check",
+    "CheckReport",
     "ColumnMapping",
     "ColumnRule",
     "MappedColumn",
@@ -23,6 +27,9 @@ __all__ = [
     "Signal",
     "Span",
     "Table",
+    "align",
+    "check_recording",
+    "clock_shift",
     "decimate",
     "read_case",
     "read_mapping",

@@ -237,9 +237,15 @@ class Recording:
             name: Name of the signal.
         """
         good = np.isfinite(self[name])
-        for span in self.excluded:
-            if span.signal == name:
-                good &= ~((self.time >= span.start) & (self.time <= span.stop))
+        spans = [span for span in self.excluded if span.signal == name]
+        if spans and self.increasing:
+            first = np.searchsorted(self.time, [s.start for s in spans], side="left")
+            last = np.searchsorted(self.time, [s.stop for s in spans], side="right")
+            for a, b in zip(first, last, strict=True):
+                good[a:b] = False
+            return good
+        for span in spans:
+            good &= ~((self.time >= span.start) & (self.time <= span.stop))
         return good
 
     def take(self, rows: slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]) -> Recording:

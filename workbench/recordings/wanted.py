@@ -23,8 +23,7 @@ _SYNONYMS = (
     {"time", "t", "timestamp", "time_stamp", "zeit", "elapsed", "elapsed_time", "tiempo", "temps"},
 )
 _COMMANDS = {
-    "command", "cmd", "valve", "u", "input", "control", "vir", "pump", "motor", "pwm", "duty",
-    "ventil",
+    "command", "cmd", "valve", "u", "control", "vir", "pump", "pwm", "duty", "ventil", "pulses",
 }  # fmt: skip
 _REFERENCES = {
     "reference", "ref", "setpoint", "goal", "target", "desired", "demand", "soll", "qg", "sp",
@@ -94,7 +93,8 @@ def guess_role(name: str) -> Role:
     words = set(re.split(r"[_\s.]+", name.lower()))
     if words & _REFERENCES:
         return "reference"
-    return "command" if words & _COMMANDS else "measurement"
+    # "input" alone is a command; "input_volts" is as often a reading of the supply.
+    return "command" if words & _COMMANDS or words == {"input"} else "measurement"
 
 
 def _plain(text: str) -> str:

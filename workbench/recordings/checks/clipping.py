@@ -1,0 +1,115 @@
+"""Does a sensor or a command reach the end of its range?"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import log
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.recordings.checks.check import MAX_EXCLUDED, Outcome, corrected, unchanged
+from workbench.recordings.checks.expected import Expected
+from workbench.recordings.checks.gaps import runs
+from workbench.recordings.checks.noise import white_rms
+from workbench.recordings.checks.quantisation import quantum
+from workbench.recordings.recording import Recording, Span, Vector
+
+_NAME = "clipping"
+_MIN_SAMPLES = 5
+_MIN_LEVELS = 20
+
+
+def clipped_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], float]:
+    """Find samples that stand at the end of the sensor's range.
+
+    Samples equal to the largest or smallest value count if one run of them is longer than the
+    signal's noise allows (a chance of one in ten thousand per recording), or if a quiet signal ran
+    into its end with more than three converter steps per sample and was constant at once for five
+    or more; a real turning point slows down.
+
+    Args:
+        values: Samples, shape (n,), finite.
+
+    Returns:
+        Mask, shape (n,), and the value of the limit (NaN if nothing is clipped).
+
+    Example:
+        >>> x = np.minimum(np.sin(np.arange(2000) * 0.01), 0.8)
+        >>> mask, limit = clipped_samples(x)
+        >>> bool(mask.any()), limit
+        (True, 0.8)
+    """
+    none = np.zeros(len(values), dtype=bool)
+    if len(values) < 10 or np.ptp(values) == 0:
+        return none, float("nan")
+    step = max(quantum(values), 1e-6 * float(np.ptp(values)))
+    if len(np.unique(values)) < _MIN_LEVELS:
+        return none, float("nan")
+    noisy = white_rms(values) > 0.5 * step
+    inner = (values[1:] != values.max()) & (values[1:] != values.min())
+    chance = float(np.mean((np.diff(values) == 0)[inner])) if inner.any() else 1.0
+    impossible = max(5.0, 1 + log(1e-4 / len(values)) / log(min(max(chance, 1e-3), 0.95)))
+    best, limit = none, float("nan")
+    for end in (float(values.max()), float(values.min())):
+        mask = values == end
+        proven = False
+        for a, b in runs(mask):
+            length = b - a + 1
+            enters = abs(values[a] - values[a - 1]) if a else 0.0
+            leaves = abs(values[b + 1] - values[b]) if b + 1 < len(values) else 0.0
+            kink = not noisy and length >= 5 and max(enters, leaves) >= 3 * step
+            proven = proven or kink or (noisy and length >= impossible)
+        if proven and mask.sum() >= _MIN_SAMPLES and mask.sum() > best.sum():
+            best, limit = mask, end
+    return best, limit
+
+
+def check_clipping(recording: Recording, expected: Expected) -> Outcome:
+    """Check for clipped sensors and saturated commands; exclude clipped samples from judgement.
+
+    The samples keep their value: the true one lies beyond. A saturated command is what the machine
+    really got and only noted.
+
+    Args:
+        recording: Recording without gaps.
+        expected: What is known about it.
+
+    Returns:
+        Pass, corrected or unfit.
+    """
+    notes, remarks = [], []
+    changed, limits = recording, {}
+    for signal in recording.signals:
+        if signal.role == "reference":
+            continue
+        if signal.role == "command":
+            low, high = expected.ranges.get(signal.name, (-np.inf, np.inf))
+            share = float(np.mean((signal.values <= low) | (signal.values >= high)))
+            if share:
+                remarks.append(f"{signal.name} saturates in {100 * share:.3g} % of the samples")
+            continue
+        bad, limit = clipped_samples(signal.values)
+        bad &= recording.valid(signal.name)
+        if not bad.any():
+            continue
+        share = float(np.mean(bad))
+        limits[signal.name] = limit
+        text = (
+            f"{signal.name} stands at its limit of {signal.displayed(limit):.5g} "
+            f"{signal.display_unit} for {bad.sum() * recording.sample_time:.3g} s "
+            f"({100 * share:.3g} %)"
+        ).replace("  ", " ")
+        if share > MAX_EXCLUDED and signal.name in expected.required:
+            return unchanged(
+                recording, _NAME, "unfit", f"{text}; use a sensor of wider range", limits=limits
+            )
+        spans = tuple(
+            Span(signal.name, float(recording.time[a]), float(recording.time[b]), "clipped")
+            for a, b in runs(bad)
+        )
+        changed = replace(changed, excluded=(*changed.excluded, *spans))
+        notes.append(text + "; excluded")
+    if notes:
+        return corrected(changed, _NAME, "; ".join(notes + remarks), limits=limits)
+    return unchanged(recording, _NAME, "pass", "; ".join(remarks) or "no sensor at its limit")

@@ -1,0 +1,130 @@
+"""How long after a command does a response show?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.expected import Expected
+from workbench.recordings.checks.innovations import MAX_SAMPLES, MEMORY, correlation, innovations
+from workbench.recordings.recording import Recording, Vector
+
+_NAME = "delay"
+_THRESHOLD = 4.0
+_PEAK = 5.5
+
+
+@dataclass(frozen=True)
+class Delay:
+    """Delay between a command and a response.
+
+    Args:
+        command: Name of the command.
+        response: Name of the response.
+        onset: First lag at which the response shows, in s; NaN if it never does.
+        peak: Lag of the strongest response, in s; NaN if it never shows.
+        strength: Correlation there, in sigmas, with its sign.
+    """
+
+    command: str
+    response: str
+    onset: float
+    peak: float
+    strength: float
+
+
+def response_correlation(
+    recording: Recording, command: str, response: str, *, max_delay: float = 0.2
+) -> Vector:
+    """Return the correlation of a response with what is new in a command, in sigmas, by lag.
+
+    Both are freed of what their own past predicts, so the result is close to the first samples of
+    the impulse response, whatever the spectrum of the command.
+
+    Args:
+        recording: Uniformly sampled recording.
+        command: Name of the command.
+        response: Name of the response.
+        max_delay: Longest lag, in s; 10 samples at least, 200 at most.
+
+    Returns:
+        Correlation at lags 0, 1, 2, ... samples.
+    """
+    lags = int(np.clip(round(max_delay / recording.sample_time), 10, 200))
+    u = recording[command][:MAX_SAMPLES]
+    y = recording[response][:MAX_SAMPLES]
+    return correlation(innovations(u, [u]), innovations(y, [y]), range(lags + 1))
+
+
+def estimate_delay(recording: Recording, command: str, response: str) -> Delay:
+    """Estimate the delay between a command and a response.
+
+    The onset is the first of two successive lags above four sigmas with the same sign, if the
+    strongest response exceeds 5.5 sigmas. In closed loop a controller answers within the sample;
+    that lag counts only if the next one agrees with it.
+
+    Args:
+        recording: Uniformly sampled recording.
+        command: Name of the command.
+        response: Name of the response.
+
+    Returns:
+        The delay; it includes the sample in which the response is read.
+
+    Raises:
+        WorkbenchError: If a signal is missing.
+
+    Example:
+        >>> from workbench.recordings import Signal
+        >>> u = np.random.default_rng(3).normal(size=3000)
+        >>> y = np.convolve(np.roll(u, 4), [1.0, 0.6, 0.3])[:3000]
+        >>> time = np.arange(3000) * 0.002
+        >>> trial = Recording("r", time, (Signal("u", u, role="command"), Signal("y", y)))
+        >>> round(estimate_delay(trial, "u", "y").onset, 4)
+        0.008
+    """
+    if len(recording) < 10 * MEMORY:
+        return Delay(command, response, float("nan"), float("nan"), 0.0)
+    strength = response_correlation(recording, command, response)
+    loud = np.abs(strength) > _THRESHOLD
+    same = np.sign(strength[1:]) == np.sign(strength[:-1])
+    alone = np.abs(strength[:-1]) > 2 * _PEAK
+    alone[0] = False
+    starts = np.flatnonzero(loud[:-1] & ((loud[1:] & same) | alone))
+    step = recording.sample_time
+    begin = int(starts[0]) if starts.size else 1
+    peak = begin + int(np.argmax(np.abs(strength[begin:])))
+    if not starts.size or abs(strength[peak]) < _PEAK:
+        return Delay(command, response, float("nan"), float("nan"), float(strength[peak]))
+    return Delay(command, response, float(starts[0]) * step, peak * step, float(strength[peak]))
+
+
+def check_delay(recording: Recording, expected: Expected) -> Outcome:
+    """Estimate the delay from every command to every measured signal.
+
+    Args:
+        recording: Uniformly sampled recording.
+        expected: What is known about it (not used).
+
+    Returns:
+        Pass, with the delays.
+    """
+    del expected
+    delays = tuple(
+        estimate_delay(recording, c, m)
+        for c in recording.commands if np.ptp(recording[c]) > 0
+        for m in recording.measurements if np.ptp(recording[m]) > 0
+    )
+    seen = [d for d in delays if np.isfinite(d.onset)]
+    if not delays:
+        note = "no command that moves among the signals"
+    elif not seen:
+        note = "the commands change too smoothly to see a delay"
+    else:
+        note = "; ".join(
+            f"{d.command} shows in {d.response} after {1e3 * d.onset:.3g} ms (most after "
+            f"{1e3 * d.peak:.3g} ms)" for d in seen
+        )
+    return unchanged(recording, _NAME, "pass", note, delays=delays)

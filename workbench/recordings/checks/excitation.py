@@ -1,0 +1,138 @@
+"""Where has the machine been? Only there can a model be judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.expected import Expected
+from workbench.recordings.checks.noise import white_rms
+from workbench.recordings.recording import Recording, Signal, Vector
+from workbench.recordings.resampling import low_pass
+
+_NAME = "excitation"
+_BINS = 20
+_MOTIONS = ("angle", "length")
+
+
+@dataclass(frozen=True, eq=False)
+class Occupancy:
+    """Where a signal has been.
+
+    Args:
+        signal: Name of the signal.
+        edges: Edges of the bins, shape (21,), in SI.
+        share: Share of the samples in each bin, shape (20,).
+        covered: Share of the bins that hold at least half a percent of the samples.
+    """
+
+    signal: str
+    edges: Vector
+    share: Vector
+    covered: float
+
+
+@dataclass(frozen=True)
+class Directions:
+    """How a motion divides between its directions.
+
+    Args:
+        signal: Name of the angle or position.
+        forward: Share of the time with positive speed.
+        backward: Share of the time with negative speed.
+        resting: Share of the time with a speed that the noise hides.
+        reversals: Number of changes of direction.
+        top_speed: Largest speed (99.5 % of the samples are slower), in SI.
+    """
+
+    signal: str
+    forward: float
+    backward: float
+    resting: float
+    reversals: int
+    top_speed: float
+
+
+def occupancy(signal: Signal, limits: tuple[float, float] | None = None) -> Occupancy:
+    """Return where a signal has been, in twenty bins.
+
+    Args:
+        signal: The signal.
+        limits: Ends of the range of the machine, in SI; by default those of the signal.
+
+    Example:
+        >>> occupancy(Signal("angle", np.linspace(0.0, 1.0, 1000), "rad")).covered
+        1.0
+    """
+    low, high = limits or (float(signal.values.min()), float(signal.values.max()))
+    edges: Vector = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
+    inside = np.clip(signal.values, edges[0], edges[-1])
+    counts, _ = np.histogram(inside, edges)
+    share: npt.NDArray[np.float64] = counts / len(signal.values)
+    return Occupancy(signal.name, edges, share, float(np.mean(share >= 0.005)))
+
+
+def directions(signal: Signal, sample_time: float) -> Directions:
+    """Return how a motion divides between forward, backward and rest.
+
+    Args:
+        signal: An angle or position.
+        sample_time: Step, in s.
+    """
+    window = 0.05
+    fraction = min(0.4, sample_time / window)
+    smooth = low_pass(signal.values, fraction)
+    speed = np.gradient(smooth, sample_time)
+    # Quieter than this the low-passed noise itself moves the signal.
+    floor = white_rms(signal.values)
+    limit = max(4 * floor * np.sqrt(2 * fraction) / window, 1e-3 * float(np.abs(speed).max()))
+    sign = np.where(np.abs(speed) > limit, np.sign(speed), 0.0)
+    moving = sign[sign != 0]
+    return Directions(
+        signal.name, float(np.mean(sign > 0)), float(np.mean(sign < 0)), float(np.mean(sign == 0)),
+        int(np.count_nonzero(np.diff(moving))), float(np.quantile(np.abs(speed), 0.995)),
+    )
+
+
+def check_excitation(recording: Recording, expected: Expected) -> Outcome:
+    """Tell where the machine has been: angles or positions, directions, pressures, commands.
+
+    Args:
+        recording: Uniformly sampled recording.
+        expected: What is known about it; ranges sharpen the occupancy.
+
+    Returns:
+        Pass with occupancies and directions; unfit if no motion and no pressure is covered.
+    """
+    moving = [s for s in recording.signals if s.role != "reference" and np.ptp(s.values) > 0]
+    where = {s.name: occupancy(s, expected.ranges.get(s.name)) for s in moving}
+    motions = [s for s in moving if s.role == "measurement" and s.kind in _MOTIONS]
+    turns = {s.name: directions(s, recording.sample_time) for s in motions}
+    notes = []
+    for signal in moving:
+        low, high = signal.displayed([float(signal.values.min()), float(signal.values.max())])
+        text = f"{signal.name} {low:.4g} to {high:.4g} {signal.display_unit}".strip()
+        if signal.name in turns:
+            t = turns[signal.name]
+            text += (
+                f" (forward {100 * t.forward:.0f} %, backward {100 * t.backward:.0f} %, at rest "
+                f"{100 * t.resting:.0f} %, {t.reversals} reversals)"
+            )
+        notes.append(text)
+    one_way = [
+        t.signal for t in turns.values() if min(t.forward, t.backward) < 0.02 and t.resting < 0.98
+    ]
+    if one_way:
+        notes.append(
+            f"{', '.join(one_way)} moves one way only: friction cannot be told from a constant load"
+        )
+    asked = [n for n in recording.measurements if n in expected.required]
+    if asked and not any(s.name in asked for s in moving):
+        return unchanged(recording, _NAME, "unfit", "no required measurement moves")
+    return unchanged(
+        recording, _NAME, "pass", "; ".join(notes) or "nothing moves", occupancy=where,
+        directions=turns,
+    )

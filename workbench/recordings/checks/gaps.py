@@ -1,0 +1,158 @@
+"""Are rows or cells missing?"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.recordings.checks.check import MAX_EXCLUDED, Outcome, corrected, unchanged
+from workbench.recordings.checks.expected import Expected
+from workbench.recordings.recording import Recording, Span, Vector
+
+_NAME = "gaps"
+FILLED_ROWS = 5
+"""Missing rows in a row that are interpolated; a longer gap splits the recording."""
+
+
+def runs(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the first and last index of every stretch in which a mask is true.
+
+    Args:
+        mask: Shape (n,).
+
+    Example:
+        >>> runs(np.array([False, True, True, False, True]))
+        [(1, 2), (4, 4)]
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def filled(recording: Recording, name: str, bad: npt.NDArray[np.bool_], reason: str) -> Recording:
+    """Replace samples of a signal by its neighbours and exclude them from judgement.
+
+    Args:
+        recording: The recording.
+        name: Name of the signal.
+        bad: Samples to replace, shape (n,).
+        reason: Why.
+
+    Returns:
+        The recording; commands are held, measurements interpolated by straight lines.
+    """
+    signal, time = recording.signal(name), recording.time
+    good = ~bad & np.isfinite(signal.values)
+    values = signal.values.copy()
+    if good.any():
+        if signal.held:
+            index = np.searchsorted(np.flatnonzero(good), np.flatnonzero(bad), side="right") - 1
+            values[bad] = signal.values[good][np.clip(index, 0, None)]
+        else:
+            values[bad] = np.interp(time[bad], time[good], signal.values[good])
+    spans = tuple(Span(name, float(time[a]), float(time[b]), reason) for a, b in runs(bad))
+    changed = recording.with_signal(replace(signal, values=values))
+    return replace(changed, excluded=(*recording.excluded, *spans))
+
+
+def gap_limit(time: Vector) -> float:
+    """Return the step above which rows are missing, in s.
+
+    Args:
+        time: Increasing instants, shape (n,), in s.
+    """
+    steps = np.diff(time)
+    usual = float(np.median(steps))
+    low, high = np.quantile(steps, [0.05, 0.95])
+    return usual * (1.5 if high - low < 0.2 * usual else max(3.0, 1.5 * high / usual))
+
+
+def _longest_piece(recording: Recording) -> tuple[Recording, list[str]]:
+    time = recording.time
+    usual, limit = recording.sample_time, gap_limit(recording.time)
+    wide = np.flatnonzero(np.diff(time) > max(limit, (FILLED_ROWS + 1.5) * usual))
+    if not wide.size:
+        return recording, []
+    edges = np.concatenate([[0], wide + 1, [len(time)]])
+    longest = int(np.argmax(np.diff(edges)))
+    kept = recording.take(slice(int(edges[longest]), int(edges[longest + 1])))
+    worst = int(wide[np.argmax(np.diff(time)[wide])])
+    return kept, [
+        f"{wide.size} gap(s) too long to fill, the longest {time[worst + 1] - time[worst]:.4g} s "
+        f"after {time[worst]:.6g} s; kept {kept.time[0]:.6g} to {kept.time[-1]:.6g} s "
+        f"({len(kept)} of {len(time)} rows)"
+    ]
+
+
+def _missing_rows(recording: Recording) -> tuple[Recording, list[str]]:
+    """Insert the rows of short gaps."""
+    time, usual = recording.time, recording.sample_time
+    short = np.flatnonzero(np.diff(time) > gap_limit(time))
+    if not short.size:
+        return recording, []
+    extra: list[Vector] = []
+    for i in short:
+        count = max(1, round((time[i + 1] - time[i]) / usual) - 1)
+        extra.append(np.linspace(time[i], time[i + 1], count + 2)[1:-1])
+    added = np.concatenate(extra)
+    union = np.concatenate([time, added])
+    order = np.argsort(union, kind="stable")
+    new = order >= len(time)
+    signals = []
+    for signal in recording.signals:
+        values = np.concatenate([signal.values, np.full(len(added), np.nan)])[order]
+        signals.append(replace(signal, values=values))
+    grown = replace(recording, time=union[order], signals=tuple(signals))
+    for name in grown.names:
+        grown = filled(grown, name, new, "row missing")
+    return grown, [f"{len(added)} missing row(s) in {short.size} place(s) interpolated"]
+
+
+def check_gaps(recording: Recording, expected: Expected) -> Outcome:
+    """Check for missing rows and cells; fill short gaps and exclude them from judgement.
+
+    A gap of more than five rows splits the recording, because the command in it is unknown; the
+    longest piece is kept if it holds half of the rows.
+
+    Args:
+        recording: Recording with increasing time.
+        expected: What is known about it.
+
+    Returns:
+        Pass, corrected or unfit.
+    """
+    total = len(recording)
+    piece, notes = _longest_piece(recording)
+    if len(piece) < 0.5 * total:
+        return unchanged(
+            recording, _NAME, "unfit", notes[0] + "; less than half is left, split the file"
+        )
+    piece, more = _missing_rows(piece)
+    notes += more
+    for signal in piece.signals:
+        bad = ~np.isfinite(signal.values)
+        share = float(np.mean(bad))
+        if not share:
+            continue
+        limit = 0.01 if signal.held else MAX_EXCLUDED
+        if share > limit and signal.name in expected.required:
+            return unchanged(
+                recording, _NAME, "unfit",
+                f"{signal.name} is missing in {100 * share:.3g} % of the rows; at most "
+                f"{100 * limit:g} % can be bridged",
+            )
+        if share > limit:
+            piece = piece.select([n for n in piece.names if n != signal.name])
+            notes.append(f"{signal.name} left out, missing in {100 * share:.3g} % of the rows")
+            continue
+        where = runs(bad)
+        longest = max(where, key=lambda ab: ab[1] - ab[0])
+        piece = filled(piece, signal.name, bad, "not recorded")
+        notes.append(
+            f"{int(bad.sum())} missing sample(s) of {signal.name} bridged and excluded, the "
+            f"longest stretch at {piece.time[longest[0]]:.6g} s ({longest[1] - longest[0] + 1} samples)"
+        )
+    if notes:
+        return corrected(piece, _NAME, "; ".join(notes), rows_left=len(piece), rows=total)
+    return unchanged(recording, _NAME, "pass", "no row or cell missing", rows=total)

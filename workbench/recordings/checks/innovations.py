@@ -1,0 +1,78 @@
+"""What is new in a signal: the part that the past does not predict."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.recordings.recording import Vector
+
+MEMORY = 12
+"""Samples of the past used for prediction."""
+MAX_SAMPLES = 200_000
+"""Longer recordings are judged on their beginning."""
+
+
+def innovations(target: Vector, past: Sequence[Vector], *, memory: int = MEMORY) -> Vector:
+    """Return what the past of some signals does not predict of a signal, limited to 4 sigma.
+
+    Least squares on the last ``memory`` samples of every signal in ``past``; the limit keeps a few
+    steps or impacts from deciding alone.
+
+    Args:
+        target: Signal to predict, shape (n,).
+        past: Signals whose past may be used, each of shape (n,).
+        memory: Number of past samples.
+
+    Returns:
+        Prediction errors, shape (n - memory,), zero mean.
+
+    Example:
+        >>> t = np.arange(400.0)
+        >>> bool(np.abs(innovations(np.sin(0.1 * t), [np.sin(0.1 * t)])).max() < 1e-9)
+        True
+    """
+    n = len(target)
+    scale = float(np.std(target)) or 1.0
+    columns = [
+        (signal[memory - k : n - k] - signal.mean()) / (float(np.std(signal)) or 1.0)
+        for signal in past for k in range(1, memory + 1)
+    ]
+    regressors = np.column_stack([*columns, np.ones(n - memory)])
+    wanted = (target[memory:] - target.mean()) / scale
+    solution, *_ = np.linalg.lstsq(regressors, wanted, rcond=1e-10)
+    error = wanted - regressors @ solution
+    limit = 4 * float(np.std(error))
+    error = np.clip(error, -limit, limit)
+    result: Vector = scale * (error - error.mean())
+    return result
+
+
+def correlation(first: Vector, second: Vector, lags: npt.ArrayLike) -> Vector:
+    """Return the correlation of ``second`` a number of samples after ``first``, in sigmas.
+
+    For independent white signals it is normal with unit variance at every lag.
+
+    Args:
+        first: Shape (n,), zero mean.
+        second: Shape (n,), zero mean.
+        lags: Whole numbers, not negative.
+
+    Returns:
+        One value per lag.
+
+    Example:
+        >>> e = np.random.default_rng(2).normal(size=1000)
+        >>> int(np.argmax(correlation(e[3:], e[:-3], range(6))))
+        3
+    """
+    n = len(first)
+    size = float(np.std(first) * np.std(second))
+    lags_ = np.asarray(list(lags) if isinstance(lags, range) else lags, dtype=int)
+    if size == 0.0:
+        return np.zeros(len(lags_))
+    return np.array([
+        float(np.sum(second[k:] * first[: n - k])) / (size * np.sqrt(n)) for k in lags_
+    ])

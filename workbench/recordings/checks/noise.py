@@ -1,0 +1,205 @@
+"""How large is the noise of every signal, apart from the steps of its converter?"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import comb, sqrt
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.expected import Expected
+from workbench.recordings.checks.quantisation import recorded_quantum
+from workbench.recordings.checks.uniformity import jitter
+from workbench.recordings.recording import Recording, Signal, Vector
+
+_NAME = "noise floor"
+_BLOCK = 100
+_ORDER = 4
+
+
+@dataclass(frozen=True)
+class NoiseFloor:
+    """The noise of a signal, in SI.
+
+    Args:
+        signal: Name of the signal.
+        total_rms: Root mean square of what successive samples do not share: noise and converter.
+        step: Step of the converter; 0 if none shows.
+        noise_rms: Noise without the converter; NaN if the converter hides it.
+        rest_rms: Scatter about a straight line while the machine rests; NaN if it never does.
+        rest_seconds: Time for which it rests.
+        upper_bound: Whether the signal moves too fast between samples to tell motion from noise,
+            so that ``total_rms`` is too large.
+    """
+
+    signal: str
+    total_rms: float
+    step: float
+    noise_rms: float
+    rest_rms: float
+    rest_seconds: float
+    upper_bound: bool
+
+    @property
+    def floor(self) -> float:
+        """The smallest residual that a perfect model can leave: rms of noise and rounding."""
+        return max(self.total_rms, self.step / sqrt(12))
+
+
+def _difference_rms(blocks: Vector, order: int) -> Vector:
+    """Return the rms of white noise that explains the differences of each block."""
+    differences = np.diff(blocks, order, axis=1)
+    rms: Vector = np.sqrt(np.mean(differences**2, axis=1) / comb(2 * order, order))
+    return rms
+
+
+def white_rms(values: npt.ArrayLike, *, order: int = _ORDER) -> float:
+    """Return the rms of the white noise in a smooth signal, from differences of high order.
+
+    A difference of order k leaves nothing of a polynomial below degree k and multiplies the
+    variance of white noise by the sum of squared binomials, (2k choose k). Blocks of 100 samples
+    are taken apart, and the median of the moving ones counts, so that impacts do not.
+
+    Args:
+        values: Uniformly sampled values, shape (n,), any unit.
+        order: Order of the difference.
+
+    Returns:
+        Root mean square in the unit of ``values``.
+
+    Example:
+        >>> time = np.arange(5000) * 1e-3
+        >>> noise = np.random.default_rng(1).normal(0.0, 0.01, 5000)
+        >>> round(white_rms(np.sin(time) + noise), 4)
+        0.01
+    """
+    array = np.asarray(values, dtype=float)
+    size = min(_BLOCK, len(array))
+    if size < 3 * order:
+        return float("nan")
+    blocks = array[: len(array) // size * size].reshape(-1, size)
+    rms = _difference_rms(blocks, order)
+    moving = rms[rms > 0]
+    return float(np.median(moving)) if moving.size else 0.0
+
+
+def rest_mask(recording: Recording, window: int) -> npt.NDArray[np.bool_]:
+    """Return which windows show no motion: command held, and no drift above the scatter.
+
+    Args:
+        recording: Uniformly sampled recording.
+        window: Samples per window.
+
+    Returns:
+        One value per complete window.
+    """
+    count = len(recording) // window
+    rest = np.ones(count, dtype=bool)
+    for signal in recording.signals:
+        blocks = signal.values[: count * window].reshape(count, window)
+        if signal.held:
+            rest &= np.ptp(blocks, axis=1) == 0
+            continue
+        scatter = white_rms(signal.values) + recorded_quantum(recording, signal.name) / sqrt(12)
+        third = max(1, window // 3)
+        drift = np.abs(blocks[:, -third:].mean(axis=1) - blocks[:, :third].mean(axis=1))
+        middle = np.abs(
+            blocks[:, third:-third].mean(axis=1)
+            - 0.5 * (blocks[:, -third:].mean(axis=1) + blocks[:, :third].mean(axis=1))
+        )
+        # The mean of a third scatters by the noise over the root of its size.
+        limit = 4 * scatter * sqrt(2 / third) + 0.1 * scatter
+        rest &= (drift < limit) & (middle < limit)
+    return rest
+
+
+def _rest_rms(values: Vector, rest: npt.NDArray[np.bool_], window: int) -> float:
+    blocks = values[: len(rest) * window].reshape(len(rest), window)[rest]
+    if not len(blocks):
+        return float("nan")
+    x = np.arange(window) - (window - 1) / 2
+    slope = blocks @ x / (x @ x)
+    flat = blocks - blocks.mean(axis=1, keepdims=True) - slope[:, None] * x
+    return float(np.sqrt(np.sum(flat**2) / (len(blocks) * (window - 2))))
+
+
+def noise_of(
+    recording: Recording, name: str, rest: npt.NDArray[np.bool_], window: int
+) -> NoiseFloor:
+    """Estimate the noise of a signal and take its converter apart.
+
+    Rounding to steps of q adds q^2/12 to the variance as long as the noise is not much smaller
+    than a step (Widrow: above a third of it); below that the converter hides the noise.
+
+    Args:
+        recording: Recording as it was sampled; interpolation would smooth the noise.
+        name: Name of the signal.
+        rest: Which windows show no motion.
+        window: Samples per window.
+
+    Returns:
+        The noise floor.
+    """
+    values = recording[name]
+    step = recorded_quantum(recording, name)
+    total = white_rms(values)
+    higher = white_rms(values, order=_ORDER + 2)
+    # White noise gives the same at every order; motion shrinks from one order to the next.
+    # With uneven steps a motion looks like noise.
+    bound = bool(higher < 0.8 * total or jitter(recording.time) > 0.02)
+    variance = total**2 - step**2 / 12
+    noise = sqrt(variance) if variance > (step / 3) ** 2 else float("nan")
+    return NoiseFloor(
+        name, total, step, noise, _rest_rms(values, rest, window),
+        float(rest.sum() * window * recording.sample_time), bound,
+    )
+
+
+def _phrase(signal: Signal, floor: NoiseFloor) -> str:
+    def shown(value: float) -> str:
+        return f"{float(signal.displayed(value) - signal.displayed(0.0)):.3g}"
+
+    unit = f" {signal.display_unit}" if signal.display_unit else ""
+    text = f"{signal.name} {'below ' if floor.upper_bound else ''}{shown(floor.floor)}{unit} rms"
+    if floor.step and np.isnan(floor.noise_rms):
+        text += f" (the converter's steps of {shown(floor.step)} hide the noise)"
+    elif floor.step:
+        text += f" (noise {shown(floor.noise_rms)}, steps of {shown(floor.step)})"
+    return text
+
+
+def check_noise(recording: Recording, expected: Expected) -> Outcome:
+    """Estimate the noise floor of every measured signal.
+
+    Args:
+        recording: Uniformly sampled recording.
+        expected: What is known about it.
+
+    Returns:
+        Pass with the floors by signal; unfit if a required signal is buried in its noise.
+    """
+    window = max(20, round(0.2 / recording.sample_time))
+    window = min(window, max(20, len(recording) // 20))
+    rest = rest_mask(recording, window)
+    floors: dict[str, NoiseFloor] = {}
+    problems = []
+    for name in recording.measurements:
+        signal = recording.signal(name)
+        floors[name] = noise_of(recording, name, rest, window)
+        low, high = np.quantile(signal.values, [0.01, 0.99])
+        if name in expected.required and not floors[name].upper_bound and (
+            0 < high - low < 6 * floors[name].floor
+        ):
+            problems.append(
+                f"{name} moves by {high - low:.3g} {signal.unit}, no more than its noise of "
+                f"{floors[name].floor:.3g} {signal.unit} rms"
+            )
+    values: Mapping[str, object] = {"floors": floors, "rest_seconds": float(
+        rest.sum() * window * recording.sample_time)}
+    if problems:
+        return unchanged(recording, _NAME, "unfit", "; ".join(problems), **values)
+    note = "; ".join(_phrase(recording.signal(n), f) for n, f in floors.items())
+    return unchanged(recording, _NAME, "pass", note or "nothing was measured", **values)

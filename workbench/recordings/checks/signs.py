@@ -1,0 +1,109 @@
+"""Do the responses point the way they must?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.delay import response_correlation
+from workbench.recordings.checks.expected import Expected
+from workbench.recordings.checks.innovations import MEMORY
+from workbench.recordings.recording import Recording, Vector
+from workbench.recordings.resampling import low_pass
+
+_NAME = "signs"
+_SURE = 6.0
+
+
+def _slow(values: Vector, sample_time: float, edge_Hz: float) -> Vector:
+    fraction = min(0.4, edge_Hz * sample_time)
+    return low_pass(values, fraction)
+
+
+def acceleration_sign(recording: Recording, causes: list[str], motion: str) -> dict[str, float]:
+    """Return how surely each pressure or force accelerates a motion, in sigmas with sign.
+
+    Least squares of the acceleration on the causes, the position and the speed, all low-passed
+    at 8 Hz; the standard errors allow for the correlation that the filter leaves.
+
+    Args:
+        recording: Uniformly sampled recording.
+        causes: Names of pressures or forces.
+        motion: Name of an angle or position.
+
+    Returns:
+        Estimate over standard error, by cause.
+    """
+    dt = recording.sample_time
+    edge = min(8.0, 0.1 / dt)
+    position = _slow(recording[motion], dt, edge)
+    speed = np.gradient(position, dt)
+    acceleration = np.gradient(speed, dt)
+    columns = [_slow(recording[c], dt, edge) for c in causes] + [position, speed]
+    every = max(1, round(0.5 / (edge * dt)))
+    inner = slice(5 * every, -5 * every, every)
+    X = np.column_stack([(c[inner] - c[inner].mean()) / (np.std(c[inner]) or 1.0) for c in columns])
+    y = acceleration[inner] - acceleration[inner].mean()
+    if len(y) < 3 * X.shape[1]:
+        return dict.fromkeys(causes, 0.0)
+    beta, *_ = np.linalg.lstsq(X, y, rcond=1e-8)
+    rest = y - X @ beta
+    covariance = np.linalg.pinv(X.T @ X) * float(rest @ rest) / (len(y) - X.shape[1])
+    errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    return {c: float(beta[i] / errors[i]) for i, c in enumerate(causes)}
+
+
+def _strengths(recording: Recording, expected: Expected) -> dict[tuple[str, str], float]:
+    found: dict[tuple[str, str], float] = {}
+    motions: dict[str, list[str]] = {}
+    for cause, response in expected.signs:
+        if np.ptp(recording[cause]) == 0 or np.ptp(recording[response]) == 0:
+            continue
+        if recording.signal(cause).role == "command":
+            early = response_correlation(recording, cause, response, max_delay=0.03)[1:]
+            found[cause, response] = float(early[np.argmax(np.abs(early))])
+        else:
+            motions.setdefault(response, []).append(cause)
+    for motion, causes in motions.items():
+        for cause, strength in acceleration_sign(recording, causes, motion).items():
+            found[cause, motion] = strength
+    return found
+
+
+def check_signs(recording: Recording, expected: Expected) -> Outcome:
+    """Check that commands and pressures act in the expected direction.
+
+    Args:
+        recording: Uniformly sampled recording.
+        expected: What is known about it; the signs by (cause, response).
+
+    Returns:
+        Pass; or unfit, with what is probably exchanged or reversed.
+    """
+    if not expected.signs or len(recording) < 10 * MEMORY:
+        return unchanged(recording, _NAME, "pass", "nothing known to compare with")
+    found = _strengths(recording, expected)
+    wrong = [k for k, s in found.items() if s * expected.signs[k] < -_SURE]
+    right = [k for k, s in found.items() if s * expected.signs[k] > _SURE]
+    values = {"strength": {f"{c}->{r}": s for (c, r), s in found.items()}}
+    if not wrong:
+        seen = ", ".join(f"{c} -> {r}" for c, r in right)
+        note = f"as expected: {seen}" if seen else "too little motion to tell"
+        return unchanged(recording, _NAME, "pass", note, **values)
+    return unchanged(recording, _NAME, "unfit", _explanation(wrong, right, found), **values)
+
+
+def _explanation(
+    wrong: list[tuple[str, str]], right: list[tuple[str, str]], found: dict[tuple[str, str], float]
+) -> str:
+    names = {n for pair in wrong for n in pair}
+    involved = [n for n in names if all(pair in wrong for pair in found if n in pair)]
+    listed = ", ".join(f"{c} -> {r}" for c, r in wrong)
+    pressures = {n for n in names if n.startswith("pressure_")}
+    if not right and pressures == {"pressure_1", "pressure_2"} and len(wrong) == len(found) > 2:
+        cause = "pressure_1 and pressure_2 are probably exchanged"
+    elif involved:
+        cause = f"{' or '.join(sorted(involved))} is probably reversed (sign = -1 in the mapping)"
+    else:
+        cause = "two columns are probably exchanged"
+    return f"the response has the wrong sign: {listed}; {cause}"

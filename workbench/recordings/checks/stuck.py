@@ -1,0 +1,125 @@
+"""Does a signal freeze while the machine goes on?"""
+
+from __future__ import annotations
+
+from math import log
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.recordings.checks.check import MAX_EXCLUDED, Outcome, corrected, unchanged
+from workbench.recordings.checks.expected import Expected
+from workbench.recordings.checks.gaps import filled, runs
+from workbench.recordings.checks.noise import white_rms
+from workbench.recordings.checks.quantisation import quantum
+from workbench.recordings.recording import Recording, Vector
+
+_NAME = "stuck samples"
+_MIN_RUN = 10
+_NEIGHBOURS = 10
+_MIN_LEVELS = 20
+"""A signal of fewer levels is a switch or a counter, for which standing still is normal."""
+
+
+def _jumps_out(values: Vector, first: int, last: int, step: float) -> bool:
+    """Tell whether a constant run ends in a jump that the motion around it does not explain."""
+    after = values[last + 1 : last + 2 + _NEIGHBOURS]
+    if len(after) < 3:
+        return False
+    before = values[max(0, first - _NEIGHBOURS) : first]
+    jump = abs(after[0] - values[last])
+    around = np.abs(np.concatenate([np.diff(after), np.diff(before)]))
+    return bool(jump > max(8 * step, 5 * around.max(initial=0.0)))
+
+
+def _stops_dead(values: Vector, first: int, step: float) -> bool:
+    """Tell whether a signal that moved steadily is constant from one sample to the next."""
+    before = np.diff(values[max(0, first - _NEIGHBOURS) : first + 1])
+    if len(before) < 5:
+        return False
+    speed = np.abs(before[-5:])
+    return bool(speed.min() >= 4 * step and abs(before[-5:].sum()) > 0.9 * speed.sum())
+
+
+def stuck_samples(values: Vector) -> npt.NDArray[np.bool_]:
+    """Find samples that repeat a frozen reading.
+
+    A run of equal samples counts as frozen if the signal's own noise makes it impossible (the
+    chance of one such run in the recording is below one in a million), if it ends in a jump of
+    more than five times the steps around it, or if a steady motion stops within one sample.
+    At rest, a signal quieter than its converter's step repeats itself naturally.
+
+    Args:
+        values: Samples, shape (n,), finite.
+
+    Returns:
+        Mask, shape (n,); the first sample of a run is real.
+
+    Example:
+        >>> x = np.random.default_rng(0).normal(0.0, 1.0, 1000).round(1)
+        >>> x[500:540] = x[500]
+        >>> int(stuck_samples(x).sum())
+        39
+    """
+    bad = np.zeros(len(values), dtype=bool)
+    equal = np.diff(values) == 0
+    found = [(a, b + 1) for a, b in runs(equal) if b - a + 2 >= _MIN_RUN]
+    if not found or np.ptp(values) == 0:
+        return bad
+    step = max(quantum(values), 1e-6 * float(np.ptp(values)))
+    if len(np.unique(values)) < _MIN_LEVELS:
+        return bad
+    free = np.ones(len(equal), dtype=bool)
+    for a, b in found:
+        free[a:b] = False
+    chance = float(np.mean(equal[free])) if free.any() else 1.0
+    noisy = white_rms(values) > 0.5 * step and chance < 0.5
+    # n p^(L-1) < 1e-6: no such run by chance.
+    longest = (
+        1 + log(1e-6 / len(values)) / log(max(chance, 1e-3)) if noisy else float("inf")
+    )
+    for a, b in found:
+        if (
+            b - a + 1 > max(longest, _MIN_RUN)
+            or _jumps_out(values, a, b, step)
+            or _stops_dead(values, a, step)
+        ):
+            bad[a + 1 : b + 1] = True
+    return bad
+
+
+def check_stuck(recording: Recording, expected: Expected) -> Outcome:
+    """Check for frozen readings; bridge them and exclude them from judgement.
+
+    Args:
+        recording: Recording without gaps.
+        expected: What is known about it.
+
+    Returns:
+        Pass, corrected or unfit.
+    """
+    notes = []
+    changed = recording
+    for name in recording.measurements:
+        values = recording[name]
+        bad = stuck_samples(values) & recording.valid(name)
+        if not bad.any():
+            continue
+        share = float(np.mean(bad))
+        where = runs(bad)
+        longest = max(where, key=lambda ab: ab[1] - ab[0])
+        seconds = (longest[1] - longest[0] + 1) * recording.sample_time
+        text = (
+            f"{name} freezes {len(where)} time(s), the longest for {seconds:.3g} s at "
+            f"{recording.time[longest[0]]:.6g} s"
+        )
+        if share > MAX_EXCLUDED and name in expected.required:
+            return unchanged(
+                recording, _NAME, "unfit", f"{text}; {100 * share:.3g} % of it is lost",
+                share={name: share},
+            )
+        changed = filled(changed, name, bad, "frozen reading")
+        notes.append(text + "; bridged and excluded")
+    if notes:
+        return corrected(changed, _NAME, "; ".join(notes))
+    return unchanged(recording, _NAME, "pass", "no reading freezes")

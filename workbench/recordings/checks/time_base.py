@@ -1,0 +1,126 @@
+"""Does the time run forward, without repeats, in the unit it claims?"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.recordings.checks.check import Outcome, corrected, unchanged
+from workbench.recordings.checks.expected import Expected
+from workbench.recordings.recording import Recording, Vector
+
+_NAME = "time base"
+_MIN_SAMPLES = 20
+
+
+def _in_order(recording: Recording) -> tuple[Recording, str] | str:
+    """Sort swapped rows, or keep the longest stretch after a clock that was reset."""
+    time = recording.time
+    breaks = np.flatnonzero(np.diff(time) < 0)
+    if not breaks.size:
+        return recording, ""
+    order = np.argsort(time, kind="stable")
+    steps = np.diff(time[order])
+    usual = float(np.median(np.abs(np.diff(time))))
+    regular = np.mean((steps > 0.3 * usual) & (steps < 3 * usual)) > 0.95
+    if regular and breaks.size < 0.05 * len(time):
+        return recording.take(order), f"{breaks.size} row(s) out of order were sorted by time"
+    edges = np.concatenate([[0], breaks + 1, [len(time)]])
+    sizes = np.diff(edges)
+    longest = int(np.argmax(sizes))
+    if sizes[longest] < 0.5 * len(time) or sizes[longest] < _MIN_SAMPLES:
+        return (
+            f"the time runs backwards {breaks.size} time(s), the first after "
+            f"{time[breaks[0]]:g} s; no stretch holds half of the recording: split the file where "
+            "the clock restarts"
+        )
+    kept = recording.take(slice(int(edges[longest]), int(edges[longest + 1])))
+    return kept, (
+        f"the time runs backwards {breaks.size} time(s), the first after {time[breaks[0]]:g} s; "
+        f"the longest stretch was kept ({len(kept)} of {len(time)} rows)"
+    )
+
+
+def _spread(time: Vector) -> Vector | None:
+    """Spread instants of a coarse clock evenly; None if the repeats are not regular."""
+    instants, first, counts = np.unique(time, return_index=True, return_counts=True)
+    if len(instants) < 3 or counts[1:-1].max() > 3 * np.median(counts):
+        return None
+    step = (instants[-1] - instants[0]) / (first[-1] - first[0])
+    even: Vector = instants[0] + step * np.arange(len(time))
+    if np.max(np.abs(even - time)) > 2 * float(np.max(np.diff(instants))):
+        return None
+    return even
+
+
+def _without_repeats(recording: Recording) -> tuple[Recording, str] | str:
+    time = recording.time
+    repeats: npt.NDArray[np.bool_] = np.concatenate([[False], np.diff(time) == 0])
+    count = int(repeats.sum())
+    if not count:
+        return recording, ""
+    if count > 0.2 * len(time):
+        even = _spread(time)
+        if even is None:
+            return (
+                f"{count} of {len(time)} instants repeat the one before, irregularly; export the "
+                "time with more digits"
+            )
+        return replace(recording, time=even), (
+            f"the clock is coarser than the sampling ({count} repeated instants); the samples were "
+            "spread evenly"
+        )
+    return recording.take(~repeats), f"{count} row(s) with a repeated instant were left out"
+
+
+def _rate(recording: Recording, expected: Expected) -> tuple[Recording, str] | str:
+    """Compare with the sample rate in the notes; a factor of a thousand is a wrong unit."""
+    stated = expected.sample_rate_Hz
+    if stated is None:
+        return recording, ""
+    ratio = recording.sample_time * stated
+    for factor, unit in ((1e3, "ms"), (1e6, "us")):
+        if abs(ratio / factor - 1) < 0.05:
+            return replace(recording, time=recording.time / factor), (
+                f"the time is in {unit}, not s ({stated:g} Hz in the notes); divided by {factor:g}"
+            )
+    if abs(ratio - 1) > 0.02:
+        return (
+            f"the notes say {stated:g} Hz but the time says {1 / recording.sample_time:.6g} Hz; "
+            "correct the one that is wrong"
+        )
+    return recording, ""
+
+
+def check_time_base(recording: Recording, expected: Expected) -> Outcome:
+    """Check that the time increases and agrees with the notes; correct what can be.
+
+    Args:
+        recording: The recording.
+        expected: What is known about it.
+
+    Returns:
+        Pass; corrected (rows sorted, repeats left out, clock spread, unit of time); or unfit.
+    """
+    if len(recording) < _MIN_SAMPLES:
+        return unchanged(
+            recording, _NAME, "unfit",
+            f"{len(recording)} samples; a judgement needs {_MIN_SAMPLES} or more",
+        )
+    if np.ptp(recording.time) == 0:
+        return unchanged(recording, _NAME, "unfit", "the time never advances")
+    notes = []
+    for step in (_in_order, _without_repeats, lambda r: _rate(r, expected)):
+        found = step(recording)
+        if isinstance(found, str):
+            return unchanged(recording, _NAME, "unfit", found)
+        recording, note = found
+        if note:
+            notes.append(note)
+    values = {"duration": recording.duration, "sample_time": recording.sample_time}
+    if notes:
+        return corrected(recording, _NAME, "; ".join(notes), **values)
+    note = f"{recording.duration:.6g} s at {1 / recording.sample_time:.6g} Hz, increasing"
+    return unchanged(recording, _NAME, "pass", note, **values)

@@ -1,0 +1,66 @@
+"""Are the samples evenly spaced?"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from workbench.recordings.checks.check import Outcome, corrected, unchanged
+from workbench.recordings.checks.expected import Expected
+from workbench.recordings.recording import Recording, Vector
+from workbench.recordings.resampling import resample
+
+_NAME = "uniformity"
+_TOLERANCE = 0.02
+
+
+def jitter(time: Vector) -> float:
+    """Return the scatter of the steps of a time base, as a fraction of the mean step.
+
+    Args:
+        time: Increasing instants, shape (n,), in s.
+
+    Example:
+        >>> jitter(np.array([0.0, 0.9, 2.1, 3.0])) > 0.1
+        True
+    """
+    steps = np.diff(time)
+    return float(np.std(steps) / np.mean(steps))
+
+
+def check_uniformity(recording: Recording, expected: Expected) -> Outcome:
+    """Check that the samples are evenly spaced; interpolate them to an even base if not.
+
+    Jitter is the deviation of the instants from the best even time base. Up to 2 % of a step
+    passes: at the largest speed of a signal it is an error of 2 % of one sample's change.
+
+    Args:
+        recording: Recording with increasing time and no gaps.
+        expected: What is known about it (not used).
+
+    Returns:
+        Pass or corrected.
+    """
+    del expected
+    time = recording.time
+    index = np.arange(len(time))
+    step = float((time[-1] - time[0]) / (len(time) - 1))
+    deviation = time - (time[0] + step * index)
+    deviation = deviation - np.median(deviation)
+    steps = np.diff(time)
+    rms, spread = jitter(time), (float(steps.min()), float(steps.max()))
+    values = {"sample_time": step, "jitter_rms": rms * step, "steps": spread}
+    if np.max(np.abs(deviation)) <= _TOLERANCE * step or (
+        rms < 0.5 * _TOLERANCE and spread[1] - spread[0] < _TOLERANCE * step
+    ):
+        return unchanged(
+            recording, _NAME, "pass",
+            f"even steps of {1e3 * step:.6g} ms (jitter {max(100 * rms, 0.001):.2g} % of a step)",
+            **values,
+        )
+    even = np.linspace(time[0], time[-1], len(time))
+    return corrected(
+        resample(recording, times=even), _NAME,
+        f"the steps vary from {1e3 * spread[0]:.4g} to {1e3 * spread[1]:.4g} ms ({100 * rms:.3g} % "
+        f"rms); interpolated to {1 / step:.6g} Hz",
+        **values,
+    )
