@@ -92,6 +92,9 @@ class Effect:
         Args:
             values: New values by short name, in each parameter's unit.
 
+        Returns:
+            A copy with those values; parameters that are not named keep theirs.
+
         Raises:
             WorkbenchError: If a name is unknown or a value outside its bounds.
         """
@@ -109,5 +112,8 @@ class Effect:
 
         Args:
             name: New name.
+
+        Returns:
+            A copy whose states and parameters appear as ``name.own_name``.
         """
         return replace(self, name=name)

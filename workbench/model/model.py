@@ -92,6 +92,9 @@ class Model:
         Args:
             face: `EXACT`, `SMOOTH`, ``"exact"`` or ``"smooth"``.
 
+        Returns:
+            `exact` or `smooth`, written down on first use.
+
         Raises:
             WorkbenchError: If the face is unknown.
         """
@@ -120,6 +123,9 @@ class Model:
         Args:
             name: Name of the parameter; ``effect.name`` for one of an effect.
 
+        Returns:
+            The parameter with its value, bounds and unit.
+
         Raises:
             WorkbenchError: If there is no such parameter.
         """
@@ -130,6 +136,9 @@ class Model:
 
         Args:
             name: Name of the effect.
+
+        Returns:
+            The effect as it was attached.
 
         Raises:
             WorkbenchError: If no effect of that name is attached.
@@ -142,6 +151,9 @@ class Model:
 
         Args:
             effects: The effects to attach.
+
+        Returns:
+            A copy with the effects' states and parameters behind those that are there.
 
         Raises:
             WorkbenchError: If a port does not exist or an effect of the name is attached already.
@@ -169,6 +181,9 @@ class Model:
         Args:
             names: Names of attached effects.
 
+        Returns:
+            A copy without the effects and without their states and parameters.
+
         Raises:
             WorkbenchError: If no effect of a name is attached.
         """
@@ -187,6 +202,9 @@ class Model:
 
         Args:
             values: New values by name, in each parameter's SI unit.
+
+        Returns:
+            A copy with those values; parameters that are not named keep theirs.
 
         Raises:
             WorkbenchError: If a name is unknown or a value outside its bounds.
@@ -327,6 +345,9 @@ def index_of(kind: str, name: str, quantities: Sequence[Quantity]) -> int:
         name: Name of the quantity.
         quantities: Where to look.
 
+    Returns:
+        Index from 0.
+
     Raises:
         WorkbenchError: If there is none of that name; names the nearest.
 
@@ -346,6 +367,9 @@ def check_vector(kind: str, values: npt.ArrayLike, quantities: Sequence[Quantity
         kind: What the vector is, for the message: ``"state"``, ``"input"``, ...
         values: Numbers in SI, shape (n,).
         quantities: The n quantities that the numbers belong to.
+
+    Returns:
+        The same numbers in SI, shape (n,).
 
     Raises:
         WorkbenchError: If the length is wrong or a value is not finite.

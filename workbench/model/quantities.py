@@ -63,7 +63,7 @@ class State(Quantity):
         lower: Smallest value inside the validity of the model's laws, in ``unit``.
         upper: Largest value inside the validity of the model's laws, in ``unit``.
         start_rms: How far a recording may start from ``initial``, root mean square, in ``unit``;
-            the scale by default.
+            0, the default, stands for the scale.
 
     Example:
         >>> State("speed", "rad/s", initial=0.5).initial
@@ -181,6 +181,9 @@ class Parameter(Quantity):
 
         Args:
             value: New value, in the parameter's unit.
+
+        Returns:
+            A copy with that value, the same bounds and the same source.
 
         Raises:
             WorkbenchError: If the value is outside the bounds.

@@ -276,6 +276,9 @@ def same_dimension(a: str, b: str) -> bool:
         a: A unit.
         b: Another unit.
 
+    Returns:
+        Whether values in one unit can be converted to the other.
+
     Raises:
         WorkbenchError: If a unit is unknown.
 

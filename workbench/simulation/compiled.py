@@ -26,6 +26,9 @@ def compiler() -> str | None:
     The environment variable ``WORKBENCH_CC`` names another compiler; ``none`` means that models
     are interpreted.
 
+    Returns:
+        Path of the program, or None if models are interpreted.
+
     Raises:
         WorkbenchError: If ``WORKBENCH_CC`` names a program that does not exist.
 
@@ -54,6 +57,9 @@ def cache_folder() -> Path:
 
     ``WORKBENCH_CACHE`` names another folder; by default it is in the user's cache folder, or in
     the folder for temporary files where that cannot be written.
+
+    Returns:
+        An existing folder that can be written.
 
     Example:
         >>> cache_folder().is_dir()

@@ -15,14 +15,16 @@ from workbench.physics.leakage import centre_leakage
 from workbench.physics.line import line, silencer
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.physics.valve_curve import LINEAR, MPYE, ValveCurve
-from workbench.plants.arm import joint as joint_component
-from workbench.plants.arm import muscle as muscle_component
-from workbench.plants.arm import servovalve as valve_component
 from workbench.plants.arm.geometry import ArmGeometry
 from workbench.plants.arm.inertia import MAXIMUM_LOAD, ArmBody, Plane
+from workbench.plants.arm.joint import PARAMETERS as JOINT_PARAMETERS
+from workbench.plants.arm.joint import STATES as JOINT_STATES
 from workbench.plants.arm.joint import damper_and_bearing, gravity, joint
+from workbench.plants.arm.muscle import PARAMETERS as MUSCLE_PARAMETERS
 from workbench.plants.arm.muscle import MuscleLaws, muscle, muscle_laws, muscle_states
-from workbench.plants.arm.servovalve import valve
+from workbench.plants.arm.servovalve import COMMAND, valve
+from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
+from workbench.plants.arm.servovalve import STATES as VALVE_STATES
 
 Variant = Literal["corrected", "as_printed"]
 ForceLawName = Literal[
@@ -201,11 +203,7 @@ def arm(
         effects += [line(1), line(2)]
     if silencers:
         effects += [silencer(1), silencer(2)]
-    parameters = (
-        *joint_component.PARAMETERS,
-        *muscle_component.PARAMETERS,
-        *valve_component.PARAMETERS,
-    )
+    parameters = (*JOINT_PARAMETERS, *MUSCLE_PARAMETERS, *VALVE_PARAMETERS)
     values = {"load": load, "supply_pressure": supply * 1e5}
     return Model(
         "arm",
@@ -216,12 +214,12 @@ def arm(
             MPYE if valve_curve == "mpye" else LINEAR,
         ),
         states=(
-            *valve_component.STATES,
+            *VALVE_STATES,
             *muscle_states("_1"),
             *muscle_states("_2"),
-            *joint_component.STATES,
+            *JOINT_STATES,
         ),
-        inputs=(valve_component.COMMAND,),
+        inputs=(COMMAND,),
         outputs=OUTPUTS,
         parameters=tuple(
             replace(q, value=values[q.name]) if q.name in values else q for q in parameters
