@@ -26,7 +26,7 @@ from workbench.model.model import index_of
 
 Vector = npt.NDArray[np.float64]
 
-STAGES = (1.0, 0.0)
+STAGES = (1.0, 0.03)
 """Shares of the expected disturbance that the filter allows in successive passes."""
 
 _ITERATIONS = 15
