@@ -111,7 +111,7 @@ def inline_svg(picture: Picture) -> str:
     """
     text = svg(picture)
     text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
+    text = re.sub(r"<(metadata|style)\b.*?</\1>", "", text, flags=re.DOTALL)
     text = re.sub(r'\bid="', f'id="{picture.name}-', text)
     text = text.replace('xlink:href="#', f'href="#{picture.name}-')
     text = text.replace("url(#", f"url(#{picture.name}-")

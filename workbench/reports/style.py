@@ -45,12 +45,12 @@ CONTROLLERS: dict[str, Colour] = {
 """The colours of the controllers that come with the workbench."""
 
 FURTHER: tuple[Colour, ...] = (
-    Colour("further-1", "#a8307c", "#f28bc8"),
-    Colour("further-2", "#7a5c00", "#e0bf4d"),
+    Colour("further-1", "#00778a", "#4fc8dc"),
+    Colour("further-2", "#946c00", "#e0b63f"),
     Colour("further-3", "#6a4fc4", "#b5a3ff"),
-    Colour("further-4", "#4f6d1f", "#a9cf6c"),
-    Colour("further-5", "#a13333", "#ff8f8f"),
-    Colour("further-6", "#006d80", "#59cfe3"),
+    Colour("further-4", "#5a7d1e", "#a9cf6c"),
+    Colour("further-5", "#8a4b2a", "#d79a76"),
+    Colour("further-6", "#a8307c", "#f28bc8"),
 )
 """Given in order to controllers of one's own, laws, and other things to be told apart."""
 
@@ -104,7 +104,7 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
     """
     wanted = list(dict.fromkeys(names))
     own = [name for name in wanted if name not in CONTROLLERS]
-    check_range("number of controllers in one picture", len(own), 0, len(FURTHER))
+    check_family(len(own))
     given = dict(zip(own, FURTHER, strict=False))
     return {name: CONTROLLERS.get(name) or given[name] for name in wanted}
 
@@ -128,6 +128,21 @@ def ramp(count: int) -> tuple[Colour, ...]:
     check_range("number of curves in a family", count, 1, len(RAMP))
     last = len(RAMP) - 1
     return tuple(RAMP[round(i * last / max(count - 1, 1))] for i in range(count))
+
+
+def check_family(count: int) -> None:
+    """Check that a picture can tell so many unordered curves apart.
+
+    Args:
+        count: How many.
+
+    Raises:
+        WorkbenchError: If there are more than the palette has colours for.
+
+    Example:
+        >>> check_family(3)
+    """
+    check_range("number of curves to tell apart", count, 0, len(FURTHER))
 
 
 def colour(name: str) -> Colour:

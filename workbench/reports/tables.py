@@ -107,6 +107,8 @@ def number(value: float, digits: int = 3, *, unit: str = "") -> str:
     if value is None or math.isnan(value):
         return "–"
     suffix = f" {unit}" if unit else ""
+    if isinstance(value, int):
+        return f"{value}{suffix}".replace("-", "−")
     if math.isinf(value):
         return ("∞" if value > 0 else "−∞") + suffix
     if value == 0:

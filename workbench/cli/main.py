@@ -1,0 +1,91 @@
+"""Entry of the command line: verbs, and what becomes of errors."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import typer
+
+from workbench.cli.demo import demo
+from workbench.cli.linearise import linearise
+from workbench.cli.simulate import simulate
+from workbench.cli.verify import verify
+from workbench.errors import WorkbenchError
+
+REQUIREMENTS_MISSED = 1
+"""Exit status of a verb that ran and found a requirement missed."""
+
+WRONG_USE = 2
+"""Exit status of wrong use."""
+
+INTERRUPTED = 130
+"""Exit status after Ctrl-C, as shells have it."""
+
+app = typer.Typer(
+    name="workbench",
+    help=(
+        "Design controllers for an antagonistic pneumatic-muscle arm and prove them on the full "
+        "nonlinear plant.\n\nStart with 'workbench demo --out demo' and open demo/report.html. "
+        "Values may carry their unit: 30deg, 0.5rad, 3bar, 300kPa. "
+        "Exit status: 0 all is well, 1 a requirement is missed, 2 wrong use."
+    ),
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command()(demo)
+app.command()(simulate)
+app.command()(linearise)
+app.command()(verify)
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run the command line and return its exit status.
+
+    Args:
+        arguments: Words after the name of the program.
+
+    Returns:
+        0 if all is well, 1 if a requirement is missed, 2 for wrong use, 130 after Ctrl-C.
+
+    Example:
+        >>> run(["linearise", "--angle", "75"])
+        2
+    """
+    try:
+        status = app(args=list(arguments), standalone_mode=False)
+    except (typer.Abort, KeyboardInterrupt):
+        _complain("interrupted; what was finished is kept")
+        return INTERRUPTED
+    except typer.TyperException as error:
+        _complain(_sentence(error))
+        return WRONG_USE
+    except WorkbenchError as error:
+        _complain(str(error))
+        return WRONG_USE
+    return status if isinstance(status, int) else 0
+
+
+def main() -> None:
+    """Run the command line and leave with its exit status.
+
+    Example:
+        >>> sys.argv = ["workbench", "linearise", "--angle", "75"]
+        >>> main()
+        Traceback (most recent call last):
+            ...
+        SystemExit: 2
+    """
+    sys.exit(run(sys.argv[1:]))
+
+
+def _complain(text: str) -> None:
+    typer.echo(f"workbench: {' '.join(text.split())}", err=True)
+
+
+def _sentence(error: typer.TyperException) -> str:
+    text = getattr(error, "format_message", error.__str__)()
+    context = getattr(error, "ctx", None)
+    path = context.command_path if context is not None else "workbench"
+    return f"{text.rstrip('.')}; see '{path.strip() or 'workbench'} --help'"

@@ -1,0 +1,49 @@
+"""A part of the demonstration: a section of the page and the numbers behind it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from workbench.reports.page import Section
+from workbench.reports.tables import Cell, number
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one part of the demonstration found.
+
+    Args:
+        section: Its section of the page.
+        results: Its numbers, with the units in their names, for ``results.json``.
+
+    Example:
+        >>> Part(Section("steps", "Steps", ())).results
+        {}
+    """
+
+    section: Section
+    results: Mapping[str, Any] = field(default_factory=dict)
+
+
+def judged(value: float, low: float, high: float, digits: int = 3, *, unit: str = "") -> Cell:
+    """Write a number with a mark for the band it has to lie in.
+
+    Args:
+        value: The number, in ``unit``.
+        low: Lower end of the band, in ``unit``.
+        high: Upper end of the band, in ``unit``.
+        digits: Significant digits.
+        unit: Unit written behind it.
+
+    Returns:
+        An entry of a table: met, missed, or open if there is no number.
+
+    Example:
+        >>> print(judged(0.72, 0.5, 1.4, unit="s"))
+        0.720 s ✓
+    """
+    if value != value:
+        return Cell("–", "open")
+    return Cell(number(value, digits, unit=unit), "met" if low <= value <= high else "missed")

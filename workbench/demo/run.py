@@ -1,0 +1,224 @@
+"""Run the parts of the demonstration one after the other and write what they found."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from workbench.data_folder import ENVIRONMENT_VARIABLE, data_folder
+from workbench.demo.part import Part
+from workbench.errors import WorkbenchError
+from workbench.files import whole_folder, write_whole
+from workbench.reports.page import Commands, Page, Section, Words, write_page
+from workbench.reports.pictures import save
+
+PARTS: tuple[tuple[str, str, str], ...] = (
+    ("isometric identification trial", "identification", "identification_part"),
+    ("open-loop trial", "open_loop", "open_loop_part"),
+    ("linear models over the angles", "angle_map", "angle_map_part"),
+    ("three controllers on the linear and the full model", "closed_loop", "closed_loop_part"),
+    ("a recorded case", "recorded_case", "recorded_case_part"),
+    ("measured force maps against force laws", "force_maps", "force_maps_part"),
+)
+"""What is done, the module that does it and its function, in the order of the page."""
+
+SCHEMA = 1
+"""Version of the layout of ``results.json``."""
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """What the demonstration wrote.
+
+    Args:
+        page: The page to open.
+        seconds: How long it took, in s.
+        met: Number of requirements met.
+        missed: Number of requirements missed.
+        failed: Parts that could not be run, with the reason.
+        interrupted: Whether it was stopped before its end.
+
+    Example:
+        >>> print(Demonstration(Path("demo/report.html"), 80.0, 12, 0, {}, False))
+        12 requirements met, 0 missed; 80 s.
+        Open demo/report.html in a browser.
+    """
+
+    page: Path
+    seconds: float
+    met: int
+    missed: int
+    failed: Mapping[str, str]
+    interrupted: bool
+
+    @property
+    def complete(self) -> bool:
+        """Whether every part ran and every requirement is met."""
+        return not (self.failed or self.interrupted or self.missed)
+
+    def __str__(self) -> str:
+        """Return what to open, and what failed."""
+        lines = [f"could not be shown: {name}: {reason}" for name, reason in self.failed.items()]
+        lines.append(
+            f"{self.met} requirements met, {self.missed} missed; {self.seconds:.0f} s."
+        )
+        lines.append(f"Open {self.page} in a browser.")
+        return "\n".join(lines)
+
+
+def run_demo(
+    out: str | os.PathLike[str],
+    *,
+    data: str | os.PathLike[str] | None = None,
+    progress: Callable[[str], None] = lambda what: None,
+    parts: tuple[tuple[str, str, str], ...] = PARTS,
+) -> Demonstration:
+    """Run the demonstration and write its page, pictures and numbers.
+
+    A part that fails becomes a section that says why; the others are shown. Ctrl-C ends the run
+    and keeps the parts that were finished.
+
+    Args:
+        out: Folder for ``report.html``, ``results.json`` and ``pictures/``; made if needed.
+        data: Folder with recordings of real machines; by default that of the environment, if any.
+        progress: Called with the name of each step before it begins.
+        parts: What to run, as in `PARTS`.
+
+    Returns:
+        What was written.
+
+    Raises:
+        WorkbenchError: If the folder cannot be written or the data folder does not exist.
+
+    Example:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as place:
+        ...     run_demo(place, parts=()).page.name
+        'report.html'
+    """
+    folder = _data(data)
+    begin = time.perf_counter()
+    done: dict[str, Part] = {}
+    failed: dict[str, str] = {}
+    durations: dict[str, float] = {}
+    interrupted = False
+    with whole_folder(out) as temporary:
+        try:
+            for title, module, function in parts:
+                progress(title)
+                started = time.perf_counter()
+                done[module] = _run(module, function, folder, title, failed)
+                durations[module] = round(time.perf_counter() - started, 2)
+        except KeyboardInterrupt:
+            interrupted = True
+        if not interrupted:
+            progress("page and pictures")
+        page = _page(done, interrupted, out, data)
+        for picture in page.pictures:
+            save(picture, temporary / "pictures")
+        write_page(page, temporary / "report.html")
+        seconds = time.perf_counter() - begin
+        marks = page.marks
+        _write_results(temporary, done, failed, marks, durations, interrupted)
+    return Demonstration(
+        Path(out) / "report.html", seconds, marks["met"], marks["missed"], failed, interrupted
+    )
+
+
+def _data(given: str | os.PathLike[str] | None) -> Path | None:
+    if given is None and not os.environ.get(ENVIRONMENT_VARIABLE, "").strip():
+        return None
+    return data_folder(given)
+
+
+def _run(
+    module: str, function: str, folder: Path | None, title: str, failed: dict[str, str]
+) -> Part:
+    try:
+        # Imported when its turn comes: each part needs libraries that take a while to load.
+        part: Callable[..., Part] = getattr(import_module(f"workbench.demo.{module}"), function)
+        return part(folder) if module == "force_maps" else part()
+    except WorkbenchError as error:
+        failed[title] = str(error)
+        reason = Words(f"This part could not be shown: {error}.", "note")
+        return Part(Section(module.replace("_", "-"), title.capitalize(), (reason,)))
+
+
+def _page(
+    done: Mapping[str, Part],
+    interrupted: bool,
+    out: str | os.PathLike[str],
+    data: str | os.PathLike[str] | None,
+) -> Page:
+    from importlib.metadata import version
+
+    command = f"workbench demo --out {os.fspath(out)}"
+    if data is not None:
+        command += f" --data {os.fspath(data)}"
+    sections = [part.section for part in done.values()]
+    if interrupted:
+        text = "The run was interrupted; only the parts that were finished are shown."
+        sections.insert(0, Section("interrupted", "Interrupted", (Words(text, "note"),)))
+    sections.append(
+        Section(
+            "reproduce",
+            "Reproduce this page",
+            (
+                Words("Every number stands in results.json beside this page, with its unit in its "
+                      "name; every picture stands in the folder pictures as PNG and SVG."),
+                Commands((command,)),
+            ),
+        )
+    )
+    counted = Page("", "", tuple(sections)).marks
+    return Page(
+        "Antagonistic pneumatic-muscle arm",
+        "What the plant does, how it linearises, how three controllers fare on the full nonlinear "
+        "plant, and where a recording differs from the simulation.",
+        tuple(sections),
+        facts=(
+            ("requirements", f"{counted['met']} met, {counted['missed']} missed"),
+            ("workbench", version("muscle-arm-workbench")),
+        ),
+        foot="Angles in degrees, pressures gauge, at 1.01325 bar ambient pressure unless said.",
+    )
+
+
+def _write_results(
+    folder: Path,
+    done: Mapping[str, Part],
+    failed: Mapping[str, str],
+    marks: Mapping[str, int],
+    durations: Mapping[str, float],
+    interrupted: bool,
+) -> None:
+    results = {
+        "schema": SCHEMA,
+        "requirements": dict(marks),
+        "failed": dict(failed),
+        "interrupted": interrupted,
+        "duration_s": dict(durations),
+        **{name: _plain(part.results) for name, part in done.items()},
+    }
+    text = json.dumps(results, indent=2, allow_nan=False, ensure_ascii=False)
+    write_whole(folder / "results.json", text + "\n")
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as JSON has it; what is not a number becomes null."""
+    if isinstance(value, Mapping):
+        return {str(name): _plain(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
