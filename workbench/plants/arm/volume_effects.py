@@ -1,0 +1,92 @@
+"""Other gas volumes of the muscles, for comparison: a constant one, and the printed one."""
+
+from __future__ import annotations
+
+from workbench.model import About, Effect, Parameter, PortView
+from workbench.model.face import Expression
+from workbench.physics.muscle_volume import BraidedCylinder
+
+VOLUME_PORTS = ("muscle_1.volume", "muscle_2.volume")
+"""Ports of the braid volumes of both muscles."""
+
+
+def constant_volume(
+    volume: float | None = None,
+    ports: tuple[str, ...] = VOLUME_PORTS,
+    *,
+    name: str = "constant_volume",
+) -> Effect:
+    """Build muscles whose gas volume does not change with their length.
+
+    ``V = volume``: the simplification of many muscle models, which loses the ripple of the
+    open-loop trial.
+
+    Args:
+        volume: Volume inside one braid, in m3; by default that of the DMSP-20-200N in the
+            middle of the arm's travel, at 15 mm of contraction.
+        ports: Ports of braid volumes.
+        name: Name of the effect.
+
+    Returns:
+        Effect replacing the volume.
+
+    Raises:
+        WorkbenchError: If the volume is outside its bounds.
+
+    Example:
+        >>> round(1e6 * constant_volume().parameters[0].value, 1)
+        95.6
+    """
+    middle = float(BraidedCylinder().volume(0.185))
+
+    def transform(at: PortView) -> Expression:
+        return at.p.volume
+
+    return Effect(
+        name,
+        ports,
+        transform,
+        parameters=(
+            Parameter(
+                "volume",
+                "m3",
+                value=middle if volume is None else volume,
+                lower=1e-6,
+                upper=1e-3,
+                source="volume of the braid at 15 mm of contraction",
+                description="constant volume inside the braid",
+            ),
+        ),
+        about=About("V = constant", "simplification; the paper's lines [6] to [10] left out"),
+    )
+
+
+def printed_volume(
+    ports: tuple[str, ...] = VOLUME_PORTS, *, name: str = "printed_volume"
+) -> Effect:
+    """Build the gas volume as it is printed in the paper, with its four defects.
+
+    ``V = V_cyl(s) + 2 V_zone`` with n in the unit of a length and without the square root in d.
+
+    Args:
+        ports: Ports of braid volumes, with the local signal ``fibre_length``.
+        name: Name of the effect.
+
+    Returns:
+        Effect replacing the volume, end flattening included.
+
+    Example:
+        >>> printed_volume().ports
+        ('muscle_1.volume', 'muscle_2.volume')
+    """
+    braid = BraidedCylinder(printing="as_printed")
+
+    def transform(at: PortView) -> Expression:
+        return braid.volume(at.signals.fibre_length, face=at.face)
+
+    return Effect(
+        name,
+        ports,
+        transform,
+        about=About("V = V_cyl(s) + 2 V_zone", "lines [6] to [10] of the paper's Figure 3"),
+    )

@@ -1,0 +1,224 @@
+"""The paper's identification trial: slow pressure ramps at constant contraction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import NumericalError, WorkbenchError, check_range
+from workbench.model import Model, Output
+from workbench.physics.force_laws import ForceLaw
+from workbench.physics.gas import AIR
+from workbench.plants.arm.arm import OUTPUTS
+from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
+from workbench.plants.arm.muscle import pneumatic_muscle
+from workbench.simulation import simulate
+
+Vector = npt.NDArray[np.float64]
+
+CONTRACTIONS = (0.0, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3, 18e-3, 22e-3, 26e-3, 30e-3)
+"""Contractions of the trial, m; close to each other where phi bends."""
+
+STOP_ANGLES = tuple(math.radians(a) for a in (0, 6, 13, 20, 27, 34, 41, 48, 54, 57, 60))
+"""Angles at which the lower stop is fastened in turn, rad: muscle 2 at 30 to 0 mm."""
+
+_LOAD_CELL = OUTPUTS[3]
+_PRESSURE = OUTPUTS[1]
+
+
+@dataclass(frozen=True)
+class IsometricRecord:
+    """What the sensors read during isometric pressure ramps.
+
+    Args:
+        ramp: Number of the ramp of each sample, shape (n,), from 0.
+        pressure: Gauge pressures, shape (n,), in Pa.
+        contraction: Contractions, shape (n,), in m.
+        force: Forces of the muscle, shape (n,), in N.
+        source: Where the record comes from.
+
+    Example:
+        >>> record = isometric_trial(contractions=(0.0, 0.01), ramp_time=10.0, sample_time=0.5)
+        >>> len(record.force), int(record.ramp[-1])
+        (42, 1)
+    """
+
+    ramp: npt.NDArray[np.int_]
+    pressure: Vector
+    contraction: Vector
+    force: Vector
+    source: str
+
+    def __str__(self) -> str:
+        """Return a short aligned table, one row per ramp."""
+        lines = [self.source, "  contraction  pressure        force"]
+        for number in np.unique(self.ramp):
+            own = self.ramp == number
+            p, f = self.pressure[own] / 1e5, self.force[own]
+            lines.append(
+                f"  {1e3 * np.median(self.contraction[own]):8.2f} mm  {p.min():.2f} to"
+                f" {p.max():.2f} bar  {f.min():7.1f} to {f.max():.1f} N"
+            )
+        return "\n".join(lines)
+
+
+def isometric_trial(
+    force_law: ForceLaw | None = None,
+    *,
+    contractions: Sequence[float] = CONTRACTIONS,
+    maximum_pressure: float = 6e5,
+    ramp_time: float = 30.0,
+    sample_time: float = 0.2,
+    noise: float = 1.0,
+    seed: int = 0,
+) -> IsometricRecord:
+    """Fill a muscle slowly at several constant lengths and record pressure and force.
+
+    A constant mass flow fills the muscle from ambient to the maximum pressure. The gas warms
+    while it is compressed, which the force does not feel: it follows the pressure.
+
+    Args:
+        force_law: Static force law of the muscle; the paper's equation (4) by default.
+        contractions: Contractions of the ramps, in m.
+        maximum_pressure: Gauge pressure at the end of a ramp, 1e5 to 8e5 Pa.
+        ramp_time: Duration of a ramp, 5 to 600 s.
+        sample_time: Time between samples, in s.
+        noise: Noise and resolution of the sensors, as a ratio to those of the arm; 0 for none.
+        seed: Seed of the noise.
+
+    Returns:
+        The record.
+
+    Raises:
+        WorkbenchError: If an argument is outside its range.
+
+    Source:
+        The paper's identification trial, Figure 7.
+
+    Example:
+        >>> from workbench.plants.arm.static_identification import identify_static_force
+        >>> record = isometric_trial(sample_time=0.5)
+        >>> fit = identify_static_force(record.pressure, record.contraction, record.force)
+        >>> fit.order, round(float(fit.values[0]), 0)
+        (4, 280.0)
+    """
+    check_range("maximum pressure", maximum_pressure, 1e5, 8e5, "Pa")
+    check_range("ramp time", ramp_time, 5.0, 600.0, "s")
+    check_range("sample time", sample_time, 1e-3, ramp_time / 10, "s")
+    check_range("sensor noise", noise, 0.0, 1e3)
+    if not len(contractions):
+        raise WorkbenchError("there is no contraction to measure at; give at least one")
+    model = pneumatic_muscle(force_law)
+    values = {q.name: q.value for q in model.parameters}
+    count = round(ramp_time / sample_time) + 1
+    rng = np.random.default_rng(seed)
+    tables = []
+    for contraction in contractions:
+        check_range("contraction", contraction, -1e-3, 35e-3, "m", fix="1 mm is 0.001 m")
+        length = 0.2 - contraction
+        start = {"pressure": values["ambient_pressure"]}
+        x0 = model.initial_state(start)
+        volume = model.signals(x0, [length, 0.0, 0.0])["chamber.volume"]
+        mass = maximum_pressure * volume / (AIR.gas_constant * values["ambient_temperature"])
+        inputs = np.tile([length, 0.0, mass / ramp_time], (count, 1))
+        run = simulate(model, inputs, sample_time=sample_time, start=x0)
+        tables.append((run["pressure"], np.full(count, contraction), run["force"]))
+    return _record(tables, rng, noise, "one muscle, filled at constant length")
+
+
+def isometric_trial_on_arm(
+    model: Model,
+    *,
+    stop_angles: Sequence[float] = STOP_ANGLES,
+    command_V: float = 4.9,
+    ramp_time: float = 30.0,
+    sample_time: float = 0.2,
+    noise: float = 1.0,
+    seed: int = 0,
+) -> IsometricRecord:
+    """Press the arm against its lower stop with muscle 2 and record the load cell, as the rig does.
+
+    The lower stop is fastened at several angles in turn. Muscle 2 is filled slowly while muscle 1
+    stays vented; ``F_2 = -load_cell * arm / (dL_2/dtheta)``. The valve's leakage is taken away, if
+    the model has any, because it would fill muscle 1: the paper's authors removed the valve.
+
+    Args:
+        model: The arm in the horizontal plane.
+        stop_angles: Angles of the lower stop, in rad.
+        command_V: Valve voltage that fills muscle 2, a little below the centre, in V.
+        ramp_time: Duration of a ramp, in s.
+        sample_time: Time between samples, in s.
+        noise: Noise and resolution of the sensors, as a ratio to those of the arm; 0 for none.
+        seed: Seed of the noise.
+
+    Returns:
+        The record of muscle 2, its contraction computed from the angle that the encoder reads.
+
+    Raises:
+        WorkbenchError: If an argument is outside its range.
+        NumericalError: If the arm leaves the stop.
+
+    Source:
+        The paper's identification trial: arm on the lower stop, load cell, geometric ratios.
+
+    Example:
+        >>> from workbench.plants.arm import arm
+        >>> record = isometric_trial_on_arm(arm(), stop_angles=(0.5,), ramp_time=10.0)
+        >>> bool(record.force.max() > 300.0)
+        True
+    """
+    check_range("valve voltage", command_V, 4.0, 4.99, "V", fix="just below the centre of 5 V")
+    check_range("ramp time", ramp_time, 1.0, 600.0, "s")
+    check_range("sample time", sample_time, 1e-3, ramp_time / 10, "s")
+    check_range("sensor noise", noise, 0.0, 1e3)
+    if any(effect.name == "centre_leakage" for effect in model.effects):
+        model = model.without("centre_leakage")
+    values = {q.name: q.value for q in model.parameters}
+    geometry = ArmGeometry()
+    ambient = values["ambient_pressure"]
+    count = round(ramp_time / sample_time) + 1
+    rng = np.random.default_rng(seed)
+    tables = []
+    for stop in stop_angles:
+        check_range("stop angle", stop, 0.0, TRAVEL, "rad", fix="30 deg is 0.524 rad")
+        fastened = model.with_parameters({"lower_stop": stop, "upper_stop": TRAVEL})
+        start = {"pressure_1": ambient, "pressure_2": ambient, "angle": stop}
+        run = simulate(fastened, np.full(count, command_V), sample_time=sample_time, start=start)
+        angle = run["angle"]
+        if np.max(angle) > stop + math.radians(0.5):
+            raise NumericalError(
+                f"the arm leaves the stop at {math.degrees(stop):.1f} deg; the trial is isometric"
+                " only in the horizontal plane with muscle 1 vented"
+            )
+        lever = np.asarray(geometry.moment_arms(angle)[1], dtype=float)
+        contraction = np.asarray(geometry.contractions(angle)[1], dtype=float)
+        force = run["load_cell"] * values["load_cell_arm"] / lever
+        settled = run.time > 0.1 * ramp_time
+        tables.append((run["pressure_2"][settled], contraction[settled], force[settled]))
+    return _record(tables, rng, noise, "muscle 2 of the arm on its lower stop")
+
+
+def _record(
+    tables: list[tuple[Vector, Vector, Vector]],
+    rng: np.random.Generator,
+    noise: float,
+    source: str,
+) -> IsometricRecord:
+    pressure, contraction, force = (
+        np.concatenate(columns) for columns in zip(*tables, strict=True)
+    )
+    if noise:
+        pressure = _sensed(pressure, _PRESSURE, rng, noise)
+        force = _sensed(force, _LOAD_CELL, rng, noise)
+    ramp = np.repeat(np.arange(len(tables)), [len(table[0]) for table in tables])
+    return IsometricRecord(ramp, pressure, contraction, force, source)
+
+
+def _sensed(values: Vector, sensor: Output, rng: np.random.Generator, noise: float) -> Vector:
+    noisy = values + noise * sensor.noise_rms * rng.standard_normal(values.size)
+    step = noise * sensor.resolution
+    return np.asarray(np.round(noisy / step) * step, dtype=float)
