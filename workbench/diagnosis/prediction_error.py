@@ -107,6 +107,9 @@ class PredictionError:
         disturbances: Root mean square of an unmodelled signal at a port, by name of the port, in
             the port's unit; it is taken as correlated over `CORRELATION_TIME`.
         face: Exact or smooth equations.
+        certain: Names of states that are simulated but not corrected by the filter. That is exact
+            for the derivatives at size zero of effects that own these states: there no reading
+            depends on them.
 
     Raises:
         WorkbenchError: If a name is unknown.
@@ -118,6 +121,7 @@ class PredictionError:
     free: tuple[str, ...]
     disturbances: Mapping[str, float] = field(default_factory=dict)
     face: Face = EXACT
+    certain: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Look the names up and build the filter."""
@@ -139,6 +143,8 @@ class PredictionError:
         }
         self._output_scale = np.array([model.outputs[i].scale for i in self._rows])
         self._substeps = _substeps(model, self.sample_time)
+        certain = {index_of("state", name, model.states) for name in self.certain}
+        self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
         self._functions: dict[int, ca.Function] = {}
 
     def run(self, observed: Observed, values: npt.ArrayLike) -> Innovations:
@@ -155,7 +161,7 @@ class PredictionError:
             NumericalError: If the filter leaves the finite numbers.
         """
         n, n_y = observed.outputs.shape
-        n_x, n_f = len(self.state_scale), len(self.free)
+        n_x, n_f = len(self._corrected), len(self.free)
         p = np.asarray(values, dtype=float)
         read = observed.outputs / self._output_scale
         missing = ~np.isfinite(read)
@@ -164,10 +170,11 @@ class PredictionError:
         variance = np.where(missing, 1e12, noise)
         read = np.where(missing, 0.0, read)
         z = observed.start / self.state_scale
-        covariance = np.diag((observed.start_rms / self.state_scale) ** 2)
+        corrected = list(self._corrected)
+        covariance = np.diag((observed.start_rms / self.state_scale)[corrected] ** 2)
         sensitivity = np.zeros((n_x, n_f))
         whitened, jacobian = np.empty((n, n_y)), np.empty((n, n_y, n_f))
-        log_deviation, states = np.empty((n, n_y)), np.empty((n, n_x))
+        log_deviation, states = np.empty((n, n_y)), np.empty((n, len(z)))
         k = 0
         while k < n:
             size = _BLOCK if k + _BLOCK <= n else 1
@@ -205,6 +212,7 @@ class PredictionError:
                 tuple(self._output_scale),
                 self._rows,
                 self._columns,
+                self._corrected,
                 tuple(self.free_scale),
                 tuple(self._pushed.items()),
                 tuple(self._relative.items()),
@@ -236,6 +244,7 @@ def _filter(
     output_scale: tuple[float, ...],
     rows: tuple[int, ...],
     columns: tuple[int, ...],
+    corrected: tuple[int, ...],
     free_scale: tuple[float, ...],
     pushed: tuple[tuple[int, float], ...],
     relative: tuple[tuple[int, float], ...],
@@ -248,6 +257,7 @@ def _filter(
     rates = ca.substitute(traced.rates, traced.x, z * sx) / sx
     reads = ca.substitute(traced.outputs[list(rows)], traced.x, z * sx) / sy
     free = p[list(columns)] if columns else ca.SX(0, 1)
+    kept = list(corrected)
 
     def by_parameters(expression: ca.SX) -> ca.SX:
         if not columns:
@@ -258,21 +268,26 @@ def _filter(
     slope = ca.Function(
         "slope",
         [z, u, p],
-        [ca.densify(ca.jacobian(rates, z)), ca.densify(by_parameters(rates))],
+        [
+            ca.densify(ca.jacobian(rates[kept], z)[:, kept]),
+            ca.densify(by_parameters(rates[kept])),
+        ],
         {"cse": True},
     )
     read = ca.Function(
         "read",
         [z, u, p],
-        [reads, ca.densify(ca.jacobian(reads, z)), ca.densify(by_parameters(reads))],
+        [reads, ca.densify(ca.jacobian(reads, z)[:, kept]), ca.densify(by_parameters(reads))],
         {"cse": True},
     )
-    noise = ca.Function("noise", [z, u, p], [_process_noise(traced, z, sx, dict(pushed), dict(relative))])
+    process = _process_noise(traced, z, sx, dict(pushed), dict(relative))
+    noise = ca.Function("noise", [z, u, p], [process[kept, kept]])
     step = _sample(
         rate,
         slope,
         read,
         noise,
+        kept,
         len(sx),
         u.numel(),
         p.numel(),
@@ -285,8 +300,8 @@ def _filter(
         step = step.mapaccum("samples", samples, 3)
     block = [
         ca.MX.sym("z", len(sx)),
-        ca.MX.sym("P", len(sx), len(sx)),
-        ca.MX.sym("G", len(sx), len(sp)),
+        ca.MX.sym("P", len(kept), len(kept)),
+        ca.MX.sym("G", len(kept), len(sp)),
         ca.MX.sym("u", u.numel(), samples),
         ca.MX.sym("y", len(sy), samples),
         ca.MX.sym("r", len(sy), samples),
@@ -321,6 +336,7 @@ def _sample(
     slope: ca.Function,
     read: ca.Function,
     noise: ca.Function,
+    kept: list[int],
     n_x: int,
     n_u: int,
     n_p: int,
@@ -329,16 +345,16 @@ def _sample(
     sample_time: float,
     substeps: int,
 ) -> ca.Function:
-    z0, covariance0 = ca.MX.sym("z", n_x), ca.MX.sym("P", n_x, n_x)
-    sensitivity0 = ca.MX.sym("G", n_x, n_f)
+    z0, covariance0 = ca.MX.sym("z", n_x), ca.MX.sym("P", len(kept), len(kept))
+    sensitivity0 = ca.MX.sym("G", len(kept), n_f)
     u, y, r = ca.MX.sym("u", n_u), ca.MX.sym("y", n_y), ca.MX.sym("r", n_y)
     p = ca.MX.sym("p", n_p)
     predicted, by_state, by_free = read(z0, u, p)
-    z, covariance, sensitivity = z0, covariance0, sensitivity0
+    moved, covariance, sensitivity = ca.MX.zeros(len(kept)), covariance0, sensitivity0
     whitened, rows, logs = [], [], []
     for i in range(n_y):
         h = by_state[i, :]
-        error = y[i] - predicted[i] - ca.mtimes(h, z - z0)
+        error = y[i] - predicted[i] - ca.mtimes(h, moved)
         gain = ca.mtimes(covariance, h.T)
         variance = ca.mtimes(h, gain) + r[i]
         # An outlier counts as OUTLIER_SIGMA and corrects the state no more than that.
@@ -348,12 +364,14 @@ def _sample(
         whitened.append(error / deviation)
         rows.append(row / deviation)
         logs.append(ca.log(deviation))
-        z = z + gain * (error / variance)
+        moved = moved + gain * (error / variance)
         sensitivity = sensitivity + ca.mtimes(gain / variance, row)
         covariance = covariance - ca.mtimes(gain, gain.T) / variance
-    filtered = z
+    # Rows of the unit matrix put the correction on the states that are corrected.
+    filtered = z0 + ca.mtimes(ca.DM.eye(n_x)[:, kept], moved)
+    z = filtered
     h = sample_time / substeps
-    identity = ca.DM.eye(n_x)
+    identity = ca.DM.eye(len(kept))
     for _ in range(substeps):
         middle = z + 0.5 * h * rate(z, u, p)
         a, b = slope(middle, u, p)
