@@ -83,8 +83,13 @@ def coulomb_friction(
         about=About(
             "T = -level tanh(speed / transition_speed)",
             "C. A. Coulomb; regularised with tanh",
-            look_alikes=("stribeck_friction", "lugre_friction"),
-            separated_by="slow reversals against steady speeds",
+            look_alikes=(
+                "stribeck_friction",
+                "lugre_friction",
+                "load_dependent_friction",
+                "muscle_hysteresis",
+            ),
+            separated_by="slow reversals against steady speeds, at low and high mean pressure",
         ),
     )
 
@@ -142,5 +147,10 @@ def viscous_friction(
                 description="damping",
             ),
         ),
-        about=About("T = -coefficient speed", "linear damper", look_alikes=("muscle_viscosity",)),
+        about=About(
+            "T = -coefficient speed",
+            "linear damper",
+            look_alikes=("muscle_viscosity", "quadratic_drag"),
+            separated_by="swings of small and large amplitude, at low and high mean pressure",
+        ),
     )

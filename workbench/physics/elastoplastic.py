@@ -1,0 +1,48 @@
+"""The elasto-plastic element: follows a motion until it slips."""
+
+from __future__ import annotations
+
+from workbench.model.face import EXACT, Expression, Face
+
+SHARPNESS = 6
+"""Exponent of the turn into slip: the larger, the closer to a spring behind a dry contact."""
+
+FASTEST_RATE = 1000.0
+"""Rate of the element, in 1/s, that is not exceeded at high speed, so that explicit integrators
+with steps of a millisecond stay stable. The break-away is stretched by ``SHARPNESS speed / rate``,
+which matters only where the element slips anyway."""
+
+
+def elastoplastic_rate(
+    v: Expression, z: Expression, breakaway: Expression, width: float, *, face: Face = EXACT
+) -> Expression:
+    """Return the rate of the deflection of an elasto-plastic element, relative to its break-away.
+
+    ``dz/dt = v (1 - max(0, z sign v)^n) / breakaway``: elastic with slope 1 / breakaway when
+    unloading, saturating at 1 when loading. For n to infinity it is the stop operator, a spring in
+    series with a dry contact. It is rate independent up to 1000 1/s.
+
+    Args:
+        v: Speed of the motion, in any unit per second.
+        z: Deflection over break-away, -1..1, dimensionless.
+        breakaway: Motion after which the element slips, in the unit of the motion.
+        width: Speed within which the smooth face rounds the reversal, in the unit of ``v``.
+        face: Exact or smooth.
+
+    Returns:
+        Rate of ``z``, in 1/s.
+
+    Source:
+        P. A. Bliman and M. Sorine 1995; Dupont et al., IEEE TAC 47 (2002).
+
+    Example:
+        >>> float(elastoplastic_rate(0.001, 1.0, 1e-3, 1e-5))
+        0.0
+        >>> round(float(elastoplastic_rate(-1e-5, 1.0, 1e-3, 1e-7)), 4)
+        -0.01
+    """
+    forward, backward = face.ramp(v, width), face.ramp(-v, width)
+    # The ramps of z need no rounding: their sixth power is smooth at zero.
+    loaded, pulled = EXACT.ramp(z, 1.0) ** SHARPNESS, EXACT.ramp(-z, 1.0) ** SHARPNESS
+    reach = breakaway + (forward + backward) * (SHARPNESS / FASTEST_RATE)
+    return (v - forward * loaded + backward * pulled) / reach
