@@ -1,0 +1,322 @@
+"""Linear model-predictive control without offset, on the valve opening.
+
+At each sample a `DisturbanceObserver` estimates states x and disturbances w. The target at rest
+(xs, us) solves A xs + B us + E w = 0 with the followed output at its reference. Then, over N
+prediction samples of time T, the controller minimises over blocked moves u and a slack eps
+
+    sum_j q (y_j - r_j)^2 + R (u_j - us)^2 + S (u_j - u_{j-1})^2 + |x_N - xs|^2_P
+        + softness (eps + eps^2)
+    subject to   x_{j+1} = Phi x_j + Gamma u_j + Omega w          (held inputs, exact)
+                 -1 <= opening <= 1,  |u_j - u_{j-1}| <= rate T   (hard)
+                 p_min - eps <= pressures <= p_max + eps          (soft: a measurement may be out)
+
+P is the cost to go of the unconstrained regulator. The first move is applied; the sample after, all
+is solved anew. The moves are openings: the inverse valve curve follows, because a solver that
+optimises the voltage sees almost no gradient at the valve's flat centre. If the solver fails, the
+unconstrained regulator u = us - K (x - xs), clipped, takes its place (fallback "regulator").
+
+Source: Maciejowski, Predictive Control with Constraints, 2002, chapters 2 and 3 (condensing, move
+blocking, soft constraints); Rawlings, Mayne and Diehl, Model Predictive Control, 2017, sections 1.3
+(cost to go) and 1.5 (target, offset-free).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controllers.disturbance_observer import (
+    DisturbanceObserver,
+    continuous_matrices,
+    design_disturbance_observer,
+)
+from controllers.mpc_prediction import Prediction, condense
+from controllers.protocol import Command, Info, Measurement, Reference
+from controllers.quadratic_program import quadratic_program
+from controllers.valve_inverse import ValveInverse
+from workbench.errors import check_range
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+Matrix = npt.NDArray[np.float64]
+
+
+class MPCState(NamedTuple):
+    """What a `LinearMPC` remembers.
+
+    Args:
+        predicted: Predicted states and disturbances, deviations, shape (n,), in SI.
+        opening: Opening applied last, a fraction of the full one.
+    """
+
+    predicted: Matrix
+    opening: float
+
+
+@dataclass(frozen=True, eq=False)
+class LinearMPC:
+    """Linear MPC with constraints on opening, its rate and the pressures.
+
+    Args:
+        observer: Observer of states and disturbances.
+        prediction: The condensed problem.
+        start: Estimate of (x, w) per deviation of the measurements at rest, shape (n, n_sensors),
+            in SI.
+        rest_opening: Opening at the operating point, a fraction.
+        sample_time: Time between steps, in s.
+        valve: Valve curve that is inverted.
+        name: Name under which results are reported.
+        sensors: Names of the angle and the two pressures.
+        follows: Name of the followed output.
+        actuators: Name of the command.
+        preview: Number of future reference samples used: 0, or the whole horizon.
+
+    Example:
+        >>> LinearMPC.__dataclass_fields__["name"].default
+        'linear MPC'
+    """
+
+    observer: DisturbanceObserver
+    prediction: Prediction
+    start: Matrix
+    rest_opening: float
+    sample_time: float = 0.002
+    valve: ValveInverse = field(default_factory=ValveInverse)
+    name: str = "linear MPC"
+    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
+    follows: tuple[str, ...] = ("angle",)
+    actuators: tuple[str, ...] = ("valve",)
+    preview: int = 0
+
+    def initial_state(self, measurement: Measurement) -> MPCState:
+        """Return the estimate that explains a measurement as rest.
+
+        Args:
+            measurement: Angle in rad and the two gauge pressures in Pa.
+        """
+        deviation = np.array(measurement) - self.observer.rest
+        return MPCState(self.start @ deviation, self.rest_opening)
+
+    def step(
+        self, state: MPCState, measurement: Measurement, reference: Reference
+    ) -> tuple[Command, MPCState, Info]:
+        """Compute the valve voltage of one sample.
+
+        Args:
+            state: State of the step before.
+            measurement: Angle in rad and the two gauge pressures in Pa.
+            reference: Wanted angle, in rad, now and previewed.
+
+        Returns:
+            Voltage in V, next state, and ``opening`` (fraction), ``status``, ``iterations``,
+            ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the solver failed).
+        """
+        p = self.prediction
+        estimate = self.observer.correct(state.predicted, measurement)
+        if self.preview:
+            wanted = np.array([reference[i] for i in p.preview_index]) - self.observer.rest[0]
+        else:
+            wanted = np.full(p.samples, reference[0] - self.observer.rest[0])
+        before = state.opening - self.rest_opening
+        gradient = p.g_estimate @ estimate + p.g_reference @ wanted + p.g_before * before
+        pressures = p.rows_estimate @ estimate
+        lower_a = p.lower_a - pressures
+        upper_a = p.upper_a - pressures
+        lower_a[0] += before
+        upper_a[0] += before
+        solution = quadratic_program(*p.size).solve(
+            p.H, gradient, p.A, lower_a, upper_a, p.lower_x, p.upper_x
+        )
+        if solution.solved:
+            move, slack = float(solution.x[0]), float(solution.x[-1]) * p.slack_scale
+        else:
+            move, slack = p.regulator(estimate, float(wanted[-1])), float("nan")
+        opening = min(max(move + self.rest_opening, -1.0), 1.0)
+        predicted = self.observer.predict(estimate, np.array([opening - self.rest_opening]))
+        info: Mapping[str, float | str] = {
+            "opening": opening,
+            "status": solution.status,
+            "iterations": solution.iterations,
+            "solve_time": solution.seconds,
+            "slack": slack,
+            "fallback": 0.0 if solution.solved else 1.0,
+        }
+        return (self.valve.command(opening),), MPCState(predicted, opening), info
+
+    def linear_command(self, command: Command) -> Command:
+        """Return the command that gives a linear model the same opening.
+
+        Args:
+            command: Voltage on the plant, V.
+
+        Returns:
+            Voltage for a linear model, V.
+        """
+        return (self.valve.linear_command(command[0]),)
+
+
+@dataclass(frozen=True)
+class MPCSpecification:
+    """What a `LinearMPC` is designed for.
+
+    Args:
+        angle_scale: Angle error that weighs as much as an opening of ``opening_scale``, in rad.
+        opening_scale: Deviation of the opening from its target that weighs 1, a fraction.
+        move_scale: Change of the opening from move to move that weighs 1, a fraction.
+        prediction_time: Time T between prediction samples, in s; a multiple of ``sample_time``.
+        blocks: Lengths of the blocked moves, in prediction samples; their sum is N.
+        opening_limit: Largest opening, a fraction.
+        rate_limit: Fastest change of the opening, per s.
+        pressure_limits: Lowest and highest gauge pressure, in Pa.
+        softness: Cost of a pressure 0.1 bar out of its limits, in the units of the cost
+            (dimensionless).
+        disturbances: States whose rates are disturbed, each with its random walk over one second,
+            in the state's SI unit per second. As many as sensors: no offset.
+        sensor_noise: Noise rms of angle (rad) and pressures (Pa).
+        state_noise: Random walk of every state over one second, as a fraction of its scale.
+        preview: Whether the future reference over the horizon is used.
+        sample_time: Time between steps, in s.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> sum(MPCSpecification().blocks)
+        40
+    """
+
+    angle_scale: float = 0.01
+    opening_scale: float = 0.3
+    move_scale: float = 0.1
+    prediction_time: float = 0.01
+    blocks: tuple[int, ...] = (1, 1, 1, 1, 2, 2, 3, 4, 5, 8, 12)
+    opening_limit: float = 1.0
+    rate_limit: float = 100.0
+    pressure_limits: tuple[float, float] = (0.1e5, 5.95e5)
+    softness: float = 1e3
+    disturbances: Mapping[str, float] = field(
+        default_factory=lambda: {"speed": 100.0, "pressure_1": 1e6, "pressure_2": 1e6}
+    )
+    sensor_noise: tuple[float, ...] = (2e-5, 600.0, 600.0)
+    state_noise: float = 0.01
+    preview: bool = False
+    sample_time: float = 0.002
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        h = check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
+        check_range("prediction time", self.prediction_time, h, 10.0, "s")
+        check_range("opening limit", self.opening_limit, 1e-3, 1.0)
+        for name in ("angle_scale", "opening_scale", "move_scale", "rate_limit", "softness"):
+            check_range(name.replace("_", " "), getattr(self, name), 1e-9, 1e9)
+        check_range("number of moves", len(self.blocks), 1, 100)
+        check_range("shortest block", min(self.blocks), 1, 1000, "samples")
+        low, high = self.pressure_limits
+        check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")
+
+
+def design_mpc(
+    linear: LinearModel,
+    specification: MPCSpecification | None = None,
+    *,
+    valve: ValveInverse | None = None,
+    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2"),
+    actuator: str = "valve",
+) -> LinearMPC:
+    """Design a linear MPC from a linear model.
+
+    Args:
+        linear: Linear model from the valve's command to the sensors, without bearing friction.
+        specification: What to reach.
+        valve: Valve curve that is inverted.
+        sensors: Names of the followed output, then of the outputs with soft limits.
+        actuator: Name of the command.
+
+    Returns:
+        The controller.
+
+    Raises:
+        WorkbenchError: If a name is unknown or a Riccati equation has no solution.
+
+    Source:
+        Rawlings, Mayne and Diehl, Model Predictive Control, 2017, chapter 1.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.arm import arm
+        >>> point = operating_point(arm(3).without("bearing_friction"), {"angle": 0.5236})
+        >>> mpc = design_mpc(linearise(point, verdict=False))
+        >>> state = mpc.initial_state((0.5236, 4.2e5, 4.2e5))
+        >>> (voltage,), state, info = mpc.step(state, (0.5236, 4.2e5, 4.2e5), (0.6,))
+        >>> voltage > 5.0, info["status"]
+        (True, 'SOLVER_RET_SUCCESS')
+    """
+    want = specification or MPCSpecification()
+    valve = valve or ValveInverse()
+    point = linear.operating_point
+    inputs = [q.name for q in point.model.inputs]
+    command = float(point.u[inputs.index(actuator)])
+    disturbed = tuple(want.disturbances)
+    observer = design_disturbance_observer(
+        linear,
+        sensors=sensors,
+        actuators=(actuator,),
+        disturbances=want.disturbances,
+        sensor_noise=want.sensor_noise,
+        state_noise=want.state_noise,
+        sample_time=want.sample_time,
+    )
+    # From here on the input is the opening: the linear model's slope is that of the curve at rest.
+    observer = DisturbanceObserver(
+        observer.F,
+        observer.G / valve.gain_at_rest,
+        observer.C,
+        observer.M,
+        observer.rest,
+        observer.disturbances,
+    )
+    A, B, E = continuous_matrices(linear, (actuator,), disturbed)
+    rest_opening = valve.opening(command)
+    prediction = condense(
+        A,
+        B / valve.gain_at_rest,
+        E,
+        observer.C[:, : len(A)],
+        weights=(
+            1.0 / want.angle_scale**2,
+            1.0 / want.opening_scale**2,
+            1.0 / want.move_scale**2,
+        ),
+        prediction_time=want.prediction_time,
+        stride=max(1, round(want.prediction_time / want.sample_time)),
+        blocks=want.blocks,
+        opening_limits=(-want.opening_limit - rest_opening, want.opening_limit - rest_opening),
+        move_limit=want.rate_limit * want.prediction_time,
+        output_limits=tuple(
+            (want.pressure_limits[0] - rest, want.pressure_limits[1] - rest)
+            for rest in observer.rest[1:].tolist()
+        ),
+        softness=want.softness,
+    )
+    unit = np.eye(len(sensors))
+    start = np.column_stack(
+        [observer.at_rest(tuple(observer.rest + column), B, A, E) for column in unit]
+    )
+    return LinearMPC(
+        observer=observer,
+        prediction=prediction,
+        start=start,
+        rest_opening=rest_opening,
+        sample_time=want.sample_time,
+        valve=valve,
+        sensors=sensors,
+        follows=(sensors[0],),
+        actuators=(actuator,),
+        preview=prediction.preview_index[-1] if want.preview else 0,
+    )
