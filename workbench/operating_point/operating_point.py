@@ -176,6 +176,7 @@ def operating_point(
         raise _impossible(problem, solution)
     if any("." in name for name in solution.undetermined):
         solution = _with_effects_at_start(problem, solution, x, u)
+    _snap(model, wanted, solution)
     at = model.rates(solution.x, solution.u)
     return OperatingPoint(
         model=model,
@@ -326,6 +327,14 @@ def _start(
     if mean_pressure is not None:
         known |= {name: mean_pressure + ambient for name in CHAMBERS if name in states}
     return model.initial_state(known, u=u), u
+
+
+def _snap(model: Model, given: Mapping[str, float], solution: Solution) -> None:
+    """Take the round-off off states that are given, so that 0 deg is not behind the stop."""
+    for i, quantity in enumerate(model.states):
+        value = given.get(quantity.name, math.nan)
+        if abs(solution.x[i] - value) <= 1e-9 * quantity.scale:
+            solution.x[i] = value
 
 
 def _with_effects_at_start(problem: Problem, found: Solution, x: Vector, u: Vector) -> Solution:

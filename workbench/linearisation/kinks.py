@@ -1,0 +1,178 @@
+"""Kinks at or next to an operating point, and the matrices on both sides of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.linearisation.linear_model import LinearModel
+from workbench.operating_point import Derivatives, OperatingPoint
+
+Vector = npt.NDArray[np.float64]
+
+_AT_ONCE = 1e-7
+_REACH = 0.05
+_JUMP = 0.05
+_BEND = 0.1
+_BISECTIONS = 16
+_MINOR = 0.2
+"""Share of the largest slope of a row below which a slope is too small to matter."""
+
+
+@dataclass(frozen=True)
+class Kink:
+    """A place where the slopes of a plant jump, and the linear models on both sides.
+
+    Args:
+        name: State or input across which the slopes jump.
+        unit: Its SI unit.
+        distance: Where the kink is, from the operating point, in ``unit``; 0 for on the kink.
+        below: Linear model on the side of smaller values; its slopes hold up to the kink.
+        above: Linear model on the side of larger values.
+        of: Rate or reading whose slope jumps most.
+        slope_below: Its slope below the kink, in SI.
+        slope_above: Its slope above the kink, in SI.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.arm import arm
+        >>> kink = linearise(operating_point(arm(3))).verdict.kinks[0]
+        >>> kink.name, kink.distance, kink.below.A.shape
+        ('spool', 0.0, (8, 8))
+    """
+
+    name: str
+    unit: str
+    distance: float
+    below: LinearModel
+    above: LinearModel
+    of: str
+    slope_below: float
+    slope_above: float
+
+    @property
+    def factor(self) -> float:
+        """Larger over smaller of the two slopes, dimensionless."""
+        small, large = sorted((abs(self.slope_below), abs(self.slope_above)))
+        return large / small if small else float("inf")
+
+    @property
+    def mean(self) -> float:
+        """Mean of both slopes, in SI."""
+        return 0.5 * (self.slope_below + self.slope_above)
+
+    def __str__(self) -> str:
+        """Return one line: where, and both slopes."""
+        where = "at the point" if self.distance == 0.0 else f"{self.distance:+.3g} {self.unit} away"
+        return (
+            f"kink in {self.name}, {where}: slope of {self.of} {self.slope_below:.4g} below,"
+            f" {self.slope_above:.4g} above (factor {self.factor:.3g})"
+        )
+
+
+def find_kinks(
+    at: Derivatives,
+    point: OperatingPoint,
+    build: Callable[[Vector], LinearModel],
+    matrix: Vector,
+    jacobian: Vector,
+) -> tuple[Kink, ...]:
+    """Find kinks across each state and input, at the point or up to 5 % of a scale away.
+
+    Args:
+        at: The equations.
+        point: The operating point.
+        build: Makes a linear model of derivatives, shape (n_x + n_y, n_x + n_u), in SI.
+        matrix: Derivatives that the linear model uses, shape (n_x + n_y, n_x + n_u), in SI.
+        jacobian: Derivatives at the point, same shape, in SI.
+
+    Returns:
+        The kinks, those at the point first, then by the size of the jump.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> linearise(operating_point(servo_axis())).verdict.kinks
+        ()
+    """
+    model = point.model
+    quantities = [*model.states, *model.inputs]
+    rows = [f"d {q.name}/dt" for q in model.states] + [q.name for q in model.outputs]
+    columns = np.array([q.scale for q in quantities])
+    sizes = np.array([q.scale for q in (*model.states, *model.outputs)])
+    norm = columns / sizes[:, None]
+    z = np.concatenate([point.x, point.u])
+    p = model.values
+    n = len(point.x)
+
+    def slopes(index: int, by: float) -> Vector:
+        moved = z.copy()
+        moved[index] += by * columns[index]
+        return at(moved[:n], moved[n:], p)[1]
+
+    # What a swing has replaced stays replaced on both sides.
+    swung = matrix != jacobian
+    found = []
+    for i, quantity in enumerate(quantities):
+        for distance, below, above in _jumps(slopes, i, norm):
+            jump = np.abs(_relative(below, above, norm))
+            # Of equal jumps the first is named: pressures stand before temperatures.
+            first = int(np.argmax(jump.ravel() > 0.9 * jump.max()))
+            row, column = np.unravel_index(first, jump.shape)
+            sided = [build(np.where(swung, matrix, side)) for side in (below, above)]
+            found.append(
+                Kink(
+                    quantity.name,
+                    quantity.unit,
+                    distance * quantity.scale,
+                    sided[0],
+                    sided[1],
+                    f"{rows[row]} by {quantities[column].name}",
+                    float(below[row, column]),
+                    float(above[row, column]),
+                )
+            )
+    return tuple(sorted(found, key=lambda kink: (kink.distance != 0.0, -kink.factor)))
+
+
+def _jumps(
+    slopes: Callable[[int, float], Vector], i: int, norm: Vector
+) -> Iterator[tuple[float, Vector, Vector]]:
+    """Yield distance, slopes below and slopes above of the kinks across one variable."""
+    below, above = slopes(i, -_AT_ONCE), slopes(i, _AT_ONCE)
+    if _bend(below, above, norm) > _JUMP:
+        yield 0.0, below, above
+        return
+    for side, here in ((-1.0, below), (1.0, above)):
+        far = slopes(i, side * _REACH)
+        if _bend(here, far, norm) <= _BEND:
+            continue
+        near, beyond, there = _AT_ONCE, _REACH, far
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (near + beyond)
+            slope = slopes(i, side * middle)
+            if _bend(here, slope, norm) > 0.5 * _bend(here, far, norm):
+                beyond, there = middle, slope
+            else:
+                near = middle
+        before = slopes(i, side * near)
+        # A bend that is spread out, as that of rounded friction, is no kink.
+        if _bend(before, there, norm) > _JUMP:
+            yield side * beyond, *((there, before) if side < 0.0 else (before, there))
+
+
+def _bend(a: Vector, b: Vector, norm: Vector) -> float:
+    return float(np.max(np.abs(_relative(a, b, norm))))
+
+
+def _relative(a: Vector, b: Vector, norm: Vector) -> Vector:
+    """Return the change of each slope relative to itself, tiny slopes relative to their row."""
+    scaled_a, scaled_b = a * norm, b * norm
+    size = np.maximum(np.abs(scaled_a), np.abs(scaled_b))
+    row = size.max(axis=1, keepdims=True)
+    return np.asarray((scaled_b - scaled_a) / (size + _MINOR * row + 1e-12))

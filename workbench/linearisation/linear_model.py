@@ -1,0 +1,269 @@
+"""The linear model: matrices with names, the point they belong to, and a verdict on them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.linearisation.modes import Mode, find_modes
+from workbench.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from workbench.linearisation.verdict import Verdict
+
+Vector = npt.NDArray[np.float64]
+Inverse = Callable[[npt.ArrayLike], Vector]
+"""Turns an input of the linear model into the input of the plant, in SI."""
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """A linear model around an operating point.
+
+    ``dx/dt = drift + A (x - x0) + B (u - u0)``, ``y = y0 + C (x - x0) + D (u - u0)``.
+
+    Args:
+        A: State matrix, shape (n_states, n_states), in SI.
+        B: Input matrix, shape (n_states, n_inputs), in SI.
+        C: Output matrix, shape (n_outputs, n_states), in SI.
+        D: Feedthrough, shape (n_outputs, n_inputs), in SI.
+        operating_point: Where the plant stands; its input is always the plant's own.
+        state_names: Names of the states.
+        input_names: Names of the inputs; ``opening`` where the valve's curve is inverted.
+        output_names: Names of the outputs.
+        x0: States at the point, shape (n_states,), in SI.
+        u0: Inputs at the point, shape (n_inputs,), in SI, in the inputs of this model.
+        y0: Outputs at the point, shape (n_outputs,), in SI.
+        drift: Rates of the states at the point, shape (n_states,), in SI per second; zero at a
+            true equilibrium.
+        inverse: For an input that is not the plant's own: turns it into the plant's, in SI;
+            a controller that thinks in the model's input sends its command through it.
+        verdict: How far the model may be trusted, or None.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> model = linearise(operating_point(servo_axis(), {"position": 0.0}))
+        >>> model.state_names, model.B.ravel().round(4).tolist()
+        (('position', 'speed'), [0.0, 0.0105])
+    """
+
+    A: Vector
+    B: Vector
+    C: Vector
+    D: Vector
+    operating_point: OperatingPoint
+    state_names: tuple[str, ...]
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+    x0: Vector
+    u0: Vector
+    y0: Vector
+    drift: Vector
+    inverse: Inverse | None = None
+    verdict: Verdict | None = None
+
+    @cached_property
+    def system(self) -> Any:
+        """The same as a ``control.StateSpace`` with the signal names."""
+        import control as ct
+
+        return ct.ss(
+            self.A,
+            self.B,
+            self.C,
+            self.D,
+            states=list(self.state_names),
+            inputs=list(self.input_names),
+            outputs=list(self.output_names),
+            name=self.operating_point.model.name,
+        )
+
+    @property
+    def poles(self) -> npt.NDArray[np.complex128]:
+        """Poles, shape (n_states,), in rad/s."""
+        return np.linalg.eigvals(self.A).astype(np.complex128)
+
+    @cached_property
+    def modes(self) -> tuple[Mode, ...]:
+        """Modes from slow to fast, each with its frequency, damping and main states."""
+        return find_modes(self.A, self.state_names)
+
+    def mode_of(self, state: str) -> Mode:
+        """Return the oscillation that a state takes the largest part in.
+
+        Args:
+            state: Name of the state.
+
+        Returns:
+            The mode; where no mode oscillates, the one with the largest part of the state.
+
+        Raises:
+            WorkbenchError: If there is no such state.
+        """
+        check_choice("state", state, self.state_names)
+        swinging = [m for m in self.modes if m.damping < 1.0] or list(self.modes)
+        return max(swinging, key=lambda mode: mode.share(state))
+
+    def to_plant(self, u: npt.ArrayLike) -> Vector:
+        """Turn inputs of this model into inputs of the plant.
+
+        Args:
+            u: Inputs of this model, any shape, in SI.
+
+        Returns:
+            Inputs of the plant, same shape, in SI.
+        """
+        return self.inverse(u) if self.inverse else np.asarray(u, dtype=float)
+
+    def select(
+        self,
+        *,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        states: Sequence[str] | None = None,
+        rest: Literal["follow", "held"] = "follow",
+    ) -> LinearModel:
+        """Return a model with fewer inputs, outputs or states, in the order given.
+
+        Args:
+            inputs: Names to keep; all by default. The others stay at the operating point.
+            outputs: Names to keep; all by default.
+            states: Names to keep; all by default.
+            rest: What the other states do: ``"follow"``, their rates are zero at all times
+                (right for fast ones, such as a spool), or ``"held"``, they stay at the operating
+                point (right for slow ones).
+
+        Returns:
+            The smaller model, without verdict.
+
+        Raises:
+            WorkbenchError: If a name is unknown, or states that should follow cannot because they
+                integrate.
+        """
+        i = _indices("input", inputs, self.input_names)
+        o = _indices("output", outputs, self.output_names)
+        keep = _indices("state", states, self.state_names)
+        check_choice("rest", rest, ("follow", "held"))
+        gone = [k for k in range(len(self.state_names)) if k not in keep]
+        A, B, C, D = (
+            self.A[np.ix_(keep, keep)],
+            self.B[np.ix_(keep, i)],
+            self.C[np.ix_(o, keep)],
+            self.D[np.ix_(o, i)],
+        )
+        drift = self.drift[keep]
+        if gone and rest == "follow":
+            inner = self.A[np.ix_(gone, gone)]
+            # Balanced rows and columns, so that the rank does not depend on units.
+            size = np.array([_scale(self, self.state_names[k]) for k in gone])
+            balanced = inner * size / size[:, None]
+            if np.linalg.cond(balanced) > 1e10:
+                names = ", ".join(self.state_names[k] for k in gone)
+                raise WorkbenchError(
+                    f"the states {names} cannot follow at once because they integrate; keep one of"
+                    " them or use rest='held'"
+                )
+            by_state = -np.linalg.solve(inner, self.A[np.ix_(gone, keep)])
+            by_input = -np.linalg.solve(inner, self.B[np.ix_(gone, i)])
+            at_rest = -np.linalg.solve(inner, self.drift[gone])
+            across, seen = self.A[np.ix_(keep, gone)], self.C[np.ix_(o, gone)]
+            A, B, drift = A + across @ by_state, B + across @ by_input, drift + across @ at_rest
+            C, D = C + seen @ by_state, D + seen @ by_input
+        return replace(
+            self,
+            A=A,
+            B=B,
+            C=C,
+            D=D,
+            state_names=tuple(self.state_names[k] for k in keep),
+            input_names=tuple(self.input_names[k] for k in i),
+            output_names=tuple(self.output_names[k] for k in o),
+            x0=self.x0[keep],
+            u0=self.u0[i],
+            y0=self.y0[o],
+            drift=drift,
+            inverse=self.inverse if len(i) == len(self.input_names) else None,
+            verdict=None,
+        )
+
+    def discretise(self, sample_time: float) -> tuple[Vector, Vector, Vector, Vector]:
+        """Return the matrices for inputs that are held over a sample.
+
+        ``exp([[A, B], [0, 0]] h) = [[Ad, Bd], [0, 1]]``, exact also for integrating models.
+
+        Args:
+            sample_time: Time between samples h, in s.
+
+        Returns:
+            Ad, Bd, Cd, Dd, in SI.
+
+        Raises:
+            WorkbenchError: If the sample time is outside its range.
+        """
+        from scipy.linalg import expm
+
+        h = check_range("sample time", sample_time, 1e-7, 1e4, "s")
+        n, m = self.B.shape
+        block = np.zeros((n + m, n + m))
+        block[:n] = np.hstack([self.A, self.B])
+        grown = expm(block * h)
+        return grown[:n, :n], grown[:n, n:], self.C.copy(), self.D.copy()
+
+    def response(self, u: npt.ArrayLike, sample_time: float) -> Vector:
+        """Simulate the model from its operating point, without drift.
+
+        Args:
+            u: Inputs held over each sample, shape (n, n_inputs), or (n,) for one input, in SI.
+            sample_time: Time between samples, in s.
+
+        Returns:
+            Outputs at the n sample times, shape (n, n_outputs), in SI.
+        """
+        Ad, Bd, C, D = self.discretise(sample_time)
+        table = np.asarray(u, dtype=float)
+        held = table.reshape(len(table), -1) - self.u0
+        x = np.zeros(len(Ad))
+        y = np.empty((len(held), len(C)))
+        for k, v in enumerate(held):
+            y[k] = self.y0 + C @ x + D @ v
+            x = Ad @ x + Bd @ v
+        return y
+
+    def __str__(self) -> str:
+        """Return a short aligned table: inputs, outputs, modes and the verdict on the matrices."""
+        point = self.operating_point
+        held = ", ".join(
+            f"{name} {value:.4g}" for name, value in zip(self.output_names, self.y0, strict=True)
+        )
+        lines = [
+            f"linear model of {point.model.name} at {held} (SI)",
+            f"  {', '.join(self.input_names)} -> {', '.join(self.output_names)}",
+        ]
+        if np.any(self.drift):
+            lines.append("  the point drifts; see its operating point")
+        lines += [f"  {mode}" for mode in self.modes]
+        if self.verdict is not None:
+            lines += [f"  {line}" for line in self.verdict.summary()]
+        return "\n".join(lines)
+
+
+def _indices(kind: str, wanted: Sequence[str] | None, names: tuple[str, ...]) -> list[int]:
+    if wanted is None:
+        return list(range(len(names)))
+    if isinstance(wanted, str):
+        wanted = (wanted,)
+    for name in wanted:
+        check_choice(kind, name, names)
+    return [names.index(name) for name in wanted]
+
+
+def _scale(linear: LinearModel, name: str) -> float:
+    return next((q.scale for q in linear.operating_point.model.states if q.name == name), 1.0)

@@ -1,0 +1,178 @@
+"""From an operating point to a linear model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import WorkbenchError, check_choice
+from workbench.linearisation.kinks import find_kinks
+from workbench.linearisation.linear_model import LinearModel
+from workbench.linearisation.matrices import check_amplitude, slope_over_swing, speeds
+from workbench.linearisation.opening import (
+    FULL_STROKE,
+    OpeningToVoltage,
+    opening_plant,
+    signed_opening_of,
+)
+from workbench.linearisation.verdict import Swing, Verdict
+from workbench.model import EXACT, Face, Model
+from workbench.operating_point import Derivatives, OperatingPoint
+
+Vector = npt.NDArray[np.float64]
+
+
+def linearise(
+    op: OperatingPoint,
+    *,
+    input: Literal["plant", "opening"] = "plant",  # noqa: A002 -- The word of the field.
+    amplitude: Mapping[str, float] | None = None,
+    face: Face | str = EXACT,
+    verdict: bool = True,
+) -> LinearModel:
+    """Linearise a model at an operating point.
+
+    The matrices are exact, automatic derivatives. Where the plant has a kink that is a maximum or
+    minimum they are the mean of both sides; the verdict holds both. Slopes by a *speed* are taken
+    over a swing (``amplitude``), because dry friction has no slope at rest.
+
+    Args:
+        op: Where to linearise.
+        input: ``"plant"`` for the plant's own inputs, or ``"opening"`` for the signed opening of a
+            5/3 valve, -1..1, whose static curve the controller inverts: the model's ``inverse``.
+            The states ``spool`` and ``spool_speed`` are then 5 V times the opening and its rate.
+        amplitude: Swing of states by name over which slopes are taken, in SI; by default every
+            state that is the rate of another swings over its scale. ``{}`` for the slopes at the
+            point.
+        face: Exact equations, or smooth ones, whose slope at a kink is the same from both sides.
+        verdict: Whether to look for kinks and prepare the verdict; its simulated part is computed
+            when it is first asked for.
+
+    Returns:
+        The linear model.
+
+    Raises:
+        WorkbenchError: If the plant has no such input, an amplitude is not positive, or the
+            derivatives are not finite.
+
+    Source:
+        Automatic differentiation; sinusoidal-input describing function for the swings.
+
+    Example:
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.arm import arm
+        >>> import math
+        >>> point = operating_point(arm(3), {"angle": math.radians(30)}, mean_pressure=3e5)
+        >>> linear = linearise(point, input="opening")
+        >>> round(linear.mode_of("angle").frequency_hz, 1)
+        2.0
+        >>> kink = linear.verdict.kinks[0]
+        >>> kink.name, round(kink.factor, 1)  # filling is faster than venting
+        ('spool', 1.6)
+    """
+    check_choice("input", input, ("plant", "opening"))
+    point = _as_opening(op) if input == "opening" else op
+    model = point.model
+    at = Derivatives(model, EXACT if model.face(face) is model.exact else model_face(face))
+    p = model.values
+    jacobian = at(point.x, point.u, p)[1]
+    if not np.isfinite(jacobian).all():
+        raise WorkbenchError(
+            f"the derivatives of {model.name!r} are not finite at this operating point; move it a"
+            " little, or linearise the smooth face"
+        )
+    wanted = speeds(model, jacobian) if amplitude is None else check_amplitude(model, amplitude)
+    swings = []
+    matrix = jacobian.copy()
+    names = [q.name for q in model.states]
+    for name, size in wanted.items():
+        i = names.index(name)
+        matrix[:, i] = slope_over_swing(at, point.x, point.u, p, i, size, jacobian[:, i])
+        if not np.array_equal(matrix[:, i], jacobian[:, i]):
+            row = int(np.argmax(np.abs(matrix[: len(names), i] - jacobian[: len(names), i])))
+            swings.append(
+                Swing(name, size, names[row], float(jacobian[row, i]), float(matrix[row, i]))
+            )
+    linear = _model(op, point, matrix, opening=input == "opening")
+    if not verdict:
+        return linear
+    kinks = find_kinks(
+        at,
+        point,
+        lambda sided: _model(op, point, sided, opening=input == "opening"),
+        matrix,
+        jacobian,
+    )
+    return replace(linear, verdict=Verdict(linear, kinks, tuple(swings)))
+
+
+def model_face(face: Face | str) -> Face:
+    """Return the face that a word or a face stands for.
+
+    Args:
+        face: `EXACT`, `SMOOTH`, ``"exact"`` or ``"smooth"``.
+
+    Raises:
+        WorkbenchError: If the word is neither.
+
+    Example:
+        >>> model_face("smooth").smooth
+        True
+    """
+    if isinstance(face, Face):
+        return face
+    check_choice("face", face, ("exact", "smooth"))
+    return Face(smooth=face == "smooth")
+
+
+def _as_opening(op: OperatingPoint) -> OperatingPoint:
+    """Move an operating point to the plant whose edges open in proportion to the spool."""
+    if len(op.model.inputs) != 1:
+        raise WorkbenchError(
+            f"{op.model.name!r} has {len(op.model.inputs)} inputs; the opening can stand for one"
+        )
+    model: Model = opening_plant(op.model)
+    x, u = op.x.copy(), op.u.copy()
+    spool = [q.name for q in model.states].index("spool")
+    x[spool] = FULL_STROKE * signed_opening_of(op.model, op.x, op.u)
+    u[0] += x[spool] - op.x[spool]
+    rates = model.rates(x, u)
+    scale = np.array([q.scale for q in model.states])
+    if np.max(np.abs(rates - op.rates) / scale) > 1e-4:
+        raise WorkbenchError(
+            f"the opening cannot be the input of {model.name!r} here: an effect on the valve's"
+            " command keeps the spool from following it; use input='plant'"
+        )
+    return replace(op, model=model, x=x, u=u, rates=rates)
+
+
+def _model(
+    op: OperatingPoint, point: OperatingPoint, matrix: Vector, *, opening: bool
+) -> LinearModel:
+    model = point.model
+    n, m = len(model.states), len(model.inputs)
+    A, B, C, D = matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:]
+    u0 = point.u
+    if opening:
+        spool = [q.name for q in model.states].index("spool")
+        B, D = FULL_STROKE * B, FULL_STROKE * D
+        u0 = np.array([point.x[spool] / FULL_STROKE])
+    return LinearModel(
+        A=A,
+        B=B,
+        C=C,
+        D=D,
+        operating_point=op,
+        state_names=tuple(q.name for q in model.states),
+        input_names=("opening",) if opening else tuple(q.name for q in model.inputs),
+        output_names=tuple(q.name for q in model.outputs),
+        x0=point.x,
+        u0=u0,
+        y0=point.y,
+        drift=np.where(np.isin([q.name for q in model.states], list(op.drift)), op.rates, 0.0),
+        inverse=OpeningToVoltage(op) if opening else None,
+    )

@@ -1,0 +1,99 @@
+"""Modes of a state matrix: frequency, damping and the states that take part."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One real pole or one pair of complex poles.
+
+    Args:
+        pole: The pole with positive imaginary part, or the real pole, in rad/s.
+        participation: Share of each state in the mode, dimensionless, by name.
+
+    Example:
+        >>> mode = Mode(-1 + 2j * math.pi, {"angle": 1.0})
+        >>> round(mode.frequency_hz, 2), round(mode.damping, 2)
+        (1.01, 0.16)
+    """
+
+    pole: complex
+    participation: dict[str, float]
+
+    @property
+    def frequency_hz(self) -> float:
+        """Natural frequency |pole| / 2 pi, in Hz."""
+        return abs(self.pole) / (2 * math.pi)
+
+    @property
+    def damping(self) -> float:
+        """Damping ratio -Re(pole) / |pole|, dimensionless; 1 for a stable real pole."""
+        size = abs(self.pole)
+        return -self.pole.real / size if size else 1.0
+
+    @property
+    def main_state(self) -> str:
+        """Name of the state that takes the largest part."""
+        return max(self.participation, key=lambda name: self.participation[name])
+
+    def share(self, state: str) -> float:
+        """Return the share of a state in the mode, dimensionless.
+
+        Args:
+            state: Name of the state.
+        """
+        return self.participation.get(state, 0.0)
+
+    def __str__(self) -> str:
+        """Return one line: frequency and damping, or time constant, and the main states."""
+        names = sorted(self.participation, key=lambda n: -self.participation[n])
+        main = ", ".join(n for n in names if self.participation[n] > 0.2)
+        if self.pole.imag:
+            what = f"{self.frequency_hz:9.4g} Hz  damping {self.damping:7.3f}"
+        elif abs(self.pole.real) < 1e-9:
+            what = "integrator".ljust(29)
+        else:
+            what = f"time constant {-1.0 / self.pole.real:9.4g} s".ljust(29)
+        return f"mode {what}  {main}"
+
+
+def find_modes(A: Vector, names: tuple[str, ...]) -> tuple[Mode, ...]:
+    """Find the modes of a state matrix, from slow to fast.
+
+    The participation of state k in mode i is ``|v_ki w_ik|`` with right and left eigenvectors,
+    normalised to a sum of 1; it does not depend on the units of the states.
+
+    Args:
+        A: State matrix, shape (n, n), in SI.
+        names: Names of the n states.
+
+    Returns:
+        The modes; a pair of complex poles is one mode.
+
+    Source:
+        I. J. Perez-Arriaga, G. C. Verghese, F. C. Schweppe 1982.
+
+    Example:
+        >>> [round(m.frequency_hz, 3) for m in find_modes(np.array([[0, 1.0], [-4, 0]]), ("x", "v"))]
+        [0.318]
+    """
+    if not len(A):
+        return ()
+    poles, right = np.linalg.eig(A)
+    left = np.linalg.pinv(right)
+    parts = np.abs(right * left.T)
+    parts = parts / parts.sum(axis=0)
+    found = [
+        Mode(complex(pole), dict(zip(names, parts[:, i].tolist(), strict=True)))
+        for i, pole in enumerate(poles)
+        if pole.imag >= 0.0
+    ]
+    return tuple(sorted(found, key=lambda mode: abs(mode.pole)))
