@@ -74,9 +74,7 @@ def creep(
         ports,
         transform,
         parameters=(
-            Parameter(
-                "share", "1", 0.02, "part that arrives late", share, -0.2, 0.2, fitted=True
-            ),
+            Parameter("share", "1", 0.02, "part that arrives late", share, -0.2, 0.2, fitted=True),
             Parameter(
                 "slow_part",
                 "1",

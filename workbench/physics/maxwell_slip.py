@@ -40,7 +40,9 @@ def _elements(
         mean = sum(w * z for w, z in zip(shares, slips, strict=True)) / sum(shares)
         half_width = at.p.level
         if growth:
-            half_width = half_width * (1.0 + at.p.growth * at.face.ramp(at.signals.gauge_pressure, 1e3))
+            half_width = half_width * (
+                1.0 + at.p.growth * at.face.ramp(at.signals.gauge_pressure, 1e3)
+            )
         return at.value - half_width * mean
 
     def rates(effect: EffectView) -> Mapping[str, Expression]:
@@ -211,9 +213,7 @@ def prandtl_ishlinskii(
     return _elements(
         name,
         (port,),
-        Parameter(
-            "level", unit, typical, "half width of the loop", level, 0.0, upper, fitted=True
-        ),
+        Parameter("level", unit, typical, "half width of the loop", level, 0.0, upper, fitted=True),
         (),
         growth=False,
         breakaway=Parameter(

@@ -48,9 +48,7 @@ def series_elasticity(
         q, p = at.signals.contraction, at.signals.gauge_pressure
         stretch = at.p.compliance * at.x[f"pull_{at.index + 1}"]
         return (
-            at.value
-            + base.tension(q + stretch, p, face=at.face)
-            - base.tension(q, p, face=at.face)
+            at.value + base.tension(q + stretch, p, face=at.face) - base.tension(q, p, face=at.face)
         )
 
     def pull(effect: EffectView, at: PortView) -> Expression:
