@@ -1,5 +1,8 @@
 """Linear model-predictive control without offset, on the valve opening.
 
+Without preview, the reference passes two lags of speed omega_r, and the same lags continue it over
+the horizon (the reference trajectory r_j); with preview, r_j is the reference itself.
+
 At each sample a `DisturbanceObserver` estimates states x and disturbances w. The target at rest
 (xs, us) solves A xs + B us + E w = 0 with the followed output at its reference. Then, over N
 prediction samples of time T, the controller minimises over blocked moves u and a slack eps
@@ -52,10 +55,14 @@ class MPCState(NamedTuple):
     Args:
         predicted: Predicted states and disturbances, deviations, shape (n,), in SI.
         opening: Opening applied last, a fraction of the full one.
+        filtered: Reference after the first lag, in rad.
+        target: Reference after the second lag, in rad.
     """
 
     predicted: Matrix
     opening: float
+    filtered: float
+    target: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +74,9 @@ class LinearMPC:
         prediction: The condensed problem.
         start: Estimate of (x, w) per deviation of the measurements at rest, shape (n, n_sensors),
             in SI.
+        path: Reference trajectory per (reference, filtered, target), shape (N, 3), dimensionless.
         rest_opening: Opening at the operating point, a fraction.
+        reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -84,7 +93,9 @@ class LinearMPC:
     observer: DisturbanceObserver
     prediction: Prediction
     start: Matrix
+    path: Matrix
     rest_opening: float
+    reference_speed: float
     sample_time: float = 0.002
     valve: ValveInverse = field(default_factory=ValveInverse)
     name: str = "linear MPC"
@@ -100,7 +111,8 @@ class LinearMPC:
             measurement: Angle in rad and the two gauge pressures in Pa.
         """
         deviation = np.array(measurement) - self.observer.rest
-        return MPCState(self.start @ deviation, self.rest_opening)
+        angle = measurement[0]
+        return MPCState(self.start @ deviation, self.rest_opening, angle, angle)
 
     def step(
         self, state: MPCState, measurement: Measurement, reference: Reference
@@ -119,9 +131,13 @@ class LinearMPC:
         p = self.prediction
         estimate = self.observer.correct(state.predicted, measurement)
         if self.preview:
+            filtered = target = reference[0]
             wanted = np.array([reference[i] for i in p.preview_index]) - self.observer.rest[0]
         else:
-            wanted = np.full(p.samples, reference[0] - self.observer.rest[0])
+            filtered, target = lagged(
+                state.filtered, state.target, reference[0], self.reference_speed * self.sample_time
+            )
+            wanted = self.path @ (reference[0], filtered, target) - self.observer.rest[0]
         before = state.opening - self.rest_opening
         gradient = p.g_estimate @ estimate + p.g_reference @ wanted + p.g_before * before
         pressures = p.rows_estimate @ estimate
@@ -146,7 +162,8 @@ class LinearMPC:
             "slack": slack,
             "fallback": 0.0 if solution.solved else 1.0,
         }
-        return (self.valve.command(opening),), MPCState(predicted, opening), info
+        following = MPCState(predicted, opening, filtered, target)
+        return (self.valve.command(opening),), following, info
 
     def linear_command(self, command: Command) -> Command:
         """Return the command that gives a linear model the same opening.
@@ -158,6 +175,40 @@ class LinearMPC:
             Voltage for a linear model, V.
         """
         return (self.valve.linear_command(command[0]),)
+
+
+def lagged(
+    filtered: float, target: float, reference: float, fresh: float
+) -> tuple[float, float]:
+    """Pass a reference through two lags for one sample.
+
+    Args:
+        filtered: Reference after the first lag, in rad.
+        target: Reference after the second lag, in rad.
+        reference: Reference, in rad.
+        fresh: Share of the new value, omega_r h, dimensionless.
+
+    Returns:
+        Both lags one sample later, in rad.
+
+    Example:
+        >>> lagged(0.0, 0.0, 1.0, 0.5)
+        (0.5, 0.25)
+    """
+    filtered = filtered + fresh * (reference - filtered)
+    return filtered, target + fresh * (filtered - target)
+
+
+def _reference_path(fresh: float, index: tuple[int, ...]) -> Matrix:
+    """Return the trajectory of the second lag per (reference, filtered, target)."""
+    columns = []
+    for reference, filtered, target in np.eye(3).tolist():
+        course = []
+        for _ in range(index[-1]):
+            filtered, target = lagged(filtered, target, reference, fresh)
+            course.append(target)
+        columns.append([course[i - 1] for i in index])
+    return np.array(columns).T
 
 
 @dataclass(frozen=True)
@@ -179,6 +230,7 @@ class MPCSpecification:
             in the state's SI unit per second. As many as sensors: no offset.
         sensor_noise: Noise rms of angle (rad) and pressures (Pa).
         state_noise: Random walk of every state over one second, as a fraction of its scale.
+        reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
         preview: Whether the future reference over the horizon is used.
         sample_time: Time between steps, in s.
 
@@ -200,10 +252,11 @@ class MPCSpecification:
     pressure_limits: tuple[float, float] = (0.1e5, 5.95e5)
     softness: float = 1e3
     disturbances: Mapping[str, float] = field(
-        default_factory=lambda: {"speed": 100.0, "pressure_1": 1e6, "pressure_2": 1e6}
+        default_factory=lambda: {"speed": 30.0, "pressure_1": 1e7, "pressure_2": 1e7}
     )
     sensor_noise: tuple[float, ...] = (2e-5, 600.0, 600.0)
-    state_noise: float = 0.01
+    state_noise: float = 0.1
+    reference_speed: float = 28.0
     preview: bool = False
     sample_time: float = 0.002
 
@@ -312,7 +365,11 @@ def design_mpc(
         observer=observer,
         prediction=prediction,
         start=start,
+        path=_reference_path(
+            want.reference_speed * want.sample_time, prediction.preview_index
+        ),
         rest_opening=rest_opening,
+        reference_speed=want.reference_speed,
         sample_time=want.sample_time,
         valve=valve,
         sensors=sensors,

@@ -227,16 +227,16 @@ class PIDSpecification:
 
     Example:
         >>> PIDSpecification().maximum_sensitivity
-        1.6
+        2.0
     """
 
     inner_bandwidth: float = 100.0
     bandwidth: float = 30.0
     damping: float = 0.8
     real_pole: float = 0.6
-    maximum_sensitivity: float = 1.6
+    maximum_sensitivity: float = 2.0
     maximum_complementary: float = 1.6
-    reference_speed: float = 25.0
+    reference_speed: float = 40.0
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:

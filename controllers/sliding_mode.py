@@ -235,13 +235,13 @@ class SlidingModeSpecification:
 
     Example:
         >>> SlidingModeSpecification().slope
-        20.0
+        25.0
     """
 
-    slope: float = 20.0
+    slope: float = 25.0
     jerk_bound: float = 2000.0
-    layer_bandwidth: float = 60.0
-    observer_bandwidth: float = 80.0
+    layer_bandwidth: float = 80.0
+    observer_bandwidth: float = 100.0
     reference_speed: float = 25.0
     sample_time: float = 0.002
 
@@ -285,7 +285,7 @@ def design_sliding_mode(
         >>> point = operating_point(arm(3).without("bearing_friction"), {"angle": 0.5236})
         >>> law = design_sliding_mode(linearise(point, verdict=False))
         >>> round(law.layer_bandwidth)
-        60
+        80
     """
     want = specification or SlidingModeSpecification()
     valve = valve or ValveInverse()
