@@ -142,7 +142,7 @@ def _section(points: ForceMap, fits: dict[str, LawFit]) -> Section:
                 error_figure,
                 "How far each law is from the map: as published, refitted, and on contractions "
                 "that the refit has not seen.",
-                "bars of the rms error of six force laws",
+                "rms errors of six force laws on a logarithmic axis",
             ),
             Table(
                 "Force laws against the map",

@@ -28,7 +28,7 @@ class Colour:
         dark: Value on dark ground, ``#rrggbb``.
 
     Example:
-        >>> CONTROLLERS["pid"].light
+        >>> CONTROLLERS["cascade PID"].light
         '#0062a8'
     """
 
@@ -38,11 +38,11 @@ class Colour:
 
 
 CONTROLLERS: dict[str, Colour] = {
-    "pid": Colour("pid", "#0062a8", "#5db5f5"),
-    "sliding_mode": Colour("sliding-mode", "#c24a00", "#ff9152"),
-    "mpc": Colour("mpc", "#00805c", "#36d6a4"),
+    "cascade PID": Colour("pid", "#0062a8", "#5db5f5"),
+    "sliding mode": Colour("sliding-mode", "#c24a00", "#ff9152"),
+    "linear MPC": Colour("mpc", "#00805c", "#36d6a4"),
 }
-"""The colours of the controllers that come with the workbench."""
+"""The colours of the controllers that come with the workbench, by the name they report."""
 
 FURTHER: tuple[Colour, ...] = (
     Colour("further-1", "#00778a", "#4fc8dc"),
@@ -99,7 +99,7 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
         WorkbenchError: If there are more controllers than colours that can be told apart.
 
     Example:
-        >>> [colour.name for colour in colours(["pid", "mine"]).values()]
+        >>> [colour.name for colour in colours(["cascade PID", "mine"]).values()]
         ['pid', 'further-1']
     """
     wanted = list(dict.fromkeys(names))

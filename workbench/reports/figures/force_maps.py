@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from workbench.reports.style import FURTHER, INK, MEASURED, REFERENCE, key, label, new_figure
+from workbench.reports.style import FAINT, FURTHER, INK, MEASURED, REFERENCE, key, label, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -72,7 +72,7 @@ def force_map(
 def law_errors(
     names: Sequence[str], fitted_on: npt.ArrayLike, held_out: npt.ArrayLike, nominal: npt.ArrayLike
 ) -> Figure:
-    """Draw how far each force law is from the measurement, as bars.
+    """Draw how far each force law is from the measurement, on a logarithmic axis.
 
     Args:
         names: Names of the laws.
@@ -87,31 +87,22 @@ def law_errors(
         >>> law_errors(["law"], [10.0], [12.0], [100.0]).axes[0].get_xlabel()
         'rms error in N'
     """
-    figure, (axes,) = new_figure([0.55 * len(names) + 0.3])
+    figure, (axes,) = new_figure([0.36 * len(names) + 0.4])
     rows = np.arange(len(names), dtype=float)
-    for shift, values, colour, text in (
-        (-0.27, nominal, REFERENCE, "published coefficients"),
-        (0.0, fitted_on, FURTHER[5], "refitted, points fitted on"),
-        (0.27, held_out, FURTHER[0], "refitted, points held out"),
+    axes.hlines(rows, 1.0, 1e3, color=FAINT.light, linewidth=0.8, linestyle=":")
+    for values, colour, text, mark in (
+        (nominal, REFERENCE, "published coefficients", "s"),
+        (fitted_on, FURTHER[0], "refitted, points fitted on", "o"),
+        (held_out, FURTHER[5], "refitted, contractions held out", "D"),
     ):
-        lengths = np.asarray(values, dtype=float)
-        axes.barh(rows + shift, lengths, height=0.24, color=colour.light, label=text)
-        for row, length in zip(rows, lengths, strict=True):
-            if np.isfinite(length):
-                axes.annotate(
-                    f"{length:.3g}",
-                    (length, row + shift),
-                    (3, 0),
-                    textcoords="offset points",
-                    va="center",
-                    fontsize=8,
-                    color=INK.light,
-                )
+        axes.plot(values, rows, mark, color=colour.light, markersize=6, label=text)
     axes.set_xscale("log")
     axes.set_yticks(rows, names)
     axes.invert_yaxis()
     axes.grid(False, axis="y")
-    axes.margins(x=0.12)
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlim(1.0, 1e3)
+    axes.margins(y=0.1)
     label(axes, x="rms error in N")
     key(axes, columns=1)
     return figure

@@ -23,7 +23,6 @@ class ClosedLoopCurves:
 
     Args:
         controller: Name of the controller; sets the colour.
-        title: Name as people read it.
         time: Sample times, shape (n,), in s.
         angle: Angle of the full plant, shape (n,), in rad.
         command: Valve voltage, shape (n,), in V.
@@ -31,13 +30,12 @@ class ClosedLoopCurves:
             if it was not run.
 
     Example:
-        >>> curves = ClosedLoopCurves("pid", "PID", np.zeros(2), np.zeros(2), np.full(2, 5.0))
+        >>> curves = ClosedLoopCurves("cascade PID", np.zeros(2), np.zeros(2), np.full(2, 5.0))
         >>> curves.linear_angle is None
         True
     """
 
     controller: str
-    title: str
     time: Vector
     angle: Vector
     command: Vector
@@ -64,7 +62,7 @@ def closed_loop_steps(
 
     Example:
         >>> t = np.linspace(0.0, 1.0, 5)
-        >>> run = ClosedLoopCurves("pid", "PID", t, t, t)
+        >>> run = ClosedLoopCurves("cascade PID", t, t, t)
         >>> [axes.get_ylabel() for axes in closed_loop_steps(t, t, [run]).axes]
         ['angle in °', 'error in °', 'valve in V']
     """
@@ -88,7 +86,7 @@ def closed_loop_steps(
             position.plot(
                 run.time, np.degrees(run.linear_angle), color=shade, linewidth=1.0, linestyle="--"
             )
-        handles.append(Line2D([], [], color=shade, linewidth=1.5, label=run.title))
+        handles.append(Line2D([], [], color=shade, linewidth=1.5, label=run.controller))
     handles.append(Line2D([], [], color=REFERENCE.light, linewidth=1.0, label="reference"))
     if any(run.linear_angle is not None for run in runs):
         handles += [
