@@ -92,7 +92,8 @@ def align(
         second: Recording of the same trial by another logger.
         signal: Name in ``first`` of a signal that both contain.
         other: Its name in ``second``; by default the same.
-        least_correlation: Correlation below which the recordings do not belong together.
+        least_correlation: Normalised correlation below which the recordings do not belong
+            together.
 
     Returns:
         The overlap of both; signals of ``second`` that ``first`` has under the same name are left
@@ -100,12 +101,20 @@ def align(
 
     Raises:
         WorkbenchError: If they have nothing in common or do not overlap.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> late = replace(trial.select(["valve", "angle"]), time=trial.time + 0.5)
+        >>> align(trial.select(["valve"]), late, "valve").names
+        ('valve', 'angle')
     """
     shift, likeness = clock_shift(first, second, signal, other=other)
     if likeness < least_correlation:
         raise WorkbenchError(
-            f"recordings {first.name!r} and {second.name!r} do not match on {signal!r} (correlation "
-            f"{likeness:.2f}, {least_correlation} or more is needed); align on another signal"
+            f"recordings {first.name!r} and {second.name!r} do not match on {signal!r} "
+            f"(correlation {likeness:.2f}, {least_correlation} or more is needed); align on "
+            "another signal"
         )
     moved = replace(second, time=second.time - shift)
     start, stop = max(first.time[0], moved.time[0]), min(first.time[-1], moved.time[-1])
@@ -121,8 +130,8 @@ def align(
     )
     extra = tuple(s for s in added.signals if s.name not in first)
     note = (
-        f"aligned with {second.name!r} on {signal!r}: its clock was {shift:.6g} s ahead (correlation "
-        f"{likeness:.3f}); added {', '.join(s.name for s in extra) or 'nothing'}"
+        f"aligned with {second.name!r} on {signal!r}: its clock was {shift:.6g} s ahead "
+        f"(correlation {likeness:.3f}); added {', '.join(s.name for s in extra) or 'nothing'}"
     )
     return replace(
         kept, signals=(*kept.signals, *extra), excluded=(*kept.excluded, *spans)

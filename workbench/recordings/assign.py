@@ -82,6 +82,10 @@ def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
 
     Raises:
         WorkbenchError: If there is no such column; lists what there is.
+
+    Example:
+        >>> find_column([Header("angle_deg", "angle", "deg")], ColumnRule("q", "angle"))
+        0
     """
     for key in ("column", "name"):
         for i, header in enumerate(headers):

@@ -158,6 +158,12 @@ def read_case(
 
     Raises:
         WorkbenchError: If the folder, its settings or a file cannot be read.
+
+    Example:
+        >>> from workbench.data_folder import shipped_data
+        >>> case = read_case(shipped_data("practice-07"))
+        >>> case.load_kg, list(case.fit)
+        (3.0, ['identify_open', 'identify_closed'])
     """
     path = Path(folder)
     if not path.is_dir():

@@ -19,7 +19,8 @@ class Columns:
     Args:
         headers: Header texts, one per column; ``column_1`` ... where the file has none.
         units: Units from a row of units, one per column; ``""`` where there is none.
-        values: Numbers, shape (n, number of columns), NaN where a cell held none.
+        values: Numbers in the units of the file, shape (n, number of columns), NaN where a cell
+            held none.
         named: Whether the headers come from the file or the caller.
         metadata: Scalars that stand in the file beside the columns.
         notes: What was left out or repaired.

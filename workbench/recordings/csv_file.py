@@ -159,7 +159,7 @@ def read_csv(
     max_rows: int = 2_000_000,
     find_time: FindTime | None = None,
 ) -> Columns:
-    """Read a table of numbers from a text file.
+    r"""Read a table of numbers from a text file.
 
     Separator, decimal sign, header, a row of units, comment lines and compression are recognised.
     The file is read in blocks; a longer one than ``max_rows`` is thinned by averaging neighbours,
@@ -177,6 +177,13 @@ def read_csv(
 
     Raises:
         WorkbenchError: If the file cannot be read or holds no table of numbers.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "trial.csv"
+        >>> _ = file.write_text("\n".join(["time_s,valve_V", "0,5.0", "0.1,5.1", "0.2,5.2"]))
+        >>> read_csv(file).headers
+        ('time_s', 'valve_V')
     """
     file = Path(path)
     cut: list[str] = []

@@ -72,6 +72,10 @@ def is_comment(line: str) -> bool:
 
     Args:
         line: The line.
+
+    Example:
+        >>> is_comment("# made on rig 2"), is_comment("0.1;5.2")
+        (True, False)
     """
     text = line.lstrip()
     return not text or text.startswith(COMMENT_SIGNS)
@@ -83,6 +87,10 @@ def is_number(cell: str, decimal: str = ".") -> bool:
     Args:
         cell: The cell.
         decimal: ``.`` or ``,``.
+
+    Example:
+        >>> is_number("1.5e-3"), is_number("1,5"), is_number("1,5", ",")
+        (True, False, True)
     """
     return bool((_POINT if decimal == "." else _COMMA).match(cell))
 
@@ -92,6 +100,10 @@ def is_missing(cell: str) -> bool:
 
     Args:
         cell: The cell.
+
+    Example:
+        >>> is_missing("NaN"), is_missing("0")
+        (True, False)
     """
     return cell.lower() in _MISSING
 

@@ -85,6 +85,13 @@ def read_json(path: str | Path) -> Columns:
 
     Raises:
         WorkbenchError: If the file is truncated, not JSON or holds no entries.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "log.json"
+        >>> _ = file.write_text('{"mass": 0.5, "log": [{"t": 0, "q": 1.5}, {"t": 1, "q": 2.5}]}')
+        >>> read_json(file).values[:, 1]
+        array([1.5, 2.5])
     """
     file = Path(path)
     entries, beside = _entries(_load(file))

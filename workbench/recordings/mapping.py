@@ -22,8 +22,8 @@ class ColumnRule:
         signal: Name of the signal.
         column: Header of the column, as in the file or without its unit.
         unit: Unit of ``sign * factor * column + offset``; by default the header's.
-        sign: 1, or -1 to turn the signal round.
-        factor: Gain, for a sensor's voltage that becomes a pressure.
+        sign: Factor 1, or -1 to turn the signal round.
+        factor: Gain, in ``unit`` per unit of the column: a sensor's voltage becomes a pressure.
         offset: Added after sign and factor, in ``unit``.
         role: ``command``, ``reference`` or ``measurement``; by default from the name.
         reference: ``gauge`` or ``absolute`` (pressures); absolute becomes gauge.
@@ -72,7 +72,7 @@ class MappingRules:
         time: Rule of the time column; None to find it by name.
         columns: Names of the columns, for a file without a header.
         sample_time_s: Step in s, for a file without a time column.
-        metadata: Settings to add to the recording.
+        metadata: Settings to add to the recording, in units of their names.
     """
 
     signals: tuple[ColumnRule, ...] = ()
@@ -92,8 +92,8 @@ class MappedColumn:
         unit: Unit of the column; ``""`` if it was taken as SI because none was stated.
         si_unit: Unit of the signal.
         how: ``mapping file``, ``name``, ``unit``, ``sample time`` ...
-        sign: 1 or -1.
-        factor: Gain.
+        sign: Factor 1 or -1.
+        factor: Gain, in ``unit`` per unit of the column.
         offset: In ``unit``.
         note: What else was done.
     """
@@ -208,7 +208,7 @@ def rules_from(content: Mapping[str, Any], *, path: str = "the mapping") -> Mapp
 
 
 def read_mapping(path: str | Path) -> MappingRules:
-    """Read a mapping file.
+    r"""Read a mapping file.
 
     .. code-block:: toml
 
@@ -228,6 +228,13 @@ def read_mapping(path: str | Path) -> MappingRules:
 
     Raises:
         WorkbenchError: If the file is missing, not TOML or has an unknown key.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "mapping.toml"
+        >>> _ = file.write_text('[signals.position]\ncolumn = "laser_mm"\nsign = -1\n')
+        >>> read_mapping(file).signals[0].sign
+        -1
     """
     file = Path(path)
     try:

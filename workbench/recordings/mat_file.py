@@ -107,6 +107,15 @@ def read_mat(path: str | Path) -> Columns:
 
     Raises:
         WorkbenchError: If the file is truncated, damaged or holds no vectors.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "trial.mat"
+        >>> from scipy.io import savemat
+        >>> savemat(file, {"t": np.arange(5.0), "q": np.ones(5), "kp": 160.18})
+        >>> columns = read_mat(file)
+        >>> columns.headers, columns.metadata
+        (('t', 'q'), {'kp': 160.18})
     """
     file = Path(path)
     try:

@@ -38,6 +38,12 @@ def read_parquet(path: str | Path, *, max_rows: int = 2_000_000) -> Columns:
 
     Raises:
         WorkbenchError: If pyarrow is missing, or the file is damaged or holds no numbers.
+
+    Example:
+        >>> read_parquet("missing.parquet")
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: ...
     """
     file = Path(path)
     pa = _pyarrow()

@@ -40,7 +40,7 @@ class Table:
         signals: The columns, each with n values.
         source: Where it comes from.
         notes: What was left out, assumed or repaired.
-        metadata: Settings found beside the columns.
+        metadata: Settings found beside the columns, in the units of the file.
         mapping: How the columns of the file became signals.
 
     Example:
@@ -89,6 +89,10 @@ def rules_of(mapping: MappingLike, columns: Sequence[str], sample_time_s: float 
 
     Raises:
         WorkbenchError: If the mapping cannot be understood.
+
+    Example:
+        >>> rules_of({"angle": "q1"}, (), None).signals[0].column
+        'q1'
     """
     if mapping is None:
         rules = MappingRules()
@@ -146,6 +150,12 @@ def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_R
 
     Raises:
         WorkbenchError: If the ending is unknown or the file cannot be read.
+
+    Example:
+        >>> from workbench.data_folder import shipped_data
+        >>> file = shipped_data("practice-07") / "identify_open.csv.gz"
+        >>> read_columns(file, MappingRules(), max_rows=100).headers[:2]
+        ('time_s', 'valve_V')
     """
     file = Path(path)
     _require_file(file)
@@ -267,7 +277,7 @@ def read_table(
     columns: Sequence[str] = (),
     name: str | None = None,
 ) -> Table:
-    """Read columns that are not a recording over time, such as a force map.
+    r"""Read columns that are not a recording over time, such as a force map.
 
     Args:
         path: The file, in any format of `read_recording`.
@@ -281,6 +291,13 @@ def read_table(
 
     Raises:
         WorkbenchError: If the file cannot be read, or a column is missing, of another unit or text.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "map.csv"
+        >>> _ = file.write_text("pressure_bar,force_N\n1,100\n2,200\n")
+        >>> read_table(file)["pressure"]
+        array([100000., 200000.])
     """
     file = Path(path)
     rules = rules_of(mapping, columns, None)
@@ -304,6 +321,11 @@ def read_settings(path: Path) -> dict[str, Any]:
 
     Raises:
         WorkbenchError: If it is missing or not TOML.
+
+    Example:
+        >>> from workbench.data_folder import shipped_data
+        >>> read_settings(shipped_data("practice-07") / "case.toml")["plane"]
+        'horizontal'
     """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))

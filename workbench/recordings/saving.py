@@ -67,6 +67,15 @@ def write_recording(recording: Recording, path: str | Path) -> Path:
 
     Raises:
         WorkbenchError: If the file cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "trial.csv"
+        >>> from workbench.recordings import Signal, read_recording
+        >>> trial = Recording("r", np.arange(30) / 3, (Signal("angle", np.ones(30) / 7, "rad"),))
+        >>> again = read_recording(write_recording(trial, file))
+        >>> bool((again["angle"] == trial["angle"]).all())
+        True
     """
     target = Path(path)
     columns = [_column(s) for s in recording.signals]
@@ -107,6 +116,13 @@ def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
 
     Raises:
         WorkbenchError: If the description does not fit the columns.
+
+    Example:
+        >>> columns = Columns(("time_s",), ("",), np.zeros((2, 1)))
+        >>> restore_recording(columns, {"version": 0})
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: the recording was written in format 0; ...
     """
     try:
         if saved["version"] != _VERSION:

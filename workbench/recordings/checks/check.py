@@ -59,7 +59,10 @@ class Outcome:
     recording: Recording
 
 
-def unchanged(recording: Recording, name: str, result: Result, note: str, **values: Any) -> Outcome:
+def unchanged(
+    recording: Recording, name: str, result: Result, note: str,
+    values: Mapping[str, Any] | None = None,
+) -> Outcome:
     """Return the outcome of a check that leaves the recording as it is.
 
     Args:
@@ -67,18 +70,32 @@ def unchanged(recording: Recording, name: str, result: Result, note: str, **valu
         name: Name of the check.
         result: ``pass`` or ``unfit``.
         note: The reason or the finding.
-        values: Numbers behind it.
+        values: Numbers behind it, in SI.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> print(unchanged(trial, "gaps", "pass", "none").check)
+        gaps: pass (none)
     """
-    return Outcome(Check(name, result, note, values), recording)
+    return Outcome(Check(name, result, note, values or {}), recording)
 
 
-def corrected(recording: Recording, name: str, note: str, **values: Any) -> Outcome:
+def corrected(
+    recording: Recording, name: str, note: str, values: Mapping[str, Any] | None = None
+) -> Outcome:
     """Return the outcome of a check that corrected something, and note it in the recording.
 
     Args:
         recording: The corrected recording.
         name: Name of the check.
         note: What was corrected.
-        values: Numbers behind it.
+        values: Numbers behind it, in SI.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> corrected(trial, "gaps", "filled").recording.notes
+        ('gaps: filled',)
     """
-    return Outcome(Check(name, "corrected", note, values), recording.noted(f"{name}: {note}"))
+    return Outcome(Check(name, "corrected", note, values or {}), recording.noted(f"{name}: {note}"))

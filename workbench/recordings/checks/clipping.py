@@ -77,6 +77,12 @@ def check_clipping(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass, corrected or unfit.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> print(check_clipping(trial, Expected()).check)
+        clipping: pass (no sensor at its limit)
     """
     notes, remarks = [], []
     changed, limits = recording, {}
@@ -102,7 +108,8 @@ def check_clipping(recording: Recording, expected: Expected) -> Outcome:
         ).replace("  ", " ")
         if share > MAX_EXCLUDED and signal.name in expected.required:
             return unchanged(
-                recording, _NAME, "unfit", f"{text}; use a sensor of wider range", limits=limits
+                recording, _NAME, "unfit", f"{text}; use a sensor of wider range",
+                {"limits": limits},
             )
         spans = tuple(
             Span(signal.name, float(recording.time[a]), float(recording.time[b]), "clipped")
@@ -111,5 +118,5 @@ def check_clipping(recording: Recording, expected: Expected) -> Outcome:
         changed = replace(changed, excluded=(*changed.excluded, *spans))
         notes.append(text + "; excluded")
     if notes:
-        return corrected(changed, _NAME, "; ".join(notes + remarks), limits=limits)
+        return corrected(changed, _NAME, "; ".join(notes + remarks), {"limits": limits})
     return unchanged(recording, _NAME, "pass", "; ".join(remarks) or "no sensor at its limit")

@@ -20,6 +20,12 @@ def check_constant(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass, with the constant signals that do not matter; or unfit.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> print(check_constant(trial, Expected()).check)
+        constant signals: pass (every signal changes)
     """
     still = [s for s in recording.signals if np.ptp(s.values[np.isfinite(s.values)]) == 0]
     names = tuple(s.name for s in still)
@@ -34,6 +40,6 @@ def check_constant(recording: Recording, expected: Expected) -> Outcome:
     if measured and measured <= set(names):
         problems = problems or ["no measured signal changes"]
     if problems:
-        return unchanged(recording, _NAME, "unfit", "; ".join(problems), constant=names)
+        return unchanged(recording, _NAME, "unfit", "; ".join(problems), {"constant": names})
     note = f"{', '.join(names)} constant, not required" if names else "every signal changes"
-    return unchanged(recording, _NAME, "pass", note, constant=names)
+    return unchanged(recording, _NAME, "pass", note, {"constant": names})

@@ -8,7 +8,8 @@ import numpy as np
 
 from workbench.recordings.checks.check import Outcome, unchanged
 from workbench.recordings.checks.expected import Expected
-from workbench.recordings.checks.innovations import MAX_SAMPLES, MEMORY, correlation, innovations
+from workbench.recordings.checks.innovations import MEMORY, correlation, surprises
+from workbench.recordings.checks.loop import check_loop
 from workbench.recordings.recording import Recording, Vector
 
 _NAME = "delay"
@@ -25,7 +26,7 @@ class Delay:
         response: Name of the response.
         onset: First lag at which the response shows, in s; NaN if it never does.
         peak: Lag of the strongest response, in s; NaN if it never shows.
-        strength: Correlation there, in sigmas, with its sign.
+        strength: Normalised correlation there, in sigmas, with its sign.
     """
 
     command: str
@@ -51,24 +52,33 @@ def response_correlation(
 
     Returns:
         Correlation at lags 0, 1, 2, ... samples.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> response_correlation(trial, "valve", "pressure_1", max_delay=0.1).shape
+        (51,)
     """
     lags = int(np.clip(round(max_delay / recording.sample_time), 10, 200))
-    u = recording[command][:MAX_SAMPLES]
-    y = recording[response][:MAX_SAMPLES]
-    return correlation(innovations(u, [u]), innovations(y, [y]), range(lags + 1))
+    return correlation(
+        surprises(recording, command), surprises(recording, response), range(lags + 1)
+    )
 
 
-def estimate_delay(recording: Recording, command: str, response: str) -> Delay:
+def estimate_delay(
+    recording: Recording, command: str, response: str, *, closed_loop: bool = False
+) -> Delay:
     """Estimate the delay between a command and a response.
 
     The onset is the first of two successive lags above four sigmas with the same sign, if the
-    strongest response exceeds 5.5 sigmas. In closed loop a controller answers within the sample;
-    that lag counts only if the next one agrees with it.
+    strongest response exceeds 5.5 sigmas. In closed loop the command itself answers to the
+    response within the sample, so lags count only after that first correlation has died down.
 
     Args:
         recording: Uniformly sampled recording.
         command: Name of the command.
         response: Name of the response.
+        closed_loop: Whether the command answers to measurements.
 
     Returns:
         The delay; it includes the sample in which the response is read.
@@ -89,9 +99,11 @@ def estimate_delay(recording: Recording, command: str, response: str) -> Delay:
         return Delay(command, response, float("nan"), float("nan"), 0.0)
     strength = response_correlation(recording, command, response)
     loud = np.abs(strength) > _THRESHOLD
+    if closed_loop:
+        quiet = np.flatnonzero(np.abs(strength) < 0.5 * _THRESHOLD)
+        loud[: int(quiet[0]) if quiet.size else len(loud)] = False
     same = np.sign(strength[1:]) == np.sign(strength[:-1])
     alone = np.abs(strength[:-1]) > 2 * _PEAK
-    alone[0] = False
     starts = np.flatnonzero(loud[:-1] & ((loud[1:] & same) | alone))
     step = recording.sample_time
     begin = int(starts[0]) if starts.size else 1
@@ -106,14 +118,20 @@ def check_delay(recording: Recording, expected: Expected) -> Outcome:
 
     Args:
         recording: Uniformly sampled recording.
-        expected: What is known about it (not used).
+        expected: What is known about it.
 
     Returns:
         Pass, with the delays.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> check_delay(trial, Expected()).check.result
+        'pass'
     """
-    del expected
+    closed = check_loop(recording, expected).check.values["loop"] == "closed"
     delays = tuple(
-        estimate_delay(recording, c, m)
+        estimate_delay(recording, c, m, closed_loop=closed)
         for c in recording.commands if np.ptp(recording[c]) > 0
         for m in recording.measurements if np.ptp(recording[m]) > 0
     )
@@ -127,4 +145,4 @@ def check_delay(recording: Recording, expected: Expected) -> Outcome:
             f"{d.command} shows in {d.response} after {1e3 * d.onset:.3g} ms (most after "
             f"{1e3 * d.peak:.3g} ms)" for d in seen
         )
-    return unchanged(recording, _NAME, "pass", note, delays=delays)
+    return unchanged(recording, _NAME, "pass", note, {"delays": delays})

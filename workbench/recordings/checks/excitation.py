@@ -41,9 +41,9 @@ class Directions:
 
     Args:
         signal: Name of the angle or position.
-        forward: Share of the time with positive speed.
-        backward: Share of the time with negative speed.
-        resting: Share of the time with a speed that the noise hides.
+        forward: Fraction of the time with positive speed.
+        backward: Fraction of the time with negative speed.
+        resting: Fraction of the time with a speed that the noise hides.
         reversals: Number of changes of direction.
         top_speed: Largest speed (99.5 % of the samples are slower), in SI.
     """
@@ -81,6 +81,12 @@ def directions(signal: Signal, sample_time: float) -> Directions:
     Args:
         signal: An angle or position.
         sample_time: Step, in s.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> directions(trial.signal("angle"), trial.sample_time).resting < 0.5
+        True
     """
     window = 0.05
     fraction = min(0.4, sample_time / window)
@@ -106,6 +112,12 @@ def check_excitation(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass with occupancies and directions; unfit if no motion and no pressure is covered.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> check_excitation(trial, Expected()).check.result
+        'pass'
     """
     moving = [s for s in recording.signals if s.role != "reference" and np.ptp(s.values) > 0]
     where = {s.name: occupancy(s, expected.ranges.get(s.name)) for s in moving}
@@ -133,6 +145,6 @@ def check_excitation(recording: Recording, expected: Expected) -> Outcome:
     if asked and not any(s.name in asked for s in moving):
         return unchanged(recording, _NAME, "unfit", "no required measurement moves")
     return unchanged(
-        recording, _NAME, "pass", "; ".join(notes) or "nothing moves", occupancy=where,
-        directions=turns,
+        recording, _NAME, "pass", "; ".join(notes) or "nothing moves",
+        {"occupancy": where, "directions": turns},
     )

@@ -83,6 +83,12 @@ def expectations(
 
     Raises:
         WorkbenchError: If a required signal is not in the recording.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> expectations(trial, required=["angle"]).required
+        ('angle',)
     """
     known: dict[str, tuple[float, float]] = {}
     names: tuple[str, ...] | None = None

@@ -41,6 +41,14 @@ def filled(recording: Recording, name: str, bad: npt.NDArray[np.bool_], reason: 
 
     Returns:
         The recording; commands are held, measurements interpolated by straight lines.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> bad = np.zeros(len(trial), dtype=bool)
+        >>> bad[100:110] = True
+        >>> int(filled(trial, "angle", bad, "loose plug").valid("angle").sum())
+        990
     """
     signal, time = recording.signal(name), recording.time
     good = ~bad & np.isfinite(signal.values)
@@ -61,6 +69,10 @@ def gap_limit(time: Vector) -> float:
 
     Args:
         time: Increasing instants, shape (n,), in s.
+
+    Example:
+        >>> round(gap_limit(np.arange(20) * 0.002), 6)
+        0.003
     """
     steps = np.diff(time)
     usual = float(np.median(steps))
@@ -121,6 +133,14 @@ def check_gaps(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass, corrected or unfit.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> rows = np.ones(len(trial), dtype=bool)
+        >>> rows[500:502] = False
+        >>> print(check_gaps(trial.take(rows), Expected()).check)
+        gaps: corrected (2 missing row(s) in 1 place(s) interpolated)
     """
     total = len(recording)
     piece, notes = _longest_piece(recording)
@@ -151,8 +171,9 @@ def check_gaps(recording: Recording, expected: Expected) -> Outcome:
         piece = filled(piece, signal.name, bad, "not recorded")
         notes.append(
             f"{int(bad.sum())} missing sample(s) of {signal.name} bridged and excluded, the "
-            f"longest stretch at {piece.time[longest[0]]:.6g} s ({longest[1] - longest[0] + 1} samples)"
+            f"longest stretch at {piece.time[longest[0]]:.6g} s "
+            f"({longest[1] - longest[0] + 1} samples)"
         )
     if notes:
-        return corrected(piece, _NAME, "; ".join(notes), rows_left=len(piece), rows=total)
-    return unchanged(recording, _NAME, "pass", "no row or cell missing", rows=total)
+        return corrected(piece, _NAME, "; ".join(notes), {"rows_left": len(piece), "rows": total})
+    return unchanged(recording, _NAME, "pass", "no row or cell missing", {"rows": total})

@@ -29,6 +29,12 @@ def check_gauge(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass, corrected (1.01325 bar subtracted) or unfit (both a gauge and an absolute sign).
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> check_gauge(trial, Expected(supply_pressure=6e5)).check.result
+        'pass'
     """
     names = [s.name for s in recording.signals if s.kind in ("pressure", "gauge pressure")]
     if not names:
@@ -56,20 +62,20 @@ def check_gauge(recording: Recording, expected: Expected) -> Outcome:
         )
         return corrected(
             changed, _NAME,
-            f"{', '.join(names)} look absolute ({why}); 1.01325 bar subtracted", **values,
+            f"{', '.join(names)} look absolute ({why}); 1.01325 bar subtracted", values,
         )
     if above and supply is not None:
         worst = max(high, key=lambda n: high[n])
         return unchanged(
             recording, _NAME, "unfit",
             f"{worst} reaches {high[worst] / 1e5:.4g} bar but the supply is {supply / 1e5:.4g} "
-            "bar gauge; correct the unit, the offset or the supply in the notes", **values,
+            "bar gauge; correct the unit, the offset or the supply in the notes", values,
         )
     if min(low.values()) < 0.5 * AMBIENT_PA:
         note = f"falls to {min(low.values()) / 1e5:.3g} bar, so gauge"
     else:
         note = (
-            f"never below {min(low.values()) / 1e5:.3g} bar, so gauge cannot be told from absolute; "
-            "taken as gauge"
+            f"never below {min(low.values()) / 1e5:.3g} bar, so gauge cannot be told from "
+            "absolute; taken as gauge"
         )
-    return unchanged(recording, _NAME, "pass", note, **values)
+    return unchanged(recording, _NAME, "pass", note, values)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 
-from workbench.recordings.recording import Vector
+from workbench.recordings.recording import Recording, Vector
 
 MEMORY = 12
 """Samples of the past used for prediction."""
-MAX_SAMPLES = 200_000
+MAX_SAMPLES = 50_000
 """Longer recordings are judged on their beginning."""
 
 
@@ -50,6 +51,35 @@ def innovations(target: Vector, past: Sequence[Vector], *, memory: int = MEMORY)
     return result
 
 
+_known: WeakKeyDictionary[Recording, dict[tuple[str, ...], Vector]] = WeakKeyDictionary()
+
+
+def surprises(recording: Recording, name: str, *, given: tuple[str, ...] = ()) -> Vector:
+    """Return what is new in a signal of a recording, given its own past and that of others.
+
+    Several checks need the same, so it is kept as long as the recording is.
+
+    Args:
+        recording: Uniformly sampled recording.
+        name: Name of the signal.
+        given: Names of other signals whose past may be used.
+
+    Returns:
+        Prediction errors in the unit of the signal, shape (at most 50000 - 12,).
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> surprises(example_recording(seconds=2.0), "angle", given=("valve",)).shape
+        (988,)
+    """
+    kept = _known.setdefault(recording, {})
+    key = (name, *given)
+    if key not in kept:
+        past = [recording[n][:MAX_SAMPLES] for n in key]
+        kept[key] = innovations(past[0], past)
+    return kept[key]
+
+
 def correlation(first: Vector, second: Vector, lags: npt.ArrayLike) -> Vector:
     """Return the correlation of ``second`` a number of samples after ``first``, in sigmas.
 
@@ -58,7 +88,7 @@ def correlation(first: Vector, second: Vector, lags: npt.ArrayLike) -> Vector:
     Args:
         first: Shape (n,), zero mean.
         second: Shape (n,), zero mean.
-        lags: Whole numbers, not negative.
+        lags: Lags in samples, whole numbers, not negative.
 
     Returns:
         One value per lag.

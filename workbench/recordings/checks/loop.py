@@ -6,13 +6,44 @@ import numpy as np
 
 from workbench.recordings.checks.check import Outcome, unchanged
 from workbench.recordings.checks.expected import Expected
-from workbench.recordings.checks.innovations import MAX_SAMPLES, MEMORY, correlation, innovations
+from workbench.recordings.checks.gaps import runs
+from workbench.recordings.checks.innovations import MEMORY, correlation, surprises
+from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording
 
 _NAME = "loop"
 _LAGS = 24
 _THRESHOLD = 5.5
 """In sigmas; 24 lags and a few signals stay below 4 by chance, nonlinear machines below 5."""
+_HELD_RUN = _LAGS + 1
+
+
+def is_held(recording: Recording, command: str) -> bool:
+    """Tell whether a command stands still for long while a measurement moves.
+
+    A digital controller that sees the motion would answer within a few samples.
+
+    Args:
+        recording: Uniformly sampled recording.
+        command: Name of the command.
+
+    Returns:
+        True if this is so for half of the recording.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> is_held(example_recording(), "valve")
+        True
+    """
+    limits = {m: 20 * white_rms(recording[m]) for m in recording.measurements}
+    steady = 0
+    for first, last in runs(np.diff(recording[command]) == 0):
+        inside = slice(first, last + 2)
+        if last - first + 2 >= _HELD_RUN and any(
+            np.ptp(recording[m][inside]) > limit for m, limit in limits.items()
+        ):
+            steady += last - first + 2
+    return steady > 0.5 * len(recording)
 
 
 def feedback_strength(recording: Recording, command: str, measurement: str) -> tuple[float, int]:
@@ -31,11 +62,15 @@ def feedback_strength(recording: Recording, command: str, measurement: str) -> t
 
     Returns:
         Largest correlation in sigmas, and its lag in samples.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(closed_loop=True)
+        >>> feedback_strength(trial, "valve", "angle")[0] > 5.5
+        True
     """
-    u = recording[command][:MAX_SAMPLES]
-    y = recording[measurement][:MAX_SAMPLES]
-    surprise = innovations(y, [y, u])
-    action = innovations(u, [u])
+    surprise = surprises(recording, measurement, given=(command,))
+    action = surprises(recording, command)
     strength = np.abs(correlation(surprise, action, range(1, _LAGS + 1)))
     best = int(np.argmax(strength))
     return float(strength[best]), best + 1
@@ -44,12 +79,22 @@ def feedback_strength(recording: Recording, command: str, measurement: str) -> t
 def check_loop(recording: Recording, expected: Expected) -> Outcome:
     """Tell whether the recording was made in open or closed loop.
 
+    Closed if a command answers to the surprises of a measurement; open if every command stands
+    still for long while a measurement moves; otherwise unknown, because a controller whose command
+    carries no noise of the measurement leaves no trace.
+
     Args:
         recording: Uniformly sampled recording.
         expected: What is known about it (not used).
 
     Returns:
         Pass; ``values["loop"]`` is ``open``, ``closed`` or ``unknown``.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> check_loop(trial, Expected()).check.values["loop"]
+        'open'
     """
     del expected
     moving = [c for c in recording.commands if np.ptp(recording[c]) > 0]
@@ -57,7 +102,7 @@ def check_loop(recording: Recording, expected: Expected) -> Outcome:
     if not moving or not measured or len(recording) < 10 * MEMORY:
         return unchanged(
             recording, _NAME, "pass", "cannot tell: no command that moves among the signals",
-            loop="unknown",
+            {"loop": "unknown"},
         )
     strengths = {
         (c, m): feedback_strength(recording, c, m) for c in moving for m in measured
@@ -70,10 +115,13 @@ def check_loop(recording: Recording, expected: Expected) -> Outcome:
             f"closed: {command} answers to the surprises of {measurement} after "
             f"{1e3 * lag * recording.sample_time:.3g} ms ({strength:.1f} sigma); feedback hides "
             "part of a mismatch",
-            loop="closed", **values,
+            {"loop": "closed", **values},
         )
+    answer = f"no command answers to a measurement ({strength:.1f} sigma, {_THRESHOLD} would tell)"
+    if all(is_held(recording, c) for c in moving):
+        note = f"open: {answer}, and every command stands still while the machine moves"
+        return unchanged(recording, _NAME, "pass", note, {"loop": "open", **values})
     return unchanged(
-        recording, _NAME, "pass",
-        f"open: no command answers to a measurement (at most {strength:.1f} sigma, {_THRESHOLD} "
-        "would tell)", loop="open", **values,
+        recording, _NAME, "pass", f"cannot tell: {answer}, but the command moves all the time",
+        {"loop": "unknown", **values},
     )

@@ -26,11 +26,14 @@ class NoiseFloor:
 
     Args:
         signal: Name of the signal.
-        total_rms: Root mean square of what successive samples do not share: noise and converter.
-        step: Step of the converter; 0 if none shows.
-        noise_rms: Noise without the converter; NaN if the converter hides it.
-        rest_rms: Scatter about a straight line while the machine rests; NaN if it never does.
-        rest_seconds: Time for which it rests.
+        total_rms: Root mean square of what successive samples do not share, noise and converter,
+            in the unit of the signal.
+        step: Step of the converter, in the unit of the signal; 0 if none shows.
+        noise_rms: Noise without the converter, in the unit of the signal; NaN if the converter
+            hides it.
+        rest_rms: Scatter about a straight line while the machine rests, in the unit of the signal;
+            NaN if it never does.
+        rest_seconds: Time for which it rests, in s.
         upper_bound: Whether the signal moves too fast between samples to tell motion from noise,
             so that ``total_rms`` is too large.
     """
@@ -45,7 +48,7 @@ class NoiseFloor:
 
     @property
     def floor(self) -> float:
-        """The smallest residual that a perfect model can leave: rms of noise and rounding."""
+        """Smallest residual that a perfect model can leave: rms of noise and rounding, in SI."""
         return max(self.total_rms, self.step / sqrt(12))
 
 
@@ -95,6 +98,12 @@ def rest_mask(recording: Recording, window: int) -> npt.NDArray[np.bool_]:
 
     Returns:
         One value per complete window.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> rest_mask(trial, 100).shape
+        (10,)
     """
     count = len(recording) // window
     rest = np.ones(count, dtype=bool)
@@ -142,6 +151,13 @@ def noise_of(
 
     Returns:
         The noise floor.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> floor = noise_of(trial, "pressure_1", rest_mask(trial, 100), 100)
+        >>> bool(abs(floor.noise_rms - 600.0) < 60.0)
+        True
     """
     values = recording[name]
     step = recorded_quantum(recording, name)
@@ -180,6 +196,12 @@ def check_noise(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass with the floors by signal; unfit if a required signal is buried in its noise.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> check_noise(trial, Expected()).check.result
+        'pass'
     """
     window = max(20, round(0.2 / recording.sample_time))
     window = min(window, max(20, len(recording) // 20))
@@ -200,6 +222,6 @@ def check_noise(recording: Recording, expected: Expected) -> Outcome:
     values: Mapping[str, object] = {"floors": floors, "rest_seconds": float(
         rest.sum() * window * recording.sample_time)}
     if problems:
-        return unchanged(recording, _NAME, "unfit", "; ".join(problems), **values)
+        return unchanged(recording, _NAME, "unfit", "; ".join(problems), values)
     note = "; ".join(_phrase(recording.signal(n), f) for n, f in floors.items())
-    return unchanged(recording, _NAME, "pass", note or "nothing was measured", **values)
+    return unchanged(recording, _NAME, "pass", note or "nothing was measured", values)

@@ -64,6 +64,12 @@ def recorded_quantum(recording: Recording, name: str) -> float:
     Args:
         recording: Recording that has not been resampled.
         name: Name of the signal.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> round(recorded_quantum(trial, "pressure_1"))
+        240
     """
     return quantum(recording[name][recording.valid(name)])
 
@@ -77,6 +83,12 @@ def check_quantisation(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass with the steps by signal, or unfit.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> print(check_quantisation(trial.select(["pressure_1"]), Expected()).check)
+        quantisation: pass (steps of pressure_1 0.0024 bar)
     """
     steps = {name: recorded_quantum(recording, name) for name in recording.names}
     notes, problems = [], []
@@ -92,6 +104,6 @@ def check_quantisation(recording: Recording, expected: Expected) -> Outcome:
                 f"{signal.name} covers {levels} converter steps only; amplify it or move further"
             )
     if problems:
-        return unchanged(recording, _NAME, "unfit", "; ".join(problems), steps=steps)
+        return unchanged(recording, _NAME, "unfit", "; ".join(problems), {"steps": steps})
     note = "steps of " + ", ".join(notes) if notes else "no steps visible"
-    return unchanged(recording, _NAME, "pass", note, steps=steps)
+    return unchanged(recording, _NAME, "pass", note, {"steps": steps})

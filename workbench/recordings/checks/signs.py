@@ -32,7 +32,14 @@ def acceleration_sign(recording: Recording, causes: list[str], motion: str) -> d
         motion: Name of an angle or position.
 
     Returns:
-        Estimate over standard error, by cause.
+        Estimate over standard error, dimensionless, by cause.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=8.0)
+        >>> found = acceleration_sign(trial, ["pressure_1", "pressure_2"], "angle")
+        >>> found["pressure_1"] > 6.0, found["pressure_2"] < -6.0
+        (True, True)
     """
     dt = recording.sample_time
     edge = min(8.0, 0.1 / dt)
@@ -79,6 +86,12 @@ def check_signs(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass; or unfit, with what is probably exchanged or reversed.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> check_signs(trial, Expected(signs={("pressure_1", "angle"): -1})).check.result
+        'unfit'
     """
     if not expected.signs or len(recording) < 10 * MEMORY:
         return unchanged(recording, _NAME, "pass", "nothing known to compare with")
@@ -89,8 +102,8 @@ def check_signs(recording: Recording, expected: Expected) -> Outcome:
     if not wrong:
         seen = ", ".join(f"{c} -> {r}" for c, r in right)
         note = f"as expected: {seen}" if seen else "too little motion to tell"
-        return unchanged(recording, _NAME, "pass", note, **values)
-    return unchanged(recording, _NAME, "unfit", _explanation(wrong, right, found), **values)
+        return unchanged(recording, _NAME, "pass", note, values)
+    return unchanged(recording, _NAME, "unfit", _explanation(wrong, right, found), values)
 
 
 def _explanation(

@@ -97,6 +97,12 @@ def check_stuck(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass, corrected or unfit.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> print(check_stuck(trial, Expected()).check)
+        stuck samples: pass (no reading freezes)
     """
     notes = []
     changed = recording
@@ -116,7 +122,7 @@ def check_stuck(recording: Recording, expected: Expected) -> Outcome:
         if share > MAX_EXCLUDED and name in expected.required:
             return unchanged(
                 recording, _NAME, "unfit", f"{text}; {100 * share:.3g} % of it is lost",
-                share={name: share},
+                {"share": {name: share}},
             )
         changed = filled(changed, name, bad, "frozen reading")
         notes.append(text + "; bridged and excluded")

@@ -103,6 +103,12 @@ def check_time_base(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass; corrected (rows sorted, repeats left out, clock spread, unit of time); or unfit.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> print(check_time_base(trial, Expected()).check)
+        time base: pass (1.998 s at 500 Hz, increasing)
     """
     if len(recording) < _MIN_SAMPLES:
         return unchanged(
@@ -121,6 +127,6 @@ def check_time_base(recording: Recording, expected: Expected) -> Outcome:
             notes.append(note)
     values = {"duration": recording.duration, "sample_time": recording.sample_time}
     if notes:
-        return corrected(recording, _NAME, "; ".join(notes), **values)
+        return corrected(recording, _NAME, "; ".join(notes), values)
     note = f"{recording.duration:.6g} s at {1 / recording.sample_time:.6g} Hz, increasing"
-    return unchanged(recording, _NAME, "pass", note, **values)
+    return unchanged(recording, _NAME, "pass", note, values)

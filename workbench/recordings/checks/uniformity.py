@@ -39,6 +39,12 @@ def check_uniformity(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass or corrected.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> print(check_uniformity(trial, Expected()).check)
+        uniformity: pass (even steps of 2 ms (jitter 0.001 % of a step))
     """
     del expected
     time = recording.time
@@ -55,12 +61,12 @@ def check_uniformity(recording: Recording, expected: Expected) -> Outcome:
         return unchanged(
             recording, _NAME, "pass",
             f"even steps of {1e3 * step:.6g} ms (jitter {max(100 * rms, 0.001):.2g} % of a step)",
-            **values,
+            values,
         )
     even = np.linspace(time[0], time[-1], len(time))
     return corrected(
         resample(recording, times=even), _NAME,
         f"the steps vary from {1e3 * spread[0]:.4g} to {1e3 * spread[1]:.4g} ms ({100 * rms:.3g} % "
         f"rms); interpolated to {1 / step:.6g} Hz",
-        **values,
+        values,
     )

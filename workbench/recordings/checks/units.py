@@ -86,6 +86,12 @@ def check_units(recording: Recording, expected: Expected) -> Outcome:
 
     Returns:
         Pass or unfit; a wrong unit is named but not corrected, because two units may fit.
+
+    Example:
+        >>> from workbench.recordings.example import example_recording
+        >>> trial = example_recording(seconds=2.0)
+        >>> print(check_units(trial, Expected()).check)
+        units: pass (plausible sizes)
     """
     stated = {} if recording.mapping is None else {
         row.signal: row.unit for row in recording.mapping.rows
