@@ -1,5 +1,7 @@
 """Linear models with names, an operating point and a verdict on how far they hold."""
 
+from workbench.linearisation.angle_map import AngleMap, angle_map
+from workbench.linearisation.iosystem import to_iosystem
 from workbench.linearisation.kinks import Kink
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.linearise import linearise
@@ -14,6 +16,7 @@ from workbench.linearisation.verdict import Swing, Verdict
 
 __all__ = [
     "AmplitudeValidity",
+    "AngleMap",
     "FrequencyValidity",
     "Kink",
     "LinearModel",
@@ -21,7 +24,9 @@ __all__ = [
     "Swing",
     "Verdict",
     "amplitude_validity",
+    "angle_map",
     "find_modes",
     "frequency_validity",
     "linearise",
+    "to_iosystem",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,7 @@ _AT_ONCE = 1e-7
 _REACH = 0.05
 _JUMP = 0.05
 _BEND = 0.1
-_BISECTIONS = 16
+_BISECTIONS = 9
 _MINOR = 0.2
 """Share of the largest slope of a row below which a slope is too small to matter."""
 
@@ -40,7 +40,7 @@ class Kink:
         >>> from workbench.linearisation import linearise
         >>> from workbench.operating_point import operating_point
         >>> from workbench.plants.arm import arm
-        >>> kink = linearise(operating_point(arm(3))).verdict.kinks[0]
+        >>> kink = linearise(operating_point(arm(3), mean_pressure=3e5)).verdict.kinks[0]
         >>> kink.name, kink.distance, kink.below.A.shape
         ('spool', 0.0, (8, 8))
     """
@@ -115,15 +115,31 @@ def find_kinks(
         moved[index] += by * columns[index]
         return at(moved[:n], moved[n:], p)[1]
 
+    around = np.array(
+        [[slopes(i, by) for by in (-_REACH, -_AT_ONCE, _AT_ONCE, _REACH)] for i in range(len(z))]
+    )
+    bends = _bends(around[:, :-1], around[:, 1:], norm)
+
     # What a swing has replaced stays replaced on both sides.
     swung = matrix != jacobian
     found = []
     for i, quantity in enumerate(quantities):
-        for distance, below, above in _jumps(slopes, i, norm):
-            jump = np.abs(_relative(below, above, norm))
+        if bends[i, 1] > _JUMP:
+            jumps = [(0.0, around[i, 1], around[i, 2])]
+        else:
+            # A slope that was taken over a swing has crossed what is near.
+            near = () if swung[:, i].any() else (-1, 1)
+            jumps = [
+                jump
+                for side in near
+                if bends[i, 1 + side] > _BEND
+                and (jump := _nearest(slopes, i, side, around[i], bends[i, 1 + side], norm))
+            ]
+        for distance, below, above in jumps:
+            change = np.abs(_relative(below, above, norm))
             # Of equal jumps the first is named: pressures stand before temperatures.
-            first = int(np.argmax(jump.ravel() > 0.9 * jump.max()))
-            row, column = np.unravel_index(first, jump.shape)
+            first = int(np.argmax(change.ravel() > 0.9 * change.max()))
+            row, column = np.unravel_index(first, change.shape)
             sided = [build(np.where(swung, matrix, side)) for side in (below, above)]
             found.append(
                 Kink(
@@ -140,39 +156,38 @@ def find_kinks(
     return tuple(sorted(found, key=lambda kink: (kink.distance != 0.0, -kink.factor)))
 
 
-def _jumps(
-    slopes: Callable[[int, float], Vector], i: int, norm: Vector
-) -> Iterator[tuple[float, Vector, Vector]]:
-    """Yield distance, slopes below and slopes above of the kinks across one variable."""
-    below, above = slopes(i, -_AT_ONCE), slopes(i, _AT_ONCE)
-    if _bend(below, above, norm) > _JUMP:
-        yield 0.0, below, above
-        return
-    for side, here in ((-1.0, below), (1.0, above)):
-        far = slopes(i, side * _REACH)
-        if _bend(here, far, norm) <= _BEND:
-            continue
-        near, beyond, there = _AT_ONCE, _REACH, far
-        for _ in range(_BISECTIONS):
-            middle = 0.5 * (near + beyond)
-            slope = slopes(i, side * middle)
-            if _bend(here, slope, norm) > 0.5 * _bend(here, far, norm):
-                beyond, there = middle, slope
-            else:
-                near = middle
-        before = slopes(i, side * near)
-        # A bend that is spread out, as that of rounded friction, is no kink.
-        if _bend(before, there, norm) > _JUMP:
-            yield side * beyond, *((there, before) if side < 0.0 else (before, there))
+def _nearest(
+    slopes: Callable[[int, float], Vector],
+    i: int,
+    side: int,
+    around: Vector,
+    total: float,
+    norm: Vector,
+) -> tuple[float, Vector, Vector] | None:
+    """Bisect towards a jump on one side; return distance, slopes below and slopes above."""
+    here, there = (around[2], around[3]) if side > 0 else (around[1], around[0])
+    near, beyond, before = _AT_ONCE, _REACH, here
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (near + beyond)
+        slope = slopes(i, side * middle)
+        if _bends(here, slope, norm) > 0.5 * total:
+            beyond, there = middle, slope
+        else:
+            near, before = middle, slope
+    # A bend that is spread out, as that of a rounded kink, is none.
+    if _bends(before, there, norm) <= _JUMP:
+        return None
+    return side * beyond, *((before, there) if side > 0 else (there, before))
 
 
-def _bend(a: Vector, b: Vector, norm: Vector) -> float:
-    return float(np.max(np.abs(_relative(a, b, norm))))
+def _bends(a: Vector, b: Vector, norm: Vector) -> Vector:
+    """Return the largest relative change of a slope, over the last two axes."""
+    return np.asarray(np.abs(_relative(a, b, norm)).max(axis=(-2, -1)))
 
 
 def _relative(a: Vector, b: Vector, norm: Vector) -> Vector:
-    """Return the change of each slope relative to itself, tiny slopes relative to their row."""
+    """Return the change of each slope relative to itself, minor slopes relative to their row."""
     scaled_a, scaled_b = a * norm, b * norm
     size = np.maximum(np.abs(scaled_a), np.abs(scaled_b))
-    row = size.max(axis=1, keepdims=True)
+    row = size.max(axis=-1, keepdims=True)
     return np.asarray((scaled_b - scaled_a) / (size + _MINOR * row + 1e-12))

@@ -23,7 +23,7 @@ from workbench.operating_point import Derivatives
 
 Vector = npt.NDArray[np.float64]
 
-_POINTS = 64
+_POINTS = 32
 
 
 def speeds(model: Model, jacobian: Vector) -> dict[str, float]:

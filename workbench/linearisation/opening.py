@@ -160,6 +160,8 @@ class OpeningToVoltage:
         point = self.operating_point
         index = [q.name for q in point.model.states].index("spool")
         openings, spools = self._table
-        voltage = np.interp(opening, openings, spools) + float(point.u[0] - point.x[index])
+        voltage = np.interp(np.asarray(opening, dtype=float), openings, spools) + float(
+            point.u[0] - point.x[index]
+        )
         quantity = point.model.inputs[0]
         return np.asarray(np.clip(voltage, quantity.lower, quantity.upper))

@@ -347,7 +347,7 @@ class _Comparison:
         held = np.tile(self.model.u0, (len(change), 1))
         held[:, 0] += change
         response = self.model.response(held, SAMPLE_TIME)
-        return response[:, self.index] - self.model.y0[self.index]
+        return np.asarray(response[:, self.index] - self.model.y0[self.index])
 
     def plant(self, change: Vector) -> Vector:
         """Return the output of the exact plant for a change of the first input, shape (n,)."""
@@ -377,7 +377,7 @@ class _Comparison:
             for state, u in zip(np.vstack([x, after[:-1]]), block, strict=True):
                 read.append(stepper.read(state, u)[self.plant_index])
             x = after[-1]
-        return np.array(read) - op.y[self.plant_index]
+        return np.asarray(read, dtype=float) - float(op.y[self.plant_index])
 
 
 @dataclass(frozen=True)
@@ -414,7 +414,7 @@ def _sine_ratio(trial: _Comparison, frequency: float, amplitude: float, settle: 
     period = 1.0 / frequency
     start = math.ceil((settle + period) / period) * period
     total = math.ceil((start + 3.0 * period) / (SAMPLE_TIME * _BLOCK)) * _BLOCK
-    time = SAMPLE_TIME * np.arange(total)
+    time = np.asarray(SAMPLE_TIME * np.arange(total), dtype=float)
     change = amplitude * np.sin(2 * math.pi * frequency * time)
     try:
         actual = trial.plant(change)

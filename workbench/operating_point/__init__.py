@@ -1,6 +1,6 @@
 """Operating points: where a model rests, or drifts in a known way."""
 
-from workbench.operating_point.derivatives import Derivatives
+from workbench.operating_point.derivatives import Derivatives, derivatives_of
 from workbench.operating_point.operating_point import OperatingPoint, operating_point
 
-__all__ = ["Derivatives", "OperatingPoint", "operating_point"]
+__all__ = ["Derivatives", "OperatingPoint", "derivatives_of", "operating_point"]

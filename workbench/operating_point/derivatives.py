@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 from functools import lru_cache
-from typing import Any
+from typing import Any, cast
+from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -12,6 +14,8 @@ import numpy.typing as npt
 from workbench.model import Face, Model, Trace
 
 Vector = npt.NDArray[np.float64]
+
+_LOCAL = threading.local()
 
 
 class Derivatives:
@@ -65,6 +69,32 @@ class Derivatives:
         """
         table = self._both(x, u, p)
         return table[:, 0], table[:, 1:]
+
+
+def derivatives_of(model: Model, face: Face) -> Derivatives:
+    """Return the derivatives of a model, built once for the same equations.
+
+    Args:
+        model: The plant.
+        face: Exact or smooth equations.
+
+    Returns:
+        Functions that this thread may call.
+
+    Example:
+        >>> from workbench.model import EXACT
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> derivatives_of(axis, EXACT) is derivatives_of(axis, EXACT)
+        True
+    """
+    # Buffers are written to during a call, so each thread has its own.
+    if not hasattr(_LOCAL, "known"):
+        _LOCAL.known = WeakKeyDictionary()
+    traced = model.face(face)
+    if traced not in _LOCAL.known:
+        _LOCAL.known[traced] = Derivatives(model, face)
+    return cast(Derivatives, _LOCAL.known[traced])
 
 
 class _Buffer:

@@ -16,8 +16,9 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
-from workbench.model import Input, Model, Output, Quantity, State
+from workbench.model import EXACT, Input, Model, Output, Quantity, State
 from workbench.model.units import from_si
+from workbench.operating_point.derivatives import derivatives_of
 from workbench.operating_point.reach import what_would_be_possible
 from workbench.operating_point.trim import (
     Condition,
@@ -160,7 +161,7 @@ def operating_point(
         [2.54, 3.46]
         >>> free = operating_point(arm(3), {"angle": math.radians(30)})
         >>> round(free["pressure_1"] / 1e5, 1), free.is_equilibrium
-        (4.1, True)
+        (4.2, True)
     """
     wanted = _checked(model, given, mean_pressure)
     direction = _direction(model, mean_pressure, drifting)
@@ -177,12 +178,13 @@ def operating_point(
     if any("." in name for name in solution.undetermined):
         solution = _with_effects_at_start(problem, solution, x, u)
     _snap(model, wanted, solution)
-    at = model.rates(solution.x, solution.u)
+    values = derivatives_of(model, EXACT).values(solution.x, solution.u, model.values)
+    at, readings = values[: len(solution.x)], values[len(solution.x) :]
     return OperatingPoint(
         model=model,
         x=solution.x,
         u=solution.u,
-        y=model.read(solution.x, solution.u),
+        y=readings,
         rates=at,
         given=wanted,
         mean_pressure=mean_pressure,

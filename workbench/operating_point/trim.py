@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.model import EXACT, SMOOTH, Face, Model
-from workbench.operating_point.derivatives import Derivatives
+from workbench.operating_point.derivatives import derivatives_of
 
 Vector = npt.NDArray[np.float64]
 
@@ -111,21 +111,21 @@ def solve(problem: Problem, x: Vector, u: Vector, *, robust: bool = True) -> Sol
         >>> axis = servo_axis()
         >>> free = np.full(3, np.inf)
         >>> rest = Problem(axis, (), np.zeros(2), -free, free)
-        >>> solve(rest, np.array([0.1, 0.5]), np.zeros(1)).x.round(6).tolist()
+        >>> np.abs(solve(rest, np.array([0.1, 0.5]), np.zeros(1)).x).round(6).tolist()
         [0.1, 0.0]
     """
-    exact, smooth = _Equations(problem, EXACT), _Equations(problem, SMOOTH)
+    exact = _Equations(problem, EXACT)
     z0 = exact.scaled(x, u)
     z, steps = exact.newton(z0)
     if exact.error(z) > RESIDUAL_TOLERANCE:
         # The rounded kinks guide the search, the exact equations then finish it.
-        start, more = smooth.newton(z0)
+        start, more = _Equations(problem, SMOOTH).newton(z0)
         better, last = exact.newton(start)
         steps += more + last
         if exact.error(better) < exact.error(z):
             z = better
     if robust and exact.error(z) > RESIDUAL_TOLERANCE:
-        better, more = exact.newton(smooth.least_squares(z))
+        better, more = exact.newton(_Equations(problem, SMOOTH).least_squares(z))
         steps += more
         if exact.error(better) < exact.error(z):
             z = better
@@ -138,7 +138,7 @@ class _Equations:
     def __init__(self, problem: Problem, face: Face) -> None:
         self.problem = problem
         model = problem.model
-        self.at = Derivatives(model, face)
+        self.at = derivatives_of(model, face)
         self.p = model.values
         self.n_x, self.n_u = len(model.states), len(model.inputs)
         self.drifts = bool(np.any(problem.drift_direction))
@@ -148,7 +148,7 @@ class _Equations:
         self.upper = np.append(problem.upper, np.inf)[: len(self.size)] / self.size
         self.rate_size = np.array([q.scale for q in model.states])
         self.weights = np.array([c.weights for c in problem.conditions]).reshape(
-            len(problem.conditions), -1
+            len(problem.conditions), len(model.outputs) + self.n_x + self.n_u
         )
         self.wanted = np.array([c.value for c in problem.conditions])
         self.wanted_size = np.array([c.scale for c in problem.conditions])

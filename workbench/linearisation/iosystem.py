@@ -1,0 +1,54 @@
+"""A model as a system of python-control, for its tools and as a cross-check."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.model import EXACT, Face, Model
+from workbench.operating_point import Derivatives
+
+Vector = npt.NDArray[np.float64]
+
+
+def to_iosystem(model: Model, *, face: Face = EXACT) -> Any:
+    """Return a model as a ``control.NonlinearIOSystem`` with its names.
+
+    python-control interpolates inputs linearly between samples, while a controller holds them: a
+    sampled command arrives half a sample early there. `workbench.simulation.simulate` holds.
+
+    Args:
+        model: The plant.
+        face: Exact or smooth equations.
+
+    Returns:
+        System in SI with the model's inputs, outputs and states; `control.linearize` and
+        `control.input_output_response` take it.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> system = to_iosystem(servo_axis())
+        >>> system.nstates, system.input_labels, system.output_labels
+        (2, ['force'], ['position'])
+    """
+    import control as ct
+
+    at = Derivatives(model, face)
+    p, n = model.values, len(model.states)
+
+    def update(_t: float, x: Vector, u: Vector, _params: object) -> Vector:
+        return at.values(x, np.atleast_1d(u), p)[:n]
+
+    def output(_t: float, x: Vector, u: Vector, _params: object) -> Vector:
+        return at.values(x, np.atleast_1d(u), p)[n:]
+
+    return ct.NonlinearIOSystem(
+        update,
+        output,
+        inputs=[q.name for q in model.inputs],
+        outputs=[q.name for q in model.outputs],
+        states=[q.name for q in model.states],
+        name=model.name.replace(" ", "_"),
+    )
