@@ -8,7 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.demo.part import Part, judged
+from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation.angle_map import angle_map
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.reports.figures.bode import bode
@@ -28,28 +30,28 @@ BANDS_HZ = {0: (5.0, 6.6), 3: (1.7, 2.3), 8: (1.1, 1.5)}
 BAND_DAMPING = (0.01, 0.2)
 
 
-def linear_model(load_kg: float, angle_deg: float) -> LinearModel:
-    """Linearise the arm at an angle, with the valve's opening as the input.
+def linear_models() -> dict[tuple[int, int], LinearModel]:
+    """Linearise the arm over angles and loads, with the valve's opening as the input.
 
     Bearing friction is left out: at rest its slope looks like strong damping, which a moving arm
     does not have.
 
-    Args:
-        load_kg: Mass of the plates.
-        angle_deg: Angle.
-
     Returns:
-        The linear model, without verdict.
+        Linear models by load in kg and angle in degrees.
 
     Example:
-        >>> round(linear_model(3, 30).mode_of("angle").frequency_hz, 1)
+        >>> round(linear_models()[3, 30].mode_of("angle").frequency_hz, 1)
         2.1
     """
-    plant = arm(load_kg).without("bearing_friction")
-    point = operating_point(
-        plant, {"angle": math.radians(angle_deg)}, mean_pressure=MEAN_PRESSURE
+    found = angle_map(
+        lambda load: arm(load).without("bearing_friction"),
+        np.radians(ANGLES_DEG),
+        loads=LOADS_KG,
+        mean_pressures=[MEAN_PRESSURE],
     )
-    return linearise(point, input="opening", verdict=False)
+    if found.reasons:
+        raise WorkbenchError(next(iter(found.reasons.values())))
+    return {(LOADS_KG[j], ANGLES_DEG[i]): model for (i, j, _), model in found.models.items()}
 
 
 def response(linear: LinearModel, output: str) -> npt.NDArray[np.complex128]:
@@ -63,7 +65,7 @@ def response(linear: LinearModel, output: str) -> npt.NDArray[np.complex128]:
         Response at `FREQUENCY`, shape (n,), in SI of the output per percent of full opening.
 
     Example:
-        >>> response(linear_model(3, 30), "angle").shape
+        >>> response(linear_models()[3, 30], "angle").shape
         (300,)
     """
     row = linear.output_names.index(output)
@@ -83,9 +85,7 @@ def angle_map_part() -> Part:
         >>> angle_map_part().section.name
         'linear-models'
     """
-    models = {
-        (load, angle): linear_model(load, angle) for load in LOADS_KG for angle in ANGLES_DEG
-    }
+    models = linear_models()
     drawn = {f"{angle}°": models[DRAWN_LOAD_KG, angle] for angle in ANGLES_DEG}
     by_load = {f"{load} kg": models[load, 30] for load in LOADS_KG}
     sided = linearise(

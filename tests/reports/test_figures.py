@@ -1,0 +1,102 @@
+"""Every figure names its quantities and units, and draws what it was given."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+
+from workbench.reports.figures.bode import bode
+from workbench.reports.figures.force_lines import force_lines
+from workbench.reports.figures.force_maps import force_map, law_errors
+from workbench.reports.figures.open_loop import open_loop
+from workbench.reports.figures.recorded_case import recorded_case
+from workbench.reports.figures.steps import ClosedLoopCurves, closed_loop_steps
+from workbench.reports.style import CONTROLLERS
+
+T = np.linspace(0.0, 2.0, 41)
+WAVE = 0.5 + 0.3 * np.sin(T)
+
+
+def steps() -> Figure:
+    runs = [
+        ClosedLoopCurves(name, T, WAVE + 0.01 * i, 5.0 + WAVE, WAVE)
+        for i, name in enumerate(CONTROLLERS)
+    ]
+    return closed_loop_steps(T, np.full_like(T, 0.5), runs)
+
+
+FIGURES: dict[str, Callable[[], Figure]] = {
+    "force lines": lambda: force_lines([0.0, 0.01], [T, T], [WAVE, WAVE], [WAVE, WAVE]),
+    "open loop": lambda: open_loop(T, WAVE, WAVE, WAVE, variants={"linear valve": (WAVE, WAVE)}),
+    "bode": lambda: bode(T + 0.1, {"30°": np.exp(1j * WAVE)}, unit="° per V"),
+    "steps": steps,
+    "recorded case": lambda: recorded_case(T, WAVE, (WAVE,) * 3, (WAVE,) * 3),
+    "force map": lambda: force_map([T], [WAVE], [3e5], T, {"law": [WAVE]}),
+    "law errors": lambda: law_errors(["law"], [3.0], [5.0], [90.0]),
+}
+
+UNIT = re.compile(r" in (s|V|N|°|°/s|bar|mm|Hz|° per V)$")
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_axes_carry_units(name: str) -> None:
+    figure = FIGURES[name]()
+    panels = figure.axes
+    assert UNIT.search(panels[-1].get_xlabel()), panels[-1].get_xlabel()
+    for axes in panels:
+        words = [tick.get_text() for tick in axes.get_yticklabels()]
+        # Bars of named laws have names instead of a quantity on their vertical axis.
+        assert UNIT.search(axes.get_ylabel()) or "law" in words, axes.get_ylabel()
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_nothing_is_drawn_outside_the_figure(name: str) -> None:
+    figure = FIGURES[name]()
+    figure.draw_without_rendering()
+    whole = figure.bbox
+    for axes in figure.axes:
+        box = axes.get_tightbbox()
+        assert box is not None
+        # Two pixels: rounding of the layout.
+        assert box.x0 >= -2 and box.y0 >= -2 and box.x1 <= whole.x1 + 2 and box.y1 <= whole.y1 + 2
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_labels_of_neighbouring_panels_do_not_overlap(name: str) -> None:
+    figure = FIGURES[name]()
+    figure.draw_without_rendering()
+    labels = [axes.yaxis.label.get_window_extent() for axes in figure.axes]
+    for above, below in zip(labels, labels[1:], strict=False):
+        assert below.y1 <= above.y0 + 1
+
+
+def test_a_controller_has_its_colour_and_the_linear_run_is_dashed() -> None:
+    position = steps().axes[0]
+    for name, colour in CONTROLLERS.items():
+        own = [line for line in position.lines if to_hex(str(line.get_color())) == colour.light]
+        assert {line.get_linestyle() for line in own} == {"-", "--"}, name
+
+
+def test_angles_are_drawn_in_degrees() -> None:
+    position = steps().axes[0]
+    reference = position.lines[0].get_ydata()
+    np.testing.assert_allclose(reference, np.degrees(0.5))
+
+
+def test_the_error_is_the_reference_held_at_each_sample_less_the_angle() -> None:
+    fine = np.linspace(0.0, 1.0, 11)
+    run = ClosedLoopCurves("cascade PID", fine, np.full(11, 0.2), np.full(11, 5.0))
+    figure = closed_loop_steps([0.0, 0.5], [0.2, 0.4], [run])
+    drawn = np.asarray(figure.axes[1].lines[-1].get_ydata())
+    np.testing.assert_allclose(drawn, np.degrees(np.where(fine < 0.5, 0.0, 0.2)), atol=1e-12)
+
+
+def test_phases_start_within_one_turn() -> None:
+    response = np.exp(1j * np.radians(170.0)) * np.ones_like(T)
+    figure = bode(T + 0.1, {"a": response}, unit="V")
+    assert np.asarray(figure.axes[1].lines[0].get_ydata())[0] == pytest.approx(-190.0)

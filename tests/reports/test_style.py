@@ -1,0 +1,81 @@
+"""One colour per controller, told apart from every other, on light and on dark ground."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.reports.style import (
+    CONTROLLERS,
+    FURTHER,
+    INK,
+    MEASURED,
+    PALETTE,
+    PAPER,
+    SIMULATED,
+    colours,
+    ramp,
+)
+
+
+def rgb(text: str) -> np.ndarray:
+    return np.array([int(text[i : i + 2], 16) for i in (1, 3, 5)], dtype=float)
+
+
+def luminance(text: str) -> float:
+    linear = rgb(text) / 255
+    linear = np.where(linear <= 0.04045, linear / 12.92, ((linear + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def contrast(a: str, b: str) -> float:
+    low, high = sorted((luminance(a), luminance(b)))
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_every_colour_of_the_palette_is_its_own() -> None:
+    # The page replaces colours by their light value, so two of the same could not differ in dark.
+    assert len({c.light for c in PALETTE}) == len({c.name for c in PALETTE}) == len(PALETTE)
+
+
+@pytest.mark.parametrize("ground", ["light", "dark"])
+def test_controllers_are_told_apart(ground: str) -> None:
+    shown = [*CONTROLLERS.values(), SIMULATED, MEASURED]
+    for a, b in combinations(shown, 2):
+        # 60 of 441: about the distance of two neighbours of the ten-colour wheel of matplotlib.
+        assert np.linalg.norm(rgb(getattr(a, ground)) - rgb(getattr(b, ground))) > 60
+
+
+@pytest.mark.parametrize("ground", ["light", "dark"])
+def test_lines_stand_out_from_the_ground(ground: str) -> None:
+    paper = getattr(PAPER, ground)
+    assert contrast(getattr(INK, ground), paper) > 7.0
+    for c in (*CONTROLLERS.values(), *FURTHER, SIMULATED, MEASURED):
+        # Web Content Accessibility Guidelines 2.1: 3 for graphics.
+        assert contrast(getattr(c, ground), paper) > 3.0, c.name
+
+
+def test_a_controller_keeps_its_colour_in_any_company() -> None:
+    alone = colours(["linear MPC"])["linear MPC"]
+    assert colours(["mine", "linear MPC", "yours"])["linear MPC"] == alone
+    many = colours(["cascade PID", "a", "b", "sliding mode", "c"])
+    assert len(set(many.values())) == 5
+
+
+def test_names_of_the_shipped_controllers_are_those_of_the_palette() -> None:
+    from controllers.mpc import LinearMPC
+    from controllers.pid import CascadePID
+    from controllers.sliding_mode import SlidingMode
+
+    names = {c.__dataclass_fields__["name"].default for c in (CascadePID, SlidingMode, LinearMPC)}
+    assert names == set(CONTROLLERS)
+
+
+def test_too_many_curves_are_refused() -> None:
+    with pytest.raises(WorkbenchError, match="curves to tell apart"):
+        colours([f"controller {i}" for i in range(7)])
+    with pytest.raises(WorkbenchError, match="family"):
+        ramp(8)
