@@ -1,0 +1,191 @@
+"""Requirements as data: a metric, a limit, hard or soft, in a scenario."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from workbench.errors import WorkbenchError, check_choice, check_finite
+from workbench.model.units import convert
+from workbench.verification.metrics import Metrics
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """A limit on a metric.
+
+    Args:
+        metric: Name of the metric.
+        limit: The limit, in ``unit``; positive, so that scores can be compared.
+        unit: Unit of the limit; the metric's SI unit if empty.
+        kind: ``"at_most"`` or ``"at_least"``.
+        hard: Whether missing it fails the study.
+        scenario: Name of the scenario it applies to; every scenario if empty.
+
+    Raises:
+        WorkbenchError: If the kind is unknown or the limit is not a positive number.
+
+    Example:
+        >>> Requirement("steady_error", 0.3, unit="deg").hard
+        True
+    """
+
+    metric: str
+    limit: float
+    unit: str = ""
+    kind: Literal["at_most", "at_least"] = "at_most"
+    hard: bool = True
+    scenario: str = ""
+
+    def __post_init__(self) -> None:
+        """Check the kind and the limit."""
+        check_choice("kind of requirement", self.kind, ("at_most", "at_least"))
+        limit = float(check_finite(f"limit of {self.metric}", self.limit))
+        zero_allowed = self.kind == "at_most"
+        if limit < 0 or (limit == 0 and not zero_allowed):
+            raise WorkbenchError(
+                f"the limit of {self.metric} is {limit:g}; give a positive number (0 only for"
+                " something that must not happen at all)"
+            )
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How well a requirement is met.
+
+    Args:
+        requirement: The requirement.
+        controller: Name of the controller.
+        scenario: Name of the scenario.
+        value: The metric, in the requirement's unit; NaN if there is none.
+        score: Value over limit (or limit over value), a ratio: at most 1 means met, infinite that
+            there is no value.
+        reason: Why there is no value.
+
+    Example:
+        >>> Verdict(Requirement("rmse", 1.0), "pid", "step", 0.5, 0.5).met
+        True
+    """
+
+    requirement: Requirement
+    controller: str
+    scenario: str
+    value: float
+    score: float
+    reason: str = ""
+
+    @property
+    def met(self) -> bool:
+        """Whether the requirement is met."""
+        return self.score <= 1.0
+
+    def __str__(self) -> str:
+        """Return one line."""
+        wanted = self.requirement
+        sign = "<=" if wanted.kind == "at_most" else ">="
+        state = "met" if self.met else ("FAILED" if wanted.hard else "missed")
+        tail = f"  ({self.reason})" if self.reason else ""
+        return (
+            f"{wanted.metric:<24} {self.value:>10.4g} {sign} {wanted.limit:<8.4g}"
+            f" {wanted.unit:<6} score {self.score:>6.3g}  {state}{tail}"
+        )
+
+
+def judge(requirement: Requirement, measured: Metrics) -> Verdict:
+    """Judge one requirement on the metrics of a run.
+
+    Args:
+        requirement: The requirement.
+        measured: The metrics.
+
+    Returns:
+        The verdict; a metric that is NaN is never met.
+
+    Raises:
+        WorkbenchError: If the run has no such metric or the units do not fit.
+
+    Example:
+        >>> from workbench.verification.metrics import Metric
+        >>> run = Metrics("pid", "arm", "step", (Metric("settling_time", 0.4, "s"),))
+        >>> print(judge(Requirement("settling_time", 0.5, unit="s"), run))
+        settling_time                   0.4 <= 0.5      s      score    0.8  met
+    """
+    metric = measured[requirement.metric]
+    value = metric.value
+    if requirement.unit:
+        value = float(convert(value, metric.unit, requirement.unit))
+    limit = requirement.limit
+    if math.isnan(value):
+        score = math.inf
+    elif requirement.kind == "at_most":
+        score = value / limit if limit > 0 else (0.0 if value <= 0 else math.inf)
+    else:
+        score = limit / value if value > 0 else math.inf
+    return Verdict(
+        requirement, measured.controller, measured.scenario, value, score, metric.reason
+    )
+
+
+def score(
+    requirements: Iterable[Requirement], measured: Iterable[Metrics]
+) -> tuple[float, tuple[Verdict, ...]]:
+    """Judge requirements on runs and return the worst score.
+
+    Args:
+        requirements: The requirements.
+        measured: Metrics of runs; a requirement with a scenario applies to that one only.
+
+    Returns:
+        The worst score of the hard requirements (a ratio; at most 1 means all met, 0 if there are
+        none) and all verdicts.
+
+    Raises:
+        WorkbenchError: If a requirement applies to no run.
+
+    Example:
+        >>> from workbench.verification.metrics import Metric
+        >>> run = Metrics("pid", "arm", "step", (Metric("settling_time", 0.4, "s"),))
+        >>> score([Requirement("settling_time", 0.5)], [run])[0]
+        0.8
+    """
+    runs = list(measured)
+    verdicts: list[Verdict] = []
+    for requirement in requirements:
+        fitting = [
+            m for m in runs if not requirement.scenario or m.scenario == requirement.scenario
+        ]
+        if not fitting:
+            check_choice(
+                f"scenario of the requirement on {requirement.metric}",
+                requirement.scenario,
+                sorted({m.scenario for m in runs}),
+            )
+            raise WorkbenchError(
+                f"there is no run to judge the requirement on {requirement.metric}; run a scenario"
+            )
+        verdicts += [judge(requirement, m) for m in fitting]
+    hard = [v.score for v in verdicts if v.requirement.hard]
+    return max(hard, default=0.0), tuple(verdicts)
+
+
+def requirement_from_table(table: Mapping[str, Any]) -> Requirement:
+    """Build a requirement from a table of a study file.
+
+    Args:
+        table: The fields of `Requirement`.
+
+    Raises:
+        WorkbenchError: If a key is unknown or missing, or a value is invalid.
+
+    Example:
+        >>> requirement_from_table({"metric": "rmse", "limit": 1, "unit": "deg"}).limit
+        1
+    """
+    for key in table:
+        check_choice("key of a requirement", key, Requirement.__dataclass_fields__)
+    for key in ("metric", "limit"):
+        if key not in table:
+            raise WorkbenchError(f"a requirement has no {key!r}; add it")
+    return Requirement(**table)

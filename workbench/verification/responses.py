@@ -1,0 +1,230 @@
+"""Figures of merit of a course over time: pure functions on arrays, NaN with a reason.
+
+A figure that a course does not have (the settling time of a course that never settles) is NaN and
+says why, so that no later sum or comparison can take it for a number.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Vector = npt.NDArray[np.float64]
+
+BAND = 0.02
+"""Half width of the settling band, as a fraction of the step."""
+
+
+class Figure(NamedTuple):
+    """A number, or NaN and the reason why there is none.
+
+    Args:
+        value: The number, in the unit of the function that returned it.
+        reason: Why the value is NaN; empty if it is a number.
+    """
+
+    value: float
+    reason: str = ""
+
+
+def settling_time(
+    time: Vector, course: Vector, *, initial: float, final: float, band: float = BAND
+) -> Figure:
+    """Return the time after which a step response stays within the band.
+
+    Args:
+        time: Times from the step on, shape (n,), in s.
+        course: Output, shape (n,), in any unit.
+        initial: Reference before the step, in the unit of the course.
+        final: Reference after the step, in the unit of the course.
+        band: Half width of the band, as a fraction of the step.
+
+    Returns:
+        Time from the first entry of ``time``, in s; NaN if the course is outside the band within
+        the last tenth of the record, for then it was not seen to settle.
+
+    Source:
+        Ogata, Modern Control Engineering, 2010, section 5.3.
+
+    Example:
+        >>> t = np.linspace(0.0, 10.0, 10001)
+        >>> round(settling_time(t, 1 - np.exp(-t), initial=0.0, final=1.0).value, 2)
+        3.91
+    """
+    width = band * abs(final - initial)
+    if width == 0.0:
+        return Figure(math.nan, "the reference does not step")
+    outside = np.flatnonzero(np.abs(course - final) > width)
+    if not len(outside):
+        return Figure(0.0)
+    last = int(outside[-1])
+    if last >= len(course) - max(1, len(course) // 10):
+        return Figure(
+            math.nan, f"not within {100 * band:g} % of the step by the end of the record"
+        )
+    return Figure(float(time[last + 1] - time[0]))
+
+
+def rise_time(time: Vector, course: Vector, *, initial: float, final: float) -> Figure:
+    """Return the time from 10 % to 90 % of a step.
+
+    Args:
+        time: Times from the step on, shape (n,), in s.
+        course: Output, shape (n,), in any unit.
+        initial: Reference before the step, in the unit of the course.
+        final: Reference after the step, in the unit of the course.
+
+    Returns:
+        Time in s; NaN if 90 % is not reached.
+
+    Source:
+        Ogata, Modern Control Engineering, 2010, section 5.3.
+
+    Example:
+        >>> t = np.linspace(0.0, 10.0, 10001)
+        >>> round(rise_time(t, 1 - np.exp(-t), initial=0.0, final=1.0).value, 2)
+        2.2
+    """
+    if final == initial:
+        return Figure(math.nan, "the reference does not step")
+    share = (course - initial) / (final - initial)
+    above_10, above_90 = np.flatnonzero(share >= 0.1), np.flatnonzero(share >= 0.9)
+    if not len(above_90):
+        return Figure(math.nan, "90 % of the step is not reached")
+    return Figure(float(time[above_90[0]] - time[above_10[0]]))
+
+
+def overshoot(course: Vector, *, initial: float, final: float) -> Figure:
+    """Return how far a step response goes beyond the reference.
+
+    Args:
+        course: Output from the step on, shape (n,), in any unit.
+        initial: Reference before the step, in the unit of the course.
+        final: Reference after the step, in the unit of the course.
+
+    Returns:
+        Fraction of the step, 0 if it is not passed; NaN without a step.
+
+    Source:
+        Ogata, Modern Control Engineering, 2010, section 5.3.
+
+    Example:
+        >>> round(overshoot(np.array([0.0, 1.2, 1.0]), initial=0.0, final=1.0).value, 3)
+        0.2
+    """
+    if final == initial:
+        return Figure(math.nan, "the reference does not step")
+    return Figure(max(0.0, float(np.max((course - final) / (final - initial)))))
+
+
+def steady_error(time: Vector, error: Vector, *, window: float = 1.0) -> Figure:
+    """Return the mean error at the end of a record, as a magnitude.
+
+    Args:
+        time: Times, shape (n,), in s.
+        error: Reference minus output, shape (n,), in any unit; the reference is constant.
+        window: Length of the end that is averaged, in s; at most the last half is used.
+
+    Returns:
+        Magnitude in the unit of the error.
+
+    Example:
+        >>> t = np.linspace(0.0, 4.0, 401)
+        >>> round(steady_error(t, -0.1 + np.exp(-10 * t)).value, 3)
+        0.1
+    """
+    end = _end(time, window)
+    if end is None:
+        return Figure(math.nan, "fewer than 10 samples")
+    return Figure(abs(float(np.mean(error[end]))))
+
+
+def oscillation(time: Vector, course: Vector, *, window: float = 1.0) -> Figure:
+    """Return the amplitude of what still moves at the end of a record.
+
+    The straight line through the end is taken away first, so that a slow drift does not count.
+
+    Args:
+        time: Times, shape (n,), in s.
+        course: Output, shape (n,), in any unit.
+        window: Length of the end, in s; at most the last half is used.
+
+    Returns:
+        Half the distance between highest and lowest value, in the unit of the course.
+
+    Example:
+        >>> t = np.linspace(0.0, 4.0, 4001)
+        >>> round(oscillation(t, 0.1 * t + 0.2 * np.sin(20 * t)).value, 2)
+        0.2
+    """
+    end = _end(time, window)
+    if end is None:
+        return Figure(math.nan, "fewer than 10 samples")
+    t, y = time[end], course[end]
+    line = np.polynomial.Polynomial.fit(t, y, 1)
+    return Figure(0.5 * float(np.ptp(y - line(t))))
+
+
+def rms(error: Vector) -> Figure:
+    """Return the root mean square.
+
+    Args:
+        error: Values, shape (n,), in any unit.
+
+    Returns:
+        In the unit of the values.
+
+    Example:
+        >>> rms(np.array([3.0, -3.0])).value
+        3.0
+    """
+    return Figure(float(np.sqrt(np.mean(np.square(error)))))
+
+
+def integral_absolute_error(time: Vector, error: Vector) -> Figure:
+    """Return the integral of the magnitude of an error that is held between samples.
+
+    Args:
+        time: Equidistant times, shape (n,), in s.
+        error: Values, shape (n,), in any unit.
+
+    Returns:
+        In the unit of the error times s.
+
+    Example:
+        >>> integral_absolute_error(np.array([0.0, 0.5]), np.array([1.0, -2.0])).value
+        1.5
+    """
+    return Figure(float(np.sum(np.abs(error)) * (time[1] - time[0])))
+
+
+def variation_rate(time: Vector, command: Vector) -> Figure:
+    """Return the total variation of a command per time: how much it chatters.
+
+    Args:
+        time: Equidistant times, shape (n,), in s.
+        command: Command, shape (n,), in any unit.
+
+    Returns:
+        In the unit of the command per s.
+
+    Source:
+        Total variation as a measure of input usage; Skogestad, Journal of Process Control 13, 2003.
+
+    Example:
+        >>> variation_rate(np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0, 0.0])).value
+        2.0
+    """
+    return Figure(float(np.sum(np.abs(np.diff(command))) / (time[-1] - time[0])))
+
+
+def _end(time: Vector, window: float) -> slice | None:
+    n = len(time)
+    if n < 10:
+        return None
+    span = min(window, 0.5 * float(time[-1] - time[0]))
+    first = int(np.searchsorted(time, time[-1] - span))
+    return slice(min(first, n - 5), n)
