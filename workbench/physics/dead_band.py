@@ -19,9 +19,9 @@ def dead_band(
 ) -> Effect:
     """Build a dead band about a centre; beyond it the signal is shifted, not scaled.
 
-    ``y = centre + max(0, e - half_width) - max(0, -e - half_width)``, ``e = u - centre``. The smooth
-    face rounds the corners; at zero width it is the identity on both faces, and the derivative by
-    the width is minus the sign of e.
+    ``y = centre + max(0, e - half_width) - max(0, -e - half_width)``, ``e = u - centre``. The
+    smooth face rounds the corners; at zero width it is the identity on both faces, and the
+    derivative by the width is minus the sign of e.
 
     Args:
         ports: Ports on which it acts.

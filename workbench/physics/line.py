@@ -38,11 +38,16 @@ def _conductance_parameter(conductance: float) -> Parameter:
     )
 
 
+def _share_parameter(share: float) -> Parameter:
+    return Parameter("share", "1", 1.0, "share of the law; 0 is its absence", share, 0.0, 1.0)
+
+
 def line(
     number: int = 1,
     *,
     volume: float = 1e-5,
     conductance: float = 4e-8,
+    share: float = 1.0,
     name: str = "",
 ) -> Effect:
     """Build the tube between the valve and one chamber: a volume, then a restriction.
@@ -82,7 +87,8 @@ def line(
         )
 
     def transform(at: PortView) -> Expression:
-        return at.x.pressure if at.port == pressure_port else through(at)
+        passed = at.x.pressure if at.port == pressure_port else through(at)
+        return at.value + at.p.share * (passed - at.value)
 
     def rates(effect: EffectView) -> Mapping[str, Expression]:
         at = effect.at[flow_port]
@@ -96,14 +102,18 @@ def line(
         name or f"line_{number}",
         (pressure_port, flow_port),
         transform,
-        parameters=(_volume_parameter(volume), _conductance_parameter(conductance)),
+        parameters=(
+            _volume_parameter(volume),
+            _conductance_parameter(conductance),
+            _share_parameter(share),
+        ),
         states=(State("pressure", "Pa", 1e5, "pressure in the tube", initial=4e5, lower=0.0),),
         rates=rates,
         start=start,
         about=About(
             "dp/dt = gamma R T (flow_valve - flow_chamber) / V",
             "lumped volume on every port of the paper's valve; ISO 6358 restriction",
-            look_alikes=("spool bandwidth", "pressure sensor lag"),
+            look_alikes=("spool_bandwidth", "pressure_sensor_lag", "sensor_lag"),
             separated_by="fast valve pulses with a flow meter",
         ),
     )
@@ -114,6 +124,7 @@ def silencer(
     *,
     volume: float = 1e-5,
     conductance: float = 6e-8,
+    share: float = 1.0,
     name: str = "",
 ) -> Effect:
     """Build an exhaust silencer: a volume that blows to ambient through a restriction.
@@ -140,7 +151,7 @@ def silencer(
     port = f"exhaust_{number}.pressure"
 
     def transform(at: PortView) -> Expression:
-        return at.x.pressure
+        return at.value + at.p.share * (at.x.pressure - at.value)
 
     def rates(effect: EffectView) -> Mapping[str, Expression]:
         at = effect.at[port]
@@ -164,7 +175,11 @@ def silencer(
         name or f"silencer_{number}",
         (port,),
         transform,
-        parameters=(_volume_parameter(volume), _conductance_parameter(conductance)),
+        parameters=(
+            _volume_parameter(volume),
+            _conductance_parameter(conductance),
+            _share_parameter(share),
+        ),
         states=(
             State("pressure", "Pa", 1e5, "pressure in the silencer", initial=1.01325e5, lower=0.0),
         ),
@@ -173,7 +188,7 @@ def silencer(
         about=About(
             "dp/dt = gamma R T (flow_exhaust - flow_ambient) / V",
             "silencers of the paper's valve; ISO 6358 restriction",
-            look_alikes=("asymmetric valve gain",),
+            look_alikes=("asymmetric_gain", "edge_gain"),
             separated_by="venting from high pressure against filling",
         ),
     )

@@ -167,6 +167,6 @@ def asymmetric_gain(
             "y = u + (difference / 2) |u - centre|",
             "unequal edges of a valve, unequal sides of an amplifier",
             look_alikes=("valve_offset", "silencer", "edge_gain"),
-            separated_by="steps of several sizes to both sides: an offset matters less for large ones",
+            separated_by="steps of several sizes to both sides: an offset fades for large ones",
         ),
     )

@@ -17,6 +17,7 @@ def supply_droop(
     *,
     volume: float = 5e-4,
     conductance: float = 1e-8,
+    share: float = 1.0,
     name: str = "supply_droop",
 ) -> Effect:
     """Build a supply whose pressure falls while flow is drawn.
@@ -43,7 +44,7 @@ def supply_droop(
     """
 
     def transform(at: PortView) -> Expression:
-        return at.x.pressure
+        return at.value + at.p.share * (at.x.pressure - at.value)
 
     def rates(effect: EffectView) -> Mapping[str, Expression]:
         at = effect.at[port]
@@ -86,6 +87,7 @@ def supply_droop(
                 fitted=True,
                 description="sonic conductance of the feed",
             ),
+            Parameter("share", "1", 1.0, "share of the law; 0 is its absence", share, 0.0, 1.0),
         ),
         states=(State("pressure", "Pa", 1e5, "pressure of the reservoir", initial=7e5, lower=0.0),),
         rates=rates,
@@ -93,7 +95,82 @@ def supply_droop(
         about=About(
             "dp/dt = gamma R T (flow_feed - flow_drawn) / V",
             "lumped reservoir; ISO 6358 restriction",
-            look_alikes=("valve conductance",),
+            look_alikes=("regulator_droop",),
             separated_by="fill both muscles in quick succession",
+        ),
+    )
+
+
+def regulator_droop(
+    port: str = "supply.pressure",
+    *,
+    resistance: float = 1e7,
+    time_constant: float = 0.05,
+    name: str = "regulator_droop",
+) -> Effect:
+    """Build a regulator whose pressure falls in proportion to the flow drawn.
+
+    ``p = p_0 - resistance q``, ``dq/dt = (flow_drawn - q) / time_constant``: the static droop of a
+    regulator with a first-order response, which also avoids an algebraic loop.
+
+    Args:
+        port: Port of the supply pressure; the model must publish ``supply.flow``.
+        resistance: Droop over flow, in Pa s/kg.
+        time_constant: Time in which the regulator responds, in s.
+        name: Name of the effect.
+
+    Returns:
+        Effect of size ``resistance`` with one state.
+
+    Raises:
+        WorkbenchError: If a value is outside its bounds.
+
+    Example:
+        >>> regulator_droop().parameters[0].unit
+        'Pa s/kg'
+    """
+
+    def transform(at: PortView) -> Expression:
+        return at.value - at.p.resistance * at.x.drawn
+
+    def rates(effect: EffectView) -> Mapping[str, Expression]:
+        drawn = effect.values["supply.flow"]
+        return {"drawn": (drawn - effect.x.drawn) / effect.p.time_constant}
+
+    return Effect(
+        name,
+        (port,),
+        transform,
+        parameters=(
+            Parameter(
+                "resistance",
+                "Pa s/kg",
+                1e7,
+                "droop over flow",
+                resistance,
+                0.0,
+                1e8,
+                "0.1 to 0.4 bar at full flow in the literature",
+                fitted=True,
+            ),
+            Parameter(
+                "time_constant",
+                "s",
+                0.05,
+                "response of the regulator",
+                time_constant,
+                0.005,
+                5.0,
+                "estimate",
+                fitted=True,
+            ),
+        ),
+        states=(State("drawn", "kg/s", 1e-3, "flow that the regulator answers"),),
+        rates=rates,
+        about=About(
+            "p = p0 - R q, dq/dt = (flow_drawn - q) / tau",
+            "flow characteristic of a pressure regulator, linearised",
+            look_alikes=("supply_droop",),
+            separated_by="one long fill: a reservoir runs down, a regulator settles",
         ),
     )

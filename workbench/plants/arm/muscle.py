@@ -204,6 +204,17 @@ def muscle(
         },
         disturbance=3e-5,
     )
+    braid = m.port(
+        f"muscle{suffix}.volume",
+        laws.volume.cylinder_volume(fibre_length),
+        unit="m3",
+        scale=1e-5,
+        description="volume inside the braid",
+        signals={"fibre_length": fibre_length},
+    )
+    volume = m.publish(f"chamber{suffix}.volume", p.volume_gain * braid + p.dead_volume, unit="m3")
+    volume_rate = ca.jtimes(volume, coordinate, coordinate_speed)
+    enthalpy_flow = port_enthalpy_flow(flow, ambient, temperature, face=m.face)
     heat = m.port(
         f"chamber{suffix}.heat",
         0.0,
@@ -214,24 +225,18 @@ def muscle(
             "temperature": temperature,
             "wall_temperature": ambient,
             "gauge_pressure": gauge,
+            "pressure": pressure,
+            "enthalpy_flow": enthalpy_flow,
+            "volume_rate": volume_rate,
         },
     )
-    braid = m.port(
-        f"muscle{suffix}.volume",
-        laws.volume.cylinder_volume(fibre_length),
-        unit="m3",
-        scale=1e-5,
-        description="volume inside the braid",
-        signals={"fibre_length": fibre_length},
-    )
-    volume = m.publish(f"chamber{suffix}.volume", p.volume_gain * braid + p.dead_volume, unit="m3")
     pressure_rate, temperature_rate = chamber_rates(
         pressure,
         temperature,
         volume,
-        ca.jtimes(volume, coordinate, coordinate_speed),
+        volume_rate,
         flow,
-        port_enthalpy_flow(flow, ambient, temperature, face=m.face),
+        enthalpy_flow,
         heat,
         printed_work_sign=laws.printed_work_sign,
     )
