@@ -60,6 +60,8 @@ def line(
         number: Chamber 1 or 2.
         volume: Gas volume of the tube, in m^3.
         conductance: Sonic conductance between tube and chamber, in m^3/(s Pa).
+        share: Share of the law, a fraction: 1 is the law, 0 its absence. Mass is conserved at
+            these two only.
         name: Name of the effect; ``line_1`` or ``line_2`` by default.
 
     Returns:
@@ -136,6 +138,7 @@ def silencer(
         number: Exhaust of chamber 1 or 2.
         volume: Gas volume of the silencer, in m^3.
         conductance: Sonic conductance to ambient, in m^3/(s Pa).
+        share: Share of the law, a fraction: 1 is the law, 0 its absence.
         name: Name of the effect; ``silencer_1`` or ``silencer_2`` by default.
 
     Returns:

@@ -19,8 +19,8 @@ def polytropic_exchange(
     """Build gas that is compressed polytropically instead of adiabatically.
 
     With n = gamma - departure, ``Q = -departure / (gamma - 1) (R H - p dV/dt)``, so that
-    ``V dp/dt = n (R H - p dV/dt)`` with the enthalpy flow H = sum(mdot T): departure 0 leaves the plant's own heat balance, gamma - 1
-    makes the pressure follow isothermal compression.
+    ``V dp/dt = n (R H - p dV/dt)`` with the enthalpy flow H = sum(mdot T): departure 0
+    leaves the plant's own heat balance, gamma - 1 lets the pressure follow isothermal compression.
 
     Args:
         ports: Ports of the heat flow into chambers, with the local signals ``pressure``,

@@ -30,6 +30,7 @@ def supply_droop(
             publish ``supply.flow``.
         volume: Reservoir volume, in m^3.
         conductance: Sonic conductance between source and reservoir, in m^3/(s Pa).
+        share: Share of the law, a fraction: 1 is the law, 0 its absence.
         name: Name of the effect.
 
     Returns:
