@@ -77,9 +77,8 @@ def linearise(
     if verdict and linear.verdict is not None:
         typer.echo(f"\n{linear.verdict.amplitude}\n{linear.verdict.frequency}")
     if out is not None:
-        import json
-
         from workbench.files import write_whole
+        from workbench.reports.results import json_text
 
         content = {
             "angle_rad": math.radians(degrees),
@@ -88,6 +87,6 @@ def linearise(
             "outputs": dict(zip(linear.output_names, linear.y0.tolist(), strict=True)),
             **{name: getattr(linear, name).tolist() for name in "ABCD"},
         }
-        write_whole(out, json.dumps(content, indent=2, allow_nan=False) + "\n")
+        write_whole(out, json_text(content))
         typer.echo(f"written to {out}")
     return 0

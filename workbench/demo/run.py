@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any
 
 from workbench.data_folder import ENVIRONMENT_VARIABLE, data_folder
 from workbench.demo.part import Part
@@ -18,6 +15,7 @@ from workbench.errors import WorkbenchError
 from workbench.files import whole_folder, write_whole
 from workbench.reports.page import Commands, Page, Section, Words, write_page
 from workbench.reports.pictures import save
+from workbench.reports.results import json_text
 
 PARTS: tuple[tuple[str, str, str], ...] = (
     ("isometric identification trial", "identification", "identification_part"),
@@ -205,20 +203,6 @@ def _write_results(
         "failed": dict(failed),
         "interrupted": interrupted,
         "duration_s": dict(durations),
-        **{name: _plain(part.results) for name, part in done.items()},
+        **{name: part.results for name, part in done.items()},
     }
-    text = json.dumps(results, indent=2, allow_nan=False, ensure_ascii=False)
-    write_whole(folder / "results.json", text + "\n")
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as JSON has it; what is not a number becomes null."""
-    if isinstance(value, Mapping):
-        return {str(name): _plain(item) for name, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    write_whole(folder / "results.json", json_text(results))

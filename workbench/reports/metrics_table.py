@@ -1,0 +1,112 @@
+"""Metrics of closed-loop runs as a table with requirement marks, and how each was computed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from workbench.reports.tables import Cell, Table, number
+from workbench.verification import Metrics, Requirement, judge
+
+TITLES: dict[str, str] = {
+    "settling_time": "settling",
+    "rise_time": "rise",
+    "overshoot": "overshoot",
+    "steady_error": "steady error",
+    "oscillation": "still moving",
+    "stop_impacts": "stop impacts",
+    "rmse": "error, rms",
+    "iae": "error, integral",
+    "chatter": "command moves",
+    "air": "air",
+    "solve_time_p99": "solve, 99th percentile",
+    "fallbacks": "fallbacks",
+}
+"""Metrics as people read them; others keep their name."""
+
+METRIC_METHODS: tuple[tuple[str, str], ...] = (
+    ("settling", "time from the step until the angle stays within 2 % of the step; worst step"),
+    ("overshoot", "largest angle past the reference, as a share of the step; worst step"),
+    ("steady error", "mean error of the last second of each step, as a magnitude; worst step"),
+    (
+        "still moving",
+        "half of highest minus lowest angle in the last second of each step, its straight line "
+        "taken away: the amplitude of a limit cycle; worst step",
+    ),
+    ("stop impacts", "how often the arm touches a mechanical stop"),
+    ("error, rms", "root mean square of reference minus angle over the whole run"),
+    ("command moves", "sum of the magnitudes of all changes of the valve voltage, per second"),
+    ("air", "mass of air drawn from the supply over the whole run"),
+    (
+        "solve, 99th percentile",
+        "time of one optimisation on this machine, exceeded by one sample in a hundred",
+    ),
+    ("fallbacks", "how often the optimisation failed and its named fallback was used"),
+)
+"""How each metric was computed, in the words of the table."""
+
+
+def metrics_table(
+    title: str,
+    keys: tuple[str, ...],
+    measured: Mapping[tuple[str, ...], Metrics],
+    columns: Sequence[str],
+    requirements: Sequence[Requirement] = (),
+) -> Table:
+    """Build a table of metrics, one run per row, with a mark on every required number.
+
+    Args:
+        title: What the table lists.
+        keys: Headings of what tells the runs apart, such as controller and plant.
+        measured: Metrics of each run by what tells it apart.
+        columns: Names of the metrics shown; those that no run has are left out.
+        requirements: Limits on metrics.
+
+    Returns:
+        The table; its note states the limits.
+
+    Raises:
+        WorkbenchError: If the unit of a limit does not fit its metric.
+
+    Example:
+        >>> from workbench.verification import Metric
+        >>> run = Metrics("pid", "arm", "step", (Metric("settling_time", 0.4, "s"),))
+        >>> limit = Requirement("settling_time", 0.8, "s")
+        >>> print(metrics_table("Steps", ("run",), {("one",): run}, ["settling_time"], [limit]))
+        Steps
+        run  settling
+        one  0.400 s ✓
+        Required: settling at most 0.8 s.
+    """
+    shown = [name for name in columns if any(name in found for found in measured.values())]
+    limits = {requirement.metric: requirement for requirement in requirements}
+    rows = tuple(
+        (*key, *(_cell(found, name, limits.get(name)) for name in shown))
+        for key, found in measured.items()
+    )
+    return Table(
+        title, (*keys, *(TITLES.get(name, name) for name in shown)), rows, _note(limits, shown)
+    )
+
+
+def _cell(found: Metrics, name: str, requirement: Requirement | None) -> Cell:
+    if name not in found:
+        return Cell("")
+    metric = found[name]
+    value, unit = metric.shown()
+    whole = unit == "1" and value.is_integer()
+    text = number(int(value) if whole else value, unit="" if unit == "1" else unit)
+    text = text.replace(" deg", "°")
+    if requirement is None:
+        return Cell(text, reason=metric.reason)
+    return Cell(text, "met" if judge(requirement, found).met else "missed", metric.reason)
+
+
+def _note(limits: Mapping[str, Requirement], shown: Sequence[str]) -> str:
+    said = []
+    for name in shown:
+        if name in limits:
+            limit = limits[name]
+            unit = f" {limit.unit}".replace(" deg", "°") if limit.unit else ""
+            kind = limit.kind.replace("_", " ")
+            said.append(f"{TITLES.get(name, name)} {kind} {limit.limit:g}{unit}")
+    return f"Required: {', '.join(said)}." if said else ""

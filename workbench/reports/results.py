@@ -1,0 +1,38 @@
+"""Numbers as JSON: whatever is not a number becomes null, everything else reads back."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+
+def json_text(results: Mapping[str, Any]) -> str:
+    """Write results as JSON text.
+
+    Args:
+        results: Numbers, arrays, words and nested mappings of them, with units in their names.
+
+    Returns:
+        Indented JSON with a newline at its end; NaN and infinity become null.
+
+    Example:
+        >>> print(json_text({"settling_time_s": float("nan")}), end="")
+        {
+          "settling_time_s": null
+        }
+    """
+    return json.dumps(_plain(results), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(name): _plain(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
