@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-import gzip
-import io
 import math
-import zlib
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,11 +21,10 @@ from workbench.recordings.csv_layout import (
     split_line,
 )
 from workbench.recordings.recording import Scalar
+from workbench.recordings.text_lines import line_blocks
 from workbench.recordings.thinning import Thinner
 
 _LOOK_AHEAD = 400
-_BLOCK_BYTES = 1 << 22
-_MAX_LINE = 1 << 20
 
 FindTime = Callable[[Columns], "int | None"]
 
@@ -47,52 +42,6 @@ class _Tally:
     def text(self, column: int, cell: str) -> None:
         count, example = self.unreadable.get(column, (0, ""))
         self.unreadable[column] = (count + 1, example or f"{cell[:30]!r} in line {self.line}")
-
-
-def _encoding(start: bytes, source: str) -> str:
-    for mark, name in ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf",
-                                                                         "utf-8-sig")):
-        if start.startswith(mark):
-            return name
-    if b"\x00" in start:
-        raise WorkbenchError(
-            f"{source} is not a text file; recordings are CSV, MATLAB .mat, Parquet or JSON"
-        )
-    try:
-        # The last bytes may be half a character.
-        start[: max(0, len(start) - 4)].decode("utf-8")
-    except UnicodeDecodeError:
-        return "latin-1"
-    return "utf-8"
-
-
-@contextlib.contextmanager
-def _opened(path: Path) -> Iterator[io.TextIOWrapper]:
-    with path.open("rb") as raw:
-        zipped = raw.read(2) == b"\x1f\x8b"
-    opener = gzip.open if zipped else open
-    with opener(path, "rb") as probe:
-        encoding = _encoding(probe.read(1 << 16), path.name)
-    with opener(path, "rb") as stream:
-        yield io.TextIOWrapper(stream, encoding=encoding, errors="replace", newline=None)
-
-
-def _lines(stream: io.TextIOWrapper, cut: list[str], source: str) -> Iterator[list[str]]:
-    """Yield blocks of lines; stop where a compressed file breaks off."""
-    while True:
-        try:
-            block = stream.readlines(_BLOCK_BYTES)
-        except (EOFError, OSError, zlib.error):
-            cut.append("the compressed file is damaged from here on; what came before was read")
-            return
-        if not block:
-            return
-        if any(len(line) > _MAX_LINE for line in block):
-            raise WorkbenchError(
-                f"{source} has a line of more than {_MAX_LINE} characters; it is not a table of "
-                "numbers"
-            )
-        yield [line.rstrip("\r\n") for line in block]
 
 
 def _fast(lines: Sequence[str], layout: Layout) -> npt.NDArray[np.float64] | None:
@@ -188,16 +137,15 @@ def read_csv(
     file = Path(path)
     cut: list[str] = []
     try:
-        with _opened(file) as stream:
-            blocks = _lines(stream, cut, file.name)
-            first: list[str] = []
-            for block in blocks:
-                first += block
-                if len(first) >= _LOOK_AHEAD:
-                    break
-            layout = detect_layout(first[:_LOOK_AHEAD], source=file.name)
-            return _read_rows(file, first, blocks, layout, columns, max_rows, find_time, cut)
-    except (OSError, EOFError, zlib.error) as error:
+        blocks = line_blocks(file, cut)
+        first: list[str] = []
+        for block in blocks:
+            first += block
+            if len(first) >= _LOOK_AHEAD:
+                break
+        layout = detect_layout(first[:_LOOK_AHEAD], source=file.name)
+        return _read_rows(file, first, blocks, layout, columns, max_rows, find_time, cut)
+    except OSError as error:
         raise WorkbenchError(f"{file} cannot be read: {error}") from None
 
 

@@ -49,10 +49,10 @@ def acceleration_sign(recording: Recording, causes: list[str], motion: str) -> d
     columns = [_slow(recording[c], dt, edge) for c in causes] + [position, speed]
     every = max(1, round(0.5 / (edge * dt)))
     inner = slice(5 * every, -5 * every, every)
+    if len(position[inner]) < 3 * len(columns):
+        return dict.fromkeys(causes, 0.0)
     X = np.column_stack([(c[inner] - c[inner].mean()) / (np.std(c[inner]) or 1.0) for c in columns])
     y = acceleration[inner] - acceleration[inner].mean()
-    if len(y) < 3 * X.shape[1]:
-        return dict.fromkeys(causes, 0.0)
     beta, *_ = np.linalg.lstsq(X, y, rcond=1e-8)
     rest = y - X @ beta
     covariance = np.linalg.pinv(X.T @ X) * float(rest @ rest) / (len(y) - X.shape[1])
