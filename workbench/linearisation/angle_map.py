@@ -120,7 +120,7 @@ def angle_map(
         >>> print(angle_map(arm(8), [0.5236], mean_pressures=[3e5]))
         angle map, 30 to 30 deg
             load kg  mean bar  frequency Hz     damping        points
-                own         3   1.30 to  1.30  0.077 to 0.077  1 of 1
+                own         3   1.29 to  1.29  0.077 to 0.077  1 of 1
     """
     angle = np.atleast_1d(check_finite("angles", angles))
     load = np.array([np.nan]) if loads is None else np.atleast_1d(check_finite("loads", loads))

@@ -332,7 +332,13 @@ def _start(
 
 
 def _snap(model: Model, given: Mapping[str, float], solution: Solution) -> None:
-    """Take the round-off off states that are given, so that 0 deg is not behind the stop."""
+    """Take the round-off away that would put a point on one side of a kink that it stands on.
+
+    Without it an arm at 0 deg stands behind its stop, and a centred spool fills or vents.
+    """
+    for values, quantities in ((solution.x, model.states), (solution.u, model.inputs)):
+        size = np.array([q.scale for q in quantities])
+        values[np.abs(values) < 1e-12 * size] = 0.0
     for i, quantity in enumerate(model.states):
         value = given.get(quantity.name, math.nan)
         if abs(solution.x[i] - value) <= 1e-9 * quantity.scale:

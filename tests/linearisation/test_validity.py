@@ -1,0 +1,94 @@
+"""How far a linear model holds on the full plant."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.linearisation import amplitude_validity, frequency_validity, linearise
+from workbench.operating_point import operating_point
+from workbench.physics.friction import coulomb_friction
+from workbench.plants.arm import arm
+from workbench.plants.servo_axis import servo_axis
+from workbench.simulation import simulate
+
+ARM = arm(3.0)
+POINT = operating_point(ARM, {"angle": math.radians(30)}, mean_pressure=3e5)
+OPENING = linearise(POINT, input="opening")
+
+
+def test_a_linear_plant_holds_everywhere() -> None:
+    axis = servo_axis().without("coulomb_friction")
+    linear = linearise(operating_point(axis))
+    holds = linear.verdict.amplitude
+    assert holds.upper == pytest.approx(350.0)
+    assert holds.errors.max() < 1e-4  # tolerance of the integrator
+    assert linear.verdict.frequency.agrees.all()
+
+
+def test_the_band_of_steps_ends_where_the_deviation_passes_the_limit() -> None:
+    holds = OPENING.verdict.amplitude
+    assert 0.0 < holds.lower < holds.upper < 0.05
+    beyond = holds.amplitudes > holds.upper
+    assert (holds.errors[beyond] > holds.within).all()
+    inside = (holds.amplitudes >= holds.lower) & (holds.amplitudes <= holds.upper)
+    assert (holds.errors[inside] <= holds.within).all()
+
+
+def test_the_band_of_steps_agrees_with_a_run_made_by_hand() -> None:
+    # At a true equilibrium nothing has to be taken off the plant.
+    point = operating_point(ARM, {"angle": math.radians(30)})
+    linear = linearise(point, input="opening")
+    holds = amplitude_validity(linear, horizon=0.5)
+    step, error = holds.amplitudes[-1], holds.errors[-1]
+    deviations = []
+    for sign in (1.0, -1.0):
+        command = np.full(250, linear.u0[0] + sign * step)
+        run = simulate(ARM, linear.to_plant(command), sample_time=0.002, start=point.x, check=False)
+        predicted = linear.response(command, 0.002)[:, 0]
+        move = np.abs(predicted - linear.y0[0]).max()
+        deviations.append(np.abs(run["angle"] - predicted).max() / move)
+    assert max(deviations) == pytest.approx(error, rel=1e-3)
+
+
+def test_sines_agree_below_the_resonance() -> None:
+    agree = OPENING.verdict.frequency
+    assert agree.lower < 0.5 < agree.upper
+    text = str(OPENING.verdict)
+    assert "steps of opening" in text and "sines of opening" in text
+
+
+def test_friction_left_out_of_the_model_is_noticed() -> None:
+    free = linearise(operating_point(servo_axis().without("coulomb_friction")))
+    rubbing = (
+        servo_axis()
+        .without("coulomb_friction")
+        .with_effect(
+            coulomb_friction(
+                "axis.force",
+                level=60.0,
+                transition_speed=1e-3,
+                unit="N",
+                speed_unit="m/s",
+                upper=100.0,
+            )
+        )
+    )
+    point = operating_point(rubbing)
+    wrong = replace(free, operating_point=point)
+    assert math.isnan(amplitude_validity(wrong, within=0.05).upper)
+    assert "none holds" in str(amplitude_validity(wrong, within=0.05))
+    assert not frequency_validity(wrong, points=3).agrees.all()
+
+
+def test_wrong_arguments_are_refused() -> None:
+    with pytest.raises(WorkbenchError, match="did you mean 'angle'"):
+        amplitude_validity(OPENING, output="angel")
+    with pytest.raises(WorkbenchError, match="deviation"):
+        amplitude_validity(OPENING, within=-1.0)
+    with pytest.raises(WorkbenchError, match="swing"):
+        frequency_validity(OPENING, swing=0.0)

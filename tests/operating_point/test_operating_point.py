@@ -1,0 +1,174 @@
+"""Operating points: figures of the rig, true equilibria, drift, and what cannot be held."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.operating_point import operating_point
+from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.plants.arm import arm
+from workbench.plants.servo_axis import servo_axis
+from workbench.simulation import simulate
+
+ARM = arm(3.0)
+THREE_BAR = 3e5
+
+
+@pytest.mark.parametrize(
+    ("angle_deg", "p1_bar", "p2_bar"),
+    [
+        (0, 1.42, 4.58), (10, 2.00, 4.00), (20, 2.54, 3.46), (30, 3.00, 3.00),
+        (40, 3.46, 2.54), (50, 4.00, 2.00), (60, 4.58, 1.42),
+    ],
+)  # fmt: skip
+def test_pressures_in_the_horizontal_plane(angle_deg: float, p1_bar: float, p2_bar: float) -> None:
+    point = operating_point(ARM, {"angle": math.radians(angle_deg)}, mean_pressure=THREE_BAR)
+    # The table is printed to 0.01 bar.
+    assert point["pressure_1"] / 1e5 == pytest.approx(p1_bar, abs=0.006)
+    assert point["pressure_2"] / 1e5 == pytest.approx(p2_bar, abs=0.006)
+    assert point["angle"] == math.radians(angle_deg)
+    assert point["load_cell"] == 0.0
+
+
+def test_only_the_mean_drifts() -> None:
+    point = operating_point(ARM, {"angle": math.radians(15)}, mean_pressure=THREE_BAR)
+    assert not point.is_equilibrium
+    names = [q.name for q in ARM.states]
+    drifting = {names[i] for i in np.flatnonzero(np.abs(point.rates) > 1e-3)}
+    assert drifting == {"pressure_1", "pressure_2"} == set(point.drift)
+    assert point.drift["pressure_1"] == pytest.approx(point.drift["pressure_2"])
+    # Below the mean that leakage holds, pressures rise.
+    assert point.drift["pressure_1"] > 0.0
+
+
+def test_reported_drift_is_what_a_simulation_shows() -> None:
+    point = operating_point(ARM, {"angle": math.radians(15)}, mean_pressure=THREE_BAR)
+    run = simulate(ARM, np.tile(point.u, (26, 1)), sample_time=0.002, start=point.x, check=False)
+    mean = 0.5 * (run["pressure_1"] + run["pressure_2"])
+    # The drift decays with some 6 s, so it changes by less than 1 % in 50 ms.
+    assert (mean[-1] - mean[0]) / run.time[-1] == pytest.approx(point.drift["pressure_1"], rel=0.02)
+
+
+def test_leakage_holds_a_mean_of_its_own() -> None:
+    point = operating_point(ARM, {"angle": math.radians(30)})
+    assert point.is_equilibrium
+    assert 3.9 < point["pressure_1"] / 1e5 < 4.25
+    signals = ARM.signals(point.x, point.u)
+    assert signals["chamber_1.flow"] == pytest.approx(0.0, abs=1e-12)
+    assert signals["exhaust_1.flow"] > 1e-6
+
+
+@pytest.mark.parametrize("angle_deg", [0, 7, 30, 52])
+def test_a_true_equilibrium_stays_in_simulation(angle_deg: float) -> None:
+    point = operating_point(ARM, {"angle": math.radians(angle_deg)})
+    run = simulate(ARM, np.tile(point.u, (500, 1)), sample_time=0.002, start=point.x, check=False)
+    assert np.abs(run["angle"] - math.radians(angle_deg)).max() < math.radians(1e-3)
+    assert np.ptp(run["pressure_1"]) < 10.0
+
+
+def test_eight_plates_are_held_by_the_torque_that_gravity_needs() -> None:
+    heavy = arm(8.0, plane="vertical")
+    point = operating_point(heavy, {"angle": 0.0}, mean_pressure=2e5)
+    signals = heavy.signals(point.x, point.u)
+    assert signals["joint.torque"] == pytest.approx(0.0, abs=1e-6)
+    # 30.8 N m at a lever of 31.5 and 20.1 mm
+    lift = 0.0315 * signals["muscle_1.force"] - 0.0201 * signals["muscle_2.force"]
+    assert lift == pytest.approx(30.8, abs=0.1)
+
+
+def test_an_impossible_trim_says_what_would_be_possible() -> None:
+    def weak(supply_bar: float) -> object:
+        plant = arm(8.0, plane="vertical", supply_bar=supply_bar)
+        return operating_point(plant, {"angle": 0.0})
+
+    with pytest.raises(WorkbenchError, match=r"no operating point.*angle 0 deg") as caught:
+        weak(2.0)
+    load = re.search(r"load from 0 to ([\d.]+) kg", str(caught.value))
+    supply = re.search(r"supply pressure from ([\d.]+) to 10 bar", str(caught.value))
+    assert load and supply
+    # Seven bisections of a thirteenth of the range, printed to three digits.
+    assert weak(1.02 * float(supply[1]))
+    with pytest.raises(WorkbenchError):
+        weak(0.96 * float(supply[1]))
+    lighter = arm(0.97 * float(load[1]), plane="vertical", supply_bar=2.0)
+    assert operating_point(lighter, {"angle": 0.0})
+
+
+def test_states_of_effects_are_trimmed_too() -> None:
+    long = arm(3.0, silencers=True, line_volumes=True)
+    point = operating_point(long, {"angle": math.radians(20)})
+    assert np.abs(point.rates / [q.scale for q in long.states]).max() < 1e-8
+    values = point.values
+    # A leak of 0.4 % flows through a line of more than the full conductance.
+    assert values["line_1.pressure"] == pytest.approx(point["pressure_1"] + 1.01325e5, abs=1e3)
+
+
+def test_hysteresis_rests_anywhere_and_stays_at_its_start() -> None:
+    point = operating_point(ARM.with_effect(bouc_wen_hysteresis()), {"angle": math.radians(20)})
+    assert set(point.undetermined) == {"muscle_hysteresis.turn_1", "muscle_hysteresis.turn_2"}
+    assert point["muscle_hysteresis.turn_1"] == 0.0
+    assert "rests at any value" in str(point)
+
+
+def test_a_foreign_plant_uses_the_same_call() -> None:
+    axis = servo_axis().with_parameters({"offset": 7.0})
+    point = operating_point(axis, {"position": 0.25})
+    assert point["position"] == 0.25
+    assert point["force"] == pytest.approx(-7.0)
+    # A position can be held anywhere: without a given one the input stays at rest.
+    assert operating_point(servo_axis()).undetermined == ("position",)
+
+
+def test_any_reading_or_input_can_be_given() -> None:
+    by_pressure = operating_point(ARM, {"pressure_1": 3.5e5})
+    assert by_pressure["pressure_1"] == pytest.approx(3.5e5)
+    by_voltage = operating_point(ARM, {"valve": float(by_pressure.u[0])})
+    assert by_voltage["angle"] == pytest.approx(by_pressure["angle"], abs=1e-6)
+
+
+def test_a_start_nearby_gives_the_same_point() -> None:
+    first = operating_point(ARM, {"angle": 0.3}, mean_pressure=THREE_BAR)
+    again = operating_point(ARM, {"angle": 0.6}, mean_pressure=THREE_BAR)
+    warm = operating_point(ARM, {"angle": 0.6}, mean_pressure=THREE_BAR, near=first)
+    assert warm.x == pytest.approx(again.x, rel=1e-6, abs=1e-9)
+
+
+def test_table_is_aligned() -> None:
+    text = str(operating_point(ARM, {"angle": math.radians(30)}, mean_pressure=THREE_BAR))
+    rows = [line for line in text.splitlines() if line.startswith(("  input", "  reading"))]
+    assert len({line.index(line.split()[-1]) for line in rows}) == 1
+    assert "30 deg" in text and "bar/s" in text and "condition number" in text
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"angel": 0.5}, "did you mean 'angle'"),
+        ({"angle": math.nan}, "not finite"),
+        ({"angle": 30.0}, "valid range is -1 to 61 deg; angles are in rad"),
+        ({"angle": 0.5, "pressure_1": 3e5}, "1 input"),
+        ({"valve": 11.0}, "valid range is 0 to 10 V"),
+    ],
+)
+def test_wrong_values_are_refused(given: dict[str, float], message: str) -> None:
+    with pytest.raises(WorkbenchError, match=message):
+        operating_point(ARM, given)
+
+
+def test_wrong_pressures_and_bounds_are_refused() -> None:
+    with pytest.raises(WorkbenchError, match="0 to 6 bar gauge"):
+        operating_point(ARM, {"angle": 0.5}, mean_pressure=7e5)
+    with pytest.raises(WorkbenchError, match="has no readings pressure_1"):
+        operating_point(servo_axis(), {"position": 0.0}, mean_pressure=3e5)
+    with pytest.raises(WorkbenchError, match="must overlap"):
+        operating_point(ARM, {"angle": 0.5}, bounds={"valve": (11.0, 12.0)})
+
+
+def test_bounds_are_kept() -> None:
+    with pytest.raises(WorkbenchError, match="no operating point"):
+        operating_point(ARM, {"angle": 0.2}, bounds={"valve": (5.0, 10.0)})
