@@ -1,0 +1,25 @@
+"""Controllers: pure sampled laws, designed from linear models."""
+
+from controllers.angle_pd import AnglePD
+from controllers.mpc import LinearMPC, MPCSpecification, design_mpc
+from controllers.open_loop import HeldCommand
+from controllers.pid import CascadePID, PIDSpecification, design_pid
+from controllers.protocol import Controller
+from controllers.sliding_mode import SlidingMode, SlidingModeSpecification, design_sliding_mode
+from controllers.valve_inverse import ValveInverse
+
+__all__ = [
+    "AnglePD",
+    "CascadePID",
+    "Controller",
+    "HeldCommand",
+    "LinearMPC",
+    "MPCSpecification",
+    "PIDSpecification",
+    "SlidingMode",
+    "SlidingModeSpecification",
+    "ValveInverse",
+    "design_mpc",
+    "design_pid",
+    "design_sliding_mode",
+]

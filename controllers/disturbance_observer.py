@@ -86,19 +86,18 @@ class DisturbanceObserver:
         """
         return np.asarray(self.F @ estimate + self.G @ u)
 
-    def at_rest(self, measurement: tuple[float, ...], B: Matrix, A: Matrix, E: Matrix) -> Matrix:
+    def at_rest(self, measurement: tuple[float, ...], A: Matrix, E: Matrix) -> Matrix:
         """Return the smallest estimate that explains a measurement as rest without input.
 
         Args:
             measurement: Readings, absolute, in SI.
-            B: Unused input matrix, kept for symmetry; shape (n_x, n_inputs), in SI.
             A: Continuous dynamics, shape (n_x, n_x), in SI.
             E: Effect of the disturbances on the rates, shape (n_x, n_w), in SI.
 
         Returns:
             Estimate of (x, w), shape (n,), in SI.
         """
-        n, m = E.shape
+        n = len(A)
         rows = np.block([[A, E], [self.C]])
         size = np.max(np.abs(rows), axis=1, keepdims=True)
         target = np.concatenate([np.zeros(n), np.array(measurement) - self.rest])[:, None]
@@ -168,9 +167,7 @@ def design_disturbance_observer(
     size = np.concatenate([scale, walk])
     noise = np.concatenate([state_noise * scale, walk]) ** 2 * sample_time
     gain = _kalman_gain(F, C, noise, np.array(sensor_noise) ** 2, size)
-    point = linear.operating_point
-    outputs = [q.name for q in point.model.outputs]
-    rest = np.array([float(point.y[outputs.index(name)]) for name in sensors])
+    rest = np.array(linear.y0)[rows]
     return DisturbanceObserver(F, G, C, gain, rest, w)
 
 

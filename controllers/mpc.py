@@ -38,6 +38,7 @@ from controllers.disturbance_observer import (
     design_disturbance_observer,
 )
 from controllers.mpc_prediction import Prediction, condense
+from controllers.opening_input import opening_input
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program import quadratic_program
 from controllers.valve_inverse import ValveInverse
@@ -177,9 +178,7 @@ class LinearMPC:
         return (self.valve.linear_command(command[0]),)
 
 
-def lagged(
-    filtered: float, target: float, reference: float, fresh: float
-) -> tuple[float, float]:
+def lagged(filtered: float, target: float, reference: float, fresh: float) -> tuple[float, float]:
     """Pass a reference through two lags for one sample.
 
     Args:
@@ -202,11 +201,11 @@ def lagged(
 def _reference_path(fresh: float, index: tuple[int, ...]) -> Matrix:
     """Return the trajectory of the second lag per (reference, filtered, target)."""
     columns = []
-    for reference, filtered, target in np.eye(3).tolist():
-        course = []
+    for reference, *lags in np.eye(3).tolist():
+        course, lag = [], (lags[0], lags[1])
         for _ in range(index[-1]):
-            filtered, target = lagged(filtered, target, reference, fresh)
-            course.append(target)
+            lag = lagged(*lag, reference, fresh)
+            course.append(lag[1])
         columns.append([course[i - 1] for i in index])
     return np.array(columns).T
 
@@ -284,7 +283,7 @@ def design_mpc(
     """Design a linear MPC from a linear model.
 
     Args:
-        linear: Linear model from the valve's command to the sensors, without bearing friction.
+        linear: Linear model from the valve's voltage or opening to the sensors.
         specification: What to reach.
         valve: Valve curve that is inverted.
         sensors: Names of the followed output, then of the outputs with soft limits.
@@ -303,7 +302,7 @@ def design_mpc(
         >>> from workbench.linearisation import linearise
         >>> from workbench.operating_point import operating_point
         >>> from workbench.plants.arm import arm
-        >>> point = operating_point(arm(3).without("bearing_friction"), {"angle": 0.5236})
+        >>> point = operating_point(arm(3), {"angle": 0.5236})
         >>> mpc = design_mpc(linearise(point, verdict=False))
         >>> state = mpc.initial_state((0.5236, 4.2e5, 4.2e5))
         >>> (voltage,), state, info = mpc.step(state, (0.5236, 4.2e5, 4.2e5), (0.6,))
@@ -312,33 +311,30 @@ def design_mpc(
     """
     want = specification or MPCSpecification()
     valve = valve or ValveInverse()
-    point = linear.operating_point
-    inputs = [q.name for q in point.model.inputs]
-    command = float(point.u[inputs.index(actuator)])
+    entry = opening_input(linear, valve, actuator)
     disturbed = tuple(want.disturbances)
     observer = design_disturbance_observer(
         linear,
         sensors=sensors,
-        actuators=(actuator,),
+        actuators=(entry.name,),
         disturbances=want.disturbances,
         sensor_noise=want.sensor_noise,
         state_noise=want.state_noise,
         sample_time=want.sample_time,
     )
-    # From here on the input is the opening: the linear model's slope is that of the curve at rest.
+    # From here on the input is the opening.
     observer = DisturbanceObserver(
         observer.F,
-        observer.G / valve.gain_at_rest,
+        observer.G * entry.per_opening,
         observer.C,
         observer.M,
         observer.rest,
         observer.disturbances,
     )
-    A, B, E = continuous_matrices(linear, (actuator,), disturbed)
-    rest_opening = valve.opening(command)
+    A, B, E = continuous_matrices(linear, (entry.name,), disturbed)
     prediction = condense(
         A,
-        B / valve.gain_at_rest,
+        B * entry.per_opening,
         E,
         observer.C[:, : len(A)],
         weights=(
@@ -349,7 +345,7 @@ def design_mpc(
         prediction_time=want.prediction_time,
         stride=max(1, round(want.prediction_time / want.sample_time)),
         blocks=want.blocks,
-        opening_limits=(-want.opening_limit - rest_opening, want.opening_limit - rest_opening),
+        opening_limits=(-want.opening_limit - entry.at_rest, want.opening_limit - entry.at_rest),
         move_limit=want.rate_limit * want.prediction_time,
         output_limits=tuple(
             (want.pressure_limits[0] - rest, want.pressure_limits[1] - rest)
@@ -359,16 +355,14 @@ def design_mpc(
     )
     unit = np.eye(len(sensors))
     start = np.column_stack(
-        [observer.at_rest(tuple(observer.rest + column), B, A, E) for column in unit]
+        [observer.at_rest(tuple(observer.rest + column), A, E) for column in unit]
     )
     return LinearMPC(
         observer=observer,
         prediction=prediction,
         start=start,
-        path=_reference_path(
-            want.reference_speed * want.sample_time, prediction.preview_index
-        ),
-        rest_opening=rest_opening,
+        path=_reference_path(want.reference_speed * want.sample_time, prediction.preview_index),
+        rest_opening=entry.at_rest,
         reference_speed=want.reference_speed,
         sample_time=want.sample_time,
         valve=valve,

@@ -145,7 +145,7 @@ class CascadePID:
             reference: Wanted angle, in rad.
 
         Returns:
-            Voltage in V, next state, and the opening (fraction) and wanted pressure difference (Pa).
+            Voltage in V, next state, and the opening (fraction) and wanted difference (Pa).
         """
         return self.law(state, measurement, reference, FLOATS)
 
@@ -165,7 +165,7 @@ class CascadePID:
             arithmetic: Floats or CasADi symbols.
 
         Returns:
-            Voltage in V, next state, and the opening (fraction) and wanted pressure difference (Pa).
+            Voltage in V, next state, and the opening (fraction) and wanted difference (Pa).
         """
         integral, derivative, last, filtered, target, difference = state
         angle, p1, p2 = measurement
@@ -181,9 +181,7 @@ class CascadePID:
         fresh = h / (self.pressure_filter + h)
         difference = difference + fresh * (p1 - p2 - difference)
 
-        wanted = (
-            self.proportional * (self.setpoint_weight * target - angle) + integral + derivative
-        )
+        wanted = self.proportional * (self.setpoint_weight * target - angle) + integral + derivative
         within = arithmetic.clip(wanted, -self.difference_limit, self.difference_limit)
         reach = 1.0 / self.inner
         reached = arithmetic.clip(within, difference - reach, difference + reach)
@@ -269,8 +267,7 @@ def design_pid(
     whole linear model, are within their limits.
 
     Args:
-        linear: Linear model from the valve's command to the sensors. Bearing friction is better
-            left out of it: at rest its slope looks like strong damping that a moving arm has not.
+        linear: Linear model from the valve's voltage or opening to the sensors.
         specification: What to reach.
         valve: Valve curve that is inverted.
 
@@ -288,7 +285,7 @@ def design_pid(
         >>> from workbench.linearisation import linearise
         >>> from workbench.operating_point import operating_point
         >>> from workbench.plants.arm import arm
-        >>> point = operating_point(arm(3).without("bearing_friction"), {"angle": 0.5236})
+        >>> point = operating_point(arm(3), {"angle": 0.5236})
         >>> pid = design_pid(linearise(point, verdict=False))
         >>> pid.inner > 0
         True

@@ -39,8 +39,8 @@ class Controller(Protocol):
         preview: Number of future samples of the reference that it wants.
 
     Example:
-        >>> from controllers.pid import AnglePID
-        >>> issubclass(AnglePID, object)
+        >>> from controllers.open_loop import HeldCommand
+        >>> isinstance(HeldCommand((5.0,)), Controller)
         True
     """
 

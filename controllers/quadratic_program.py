@@ -1,6 +1,6 @@
 """Small dense quadratic programs, solved with CasADi's interface to DAQP.
 
-    minimise 1/2 x' H x + g' x   subject to   lower_a <= A x <= upper_a, lower_x <= x <= upper_x
+minimise 1/2 x' H x + g' x   subject to   lower_a <= A x <= upper_a, lower_x <= x <= upper_x
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ class QuadraticProgram:
         self._x = np.zeros(variables)
         for i, array in enumerate(inputs):
             if array.size:
-                self._buffer.set_arg(i, memoryview(array))
-        self._buffer.set_res(0, memoryview(self._x))
+                self._buffer.set_arg(i, memoryview(array.data))
+        self._buffer.set_res(0, memoryview(self._x.data))
         self._inputs = inputs
         self._tolerance = 1e-6
 

@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from controllers.opening_input import OPENING
 from controllers.protocol import Controller
+from controllers.valve_inverse import ValveInverse
+from workbench.errors import check_choice
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -92,7 +95,7 @@ def peak_sensitivities(
         >>> from workbench.linearisation import linearise
         >>> from workbench.operating_point import operating_point
         >>> from workbench.plants.arm import arm
-        >>> point = operating_point(arm(3).without("bearing_friction"), {"angle": 0.5236})
+        >>> point = operating_point(arm(3), {"angle": 0.5236})
         >>> linear = linearise(point, verdict=False)
         >>> ms, mt = peak_sensitivities(design_pid(linear), linear)
         >>> ms <= 2.0
@@ -142,12 +145,19 @@ def loop_matrices(
         >>> loop_matrices.__name__
         'loop_matrices'
     """
-    point = linear.operating_point
-    names = [q.name for q in point.model.outputs]
+    for name in (*controller.sensors, *controller.follows):
+        check_choice("output of the linear model", name, linear.output_names)
     rows = [linear.output_names.index(name) for name in controller.sensors]
-    columns = [linear.input_names.index(name) for name in controller.actuators]
     A, B, C, _ = linear.discretise(controller.sample_time)
-    at_rest = tuple(float(point.y[names.index(name)]) for name in controller.sensors)
-    wanted = tuple(float(point.y[names.index(name)]) for name in controller.follows)
+    valve = getattr(controller, "valve", None)
+    if isinstance(valve, ValveInverse) and OPENING in linear.input_names:
+        B = B[:, [linear.input_names.index(OPENING)]] * valve.gain_at_rest
+    else:
+        for name in controller.actuators:
+            check_choice("input of the linear model", name, linear.input_names)
+        B = B[:, [linear.input_names.index(name) for name in controller.actuators]]
+    values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
+    at_rest = tuple(values[name] for name in controller.sensors)
+    wanted = tuple(values[name] for name in controller.follows)
     F, G, H, J = controller_matrices(controller, at_rest, wanted * (1 + controller.preview))
-    return A, B[:, columns], C[rows], F, G, H, J
+    return A, B, C[rows], F, G, H, J

@@ -265,7 +265,7 @@ def design_sliding_mode(
     ``rho = jerk_bound / (b g)``, at most 1, and ``layer = jerk_bound / layer_bandwidth``.
 
     Args:
-        linear: Linear model from the valve's command to the sensors, without bearing friction.
+        linear: Linear model from the valve's voltage or opening to the sensors.
         specification: What to reach.
         valve: Valve curve that is inverted.
 
@@ -282,7 +282,7 @@ def design_sliding_mode(
         >>> from workbench.linearisation import linearise
         >>> from workbench.operating_point import operating_point
         >>> from workbench.plants.arm import arm
-        >>> point = operating_point(arm(3).without("bearing_friction"), {"angle": 0.5236})
+        >>> point = operating_point(arm(3), {"angle": 0.5236})
         >>> law = design_sliding_mode(linearise(point, verdict=False))
         >>> round(law.layer_bandwidth)
         80

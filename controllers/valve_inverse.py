@@ -8,6 +8,7 @@ constant, and the linear model at rest then holds for large commands too.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from workbench.errors import WorkbenchError, check_finite
@@ -55,7 +56,7 @@ class ValveInverse:
         check_finite("valve curve", (*self.voltages, *self.fractions, self.centre))
         same = len(self.voltages) == len(self.fractions) >= 2
         if not same or not all(
-            table[0] == 0.0 and all(a < b for a, b in zip(table, table[1:], strict=False))
+            table[0] == 0.0 and all(a < b for a, b in pairwise(table))
             for table in (self.voltages, self.fractions)
         ):
             raise WorkbenchError(

@@ -42,9 +42,10 @@ def verify(
 
     Args:
         controller: The controller; its sample time must be the scenario's.
-        plant: The full plant, or a linear model of it. A linear model is discretised exactly and
-            receives ``controller.linear_command``, so that a compensated valve curve does not
-            count twice; its inputs are clipped but not quantised.
+        plant: The full plant, or a linear model of it, discretised exactly. A linear model by the
+            opening meets the same command as the plant. One by the voltage receives
+            ``controller.linear_command``, neither clipped nor quantised, so that a compensated
+            valve curve does not count twice.
         scenario: What is asked.
         seed: Seed of the sensors' noise.
         tolerance: Local error allowed in a step of the plant, relative to its scales.
@@ -94,12 +95,24 @@ def verify(
         model = None
         sampled = LinearPlant(plant, h)
         described = plant.operating_point.model
-        inputs = _named(described.inputs, plant.input_names)
+        own = plant.inverse is None
+        inputs = _named(described.inputs, plant.input_names) if own else described.inputs
         outputs = _named(described.outputs, plant.output_names)
         name = f"linear model of {described.name}"
         state_names = tuple(plant.state_names)
+    straight = not isinstance(plant, Model) and plant.inverse is None
     return _loop(
-        controller, sampled, scenario, seed, model, name, inputs, outputs, state_names, events
+        controller,
+        sampled,
+        scenario,
+        seed,
+        model,
+        name,
+        inputs,
+        outputs,
+        state_names,
+        events,
+        straight=straight,
     )
 
 
@@ -114,6 +127,8 @@ def _loop(
     outputs: tuple[Output, ...],
     state_names: tuple[str, ...],
     events: list[tuple[int, str, float]],
+    *,
+    straight: bool,
 ) -> Run:
     h, n = scenario.sample_time, scenario.samples
     warm = round(scenario.settle / h)
@@ -123,9 +138,9 @@ def _loop(
     columns = [names.index(sensor) for sensor in controller.sensors]
     sense = _sensors([outputs[i] for i in columns], columns, scenario, warm + n, seed)
     rows, targets = _references(controller, scenario, warm, n)
-    convert = _actuators(controller, inputs, scenario, full=model is not None)
-    straight = controller.linear_command
-    step, hold, linear = controller.step, plant.hold, model is None
+    convert = _actuators(controller, inputs, scenario, real=not straight)
+    straighten = controller.linear_command
+    step, hold = controller.step, plant.hold
 
     states = np.empty((n, len(plant.state)))
     readings, measured, commands, infos = [], [], [], []
@@ -144,7 +159,7 @@ def _loop(
             if k == -warm:
                 memory = controller.initial_state(seen)
             command, memory, info = step(memory, seen, rows[k + warm])
-            command = convert(straight(command) if linear else command)
+            command = convert(straighten(command) if straight else command)
             if k >= 0:
                 states[k] = plant.state
                 readings.append(plant.readings)
@@ -161,7 +176,7 @@ def _loop(
         plant=name,
         scenario=scenario,
         seed=seed,
-        time=h * np.arange(n),
+        time=np.asarray(h * np.arange(n), dtype=float),
         references=targets,
         states=states,
         outputs=np.array(readings, dtype=float),
@@ -241,7 +256,7 @@ def _sensors(
 
 
 def _actuators(
-    controller: Controller, inputs: Sequence[Input], scenario: Scenario, *, full: bool
+    controller: Controller, inputs: Sequence[Input], scenario: Scenario, *, real: bool
 ) -> Callable[[tuple[float, ...]], tuple[float, ...]]:
     """Return a function from the controller's command to the values of all inputs."""
     names = [q.name for q in inputs]
@@ -257,9 +272,9 @@ def _actuators(
     chain = [
         (
             controller.actuators.index(q.name),
-            q.lower if full else -infinite,
-            q.upper if full else infinite,
-            q.resolution if scenario.quantise and full else 0.0,
+            q.lower if real else -infinite,
+            q.upper if real else infinite,
+            q.resolution if scenario.quantise and real else 0.0,
         )
         for q in inputs
     ]

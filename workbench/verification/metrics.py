@@ -129,9 +129,9 @@ def metrics(run: Run) -> Metrics:
         prefix = f"{name}." if len(run.follows) > 1 else ""
         found += _following(run, name, prefix, quantity.unit, quantity.display_unit)
     several = len(run.input_quantities) > 1
-    for quantity, column in zip(run.input_quantities, run.inputs.T, strict=True):
-        label = f"chatter.{quantity.name}" if several else "chatter"
-        unit = "1/s" if quantity.unit == "1" else f"{quantity.unit}/s"
+    for command, column in zip(run.input_quantities, run.inputs.T, strict=True):
+        label = f"chatter.{command.name}" if several else "chatter"
+        unit = "1/s" if command.unit == "1" else f"{command.unit}/s"
         found.append(_metric(label, responses.variation_rate(run.time, column), unit))
     found += _pneumatics(run)
     found += _stops(run)

@@ -123,9 +123,7 @@ def judge(requirement: Requirement, measured: Metrics) -> Verdict:
         score = value / limit if limit > 0 else (0.0 if value <= 0 else math.inf)
     else:
         score = limit / value if value > 0 else math.inf
-    return Verdict(
-        requirement, measured.controller, measured.scenario, value, score, metric.reason
-    )
+    return Verdict(requirement, measured.controller, measured.scenario, value, score, metric.reason)
 
 
 def score(

@@ -62,9 +62,7 @@ def settling_time(
         return Figure(0.0)
     last = int(outside[-1])
     if last >= len(course) - max(1, len(course) // 10):
-        return Figure(
-            math.nan, f"not within {100 * band:g} % of the step by the end of the record"
-        )
+        return Figure(math.nan, f"not within {100 * band:g} % of the step by the end of the record")
     return Figure(float(time[last + 1] - time[0]))
 
 

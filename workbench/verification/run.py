@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import check_choice
-from workbench.model import Input, Model, Output
+from workbench.model import Input, Model, Output, Quantity
 from workbench.verification.scenario import Scenario
 
 Vector = npt.NDArray[np.float64]
@@ -43,6 +43,7 @@ class Run:
         model: The full plant, None for a linear model.
         integrator: How the plant was advanced.
         tolerance: Tolerance of the integrator, relative to the scales of the states.
+        state_names: Names of the columns of ``states``.
 
     Example:
         >>> "measured" in Run.__dataclass_fields__
@@ -127,9 +128,7 @@ class Run:
             f"{self.controller} on {self.plant}: {self.scenario.name}, {len(self.time)} samples of"
             f" {self.scenario.sample_time:g} s, seed {self.seed}, {self.integrator}"
         ]
-        rows = [*zip(self.output_quantities, self.outputs.T, strict=True)]
-        rows += [*zip(self.input_quantities, self.inputs.T, strict=True)]
-        lines += [
-            f"  {q.name:<20} {c.min():>12.5g} to {c.max():<12.5g} {q.unit}" for q, c in rows
-        ]
+        quantities: list[Quantity] = [*self.output_quantities, *self.input_quantities]
+        rows = zip(quantities, [*self.outputs.T, *self.inputs.T], strict=True)
+        lines += [f"  {q.name:<20} {c.min():>12.5g} to {c.max():<12.5g} {q.unit}" for q, c in rows]
         return "\n".join(lines)

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from controllers.observer import held
 from workbench.errors import NumericalError
 from workbench.model import EXACT, Face, Model, Trace
 from workbench.model.model import check_vector, index_of
@@ -70,9 +71,9 @@ class FullPlant:
         self._end = np.zeros_like(self._z)
         self._y = np.asarray(traced.outputs_function(x, u, self._p), dtype=float).ravel()
         for i, array in enumerate((self._z, self._u, self._p)):
-            buffer.set_arg(i, memoryview(array))
+            buffer.set_arg(i, memoryview(array.data))
         for i, array in enumerate((self._end, self._y)):
-            buffer.set_res(i, memoryview(array))
+            buffer.set_res(i, memoryview(array.data))
         self.readings: list[float] = self._y.tolist()
 
     def set_parameter(self, name: str, value: float) -> None:
@@ -96,7 +97,7 @@ class FullPlant:
     @property
     def state(self) -> Vector:
         """States of now, shape (n_states,), in SI."""
-        return self._z * self._scale
+        return np.asarray(self._z * self._scale)
 
     def hold(self, command: tuple[float, ...]) -> None:
         """Hold a command for one sample and read the sensors at its end.
@@ -127,6 +128,8 @@ class LinearPlant:
     ``x[k+1] = Ad x[k] + Bd u[k]`` with ``Ad = exp(A h)``: there is no shift by half a sample, which
     interpolating the inputs between the samples would bring.
 
+    A model by the valve's opening takes the plant's voltage: its curve is applied before.
+
     Args:
         linear: The linear model; its operating point is added to all signals.
         sample_time: Time between samples, in s.
@@ -144,17 +147,16 @@ class LinearPlant:
         self.linear = linear
         self.integrator = "exact discretisation"
         self.tolerance = 0.0
-        point = linear.operating_point
         self._A, self._B, self._C, self._D = (
             np.asarray(matrix, dtype=float) for matrix in linear.discretise(sample_time)
         )
-        names = [q.name for q in point.model.states]
-        self._x0 = np.array([point.x[names.index(n)] for n in linear.state_names])
-        names = [q.name for q in point.model.inputs]
-        self._u0 = np.array([point.u[names.index(n)] for n in linear.input_names])
-        names = [q.name for q in point.model.outputs]
-        self._y0 = np.array([point.y[names.index(n)] for n in linear.output_names])
+        self._drift = held(linear.A, linear.drift[:, None], sample_time)[1][:, 0]
+        self._x0, self._u0, self._y0 = linear.x0, linear.u0, linear.y0
         self._x = np.zeros(len(self._x0))
+        self._curve: tuple[Vector, Vector] | None = None
+        if linear.inverse is not None:
+            openings = np.linspace(-1.0, 1.0, 20001)
+            self._curve = np.ravel(linear.to_plant(openings)), openings
         self.readings: list[float] = self._y0.tolist()
 
     @property
@@ -171,10 +173,13 @@ class LinearPlant:
         """Hold a command for one sample and read the outputs at its end.
 
         Args:
-            command: Inputs, shape (n_inputs,), in SI.
+            command: Inputs, shape (n_inputs,), in SI; the plant's own for a model by the opening.
         """
-        du = np.asarray(command, dtype=float) - self._u0
-        self._x = self._A @ self._x + self._B @ du
+        u = np.asarray(command, dtype=float)
+        if self._curve is not None:
+            u = np.interp(u, *self._curve)
+        du = u - self._u0
+        self._x = self._A @ self._x + self._B @ du + self._drift
         self.readings = (self._y0 + self._C @ self._x + self._D @ du).tolist()
 
 

@@ -67,9 +67,7 @@ class Steps:
     def changes(self) -> tuple[tuple[float, float, float], ...]:
         """Time in s, value before and value after of every step."""
         v = self.values
-        return tuple(
-            (t, v[i], v[i + 1]) for i, t in enumerate(self.times[1:]) if v[i] != v[i + 1]
-        )
+        return tuple((t, v[i], v[i + 1]) for i, t in enumerate(self.times[1:]) if v[i] != v[i + 1])
 
 
 @dataclass(frozen=True)
@@ -158,7 +156,8 @@ class Ramps:
         Returns:
             Values, shape (n,), in SI.
         """
-        return np.asarray(np.interp(time, self.times, self.values), dtype=float)
+        instants = np.asarray(time, dtype=float)
+        return np.asarray(np.interp(instants, self.times, self.values), dtype=float)
 
     @property
     def changes(self) -> tuple[tuple[float, float, float], ...]:

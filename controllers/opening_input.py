@@ -1,0 +1,61 @@
+"""The valve opening as the input of a linear model, whichever input the model was made with."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from controllers.valve_inverse import ValveInverse
+from workbench.errors import check_choice
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+OPENING = "opening"
+"""Name of the input of a linear model that was made with the valve's curve inverted."""
+
+
+class OpeningInput(NamedTuple):
+    """How the opening enters a linear model.
+
+    Args:
+        name: Name of the model's input.
+        per_opening: Change of that input per full opening, in the input's SI unit.
+        at_rest: Opening at the operating point, a fraction.
+    """
+
+    name: str
+    per_opening: float
+    at_rest: float
+
+
+def opening_input(
+    linear: LinearModel, valve: ValveInverse, actuator: str = "valve"
+) -> OpeningInput:
+    """Tell how the opening enters a linear model.
+
+    Args:
+        linear: Linear model by the voltage, whose slope is that of the valve's curve at rest, or by
+            the opening (``linearise(point, input="opening")``).
+        valve: The valve's curve.
+        actuator: Name of the voltage.
+
+    Returns:
+        Name of the input, its change per full opening in SI, and the opening at rest (fraction).
+
+    Raises:
+        WorkbenchError: If the model has neither input.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.arm import arm
+        >>> point = operating_point(arm(3), {"angle": 0.5236})
+        >>> opening_input(linearise(point, verdict=False), ValveInverse()).per_opening
+        50.0
+    """
+    name = OPENING if OPENING in linear.input_names else actuator
+    check_choice("actuator of the linear model", name, linear.input_names)
+    at_point = float(linear.u0[linear.input_names.index(name)])
+    if name == OPENING:
+        return OpeningInput(name, 1.0, at_point)
+    return OpeningInput(name, 1.0 / valve.gain_at_rest, valve.opening(at_point))
