@@ -6,12 +6,8 @@ from workbench.linearisation.kinks import Kink
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.linearise import linearise
 from workbench.linearisation.modes import Mode, find_modes
-from workbench.linearisation.validity import (
-    AmplitudeValidity,
-    FrequencyValidity,
-    amplitude_validity,
-    frequency_validity,
-)
+from workbench.linearisation.sines import FrequencyValidity, frequency_validity
+from workbench.linearisation.steps import AmplitudeValidity, amplitude_validity
 from workbench.linearisation.verdict import Swing, Verdict
 
 __all__ = [

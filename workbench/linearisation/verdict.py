@@ -7,12 +7,8 @@ from functools import cached_property
 
 from workbench.linearisation.kinks import Kink
 from workbench.linearisation.linear_model import LinearModel
-from workbench.linearisation.validity import (
-    AmplitudeValidity,
-    FrequencyValidity,
-    amplitude_validity,
-    frequency_validity,
-)
+from workbench.linearisation.sines import FrequencyValidity, frequency_validity
+from workbench.linearisation.steps import AmplitudeValidity, amplitude_validity
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,194 @@
+"""The full plant and a linear model behind the same held inputs.
+
+Both runs get the same inputs, held between the same samples, so that holding itself is no
+difference. Where the operating point drifts, the plant is compared with the rates of the point
+taken off: the drift is known, and a linear model is not to be blamed for it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import NumericalError, check_choice
+from workbench.linearisation.linear_model import LinearModel
+from workbench.model import Model, Output, Parameter, Scope
+from workbench.model.trace import Equations
+from workbench.operating_point import OperatingPoint
+from workbench.simulation.stepper import Stepper
+
+Vector = npt.NDArray[np.float64]
+
+SAMPLE_TIME = 0.002
+"""Time between samples of the comparison, s."""
+
+BLOCK = 250
+"""Samples that are run at once; comparisons last whole blocks."""
+
+
+class Comparison:
+    """Runs the exact plant and a linear model with the same changes of the first input.
+
+    Args:
+        linear: The linear model.
+        output: Output to compare; the first by default.
+
+    Raises:
+        WorkbenchError: If there is no such output.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis().without("coulomb_friction")
+        >>> trial = Comparison(linearise(operating_point(axis)))
+        >>> push = np.full(BLOCK, 50.0)
+        >>> bool(np.allclose(trial.plant(push), trial.linear(push), atol=1e-6))
+        True
+    """
+
+    def __init__(self, linear: LinearModel, output: str = "") -> None:
+        op = linear.operating_point
+        name = output or linear.output_names[0]
+        check_choice("output", name, linear.output_names)
+        self.model = linear
+        self.index = linear.output_names.index(name)
+        outputs = [q.name for q in op.model.outputs]
+        self.plant_index = outputs.index(name)
+        self.quantity: Output = op.model.outputs[self.plant_index]
+        self.largest = self._largest()
+        self.held_plant = _without_drift(op)
+        self.steppers: dict[str, Stepper] = {}
+
+    def _largest(self) -> float:
+        u0 = float(self.model.u0[0])
+        if self.model.inverse is not None:
+            return 1.0 - abs(u0)
+        op = self.model.operating_point
+        quantity = next(q for q in op.model.inputs if q.name == self.model.input_names[0])
+        room = min(quantity.upper - u0, u0 - quantity.lower)
+        return room if math.isfinite(room) else 10.0 * quantity.scale
+
+    def gain(self, s: complex) -> complex:
+        """Compute the linear model's transfer function.
+
+        Args:
+            s: Complex frequency, in rad/s.
+
+        Returns:
+            Output per input, in SI.
+        """
+        m = self.model
+        inner = np.linalg.solve(s * np.eye(len(m.A)) - m.A, m.B[:, 0])
+        return complex(m.C[self.index] @ inner + m.D[self.index, 0])
+
+    def linear(self, change: Vector) -> Vector:
+        """Compute what the linear model answers.
+
+        Args:
+            change: Change of the first input, shape (n,), in SI.
+
+        Returns:
+            Change of the output, shape (n,), in SI.
+        """
+        held = np.tile(self.model.u0, (len(change), 1))
+        held[:, 0] += change
+        response = self.model.response(held, SAMPLE_TIME)
+        return np.asarray(response[:, self.index] - self.model.y0[self.index])
+
+    def plant(self, change: Vector) -> Vector:
+        """Compute what the exact plant answers.
+
+        Args:
+            change: Change of the first input, shape (n,) with whole blocks, in SI.
+
+        Returns:
+            Change of the output, shape (n,), in SI.
+
+        Raises:
+            NumericalError: If the integrator gives up.
+        """
+        op = self.model.operating_point
+        held = np.tile(op.u, (len(change), 1))
+        i = 0
+        if self.model.inverse is None:
+            names = [q.name for q in op.model.inputs]
+            i = names.index(self.model.input_names[0])
+        held[:, i] = self.model.to_plant(self.model.u0[0] + change)
+        try:
+            return self._run("erk", held)
+        except NumericalError:
+            return self._run("rosenbrock", held)
+
+    def _run(self, method: str, held: Vector) -> Vector:
+        op = self.model.operating_point
+        if method not in self.steppers:
+            self.steppers[method] = Stepper(
+                self.held_plant, SAMPLE_TIME, 1e-7, "erk" if method == "erk" else "rosenbrock"
+            )
+        stepper = self.steppers[method]
+        x, read = op.x, []
+        for start in range(0, len(held), BLOCK):
+            block = held[start : start + BLOCK]
+            after = stepper.run(x, block)
+            for state, u in zip(np.vstack([x, after[:-1]]), block, strict=True):
+                read.append(stepper.read(state, u)[self.plant_index])
+            x = after[-1]
+        return np.asarray(read, dtype=float) - float(op.y[self.plant_index])
+
+
+@dataclass(frozen=True)
+class _Held:
+    """Equations with constant rates taken off."""
+
+    equations: Callable[..., Equations]
+    names: tuple[str, ...]
+
+    def __call__(self, m: Scope) -> Equations:
+        rates, outputs = self.equations(m)
+        taken = {name: rates[name] - m.p[f"held_rate.{name}"] for name in self.names}
+        return {**rates, **taken}, outputs
+
+
+def _without_drift(op: OperatingPoint) -> Model:
+    if not op.drift:
+        return op.model
+    # Parameters instead of numbers: the compiled plant then serves every operating point.
+    units = {q.name: q.unit for q in op.model.states}
+    extra = tuple(
+        Parameter(f"held_rate.{name}", f"{units[name]}/s", value=rate)
+        for name, rate in op.drift.items()
+    )
+    return replace(
+        op.model,
+        equations=_Held(op.model.equations, tuple(n for n in op.drift if "." not in n)),
+        parameters=(*op.model.parameters, *extra),
+    )
+
+
+def horizon_of(linear: LinearModel) -> float:
+    """Return two periods of the slowest oscillation, or three of the slowest time constants.
+
+    Args:
+        linear: The linear model.
+
+    Returns:
+        Length of a comparison, in s.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis().without("coulomb_friction")
+        >>> round(horizon_of(linearise(operating_point(axis))), 3)  # three times 95 kg / 200 N s/m
+        1.425
+    """
+    swinging = [m.frequency_hz for m in linear.modes if m.damping < 1.0 and m.frequency_hz < 20.0]
+    if swinging:
+        return float(np.clip(2.0 / min(swinging), 0.05, 10.0))
+    sizes = [abs(m.pole) for m in linear.modes if abs(m.pole) > 0.1]
+    return float(np.clip(3.0 / min(sizes, default=1.0), 0.05, 10.0))

@@ -1,0 +1,191 @@
+"""How fast a sine may be: sines on the full plant against the linear response."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import NumericalError, check_range
+from workbench.linearisation.comparison import BLOCK, SAMPLE_TIME, Comparison, horizon_of
+from workbench.linearisation.linear_model import LinearModel
+
+Vector = npt.NDArray[np.float64]
+
+_HIGHEST_HZ = 1.0 / (20 * SAMPLE_TIME)
+
+
+@dataclass(frozen=True)
+class FrequencyValidity:
+    """Frequencies at which a sine on the full plant agrees with the linear model.
+
+    Args:
+        input: Name of the input.
+        output: Output that was compared.
+        gain_within: Largest gain error allowed, as a fraction.
+        phase_within: Largest phase error allowed, in rad.
+        lower: Lowest frequency of the band that agrees, in Hz; NaN if none does.
+        upper: Highest frequency of the band that agrees, in Hz; NaN if none does.
+        frequencies_hz: Frequencies that were tried, shape (n,), in Hz.
+        amplitudes: Amplitude of the input at each, shape (n,), in SI of the linear model's input.
+        gain_ratios: Gain of the plant over that of the linear model, shape (n,), dimensionless.
+        phase_errors: Phase of the plant less that of the linear model, shape (n,), in rad.
+
+    Example:
+        >>> one = np.ones(2)
+        >>> print(FrequencyValidity("u", "y", 0.1, 0.17, 1.0, 2.0, one, one, one, 0 * one))
+        sines of u: y agrees within 10 % and 10 deg from 1 to 2 Hz
+    """
+
+    input: str
+    output: str
+    gain_within: float
+    phase_within: float
+    lower: float
+    upper: float
+    frequencies_hz: Vector
+    amplitudes: Vector
+    gain_ratios: Vector
+    phase_errors: Vector
+
+    @property
+    def agrees(self) -> npt.NDArray[np.bool_]:
+        """Whether gain and phase agree at each frequency, shape (n,)."""
+        return (np.abs(self.gain_ratios - 1.0) <= self.gain_within) & (
+            np.abs(self.phase_errors) <= self.phase_within
+        )
+
+    def __str__(self) -> str:
+        """Return one line: the band that agrees."""
+        limits = (
+            f"within {100 * self.gain_within:.0f} % and {math.degrees(self.phase_within):.0f} deg"
+        )
+        if math.isnan(self.upper):
+            return f"sines of {self.input}: {self.output} agrees at no frequency {limits}"
+        return (
+            f"sines of {self.input}: {self.output} agrees {limits} from {self.lower:.3g} to"
+            f" {self.upper:.3g} Hz"
+        )
+
+
+def frequency_validity(
+    linear: LinearModel,
+    *,
+    output: str = "",
+    swing: float | None = None,
+    gain_within: float = 0.1,
+    phase_within: float = math.radians(10.0),
+    points: int = 10,
+) -> FrequencyValidity:
+    """Find the frequencies at which a sine on the full plant agrees with the linear model.
+
+    At each frequency the input's amplitude is chosen so that the linear model predicts the same
+    swing of the output, as far as the input's range allows. After the transient, gain and phase of
+    the fundamental are fitted to both runs alike.
+
+    Args:
+        linear: The linear model.
+        output: Output to compare; the first by default.
+        swing: Amplitude of the output, in SI; 5 % of its scale by default.
+        gain_within: Gain error allowed, as a fraction.
+        phase_within: Phase error allowed, in rad.
+        points: Number of frequencies.
+
+    Returns:
+        The band that agrees.
+
+    Raises:
+        WorkbenchError: If an argument is outside its range.
+
+    Source:
+        Describing functions by simulation.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis().without("coulomb_friction")
+        >>> agree = frequency_validity(linearise(operating_point(axis)), points=3)
+        >>> bool(agree.agrees.all())
+        True
+    """
+    check_range("number of frequencies", points, 2, 200)
+    check_range("gain error", gain_within, 1e-6, 10.0)
+    check_range("phase error", phase_within, 1e-6, math.pi, "rad")
+    trial = Comparison(linear, output)
+    wanted = 0.05 * trial.quantity.scale if swing is None else swing
+    check_range("swing", wanted, 1e-12, 1e12, trial.quantity.unit)
+    corner = 2.0 / horizon_of(linear)
+    frequencies = np.logspace(
+        math.log10(0.1 * corner), math.log10(min(10.0 * corner, _HIGHEST_HZ)), points
+    )
+    swinging = [-m.pole.real for m in linear.modes if m.damping < 1.0 and m.pole.real < 0.0]
+    settle = min(4.0 / min(swinging), 8.0) if swinging else 0.0
+    amplitudes, ratios = [], []
+    for frequency in frequencies:
+        gain = abs(trial.gain(2j * math.pi * frequency))
+        amplitude = min(wanted / gain if gain else math.inf, 0.9 * trial.largest)
+        amplitudes.append(amplitude)
+        ratios.append(_sine_ratio(trial, float(frequency), amplitude, settle))
+    table = np.array(ratios)
+    found = FrequencyValidity(
+        input=linear.input_names[0],
+        output=trial.quantity.name,
+        gain_within=gain_within,
+        phase_within=phase_within,
+        lower=math.nan,
+        upper=math.nan,
+        frequencies_hz=frequencies,
+        amplitudes=np.array(amplitudes),
+        gain_ratios=np.abs(table),
+        phase_errors=np.angle(table),
+    )
+    band = _longest_run(found.agrees)
+    if band is None:
+        return found
+    return replace(found, lower=float(frequencies[band[0]]), upper=float(frequencies[band[1]]))
+
+
+def _sine_ratio(trial: Comparison, frequency: float, amplitude: float, settle: float) -> complex:
+    """Return the fundamental of the plant's output over that of the linear model's."""
+    period = 1.0 / frequency
+    start = math.ceil((settle + period) / period) * period
+    total = math.ceil((start + 3.0 * period) / (SAMPLE_TIME * BLOCK)) * BLOCK
+    time = np.asarray(SAMPLE_TIME * np.arange(total), dtype=float)
+    change = amplitude * np.sin(2 * math.pi * frequency * time)
+    try:
+        actual = trial.plant(change)
+    except NumericalError:
+        return complex(math.nan)
+    seen = (time >= start) & (time < start + 3.0 * period)
+    fit = _fundamental(time[seen], frequency)
+    return fit(actual[seen]) / fit(trial.linear(change)[seen])
+
+
+def _fundamental(time: Vector, frequency: float) -> Callable[[Vector], complex]:
+    """Return a fit of the fundamental beside a slow drift."""
+    phase = 2 * math.pi * frequency * time
+    slow = (time - time.mean()) / (np.ptp(time) or 1.0)
+    basis = np.column_stack([np.cos(phase), np.sin(phase), np.ones_like(time), slow, slow**2])
+
+    def fit(y: Vector) -> complex:
+        found = np.linalg.lstsq(basis, y, rcond=None)[0]
+        return complex(found[0], -found[1])
+
+    return fit
+
+
+def _longest_run(flags: npt.NDArray[np.bool_]) -> tuple[int, int] | None:
+    best: tuple[int, int] | None = None
+    start = None
+    for i, flag in enumerate([*flags.tolist(), False]):
+        if flag and start is None:
+            start = i
+        elif not flag and start is not None:
+            if best is None or i - start > best[1] - best[0] + 1:
+                best = (start, i - 1)
+            start = None
+    return best

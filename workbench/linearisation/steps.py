@@ -1,0 +1,179 @@
+"""How large a step may be: steps on the full plant against the linear response."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import NumericalError, check_range
+from workbench.linearisation.comparison import BLOCK, SAMPLE_TIME, Comparison, horizon_of
+from workbench.linearisation.linear_model import LinearModel
+from workbench.model.units import from_si
+
+Vector = npt.NDArray[np.float64]
+
+_GRID = 13
+_BISECTIONS = 4
+
+
+@dataclass(frozen=True)
+class AmplitudeValidity:
+    """Steps of an input for which the linear response holds.
+
+    Args:
+        input: Name of the input.
+        output: Output that was compared.
+        within: Largest deviation allowed, as a fraction of the largest linear response.
+        horizon: Length of the comparison after the step, in s.
+        lower: Smallest step that holds, in SI of the linear model's input; NaN if none does.
+        upper: Largest step that holds, in SI of the linear model's input; NaN if none does.
+        amplitudes: Steps that were tried, in both directions, shape (n,), in SI.
+        errors: Deviation of the worse direction, as a fraction, shape (n,), dimensionless.
+        moves: Largest linear response to each step, shape (n,), in SI of the output.
+        unit: Unit in which the output is shown.
+
+    Example:
+        >>> a = np.array([0.1, 1.0])
+        >>> holds = AmplitudeValidity("u", "y", 0.1, 1.0, 0.1, 0.5, a, 0.2 * a, a, "1")
+        >>> holds.best
+        0.1
+    """
+
+    input: str
+    output: str
+    within: float
+    horizon: float
+    lower: float
+    upper: float
+    amplitudes: Vector
+    errors: Vector
+    moves: Vector
+    unit: str
+
+    @property
+    def best(self) -> float:
+        """Step with the smallest deviation, in SI of the linear model's input."""
+        return float(self.amplitudes[int(np.argmin(self.errors))])
+
+    def __str__(self) -> str:
+        """Return one line: the steps that hold, or how close the best one comes."""
+        i = int(np.argmin(self.errors))
+        moved = from_si(float(self.moves[i]), self.unit)
+        closest = (
+            f"closest at {self.amplitudes[i]:.3g} with {100 * self.errors[i]:.0f} %, where"
+            f" {self.output} moves {moved:.3g} {self.unit}"
+        )
+        head = f"steps of {self.input} over {self.horizon:.3g} s"
+        if math.isnan(self.upper):
+            return f"{head}: none holds within {100 * self.within:.0f} %; {closest}"
+        top = from_si(float(np.interp(self.upper, self.amplitudes, self.moves)), self.unit)
+        return (
+            f"{head}: hold within {100 * self.within:.0f} % from {self.lower:.3g} to"
+            f" {self.upper:.3g} ({self.output} moves up to {top:.3g} {self.unit}); {closest}"
+        )
+
+
+def amplitude_validity(
+    linear: LinearModel,
+    *,
+    output: str = "",
+    within: float = 0.1,
+    horizon: float | None = None,
+) -> AmplitudeValidity:
+    """Find the steps of the first input for which the linear response holds.
+
+    Steps of growing size, in both directions, from a thousandth of the input's range on, run on
+    the exact plant and on the linear model; the ends of the band that holds are bisected.
+
+    Args:
+        linear: The linear model.
+        output: Output to compare; the first by default.
+        within: Deviation allowed, as a fraction of the largest linear response.
+        horizon: Length of the comparison, in s; by default two periods of the slowest oscillation,
+            or three time constants.
+
+    Returns:
+        The band of steps.
+
+    Raises:
+        WorkbenchError: If an argument is outside its range.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis().without("coulomb_friction")
+        >>> holds = amplitude_validity(linearise(operating_point(axis)))
+        >>> round(holds.upper)  # a linear plant: up to the largest force
+        350
+    """
+    check_range("deviation", within, 1e-6, 10.0)
+    trial = Comparison(linear, output)
+    length = horizon_of(linear) if horizon is None else horizon
+    check_range("horizon", length, SAMPLE_TIME, 60.0, "s")
+    blocks = max(1, math.ceil(length / (SAMPLE_TIME * BLOCK)))
+    counted = min(blocks * BLOCK, max(2, round(length / SAMPLE_TIME)))
+
+    def error(step: float) -> tuple[float, float]:
+        worst, move = 0.0, 0.0
+        for sign in (1.0, -1.0):
+            held = np.full(blocks * BLOCK, sign * step)
+            predicted = trial.linear(held)[:counted]
+            move = float(np.max(np.abs(predicted)))
+            try:
+                actual = trial.plant(held)[:counted]
+            except NumericalError:
+                return math.inf, move
+            worst = max(worst, float(np.max(np.abs(actual - predicted))) / (move or 1.0))
+        return worst, move
+
+    steps = trial.largest * np.logspace(-3.0, 0.0, _GRID)
+    tried = {float(step): error(float(step)) for step in steps}
+
+    def end(inside: float, outside: float) -> float:
+        for _ in range(_BISECTIONS):
+            middle = math.sqrt(inside * outside)
+            tried[middle] = error(middle)
+            if tried[middle][0] <= within:
+                inside = middle
+            else:
+                outside = middle
+        return inside
+
+    band = _band_around_best(np.array([tried[float(s)][0] for s in steps]), within)
+    lower = upper = math.nan
+    if band is not None:
+        first, last = band
+        lower, upper = float(steps[first]), float(steps[last])
+        if first > 0:
+            lower = end(lower, float(steps[first - 1]))
+        if last < len(steps) - 1:
+            upper = end(upper, float(steps[last + 1]))
+    amplitudes = np.array(sorted(tried))
+    return AmplitudeValidity(
+        input=linear.input_names[0],
+        output=trial.quantity.name,
+        within=within,
+        horizon=counted * SAMPLE_TIME,
+        lower=lower,
+        upper=upper,
+        amplitudes=amplitudes,
+        errors=np.array([tried[a][0] for a in amplitudes]),
+        moves=np.array([tried[a][1] for a in amplitudes]),
+        unit=trial.quantity.display_unit,
+    )
+
+
+def _band_around_best(errors: Vector, within: float) -> tuple[int, int] | None:
+    best = int(np.argmin(errors))
+    if not errors[best] <= within:
+        return None
+    first = last = best
+    while first > 0 and errors[first - 1] <= within:
+        first -= 1
+    while last < len(errors) - 1 and errors[last + 1] <= within:
+        last += 1
+    return first, last
