@@ -33,4 +33,6 @@ def demo(
     result = run_demo(out, data=data, progress=progress)
     progress.done()
     typer.echo(str(result))
+    if result.interrupted:
+        raise KeyboardInterrupt
     return 0 if result.complete else 1

@@ -55,6 +55,9 @@ def run(arguments: Sequence[str]) -> int:
     """
     try:
         status = app(args=list(arguments), standalone_mode=False)
+        # Typer turns Ctrl-C into this status without a word.
+        if status == INTERRUPTED:
+            raise KeyboardInterrupt
     except (typer.Abort, KeyboardInterrupt):
         _complain("interrupted; what was finished is kept")
         return INTERRUPTED

@@ -22,7 +22,7 @@ ANGLES_DEG = (0, 10, 20, 30, 40, 50, 60)
 LOADS_KG = (0, 3, 8)
 MEAN_PRESSURE = 3e5
 DRAWN_LOAD_KG = 3
-FREQUENCY = np.geomspace(0.05, 50.0, 300)
+FREQUENCY = np.geomspace(0.05, 20.0, 300)
 
 BANDS_HZ = {0: (5.0, 6.6), 3: (1.7, 2.3), 8: (1.1, 1.5)}
 """Smallest and largest frequency of the swing of the arm by load, in Hz."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 
-from workbench.data_folder import ENVIRONMENT_VARIABLE, data_folder
+from workbench.data_folder import ENVIRONMENT_VARIABLE, data_folder, external_data
 from workbench.demo.part import Part
 from workbench.errors import WorkbenchError
 from workbench.files import whole_folder, write_whole
@@ -93,7 +93,8 @@ def run_demo(
         What was written.
 
     Raises:
-        WorkbenchError: If the folder cannot be written or the data folder does not exist.
+        WorkbenchError: If the folder cannot be written, or the data folder that is named does not
+            exist or does not hold the force maps.
 
     Example:
         >>> import tempfile
@@ -133,7 +134,13 @@ def run_demo(
 def _data(given: str | os.PathLike[str] | None) -> Path | None:
     if given is None and not os.environ.get(ENVIRONMENT_VARIABLE, "").strip():
         return None
-    return data_folder(given)
+    folder = data_folder(given)
+    if given is not None:
+        from workbench.demo.force_maps import FILE
+
+        # Who names a folder wants what is in it; to find out at the end would waste minutes.
+        external_data(FILE, folder)
+    return folder
 
 
 def _run(

@@ -1,0 +1,165 @@
+"""A mistake gets one clear sentence on the error stream, status 2, and leaves no file."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from workbench.cli.main import WRONG_USE, run
+
+CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
+    "angle outside": (["linearise", "--angle", "75"], ("angle is 75 deg", "0 to 60 deg")),
+    "angle of a verification": (
+        ["verify", "--to", "61deg"],
+        ("angle after the step is 61 deg", "0 to 60 deg"),
+    ),
+    "load outside": (["linearise", "--load", "12kg"], ("load is 12 kg", "0 to 8 kg")),
+    "load of a run": (
+        ["simulate", "--pulses", "0.9", "--load", "-1"],
+        ("load is -1 kg", "0 to 8 kg"),
+    ),
+    "unknown parameter": (
+        ["linearise", "-p", "valve_conductanc=3e-8"],
+        ("parameter is 'valve_conductanc'", "did you mean 'valve_conductance'"),
+    ),
+    "parameter outside": (
+        ["linearise", "-p", "critical_ratio=2"],
+        ("critical_ratio is 2", "0.15 to 0.4"),
+    ),
+    "parameter without value": (["linearise", "-p", "load"], ("has no value", "NAME=VALUE")),
+    "unknown unit": (
+        ["linearise", "--angle", "30degrees"],
+        ("unit 'degrees'", "did you mean 'deg'"),
+    ),
+    "wrong unit": (
+        ["linearise", "--mean-pressure", "3kg"],
+        ("mean pressure '3kg'", "does not measure it", "3bar"),
+    ),
+    "not finite": (["linearise", "--angle", "nan"], ("angle 'nan' is not a finite number",)),
+    "infinite": (["simulate", "--valve", "0:inf"], ("'inf' is not a finite number",)),
+    "huge": (["linearise", "--mean-pressure", "1e999"], ("not a finite number",)),
+    "not a number": (["linearise", "--load", "three"], ("load 'three' is not a number", "3kg")),
+    "unreachable trim": (
+        [
+            "linearise",
+            "--plane",
+            "vertical",
+            "--angle",
+            "0",
+            "--load",
+            "8kg",
+            "--supply",
+            "2bar",
+        ],
+        # 8 kg held horizontal needs 30.8 N m; 6 bar give 52.6 N m there, so 2 bar hold half of it.
+        ("8 kg", "possible would be load from 0 to 4.", "supply pressure from 3.5"),
+    ),
+    "unknown plane": (["linearise", "--plane", "sideways"], ("plane is 'sideways'", "vertical")),
+    "unknown effect": (
+        ["linearise", "--without", "frictoin"],
+        ("effect is 'frictoin'", "bearing_friction"),
+    ),
+    "unknown controller": (
+        ["verify", "-c", "pdi"],
+        ("controller is 'pdi'", "did you mean 'pid'"),
+    ),
+    "supply outside": (["linearise", "--supply", "20bar"], ("supply pressure is 20 bar",)),
+    "no voltage": (["simulate"], ("no valve voltage is given", "--valve 0:5.5")),
+    "voltage outside": (
+        ["simulate", "--valve", "0:12V"],
+        ("valve voltage is 12 V", "0 to 10 V"),
+    ),
+    "step without voltage": (["simulate", "--valve", "0"], ("has no voltage", "TIME:VOLTAGE")),
+    "two kinds of voltage": (
+        ["simulate", "--valve", "0:5", "--pulses", "1"],
+        ("both --valve and --pulses",),
+    ),
+    "pulses too high": (["simulate", "--pulses", "7V"], ("pulse amplitude is 7 V",)),
+    "missing data folder": (
+        ["demo", "--data", "no-such-folder"],
+        ("data folder 'no-such-folder' does not exist",),
+    ),
+    "unknown option": (
+        ["linearise", "--angel", "30"],
+        ("No such option: --angel", "linearise --help"),
+    ),
+    "unknown verb": (["linearize"], ("linearize", "--help")),
+    "option without value": (["linearise", "--angle"], ("--angle", "--help")),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_one_sentence_and_status_2(
+    name: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments, words = CASES[name]
+    monkeypatch.chdir(tmp_path)
+    out = [] if name in ("unknown verb", "option without value") else ["--out", "result"]
+    assert run([arguments[0], *out, *arguments[1:]]) == WRONG_USE
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.count("\n") == 1 and "Traceback" not in printed.err
+    assert printed.err.startswith("workbench: ")
+    for word in words:
+        assert word in printed.err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("verb", [["demo"], ["linearise"], ["simulate", "--valve", "0:5"]])
+def test_an_unwritable_place_is_one_sentence(
+    verb: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    # A file in the way cannot be written into by anyone, the administrator included.
+    (tmp_path / "file").write_text("precious")
+    assert run([*verb, "--out", str(tmp_path / "file" / "out")]) == WRONG_USE
+    sentence = capsys.readouterr().err.splitlines()[-1]
+    assert "cannot be written" in sentence and "where you may write" in sentence
+    assert (tmp_path / "file").read_text() == "precious"
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_folder_without_permission_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    import tempfile
+
+    def refuse(*args: object, **options: object) -> str:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(tempfile, "mkdtemp", refuse)
+    assert run(["demo", "--out", str(tmp_path / "out")]) == WRONG_USE
+    assert "permission denied" in capsys.readouterr().err
+
+
+def test_demo_onto_a_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "demo"
+    target.write_text("precious")
+    assert run(["demo", "--out", str(target)]) == WRONG_USE
+    assert "is a file; give the name of a folder" in capsys.readouterr().err
+    assert target.read_text() == "precious"
+
+
+def test_a_data_folder_without_the_force_maps_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "data").mkdir()
+    assert run(["demo", "--out", str(tmp_path / "out"), "--data", str(tmp_path / "data")]) == 2
+    assert "holds no" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_main_leaves_with_the_status(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from workbench.cli import main
+
+    monkeypatch.setattr(sys, "argv", ["workbench", "linearise", "--angle", "75"])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == WRONG_USE
+    assert "angle is 75 deg" in capsys.readouterr().err

@@ -1,0 +1,122 @@
+"""Each verb does what its help says and prints numbers that an independent route gives."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.cli.main import INTERRUPTED, REQUIREMENTS_MISSED, run
+from workbench.cli.quantity import quantity
+from workbench.operating_point import operating_point
+from workbench.plants.arm import arm
+from workbench.recordings import read_recording
+
+
+@pytest.mark.parametrize("verb", ["demo", "simulate", "linearise", "verify"])
+def test_help_says_what_a_verb_does(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([verb, "--help"]) == 0
+    text = capsys.readouterr().out
+    assert "--out" in text and "--help" in text and "Usage" in text
+
+
+def test_help_lists_the_verbs_and_where_to_start(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--help"]) == 0
+    text = capsys.readouterr().out
+    for word in ("demo", "simulate", "linearise", "verify", "30deg"):
+        assert word in text
+
+
+def test_simulate_writes_a_recording_that_reads_back(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run.csv"
+    steps = ["--valve", "0:5.6", "--valve", "500ms:4.4V"]
+    assert run(["simulate", *steps, "--duration", "1s", "--out", str(out)]) == 0
+    assert "tighter run" in capsys.readouterr().out
+    recording = read_recording(out)
+    assert len(recording) == 500
+    valve = recording["valve"]
+    assert set(np.unique(valve)) == {4.4, 5.6}
+    assert valve[249] == 5.6 and valve[250] == 4.4
+    # The run starts at rest at 30 deg; the valve then fills muscle 1, which raises the angle.
+    assert math.degrees(recording["angle"][0]) == pytest.approx(30.0, abs=1e-4)
+    assert recording["angle"][250] > recording["angle"][0]
+
+
+def test_simulate_uses_the_changed_plant(tmp_path: Path) -> None:
+    ends = []
+    for name, options in (("a", []), ("b", ["--load", "8kg"])):
+        out = tmp_path / f"{name}.csv"
+        assert run(["simulate", "--valve", "0:5.9", "--duration", "0.3s", "--out", str(out)]
+                   + options) == 0
+        ends.append(read_recording(out)["angle"][-1])
+    assert ends[0] > ends[1] + math.radians(1.0)
+
+
+def test_linearise_writes_the_matrices(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "linear.json"
+    arguments = ["linearise", "--angle", "0.349066rad", "--mean-pressure", "300kPa"]
+    assert run([*arguments, "--out", str(out)]) == 0
+    assert "operating point of arm" in capsys.readouterr().out
+    content = json.loads(out.read_text())
+    # The paper's plant rests at 20 deg with 2.54 and 3.46 bar when both add up to 6 bar.
+    assert content["outputs"]["pressure_1"] / 1e5 == pytest.approx(2.54, abs=0.01)
+    assert content["outputs"]["pressure_2"] / 1e5 == pytest.approx(3.46, abs=0.01)
+    # The swing of the arm with 3 kg, 1.7 to 2.3 Hz, must be among the poles of the matrix.
+    poles = np.linalg.eigvals(np.array(content["A"]))
+    swings = np.abs(poles[np.abs(poles.imag) > 1.0]) / (2 * math.pi)
+    assert any(1.7 <= f <= 2.3 for f in swings)
+
+
+def test_linearise_uses_parameters_with_units(tmp_path: Path) -> None:
+    out = tmp_path / "linear.json"
+    arguments = ["linearise", "-p", "supply_pressure=5.5bar", "--without", "bearing_friction"]
+    assert run([*arguments, "--out", str(out)]) == 0
+    model = arm(3).without("bearing_friction").with_parameters({"supply_pressure": 5.5e5})
+    point = operating_point(model, {"angle": math.radians(30)})
+    found = json.loads(out.read_text())["outputs"]["pressure_1"]
+    assert found == pytest.approx(point["pressure_1"], rel=1e-9)
+
+
+def test_verify_scores_a_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "metrics.json"
+    assert run(["verify", "-c", "pid", "--hysteresis", "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "steady_error" in text and "met" in text
+    found = json.loads(out.read_text())["runs"]["cascade PID"]
+    assert found["steady_error"]["value"] < math.radians(0.3)
+
+
+def test_verify_says_when_a_requirement_is_missed(capsys: pytest.CaptureFixture[str]) -> None:
+    # A controller designed for 1 kg moves eight times that inertia: it cannot stay within 10 %.
+    arguments = ["verify", "-c", "pid", "--load", "8kg", "--design-load", "1kg"]
+    assert run([*arguments, "--to", "55deg"]) == REQUIREMENTS_MISSED
+    assert "FAILED" in capsys.readouterr().out
+
+
+def test_ctrl_c_is_one_sentence(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    import workbench.demo
+
+    def interrupt(*args: object, **options: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(workbench.demo, "run_demo", interrupt)
+    assert run(["demo", "--out", str(tmp_path / "out")]) == INTERRUPTED
+    assert capsys.readouterr().err.splitlines()[-1].startswith("workbench: interrupted")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [("30", "deg", 30.0), ("0.5 rad", "deg", 28.6478897565), ("300kPa", "bar", 3.0),
+     ("-.5e1", "V", -5.0), ("2ms", "s", 0.002), ("3000 g", "kg", 3.0)],
+)
+def test_values_carry_their_unit(text: str, unit: str, value: float) -> None:
+    assert quantity("value", text, unit) == pytest.approx(value, rel=1e-10)
