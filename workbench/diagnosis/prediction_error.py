@@ -10,27 +10,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.diagnosis.filter import FilterCall, filter_function, substeps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
-from workbench.model import EXACT, Face, Model, Trace
+from workbench.model import EXACT, Face, Model
 from workbench.model.model import index_of
-from workbench.simulation.compiled import compiled
 
 Vector = npt.NDArray[np.float64]
-
-OUTLIER_SIGMA = 5.0
-"""Innovations beyond this many standard deviations are taken as outliers: their variance is
-enlarged so that they count as this many."""
 
 CORRELATION_TIME = 0.1
 """Time over which an unmodelled signal at a port is taken as correlated, s."""
 
-_BLOCK = 20
+_BLOCK = 100
 """Samples per call of the filter."""
 
 
@@ -130,22 +124,23 @@ class PredictionError:
         self._columns = tuple(index_of("parameter", name, model.parameters) for name in self.free)
         self.state_scale = np.array([q.scale for q in model.states])
         self.free_scale = np.array([model.parameters[i].scale for i in self._columns])
-        ports = [port.name for port in model.ports]
-        self._pushed: dict[int, float] = {}
+        names = [port.name for port in model.ports]
+        # White noise of the same power at low frequency as the correlated signal.
+        white = 2 * CORRELATION_TIME * self.sample_time
+        variances: dict[int, list[float]] = {}
+        for i, port in enumerate(model.ports):
+            if port.disturbance > 0 or port.relative_disturbance > 0:
+                variances[i] = [0.0, port.relative_disturbance**2 * white]
         for name, rms in self.disturbances.items():
-            check_choice("port", name, ports)
-            # White noise of the same power at low frequency as the correlated signal.
-            self._pushed[ports.index(name)] = rms * np.sqrt(2 * CORRELATION_TIME * self.sample_time)
-        self._relative = {
-            i: port.relative_disturbance * np.sqrt(2 * CORRELATION_TIME * self.sample_time)
-            for i, port in enumerate(model.ports)
-            if port.relative_disturbance > 0
-        }
+            check_choice("port", name, names)
+            variances.setdefault(names.index(name), [0.0, 0.0])[0] = rms**2 * white
+        self._ports = tuple(sorted(variances))
+        self._variances = np.array([variances[i] for i in self._ports]).reshape(-1, 2)
         self._output_scale = np.array([model.outputs[i].scale for i in self._rows])
-        self._substeps = _substeps(model, self.sample_time)
+        self._substeps = substeps_of(model, self.sample_time)
         certain = {index_of("state", name, model.states) for name in self.certain}
         self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
-        self._functions: dict[int, ca.Function] = {}
+        self._call: FilterCall | None = None
 
     def run(self, observed: Observed, values: npt.ArrayLike) -> Innovations:
         """Run the filter along a recording.
@@ -175,26 +170,26 @@ class PredictionError:
         sensitivity = np.zeros((n_x, n_f))
         whitened, jacobian = np.empty((n, n_y)), np.empty((n, n_y, n_f))
         log_deviation, states = np.empty((n, n_y)), np.empty((n, len(z)))
-        k = 0
-        while k < n:
-            size = _BLOCK if k + _BLOCK <= n else 1
+        call = self._filter()
+        for k in range(0, n, _BLOCK):
+            rows = np.minimum(np.arange(k, k + _BLOCK), n - 1)
+            size = min(_BLOCK, n - k)
             block = slice(k, k + size)
-            result = self._function(size)(
-                z,
+            ends, covariances, sensitivities, e, j, logs, filtered = call(
+                z[:, None],
                 covariance,
                 sensitivity,
-                observed.inputs[block].T,
-                read[block].T,
-                variance[block].T,
-                p,
+                observed.inputs[rows].T,
+                read[rows].T,
+                variance[rows].T,
+                p[:, None],
+                self._variances,
             )
-            ends, covariances, sensitivities, e, j, logs, filtered = (np.asarray(r) for r in result)
-            z, covariance = ends[:, -1], covariances[:, -n_x:]
-            sensitivity = sensitivities[:, sensitivities.shape[1] - n_f :]
-            whitened[block], log_deviation[block] = e.T, logs.T
-            jacobian[block] = j.reshape(n_y, size, n_f, order="C").transpose(1, 0, 2)
-            states[block] = filtered.T * self.state_scale
-            k += size
+            z, covariance = ends[:, -1].copy(), covariances[:, -n_x:].copy()
+            sensitivity = sensitivities[:, sensitivities.shape[1] - n_f :].copy()
+            whitened[block], log_deviation[block] = e.T[:size], logs.T[:size]
+            jacobian[block] = j.reshape(n_y, _BLOCK, n_f, order="C").transpose(1, 0, 2)[:size]
+            states[block] = filtered.T[:size] * self.state_scale
         whitened[missing], log_deviation[missing] = np.nan, np.nan
         jacobian[missing] = 0.0
         if not (np.isfinite(states).all() and np.isfinite(jacobian).all()):
@@ -204,201 +199,24 @@ class PredictionError:
             )
         return Innovations(whitened, jacobian, log_deviation, states)
 
-    def _function(self, samples: int) -> ca.Function:
-        if samples not in self._functions:
-            self._functions[samples] = _filter(
-                self.model.face(self.face),
-                tuple(self.state_scale),
-                tuple(self._output_scale),
-                self._rows,
-                self._columns,
-                self._corrected,
-                tuple(self.free_scale),
-                tuple(self._pushed.items()),
-                tuple(self._relative.items()),
-                self.sample_time,
-                self._substeps,
-                samples,
+    def _filter(self) -> FilterCall:
+        if self._call is None:
+            self._call = FilterCall(
+                filter_function(
+                    self.model.face(self.face),
+                    tuple(self.state_scale),
+                    tuple(self._output_scale),
+                    self._rows,
+                    self._columns,
+                    self._corrected,
+                    tuple(self.free_scale),
+                    self._ports,
+                    self.sample_time,
+                    self._substeps,
+                    _BLOCK,
+                )
             )
-        return self._functions[samples]
-
-
-def _substeps(model: Model, sample_time: float) -> int:
-    """Choose Runge-Kutta steps per sample from the fastest mode at the starting state."""
-    fastest = 0.0
-    for face in ("exact", "smooth"):
-        jacobian = model.face(face).jacobian_function(
-            model.initial_state(), model.nominal_input, model.values
-        )[0]
-        matrix = np.nan_to_num(np.asarray(jacobian, dtype=float))
-        fastest = max(fastest, float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)))
-    # Half the stability limit of the classical method, and 1 ms at most for contacts, which the
-    # starting state does not show.
-    return int(np.clip(np.ceil(sample_time * max(fastest / 1.3, 1000.0)), 1, 50))
-
-
-@lru_cache(maxsize=32)
-def _filter(
-    traced: Trace,
-    state_scale: tuple[float, ...],
-    output_scale: tuple[float, ...],
-    rows: tuple[int, ...],
-    columns: tuple[int, ...],
-    corrected: tuple[int, ...],
-    free_scale: tuple[float, ...],
-    pushed: tuple[tuple[int, float], ...],
-    relative: tuple[tuple[int, float], ...],
-    sample_time: float,
-    substeps: int,
-    samples: int,
-) -> ca.Function:
-    sx, sy, sp = np.array(state_scale), np.array(output_scale), np.array(free_scale)
-    z, u, p = ca.SX.sym("z", len(sx)), traced.u, traced.p
-    rates = ca.substitute(traced.rates, traced.x, z * sx) / sx
-    reads = ca.substitute(traced.outputs[list(rows)], traced.x, z * sx) / sy
-    free = p[list(columns)] if columns else ca.SX(0, 1)
-    kept = list(corrected)
-
-    def by_parameters(expression: ca.SX) -> ca.SX:
-        if not columns:
-            return ca.SX(expression.numel(), 0)
-        return ca.mtimes(ca.jacobian(expression, free), ca.diag(ca.SX(sp)))
-
-    rate = ca.Function("rate", [z, u, p], [rates], {"cse": True})
-    slope = ca.Function(
-        "slope",
-        [z, u, p],
-        [
-            ca.densify(ca.jacobian(rates[kept], z)[:, kept]),
-            ca.densify(by_parameters(rates[kept])),
-        ],
-        {"cse": True},
-    )
-    read = ca.Function(
-        "read",
-        [z, u, p],
-        [reads, ca.densify(ca.jacobian(reads, z)[:, kept]), ca.densify(by_parameters(reads))],
-        {"cse": True},
-    )
-    process = _process_noise(traced, z, sx, dict(pushed), dict(relative))
-    noise = ca.Function("noise", [z, u, p], [process[kept, kept]])
-    step = _sample(
-        rate,
-        slope,
-        read,
-        noise,
-        kept,
-        len(sx),
-        u.numel(),
-        p.numel(),
-        len(sy),
-        len(sp),
-        sample_time,
-        substeps,
-    )
-    if samples > 1:
-        step = step.mapaccum("samples", samples, 3)
-    block = [
-        ca.MX.sym("z", len(sx)),
-        ca.MX.sym("P", len(kept), len(kept)),
-        ca.MX.sym("G", len(kept), len(sp)),
-        ca.MX.sym("u", u.numel(), samples),
-        ca.MX.sym("y", len(sy), samples),
-        ca.MX.sym("r", len(sy), samples),
-        ca.MX.sym("p", p.numel()),
-    ]
-    result = step(*block[:6], ca.repmat(block[6], 1, samples))
-    return compiled(ca.Function("filter", block, list(result)))
-
-
-def _process_noise(
-    traced: Trace,
-    z: ca.SX,
-    scale: Vector,
-    pushed: Mapping[int, float],
-    relative: Mapping[int, float],
-) -> ca.SX:
-    """Covariance that the disturbances at the ports add in one sample."""
-    ports = sorted({*pushed, *relative})
-    if not ports:
-        return ca.SX.zeros(len(scale), len(scale))
-    sizes = []
-    for i in ports:
-        signal = traced.signals[traced.signal_names.index(traced.ports[i].name)]
-        sizes.append(ca.sqrt(pushed.get(i, 0.0) ** 2 + (relative.get(i, 0.0) * signal) ** 2))
-    slope = ca.mtimes(traced.rates_by_port[:, ports], ca.diag(ca.vcat(sizes)))
-    slope = ca.substitute(slope, traced.x, z * scale) / scale
-    return ca.densify(ca.mtimes(slope, slope.T))
-
-
-def _sample(
-    rate: ca.Function,
-    slope: ca.Function,
-    read: ca.Function,
-    noise: ca.Function,
-    kept: list[int],
-    n_x: int,
-    n_u: int,
-    n_p: int,
-    n_y: int,
-    n_f: int,
-    sample_time: float,
-    substeps: int,
-) -> ca.Function:
-    z0, covariance0 = ca.MX.sym("z", n_x), ca.MX.sym("P", len(kept), len(kept))
-    sensitivity0 = ca.MX.sym("G", len(kept), n_f)
-    u, y, r = ca.MX.sym("u", n_u), ca.MX.sym("y", n_y), ca.MX.sym("r", n_y)
-    p = ca.MX.sym("p", n_p)
-    predicted, by_state, by_free = read(z0, u, p)
-    moved, covariance, sensitivity = ca.MX.zeros(len(kept)), covariance0, sensitivity0
-    whitened, rows, logs = [], [], []
-    for i in range(n_y):
-        h = by_state[i, :]
-        error = y[i] - predicted[i] - ca.mtimes(h, moved)
-        gain = ca.mtimes(covariance, h.T)
-        variance = ca.mtimes(h, gain) + r[i]
-        # An outlier counts as OUTLIER_SIGMA and corrects the state no more than that.
-        variance = ca.fmax(variance, (error / OUTLIER_SIGMA) ** 2)
-        row = -(ca.mtimes(h, sensitivity) + by_free[i, :])
-        deviation = ca.sqrt(variance)
-        whitened.append(error / deviation)
-        rows.append(row / deviation)
-        logs.append(ca.log(deviation))
-        moved = moved + gain * (error / variance)
-        sensitivity = sensitivity + ca.mtimes(gain / variance, row)
-        covariance = covariance - ca.mtimes(gain, gain.T) / variance
-    # Rows of the unit matrix put the correction on the states that are corrected.
-    filtered = z0 + ca.mtimes(ca.DM.eye(n_x)[:, kept], moved)
-    z = filtered
-    h = sample_time / substeps
-    identity = ca.DM.eye(len(kept))
-    for _ in range(substeps):
-        middle = z + 0.5 * h * rate(z, u, p)
-        a, b = slope(middle, u, p)
-        k1 = rate(z, u, p)
-        k2 = rate(middle, u, p)
-        k3 = rate(z + 0.5 * h * k2, u, p)
-        k4 = rate(z + h * k3, u, p)
-        z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        ha = h * a
-        half = identity + 0.5 * ca.mtimes(ha, identity + ha / 3)
-        transition = identity + ca.mtimes(ha, half)
-        sensitivity = ca.mtimes(transition, sensitivity) + h * ca.mtimes(half, b)
-        covariance = ca.mtimes(ca.mtimes(transition, covariance), transition.T)
-    covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p)
-    return ca.Function(
-        "sample",
-        [z0, covariance0, sensitivity0, u, y, r, p],
-        [
-            z,
-            covariance,
-            sensitivity,
-            ca.vcat(whitened),
-            ca.vcat(rows),
-            ca.vcat(logs),
-            filtered,
-        ],
-    )
+        return self._call
 
 
 def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:
@@ -412,7 +230,8 @@ def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:
         reading are left out.
 
     Example:
-        >>> one = Innovations(np.ones((2, 1)), np.ones((2, 1, 3)), np.zeros((2, 1)), np.ones((2, 1)))
+        >>> pair = np.ones((2, 1))
+        >>> one = Innovations(pair, np.ones((2, 1, 3)), pair, pair)
         >>> [array.shape for array in stack([one, one])]
         [(4,), (4, 3)]
     """
