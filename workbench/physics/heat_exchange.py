@@ -65,5 +65,10 @@ def heat_exchange(
             ),
             Parameter("area", "m2", value=area, lower=1e-5, upper=1.0, source="paper, Figure 2"),
         ),
-        about=About("Q = h S (T_wall - T)", "line [15] of the paper's Figure 3"),
+        about=About(
+            "Q = h S (T_wall - T)",
+            "line [15] of the paper's Figure 3",
+            look_alikes=("polytropic_exchange",),
+            separated_by="steps of pressure: how fast the pressure relaxes after the valve shuts",
+        ),
     )

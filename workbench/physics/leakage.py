@@ -55,7 +55,12 @@ def centre_leakage(
                 description="leakage of one edge, of full conductance",
             ),
         ),
-        about=About("opening + fraction", "5/3 servovalve with soft overlap"),
+        about=About(
+            "opening + fraction",
+            "5/3 servovalve with soft overlap",
+            look_alikes=("edge_leakage", "dead_band"),
+            separated_by="hold with the valve shut: how fast the mean pressure settles",
+        ),
     )
 
 

@@ -115,7 +115,7 @@ def line(
         about=About(
             "dp/dt = gamma R T (flow_valve - flow_chamber) / V",
             "lumped volume on every port of the paper's valve; ISO 6358 restriction",
-            look_alikes=("spool_bandwidth", "pressure_sensor_lag", "sensor_lag"),
+            look_alikes=("spool_bandwidth", "sensor_lag"),
             separated_by="fast valve pulses with a flow meter",
         ),
     )

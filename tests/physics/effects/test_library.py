@@ -1,0 +1,246 @@
+"""Every entry of the library: absent at zero size, visible to derivatives there, well described."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from workbench.model import Model
+from workbench.physics.braid_volume import flattened_ends
+from workbench.physics.entry import Entry
+from workbench.physics.library import library, look_alikes
+from workbench.plants.arm import arm
+from workbench.plants.arm.volume_effects import constant_volume
+from workbench.plants.cascaded_tanks import cascaded_tanks
+from workbench.plants.servo_axis import servo_axis
+
+
+def bare_arm() -> Model:
+    """The arm without the effects that its nominal plant has."""
+    return arm(3.0, force_law="petrovic").without(
+        "bearing_friction", "damper", "heat_exchange", "centre_leakage", "end_flattening"
+    )
+
+
+PLANTS = {
+    "arm": arm(3.0),
+    "vertical": arm(3.0, plane="vertical"),
+    "bare": bare_arm(),
+    "constant": arm(3.0).with_effect(constant_volume()),
+    "servo": servo_axis(),
+    "tanks": cascaded_tanks().without("overflow"),
+}
+
+# An effect shows only where something moves, so there are several states: in motion, at the lower
+# stop and on the load cell, and near the upper end at high pressure.
+STATES: dict[str, list[dict[str, float]]] = {
+    "arm": [
+        {"angle": 0.6, "speed": 0.7, "spool": 0.6, "spool_speed": 30.0, "pressure_1": 5e5,
+         "pressure_2": 3e5, "temperature_1": 285.0, "temperature_2": 300.0},
+        {"angle": -0.004, "speed": -0.2, "spool": -0.8, "spool_speed": -20.0, "pressure_1": 3e5,
+         "pressure_2": 6e5, "temperature_1": 290.0, "temperature_2": 280.0},
+        {"angle": 0.95, "speed": 0.05, "spool": 0.2, "spool_speed": 5.0, "pressure_1": 6.5e5,
+         "pressure_2": 1.6e5, "temperature_1": 295.0, "temperature_2": 290.0},
+    ],
+    "servo": [{"position": 0.19, "speed": 0.2}, {"position": -0.0062, "speed": -0.01}],
+    "tanks": [{"upper_level": 8.0, "lower_level": 4.0}, {"upper_level": 3.0, "lower_level": 9.5}],
+}  # fmt: skip
+INPUTS = {"arm": [5.9], "servo": [150.0], "tanks": [4.0]}
+
+
+def states_of(plant: str) -> list[dict[str, float]]:
+    return STATES[plant if plant in STATES else "arm"]
+
+
+def inputs_of(plant: str) -> list[float]:
+    return INPUTS[plant if plant in INPUTS else "arm"]
+
+
+CASES = [
+    pytest.param(plant, entry, id=f"{plant}-{entry.name}")
+    for plant, model in PLANTS.items()
+    for entry in library(model)
+    # The other arms differ from the first in a few entries only.
+    if plant in STATES or entry.name not in {e.name for e in library(PLANTS["arm"])}
+]
+
+
+@dataclass
+class Excited:
+    """A model with an entry attached, and states in which its own states are not at rest."""
+
+    entry: Entry
+    base: Model
+    model: Model
+    x: list[np.ndarray]
+    u: list[float]
+
+
+def excite(plant: str, entry: Entry) -> Excited:
+    base = PLANTS[plant]
+    model = base.with_effect(entry.effect)
+    u = inputs_of(plant)
+    n = len(base.states)
+    states = []
+    for given in states_of(plant):
+        x = model.initial_state(given, u=u)
+        own = np.array([q.scale for q in model.states])[n:]
+        x[n:] += 0.1 * own * (1.0 + 0.3 * np.arange(len(own)))
+        states.append(x)
+    return Excited(entry, base, model, states, u)
+
+
+@pytest.mark.parametrize(("plant", "entry"), CASES)
+def test_zero_size_changes_nothing_and_has_a_derivative(plant: str, entry: Entry) -> None:
+    case = excite(plant, entry)
+    n = len(case.base.states)
+    scale = np.array(
+        [q.scale for q in case.base.states] + [q.scale for q in case.base.outputs], dtype=float
+    )
+    index = [q.name for q in case.model.parameters].index(f"{entry.name}.{entry.size_parameter}")
+    for face in ("exact", "smooth"):
+        trace = case.model.face(face)
+        everything = ca.vertcat(trace.rates[:n], trace.outputs)
+        by_size = ca.Function(
+            "by_size", [trace.x, trace.u, trace.p], [ca.jacobian(everything, trace.p[index])]
+        )
+        strongest = 0.0
+        for x in case.x:
+            with_effect = case.model.rates(x, case.u, face=face)[:n]
+            without = case.base.rates(x[:n], case.u, face=face)
+            # Differences of rounding only: forces of 1000 N are added and taken away again.
+            np.testing.assert_allclose(
+                with_effect / scale[:n], without / scale[:n], rtol=1e-9, atol=1e-9
+            )
+            np.testing.assert_allclose(
+                case.model.read(x, case.u, face=face),
+                case.base.read(x[:n], case.u, face=face),
+                rtol=1e-12,
+                atol=1e-12,
+            )
+            slope = np.asarray(by_size(x, case.u, case.model.values)).ravel()
+            assert np.all(np.isfinite(slope))
+            strongest = max(strongest, float(np.max(np.abs(slope) / scale)) * entry.typical_size)
+        assert strongest > 1e-4, "the derivative at zero size vanishes in every state"
+
+
+@pytest.mark.parametrize(("plant", "entry"), CASES)
+def test_derivatives_are_finite_also_at_rest(plant: str, entry: Entry) -> None:
+    case = excite(plant, entry)
+    rest = case.model.initial_state(u=case.base.nominal_input)
+    sized = case.model.with_parameters(
+        {f"{entry.name}.{entry.size_parameter}": entry.typical_size}
+    )
+    for model in (case.model, sized):
+        for face in ("exact", "smooth"):
+            trace = model.face(face)
+            everything = ca.vertcat(trace.rates, trace.outputs)
+            derivatives = trace.function(
+                "derivatives", ca.jacobian(everything, trace.x), ca.jacobian(everything, trace.p)
+            )
+            for x, u in [(rest, case.base.nominal_input), *((x, case.u) for x in case.x)]:
+                for block in derivatives(x, u, model.values):
+                    assert np.all(np.isfinite(np.asarray(block)))
+
+
+@pytest.mark.parametrize(("plant", "entry"), CASES)
+def test_only_stiff_entries_are_fast(plant: str, entry: Entry) -> None:
+    case = excite(plant, entry)
+    n = len(case.base.states)
+    model = case.model.with_parameters(
+        {f"{entry.name}.{entry.size_parameter}": entry.typical_size}
+    )
+    trace = model.smooth
+    own = ca.Function(
+        "own", [trace.x, trace.u, trace.p], [ca.jacobian(trace.rates[n:], trace.x[n:])]
+    )
+    fastest = max(
+        (
+            float(np.max(np.abs(np.linalg.eigvals(np.asarray(own(x, case.u, model.values))))))
+            for x in case.x
+            if len(x) > n
+        ),
+        default=0.0,
+    )
+    assert (fastest > 1500.0) <= entry.stiff, f"rate {fastest:.0f} 1/s"
+
+
+@pytest.mark.parametrize(("plant", "entry"), CASES)
+def test_entries_are_described(plant: str, entry: Entry) -> None:
+    about = entry.effect.about
+    assert about.equation
+    assert about.source
+    assert about.look_alikes
+    assert about.separated_by
+    assert entry.size.value == 0.0
+    assert 0.0 < entry.least_size <= entry.typical_size <= entry.largest_size
+    assert 0.2 * entry.typical_size <= entry.size.scale <= 5.0 * entry.typical_size
+    for q in entry.effect.parameters:
+        assert q.description or q.source, q.name
+    for shape in entry.shapes:
+        entry.at_size(entry.typical_size, shape)
+    assert entry.replaces == (entry.size_parameter == "share" and not entry.size.fitted)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+def test_names_are_unique_and_look_alikes_exist(plant: str) -> None:
+    entries = library(PLANTS[plant])
+    names = [entry.name for entry in entries]
+    assert len(set(names)) == len(names)
+    everywhere = {n for m in PLANTS.values() for e in library(m) for n in (e.name, e.law)}
+    nominal = {"spool_bandwidth"}
+    for entry in entries:
+        unknown = set(entry.effect.about.look_alikes) - everywhere - nominal
+        assert not unknown, f"{entry.name} names {unknown}"
+
+
+def test_what_is_attached_is_not_offered_again() -> None:
+    names = {entry.name for entry in library(arm(3.0))}
+    assert names.isdisjoint(
+        {"coulomb_friction", "viscous_friction", "heat_exchange", "centre_leakage", "phi_term"}
+    )
+    assert "flattened_ends" not in names
+    assert {"coulomb_friction", "viscous_friction", "heat_exchange", "centre_leakage"} <= {
+        entry.name for entry in library(bare_arm())
+    }
+    assert {"phi_term", "flattened_ends"} <= {entry.name for entry in library(bare_arm())}
+    assert "braid_volume" in {entry.name for entry in library(PLANTS["constant"])}
+
+
+def test_size_one_of_a_share_is_the_law() -> None:
+    """The offered flattening at share 1 is the effect of the nominal plant."""
+    nominal = arm(3.0)
+    rebuilt = nominal.without("end_flattening").with_effect(flattened_ends(share=1.0))
+    x, u = nominal.initial_state({"angle": 0.9}), [5.9]
+    np.testing.assert_allclose(rebuilt.rates(x, u), nominal.rates(x, u), rtol=1e-12)
+
+
+def test_outputs_limit_the_sensors() -> None:
+    entries = library(arm(), outputs=("angle", "pressure_1", "pressure_2"))
+    assert not any("load_cell" in port for entry in entries for port in entry.ports)
+    assert next(e for e in entries if e.name == "clock_shift").ports == (
+        "angle.reading",
+        "pressure_1.reading",
+        "pressure_2.reading",
+    )
+
+
+def test_look_alikes_are_mutual() -> None:
+    entries = library(arm(3.0))
+    for entry in entries:
+        for other in look_alikes(entry, entries):
+            assert entry in look_alikes(other, entries)
+
+
+def test_sensor_entries_act_on_readings_only() -> None:
+    for entry in library(arm(3.0)):
+        assert (entry.group == "sensor") == all(p.endswith(".reading") for p in entry.ports)
+
+
+def test_entry_refuses_an_unknown_size() -> None:
+    entry = library(servo_axis())[0]
+    with pytest.raises(Exception, match="size"):
+        replace(entry, size_parameter="size")

@@ -1,0 +1,113 @@
+"""Entries for air: leaks, lines, silencers, supply and the heat of the gas."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from workbench.model import Model
+from workbench.physics.entry import Entry
+from workbench.physics.heat_exchange import heat_exchange
+from workbench.physics.leakage import chamber_leakage, cross_leakage
+from workbench.physics.line import line, silencer
+from workbench.physics.polytropic import extra_heat_exchange, polytropic_exchange
+from workbench.physics.shared import shared
+from workbench.physics.supply import regulator_droop, supply_droop
+
+_GAS_SIGNALS = {"pressure", "temperature", "ambient_pressure", "ambient_temperature"}
+
+
+def entries(model: Model) -> Iterator[Entry]:
+    """Yield what chambers, lines and supply of air may lack.
+
+    Args:
+        model: The model; chambers are the ports ``chamber*.flow`` and ``chamber*.heat``.
+
+    Example:
+        >>> from workbench.plants.arm import arm
+        >>> [entry.name for entry in entries(arm())][:3]
+        ['chamber_leakage_1', 'chamber_leakage_2', 'cross_leakage']
+    """
+    ports = {q.name: q for q in model.ports}
+    chambers = tuple(
+        name
+        for name, q in ports.items()
+        if name.endswith(".flow") and set(q.signals) >= _GAS_SIGNALS
+    )
+    for name in chambers:
+        number = name.split(".")[0].rpartition("_")[2]
+        yield Entry(
+            chamber_leakage(name, conductance=0.0, name=f"chamber_leakage_{number}"),
+            "conductance",
+            5e-11,
+            5e-12,
+            law="chamber_leakage",
+        )
+    if len(chambers) == 2:
+        yield Entry(
+            cross_leakage((chambers[0], chambers[1]), conductance=0.0),
+            "conductance",
+            5e-11,
+            5e-12,
+        )
+    yield from _lines(ports.keys())
+    if "supply.pressure" in ports and "supply.flow" in model.exact.signal_names:
+        yield Entry(
+            supply_droop(share=0.0),
+            "share",
+            1.0,
+            0.5,
+            shapes=({"conductance": 1e-8}, {"conductance": 3e-9}),
+        )
+        yield Entry(
+            regulator_droop(resistance=0.0),
+            "resistance",
+            1e7,
+            5e5,
+            shapes=({"time_constant": 0.05}, {"time_constant": 0.5}),
+        )
+    yield from _heat(model)
+
+
+def _lines(names: object) -> Iterator[Entry]:
+    ports = set(names)  # type: ignore[call-overload]
+    numbers = (1, 2)
+    tubes = [i for i in numbers if {f"line_{i}.pressure", f"chamber_{i}.flow"} <= ports]
+    exhausts = [i for i in numbers if f"exhaust_{i}.pressure" in ports]
+    conductances = ({"conductance": 4e-8}, {"conductance": 1.5e-8})
+    backs = ({"conductance": 6e-8}, {"conductance": 1e-8})
+    for i in tubes:
+        effect = line(i, share=0.0)
+        yield Entry(effect, "share", 1.0, 0.5, law="line", shapes=conductances, stiff=True)
+    if len(tubes) == 2:
+        both = shared(tuple(line(i, share=0.0) for i in numbers), name="lines")
+        yield Entry(both, "share", 1.0, 0.5, law="line", shapes=conductances, stiff=True)
+    for i in exhausts:
+        effect = silencer(i, share=0.0)
+        yield Entry(effect, "share", 1.0, 0.5, law="silencer", shapes=backs, stiff=True)
+    if len(exhausts) == 2:
+        both = shared(tuple(silencer(i, share=0.0) for i in numbers), name="silencers")
+        yield Entry(both, "share", 1.0, 0.5, law="silencer", shapes=backs, stiff=True)
+
+
+def _heat(model: Model) -> Iterator[Entry]:
+    heats = tuple(
+        q.name
+        for q in model.ports
+        if q.name.endswith(".heat") and {"temperature", "wall_temperature"} <= set(q.signals)
+    )
+    if not heats:
+        return
+    attached = [e for e in model.effects if e.about.equation == heat_exchange().about.equation]
+    if attached:
+        nominal = attached[0].parameters[0].value
+        yield Entry(
+            extra_heat_exchange(heats, coefficient=0.0, lower=-nominal),
+            "coefficient",
+            200.0,
+            50.0,
+        )
+    else:
+        yield Entry(heat_exchange(heats, coefficient=0.0), "coefficient", 150.0, 20.0)
+    signals = {"pressure", "enthalpy_flow", "volume_rate"}
+    if all(signals <= set(q.signals) for q in model.ports if q.name in heats):
+        yield Entry(polytropic_exchange(heats, departure=0.0), "departure", 0.2, 0.03)

@@ -1,0 +1,429 @@
+"""Entries for forces and torques that move something: friction, hysteresis, springs, ripple."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from workbench.model import Model, Port
+from workbench.physics.delay import lag_chain
+from workbench.physics.drag import direction_dependent_viscous, quadratic_drag
+from workbench.physics.entry import Entry
+from workbench.physics.friction import coulomb_friction, viscous_friction
+from workbench.physics.load_error import load_error
+from workbench.physics.load_friction import load_dependent_friction
+from workbench.physics.loose_load import loose_load
+from workbench.physics.lugre import lugre_friction
+from workbench.physics.maxwell_slip import prandtl_ishlinskii
+from workbench.physics.offset_gain import offset
+from workbench.physics.position_torque import local_catch, local_friction, ripple
+from workbench.physics.saturation import saturation
+from workbench.physics.stiffness import cubic_stiffness, linear_spring
+from workbench.physics.stop_compliance import stop_compliance
+from workbench.physics.stribeck import stribeck_friction
+from workbench.physics.tilt import tilt_gravity
+
+_COORDINATES = {"N m": "rad", "N": "m"}
+_TEETH = (6.0, 12.0, 24.0, 36.0, 60.0)
+_PITCHES = (0.005, 0.01, 0.02)
+_PLACES = 6
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """A port of a force or torque with the units and sizes of its motion."""
+
+    port: Port
+    suffix: str
+    coordinate: str
+    coordinate_unit: str
+    speed: float
+    position: float
+    travel: tuple[float, float]
+
+    @property
+    def middle(self) -> float:
+        return 0.5 * (self.travel[0] + self.travel[1])
+
+    @property
+    def speed_unit(self) -> str:
+        return f"{self.coordinate_unit}/s"
+
+
+def _motions(model: Model) -> tuple[_Motion, ...]:
+    ports = [
+        q
+        for q in model.ports
+        if q.unit in _COORDINATES and "speed" in q.signals and "penetration" not in q.signals
+    ]
+    result = []
+    for port in ports:
+        unit = _COORDINATES[port.unit]
+        found = [name for name in ("angle", "position") if name in port.signals]
+        states = {q.unit: q for q in reversed(model.states) if q.unit in (unit, f"{unit}/s")}
+        place = states.get(unit)
+        scale = place.scale if place else 1.0
+        lower = place.lower if place and math.isfinite(place.lower) else -scale
+        upper = place.upper if place and math.isfinite(place.upper) else scale
+        result.append(
+            _Motion(
+                port,
+                f"_{port.group}" if len(ports) > 1 else "",
+                found[0] if found else "",
+                unit,
+                states[f"{unit}/s"].scale if f"{unit}/s" in states else 1.0,
+                scale,
+                (lower, upper),
+            )
+        )
+    return tuple(result)
+
+
+def entries(model: Model) -> Iterator[Entry]:
+    """Yield what forces and torques may lack: friction, springs, ripple, loads, stops.
+
+    Args:
+        model: The model.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> [entry.name for entry in entries(servo_axis())][:3]
+        ['coulomb_friction', 'viscous_friction', 'stribeck_friction']
+    """
+    for motion in _motions(model):
+        yield from _friction(motion)
+        yield from _forces(motion)
+        if motion.coordinate:
+            yield from _springs(motion)
+            yield from _places(motion)
+        # A force that comes from a drive rather than from muscles has a drive's faults too.
+        if not any(q.name.startswith("valve.") for q in model.ports):
+            yield from _drive(motion)
+    yield from _loads(model)
+    stops = tuple(q.name for q in model.ports if "penetration" in q.signals)
+    if stops:
+        yield Entry(stop_compliance(stops, stiffness=0.0), "stiffness", 50.0, 5.0)
+
+
+def _friction(m: _Motion) -> Iterator[Entry]:
+    name, unit, v = m.port.name, m.port.unit, m.speed
+    level, most = 0.05 * m.port.scale, 0.5 * m.port.scale
+    least = 0.005 * m.port.scale
+    yield Entry(
+        coulomb_friction(
+            name,
+            level=0.0,
+            transition_speed=0.02 * v,
+            unit=unit,
+            speed_unit=m.speed_unit,
+            upper=most,
+            name=f"coulomb_friction{m.suffix}",
+        ),
+        "level",
+        level,
+        least,
+        law="coulomb_friction",
+    )
+    yield Entry(
+        viscous_friction(
+            name,
+            coefficient=0.0,
+            unit=unit,
+            speed_unit=m.speed_unit,
+            upper=most / v,
+            name=f"viscous_friction{m.suffix}",
+        ),
+        "coefficient",
+        level / v,
+        least / v,
+        law="viscous_friction",
+    )
+    yield Entry(
+        stribeck_friction(
+            name,
+            break_away=0.0,
+            stribeck_speed=0.1 * v,
+            transition_speed=0.02 * v,
+            unit=unit,
+            speed_unit=m.speed_unit,
+            upper=most,
+            typical=2 * level,
+            name=f"stribeck_friction{m.suffix}",
+        ),
+        "break_away",
+        2 * level,
+        2 * least,
+        law="stribeck_friction",
+        shapes=tuple({"stribeck_speed": k * v} for k in (0.1, 0.03, 0.3)),
+    )
+    yield Entry(
+        lugre_friction(
+            name,
+            level=0.0,
+            presliding=2e-3 * m.position,
+            stribeck_speed=0.1 * v,
+            unit=unit,
+            speed_unit=m.speed_unit,
+            upper=most,
+            typical=level,
+            name=f"lugre_friction{m.suffix}",
+        ),
+        "level",
+        level,
+        least,
+        law="lugre_friction",
+        shapes=tuple({"presliding": k * m.position} for k in (2e-3, 5e-4, 1e-2)),
+    )
+    yield Entry(
+        prandtl_ishlinskii(
+            name,
+            level=0.0,
+            breakaway=2e-3 * m.position,
+            unit=unit,
+            speed_unit=m.speed_unit,
+            upper=most,
+            typical=level,
+            name=f"joint_hysteresis{m.suffix}",
+        ),
+        "level",
+        level,
+        least,
+        law="joint_hysteresis",
+        shapes=tuple({"breakaway": k * m.position} for k in (2e-3, 1e-2)),
+    )
+    yield Entry(
+        quadratic_drag(
+            name,
+            coefficient=0.0,
+            unit=unit,
+            speed_unit=m.speed_unit,
+            upper=most / v**2,
+            typical=0.02 * m.port.scale / v**2,
+            name=f"quadratic_drag{m.suffix}",
+        ),
+        "coefficient",
+        0.02 * m.port.scale / v**2,
+        least / v**2,
+        law="quadratic_drag",
+    )
+    yield Entry(
+        direction_dependent_viscous(
+            name,
+            difference=0.0,
+            unit=unit,
+            speed_unit=m.speed_unit,
+            upper=most / v,
+            typical=0.5 * level / v,
+            name=f"direction_dependent_viscous{m.suffix}",
+        ),
+        "difference",
+        0.5 * level / v,
+        least / v,
+        law="direction_dependent_viscous",
+    )
+    scale = m.port.scale
+    for loads, load_unit, size in (
+        (("force_1", "force_2"), "N", 5e-5 * scale),
+        (("gear_load",), "N m", 0.05),
+        (("pressure",), "Pa", 1e-7 * scale),
+        (("gauge_pressure",), "Pa", 1e-7 * scale),
+    ):
+        if set(loads) <= set(m.port.signals):
+            yield Entry(
+                load_dependent_friction(
+                    (name,),
+                    coefficient=0.0,
+                    loads=loads,
+                    transition_speed=0.02 * v,
+                    unit=unit,
+                    load_unit=load_unit,
+                    speed_unit=m.speed_unit,
+                    upper=20 * size,
+                    typical=size,
+                    name=f"load_dependent_friction{m.suffix}",
+                ),
+                "coefficient",
+                size,
+                0.1 * size,
+                law="load_dependent_friction",
+            )
+            break
+
+
+def _forces(m: _Motion) -> Iterator[Entry]:
+    kind = "constant_torque" if m.port.unit == "N m" else "constant_force"
+    yield Entry(
+        offset(
+            (m.port.name,),
+            amount=0.0,
+            unit=m.port.unit,
+            upper=0.5 * m.port.scale,
+            typical=0.05 * m.port.scale,
+            look_alikes=("tilt_gravity", "force_gain", "linear_spring", "valve_offset"),
+            separated_by="hold several positions at two mean pressures and with two loads",
+            name=f"{kind}{m.suffix}",
+        ),
+        "amount",
+        0.05 * m.port.scale,
+        0.005 * m.port.scale,
+        law=kind,
+    )
+    if {"angle", "load"} <= set(m.port.signals):
+        yield Entry(
+            tilt_gravity(m.port.name, tilt=0.0, name=f"tilt_gravity{m.suffix}"),
+            "tilt",
+            0.05,
+            0.005,
+            law="tilt_gravity",
+        )
+
+
+def _drive(m: _Motion) -> Iterator[Entry]:
+    scale = m.port.scale
+    yield Entry(
+        lag_chain(
+            m.port.name,
+            time=0.0,
+            unit=m.port.unit,
+            scale=scale,
+            look_alikes=("clock_shift", "sensor_delay"),
+            separated_by="steps of the command beside a force sensor",
+            name=f"drive_delay{m.suffix}",
+        ),
+        "time",
+        0.005,
+        0.0005,
+        law="drive_delay",
+    )
+    yield Entry(
+        saturation(
+            (m.port.name,),
+            share=0.0,
+            limit=scale,
+            unit=m.port.unit,
+            scale=scale,
+            look_alikes=("quadratic_drag",),
+            name=f"drive_saturation{m.suffix}",
+        ),
+        "share",
+        1.0,
+        0.5,
+        law="drive_saturation",
+        shapes=tuple({"limit": share * scale} for share in (1.0, 0.5, 2.0)),
+    )
+
+
+def _springs(m: _Motion) -> Iterator[Entry]:
+    stiffness = 0.1 * m.port.scale / m.position
+    yield Entry(
+        linear_spring(
+            m.port.name,
+            stiffness=0.0,
+            rest=m.middle,
+            coordinate=m.coordinate,
+            unit=m.port.unit,
+            coordinate_unit=m.coordinate_unit,
+            upper=20 * stiffness,
+            typical=stiffness,
+            name=f"linear_spring{m.suffix}",
+        ),
+        "stiffness",
+        stiffness,
+        0.1 * stiffness,
+        law="linear_spring",
+    )
+    cubic = 0.5 * m.port.scale / m.position**3
+    yield Entry(
+        cubic_stiffness(
+            m.port.name,
+            stiffness=0.0,
+            rest=m.middle,
+            coordinate=m.coordinate,
+            unit=m.port.unit,
+            coordinate_unit=m.coordinate_unit,
+            upper=100 * cubic,
+            typical=cubic,
+            name=f"cubic_stiffness{m.suffix}",
+        ),
+        "stiffness",
+        cubic,
+        0.1 * cubic,
+        law="cubic_stiffness",
+    )
+
+
+def _places(m: _Motion) -> Iterator[Entry]:
+    rotary = m.coordinate_unit == "rad"
+    turns = _TEETH if rotary else tuple(2 * math.pi / pitch for pitch in _PITCHES)
+    grid = tuple(
+        {"frequency": frequency, "phase": phase} for frequency in turns for phase in (0.0, 1.5708)
+    )
+    size, least, most = 0.03 * m.port.scale, 0.005 * m.port.scale, 0.5 * m.port.scale
+    yield Entry(
+        ripple(
+            m.port.name,
+            amplitude=0.0,
+            frequency=turns[len(turns) // 2],
+            coordinate=m.coordinate,
+            unit=m.port.unit,
+            coordinate_unit=m.coordinate_unit,
+            upper=most,
+            typical=size,
+            name=f"ripple{m.suffix}",
+        ),
+        "amplitude",
+        size,
+        least,
+        law="ripple",
+        shapes=grid,
+    )
+    lower, upper = m.travel
+    width = (upper - lower) / (2 * _PLACES)
+    centres = tuple({"centre": lower + width * (2 * i + 1)} for i in range(_PLACES))
+    for law, build, name in (
+        ("local_catch", local_catch, "height"),
+        ("local_friction", local_friction, "level"),
+    ):
+        effect = build(
+            m.port.name,
+            centre=m.middle,
+            width=width,
+            coordinate=m.coordinate,
+            unit=m.port.unit,
+            coordinate_unit=m.coordinate_unit,
+            upper=most,
+            typical=2 * size,
+            reach=max(abs(lower), abs(upper)),
+            name=f"{law}{m.suffix}",
+        )
+        extra = {"transition_speed": 0.02 * m.speed} if law == "local_friction" else {}
+        yield Entry(
+            effect.with_parameters({name: 0.0, **extra}),
+            name,
+            2 * size,
+            2 * least,
+            law=law,
+            shapes=centres,
+        )
+
+
+def _loads(model: Model) -> Iterator[Entry]:
+    ports = {q.name: q for q in model.ports}
+    inertia = ports.get("joint.inertia")
+    torque = ports.get("joint.torque")
+    if inertia is None or torque is None or "load" not in inertia.signals:
+        return
+    vertical = any(effect.name == "gravity" for effect in model.effects)
+    where = (inertia.name, torque.name) if vertical else (inertia.name,)
+    yield Entry(
+        load_error(where, mass=0.0, gravity_share=1.0 if vertical else 0.0), "mass", 0.5, 0.05
+    )
+    if {"angle", "speed", "load"} <= set(torque.signals):
+        yield Entry(
+            loose_load((inertia.name, torque.name), share=0.0),
+            "share",
+            1.0,
+            0.1,
+            shapes=tuple({"frequency": f} for f in (40.0, 15.0, 100.0)),
+        )

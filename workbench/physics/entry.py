@@ -1,0 +1,141 @@
+"""An entry of the library of effects: an effect at zero size, and how large it usually is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from workbench.errors import check_choice
+from workbench.model import Effect, Parameter
+
+Group = Literal["process", "sensor"]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An effect that a model may lack.
+
+    Args:
+        effect: The effect at zero size: attached, it changes nothing but has a derivative.
+        size_parameter: Short name of the parameter whose zero means absent.
+        typical_size: Usual magnitude, in the parameter's unit.
+        least_size: Magnitude below which it is not worth naming, in the parameter's unit.
+        group: Whether it acts on the process or on a sensor.
+        law: Name of the law; the effect's name may add where it acts.
+        shapes: Values of other parameters worth trying before a fit, by short name; the first is
+            the effect's own.
+        stiff: Whether it brings rates well beyond 1000 1/s, for which explicit integrators need
+            short steps.
+
+    Raises:
+        WorkbenchError: If the effect has no parameter of that name or the group is unknown.
+
+    Example:
+        >>> from workbench.physics.friction import coulomb_friction
+        >>> entry = Entry(coulomb_friction(level=0.0), "level", 0.5, 0.05)
+        >>> entry.name, entry.unit, entry.at_size(1.0).parameters[0].value
+        ('coulomb_friction', 'N m', 1.0)
+    """
+
+    effect: Effect
+    size_parameter: str
+    typical_size: float
+    least_size: float
+    group: Group = "process"
+    law: str = ""
+    shapes: tuple[Mapping[str, float], ...] = ({},)
+    stiff: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the names and fall back to the effect's name for the law."""
+        names = [q.name for q in self.effect.parameters]
+        check_choice(f"parameter of effect {self.effect.name}", self.size_parameter, names)
+        check_choice("group", self.group, ("process", "sensor"))
+        if not self.law:
+            object.__setattr__(self, "law", self.effect.name)
+
+    @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.effect.name
+
+    @property
+    def ports(self) -> tuple[str, ...]:
+        """Ports on which it acts."""
+        return self.effect.ports
+
+    @property
+    def size(self) -> Parameter:
+        """The parameter whose zero means absent, with its unit and bounds."""
+        return next(q for q in self.effect.parameters if q.name == self.size_parameter)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the size."""
+        return self.size.unit
+
+    @property
+    def largest_size(self) -> float:
+        """Largest plausible magnitude, in the size's unit."""
+        return max(abs(self.size.lower), abs(self.size.upper))
+
+    @property
+    def signed(self) -> bool:
+        """Whether the size may be negative."""
+        return self.size.lower < 0.0
+
+    @property
+    def replaces(self) -> bool:
+        """Whether the size is the share of a law that is either there or not.
+
+        A fit then holds the size at 1 and frees the other parameters.
+        """
+        return not self.size.fitted
+
+    def at_size(self, size: float, shape: Mapping[str, float] | None = None) -> Effect:
+        """Return the effect at another size.
+
+        Args:
+            size: Size, in its unit.
+            shape: Values of other parameters by short name, in each one's unit.
+
+        Raises:
+            WorkbenchError: If a name is unknown or a value outside its bounds.
+        """
+        return self.effect.with_parameters({**(shape or {}), self.size_parameter: size})
+
+    @property
+    def typical(self) -> Effect:
+        """The effect at its typical size."""
+        return self.at_size(self.typical_size)
+
+
+def look_alikes(entry: Entry, entries: Iterable[Entry]) -> tuple[Entry, ...]:
+    """Return the entries that the same data may not separate from one, by what is known of both.
+
+    Args:
+        entry: The one.
+        entries: Where to look.
+
+    Returns:
+        The others that name its law or name, or that it names.
+
+    Example:
+        >>> from workbench.physics.friction import coulomb_friction
+        >>> from workbench.physics.stribeck import stribeck_friction
+        >>> dry = Entry(coulomb_friction(level=0.0), "level", 0.5, 0.05)
+        >>> break_away = Entry(stribeck_friction(break_away=0.0), "break_away", 1.0, 0.1)
+        >>> [other.name for other in look_alikes(dry, (dry, break_away))]
+        ['stribeck_friction']
+    """
+    own = {entry.law, entry.name}
+    return tuple(
+        other
+        for other in entries
+        if other.name != entry.name
+        and (
+            own & set(other.effect.about.look_alikes)
+            or {other.law, other.name} & set(entry.effect.about.look_alikes)
+        )
+    )
