@@ -97,8 +97,8 @@ class ValidRange:
         upper: Largest valid value, in ``unit``.
 
     Example:
-        >>> ValidRange("muscle_1.contraction", "m", 0.0, 0.033).upper
-        0.033
+        >>> ValidRange("spring.stretch", "m", 0.0, 0.05).upper
+        0.05
     """
 
     signal: str

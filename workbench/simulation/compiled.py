@@ -13,6 +13,8 @@ import warnings
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
+import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
 
@@ -105,6 +107,60 @@ def compiled(function: ca.Function) -> ca.Function:
     if not library.exists():
         return function
     return ca.external(name, str(library))
+
+
+class Buffered:
+    """A CasADi function of matrices, called without the cost of converting its arguments.
+
+    Args:
+        function: The function; its first output is returned.
+        shapes: Shape of each argument.
+
+    Example:
+        >>> x = ca.SX.sym("x", 2)
+        >>> twice = Buffered(ca.Function("twice", [x], [2 * x]), (2, 1))
+        >>> twice([[1.0], [2.0]]).tolist()
+        [[2.0], [4.0]]
+    """
+
+    def __init__(self, function: ca.Function, *shapes: tuple[int, int]) -> None:
+        self._buffer, self._call = function.buffer()
+        # CasADi stores matrices by columns.
+        self.arguments = [np.zeros(shape, order="F") for shape in shapes]
+        for i, array in enumerate(self.arguments):
+            self._buffer.set_arg(i, array.reshape(-1, order="F").data)
+        self.result: npt.NDArray[np.float64] = np.zeros(function.size_out(0), order="F")
+        self._buffer.set_res(0, self.result.reshape(-1, order="F").data)
+
+    def __call__(self, *values: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Return the function's first output for new arguments.
+
+        Args:
+            values: Arguments of the shapes given, in the function's units.
+
+        Returns:
+            The output; the next call overwrites it.
+
+        Raises:
+            RuntimeError: If the function fails.
+        """
+        for array, value in zip(self.arguments, values, strict=True):
+            array[:] = value
+        return self.evaluate()
+
+    def evaluate(self) -> npt.NDArray[np.float64]:
+        """Return the function's first output for what ``arguments`` hold now.
+
+        Returns:
+            The output, in the function's unit; the next call overwrites it.
+
+        Raises:
+            RuntimeError: If the function fails.
+        """
+        self._call()
+        if self._buffer.ret():
+            raise RuntimeError("a compiled function failed")
+        return self.result
 
 
 def _build(cc: str, source: str, library: Path) -> None:

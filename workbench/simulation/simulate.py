@@ -153,12 +153,16 @@ def _run(
     stepper = Stepper(model, sample_time, tolerance, method, face, values)
     states = np.empty((len(held), len(x0)))
     states[0] = x0
-    k = 0
+    k, whole = 0, True
     while k < len(held) - 1:
-        size = BLOCK if k + BLOCK < len(held) else 1
+        size = BLOCK if whole and k + BLOCK < len(held) else 1
         try:
             states[k + 1 : k + 1 + size] = stepper.run(states[k], held[k : k + size])
         except NumericalError as error:
+            if size > 1:
+                # Sample by sample, to say when.
+                whole = False
+                continue
             raise NumericalError(f"after {k * sample_time:g} s, {error}") from None
         k += size
     return states, stepper

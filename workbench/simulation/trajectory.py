@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import check_choice
-from workbench.model import EXACT, Face, Model
-from workbench.simulation.compiled import compiled
+from workbench.model import EXACT, Face, Model, Trace
+from workbench.simulation.compiled import Buffered, compiled
 
 Vector = npt.NDArray[np.float64]
+
+BATCH = 250
+"""Samples at which readings and signals are computed in one call."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +184,7 @@ def find_violations(
     columns = [*states.T]
     if traced.ranges:
         which = [traced.signal_names.index(r.signal) for r in traced.ranges]
-        function = traced.function("ranged", traced.signals[which])
+        function = _ranged(traced, tuple(which))
         columns += [*_over(function, states, inputs, values).T]
         checks += [(r.signal, r.unit, r.lower, r.upper) for r in traced.ranges]
     found = []
@@ -203,7 +206,29 @@ def find_violations(
     return tuple(found)
 
 
+@lru_cache(maxsize=64)
+def _ranged(traced: Trace, which: tuple[int, ...]) -> ca.Function:
+    return traced.function("ranged", ca.cse(traced.signals[list(which)]))
+
+
+@lru_cache(maxsize=64)
+def _batched(function: ca.Function) -> ca.Function:
+    # Parameters, the third argument, are the same for all samples.
+    return compiled(function.map(f"{function.name()}_batch", "serial", BATCH, [2], []))
+
+
 def _over(function: ca.Function, states: Vector, inputs: Vector, values: Vector) -> Vector:
-    mapped = compiled(function).map(len(states))
-    result = mapped(states.T, inputs.T, np.tile(values[:, None], (1, len(states))))
-    return np.asarray(result, dtype=float).T
+    """Evaluate a function of (x, u, p) at every sample, one row each."""
+    shapes = (states.shape[1], BATCH), (inputs.shape[1], BATCH), (values.size, 1)
+    # Buffers of its own, so that threads do not meet in them.
+    batch = Buffered(_batched(function), *shapes)
+    x, u, p = batch.arguments
+    p[:, 0] = values
+    # A last batch that is not full is filled up with the first sample: never with invalid states.
+    x[:], u[:] = states[:1].T, inputs[:1].T
+    table = np.empty((len(states), function.size1_out(0)))
+    for k in range(0, len(states), BATCH):
+        n = min(BATCH, len(states) - k)
+        x[:, :n], u[:, :n] = states[k : k + n].T, inputs[k : k + n].T
+        table[k : k + n] = batch.evaluate()[:, :n].T
+    return table
