@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -85,6 +86,10 @@ class Model:
     def smooth(self) -> Trace:
         """The equations with rounded kinks, for prediction and derivatives."""
         return trace(self, SMOOTH)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave the written-down equations out: another process writes them down again."""
+        return {k: v for k, v in self.__dict__.items() if k not in ("exact", "smooth")}
 
     def face(self, face: Face | str) -> Trace:
         """Return one face of the equations.
@@ -214,8 +219,9 @@ class Model:
         changed = tuple(
             q.with_value(values[q.name]) if q.name in values else q for q in self.parameters
         )
-        model = replace(self, parameters=changed)
         # The symbolic equations do not depend on parameter values: writing them again is waste.
+        model = copy.copy(self)
+        object.__setattr__(model, "parameters", changed)
         model.__dict__.update({k: v for k, v in self.__dict__.items() if k in ("exact", "smooth")})
         return model
 
