@@ -127,9 +127,11 @@ def filter_function(
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
         >>> axis = servo_axis().exact
-        >>> one, both = (1.0,), (0, 1)
-        >>> function = filter_function(axis, (0.1, 0.1), one, (0,), (0,), both, one, (0,), 0.01, 1, 5)
-        >>> function.size_in(3)
+        >>> one, both, first = (1.0,), (0, 1), (0,)
+        >>> size = (0.1, 0.1)
+        >>> filter_function(
+        ...     axis, size, one, first, first, both, one, first, 0.01, 1, 5
+        ... ).size_in(3)
         (1, 5)
     """
     sx, sy, sp = np.array(state_scale), np.array(output_scale), np.array(free_scale)

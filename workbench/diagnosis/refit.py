@@ -9,7 +9,7 @@ equations.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,8 @@ from workbench.diagnosis.prediction_error import (
     PredictionError,
     stack,
 )
+from workbench.diagnosis.priors import Prior, default_priors, widened, without_prior
+from workbench.diagnosis.refit_result import Estimate, Outcome, Refit, summarise
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
@@ -33,168 +35,10 @@ _ITERATIONS = 15
 _GAIN = 0.05
 """A step that gains less log likelihood than this ends the last pass."""
 
-_BLOCK_S = 0.5
-"""Length over which prediction errors may be correlated, for the intervals, s."""
+_ATTEMPTS = 6
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Prior:
-    """What is known of a parameter before the data: a normal distribution within bounds.
-
-    Args:
-        name: Name of the parameter.
-        mean: Most likely value, in the parameter's SI unit.
-        std: Standard deviation, in the parameter's SI unit.
-        lower: Smallest value, in the parameter's SI unit.
-        upper: Largest value, in the parameter's SI unit.
-
-    Example:
-        >>> Prior("load", 3.0, 0.1, 0.0, 8.0).mean
-        3.0
-    """
-
-    name: str
-    mean: float
-    std: float
-    lower: float
-    upper: float
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A refitted parameter.
-
-    Args:
-        name: Name of the parameter.
-        unit: SI unit.
-        value: Estimate, in ``unit``.
-        std: Standard deviation of the estimate, in ``unit``.
-        prior: What was known before.
-        on_bound: Whether the estimate sits on one of its bounds.
-
-    Example:
-        >>> prior = Prior("load", 3.0, 0.1, 0.0, 8.0)
-        >>> print(Estimate("load", "kg", 3.02, 0.01, prior, False))
-        load                                 3.02 +- 0.01       kg             prior 3 +- 0.1
-    """
-
-    name: str
-    unit: str
-    value: float
-    std: float
-    prior: Prior
-    on_bound: bool
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Lower and upper end of the 95 % interval, in ``unit``."""
-        return self.value - 1.96 * self.std, self.value + 1.96 * self.std
-
-    def __str__(self) -> str:
-        """Return one aligned line."""
-        line = (
-            f"{self.name:<30} {self.value:>10.5g} +- {self.std:<10.2g} {self.unit:<14}"
-            f" prior {self.prior.mean:.5g} +- {self.prior.std:.2g}"
-        )
-        return line + ("  ON BOUND" if self.on_bound else "")
-
-
-@dataclass(frozen=True)
-class Refit:
-    """Result of a refit.
-
-    Args:
-        model: The model with the estimated parameter values.
-        estimates: The free parameters.
-        covariance: Covariance of the estimates, shape (n_free, n_free), in SI.
-        cost: Minus the log likelihood of the last pass, with the priors.
-        converged: Whether the last pass converged.
-        iterations: Gauss-Newton steps of all passes.
-        whiteness: Mean square of the whitened prediction errors by output, 1 where the model
-            explains the recordings to the noise.
-        unidentifiable: Combinations of parameters that the recordings do not determine.
-        disagreements: Parameters whose estimates from single recordings disagree.
-
-    Raises:
-        WorkbenchError: From `estimate`, if the parameter was not free.
-    """
-
-    model: Model
-    estimates: tuple[Estimate, ...]
-    covariance: Vector
-    cost: float
-    converged: bool
-    iterations: int
-    whiteness: Mapping[str, float]
-    unidentifiable: tuple[str, ...]
-    disagreements: tuple[str, ...]
-
-    def estimate(self, name: str) -> Estimate:
-        """Return the estimate of a parameter.
-
-        Args:
-            name: Name of the parameter.
-
-        Raises:
-            WorkbenchError: If the parameter was not free.
-        """
-        for estimate in self.estimates:
-            if estimate.name == name:
-                return estimate
-        raise WorkbenchError(
-            f"parameter {name!r} was not refitted; these were:"
-            f" {', '.join(e.name for e in self.estimates)}"
-        )
-
-    @property
-    def correlation(self) -> Vector:
-        """Correlation of the estimates, shape (n_free, n_free), dimensionless."""
-        std = np.sqrt(np.diag(self.covariance))
-        return np.asarray(self.covariance / np.outer(std, std))
-
-    def __str__(self) -> str:
-        """Return a short aligned table."""
-        state = "converged" if self.converged else "NOT CONVERGED"
-        lines = [f"refit of {self.model.name}: {state}, {self.iterations} steps"]
-        lines += [f"  {estimate}" for estimate in self.estimates]
-        white = ", ".join(f"{k} {v:.3g}" for k, v in self.whiteness.items())
-        lines += [f"  mean square of whitened prediction errors: {white}"]
-        lines += [f"  not determined by the data: {text}" for text in self.unidentifiable]
-        lines += [f"  recordings disagree on {text}" for text in self.disagreements]
-        return "\n".join(lines)
-
-
-def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Prior, ...]:
-    """Return priors centred on a model's values, a quarter of the bounds wide.
-
-    Args:
-        model: The plant.
-        names: Names of the free parameters; all that a refit may change by default.
-
-    Returns:
-        One prior per free parameter.
-
-    Raises:
-        WorkbenchError: If a name is unknown or a parameter has no bounds.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> [prior.name for prior in default_priors(servo_axis())][:2]
-        ['mass', 'offset']
-    """
-    chosen = [q.name for q in model.parameters if q.fitted] if names is None else list(names)
-    priors = []
-    for name in chosen:
-        q = model.parameters[index_of("parameter", name, model.parameters)]
-        if not (np.isfinite(q.lower) and np.isfinite(q.upper)):
-            raise WorkbenchError(
-                f"parameter {name} has the bounds {q.lower:g} to {q.upper:g} {q.unit}; a free"
-                " parameter needs finite bounds"
-            )
-        priors.append(Prior(name, q.value, (q.upper - q.lower) / 4, q.lower, q.upper))
-    return tuple(priors)
+Evaluate = Callable[[Vector], tuple[list[Innovations], float]]
 
 
 def refit(
@@ -241,7 +85,7 @@ def refit(
         )
     known = tuple(priors if priors is not None else default_priors(model))
     rng = np.random.default_rng(seed)
-    best: _Search | None = None
+    best: Outcome | None = None
     failures = []
     for attempt in range(max(1, starts)):
         values = {p.name: p.mean for p in known} | dict(start or {})
@@ -258,16 +102,7 @@ def refit(
             best = search
     if best is None:
         raise NumericalError(failures[0])
-    return _summary(model, recordings, known, best)
-
-
-@dataclass
-class _Search:
-    values: Vector
-    parts: list[Innovations]
-    cost: float
-    converged: bool
-    iterations: int
+    return summarise(model, recordings, known, best)
 
 
 def _search(
@@ -277,15 +112,12 @@ def _search(
     start: Mapping[str, float],
     stages: Sequence[float],
     progress: Progress | None,
-) -> _Search:
+) -> Outcome:
     names = tuple(p.name for p in priors)
     columns = [index_of("parameter", n, model.parameters) for n in names]
-    scale = np.array([model.parameters[i].scale for i in columns])
-    mean, std = np.array([p.mean for p in priors]), np.array([p.std for p in priors])
-    lower = np.array([p.lower for p in priors])
-    upper = np.array([p.upper for p in priors])
+    problem = _Problem(priors, np.array([model.parameters[i].scale for i in columns]))
     values = np.array([start[n] for n in names], dtype=float)
-    iterations = 0
+    outcome = None
     for number, share in enumerate(stages):
         if progress:
             progress(f"refit pass {number + 1} of {len(stages)}")
@@ -303,206 +135,100 @@ def _search(
             p = model.values
             p[columns] = trial
             parts = [filter_.run(r, p) for r in recordings]
-            return parts, sum(part.cost for part in parts) + 0.5 * float(
-                np.sum(((trial - mean) / std) ** 2)
-            )
+            return parts, sum(part.cost for part in parts) + problem.prior_cost(trial)
 
-        parts, cost = evaluate(values)
-        damping, converged = 1e-3, False
+        # All but the last pass only have to come near.
         enough = _GAIN if number == len(stages) - 1 else 100 * _GAIN
-        for _ in range(_ITERATIONS):
-            iterations += 1
-            moved = False
-            for _ in range(6):
-                trial = _step(parts, values, mean, std, lower, upper, scale, damping)
-                change = np.abs(trial - values) / std
-                try:
-                    trial_parts, trial_cost = evaluate(trial)
-                except NumericalError:
-                    trial_cost = np.inf
-                if trial_cost < cost:
-                    moved = True
-                    gained, cost = cost - trial_cost, trial_cost
-                    values, parts = trial, trial_parts
-                    damping = max(damping / 5, 1e-9)
-                    break
-                if change.max(initial=0.0) < 1e-3:
-                    break
-                damping *= 8
-            if not moved or gained < enough:
-                converged = True
+        done = outcome.iterations if outcome else 0
+        outcome = _descend(problem, values, evaluate, enough)
+        outcome = replace(outcome, iterations=outcome.iterations + done, share=share)
+        values = outcome.values
+    assert outcome is not None
+    return outcome
+
+
+def _descend(problem: _Problem, values: Vector, evaluate: Evaluate, enough: float) -> Outcome:
+    """Take damped Gauss-Newton steps until one promises or gains less than enough."""
+    parts, cost = evaluate(values)
+    damping, iterations = 1e-3, 0
+    while iterations < _ITERATIONS:
+        iterations += 1
+        normal = problem.normal_equations(parts, values)
+        for _ in range(_ATTEMPTS):
+            trial, promised = problem.step(normal, values, damping)
+            if promised < 0.2 * enough:
+                return Outcome(values, parts, cost, True, iterations, 0.0)
+            try:
+                trial_parts, trial_cost = evaluate(trial)
+            except NumericalError:
+                trial_cost = np.inf
+            if trial_cost < cost:
                 break
-    return _Search(values, parts, cost, converged, iterations)
+            damping *= 8
+        else:
+            # The derivatives hold the filter's gain fixed: near the optimum that is all they show.
+            return Outcome(values, parts, cost, True, iterations, 0.0)
+        gained = cost - trial_cost
+        values, parts, cost = trial, trial_parts, trial_cost
+        damping = max(damping / 5, 1e-9)
+        if gained < enough:
+            return Outcome(values, parts, cost, True, iterations, 0.0)
+    return Outcome(values, parts, cost, False, iterations, 0.0)
 
 
-def _step(
-    parts: Sequence[Innovations],
-    values: Vector,
-    mean: Vector,
-    std: Vector,
-    lower: Vector,
-    upper: Vector,
-    scale: Vector,
-    damping: float,
-) -> Vector:
-    """Solve the linearised least squares within the bounds; returns the new values."""
-    errors, jacobian = stack(parts)
-    hessian = jacobian.T @ jacobian
-    gradient = jacobian.T @ errors
-    prior = (scale / std) ** 2
-    hessian = hessian + np.diag(prior)
-    gradient = gradient + prior * (values - mean) / scale
-    hessian = hessian + damping * np.diag(np.diag(hessian))
-    low, high = (lower - values) / scale, (upper - values) / scale
-    free = np.ones(len(values), dtype=bool)
-    step = np.zeros(len(values))
-    # Active set: parameters that would leave their bounds are put on them, the rest solved again.
-    for _ in range(len(values) + 1):
-        rhs = -gradient[free] - hessian[np.ix_(free, ~free)] @ step[~free]
-        step[free] = np.linalg.solve(hessian[np.ix_(free, free)], rhs)
-        out = free & ((step < low) | (step > high))
-        if not out.any():
-            break
-        step[out] = np.clip(step[out], low[out], high[out])
-        free &= ~out
-    return np.asarray(np.clip(values + step * scale, lower, upper))
+class _Problem:
+    """The free parameters: priors, bounds and scales."""
+
+    def __init__(self, priors: Sequence[Prior], scale: Vector) -> None:
+        self._scale = scale
+        self._mean = np.array([p.mean for p in priors])
+        self._std = np.array([p.std for p in priors])
+        self._lower = np.array([p.lower for p in priors])
+        self._upper = np.array([p.upper for p in priors])
+
+    def prior_cost(self, values: Vector) -> float:
+        return 0.5 * float(np.sum(((values - self._mean) / self._std) ** 2))
+
+    def normal_equations(
+        self, parts: Sequence[Innovations], values: Vector
+    ) -> tuple[Vector, Vector]:
+        """Return gradient and Hessian of the linearised cost in scaled parameters."""
+        errors, jacobian = stack(parts)
+        prior = (self._scale / self._std) ** 2
+        gradient = jacobian.T @ errors + prior * (values - self._mean) / self._scale
+        return gradient, jacobian.T @ jacobian + np.diag(prior)
+
+    def step(
+        self, normal: tuple[Vector, Vector], values: Vector, damping: float
+    ) -> tuple[Vector, float]:
+        """Solve within the bounds; returns the new values and the gain they promise."""
+        gradient, hessian = normal
+        damped = hessian + damping * np.diag(np.diag(hessian))
+        low = (self._lower - values) / self._scale
+        high = (self._upper - values) / self._scale
+        free = np.ones(len(values), dtype=bool)
+        step = np.zeros(len(values))
+        # Active set: parameters that would leave their bounds are put on them, the rest solved
+        # again.
+        for _ in range(len(values) + 1):
+            rhs = -gradient[free] - damped[np.ix_(free, ~free)] @ step[~free]
+            step[free] = np.linalg.solve(damped[np.ix_(free, free)], rhs)
+            out = free & ((step < low) | (step > high))
+            if not out.any():
+                break
+            step[out] = np.clip(step[out], low[out], high[out])
+            free &= ~out
+        trial = np.clip(values + step * self._scale, self._lower, self._upper)
+        return trial, -float(gradient @ step + 0.5 * step @ hessian @ step)
 
 
-def _summary(
-    model: Model, recordings: Sequence[Observed], priors: Sequence[Prior], search: _Search
-) -> Refit:
-    names = [p.name for p in priors]
-    quantities = [model.parameters[index_of("parameter", n, model.parameters)] for n in names]
-    scale = np.array([q.scale for q in quantities])
-    std = np.array([p.std for p in priors])
-    prior = np.diag((scale / std) ** 2)
-    information, scatter = np.zeros_like(prior), np.zeros_like(prior)
-    single = []
-    for part, observed in zip(search.parts, recordings, strict=True):
-        one, spread = _information(part, observed.sample_time)
-        information, scatter = information + one, scatter + spread
-        single.append((one, spread, part))
-    inverse = np.linalg.inv(information + prior)
-    # Correlated errors carry less information than white ones: never report less than either.
-    sandwich = inverse @ (scatter + prior) @ inverse
-    inflation = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0))
-    covariance = np.outer(inflation * scale, inflation * scale) * inverse
-    deviations = np.sqrt(np.diag(covariance))
-    estimates = tuple(
-        Estimate(
-            p.name,
-            q.unit,
-            float(v),
-            float(s),
-            p,
-            bool(min(v - p.lower, p.upper - v) < 1e-3 * (p.upper - p.lower)),
-        )
-        for p, q, v, s in zip(priors, quantities, search.values, deviations, strict=True)
-    )
-    used = recordings[0].used
-    squares = np.concatenate([part.whitened for part in search.parts]) ** 2
-    return Refit(
-        model=model.with_parameters(dict(zip(names, search.values.tolist(), strict=True))),
-        estimates=estimates,
-        covariance=covariance,
-        cost=search.cost,
-        converged=search.converged,
-        iterations=search.iterations,
-        whiteness=dict(zip(used, np.nanmean(squares, axis=0).tolist(), strict=True)),
-        unidentifiable=_unidentifiable(names, information, std / scale),
-        disagreements=_disagreements(names, recordings, single, prior),
-    )
-
-
-def _information(part: Innovations, sample_time: float) -> tuple[Vector, Vector]:
-    """Information of white errors, and the scatter of the score over blocks of time."""
-    errors = np.nan_to_num(part.whitened)
-    score = np.einsum("kyf,ky->kf", part.jacobian, errors)
-    rows = part.jacobian.reshape(-1, part.jacobian.shape[2])
-    size = max(1, round(_BLOCK_S / sample_time))
-    edges = np.arange(0, len(score), size)
-    blocks = np.add.reduceat(score, edges, axis=0)
-    blocks = blocks - blocks.mean(axis=0)
-    return rows.T @ rows, blocks.T @ blocks
-
-
-def _unidentifiable(
-    names: Sequence[str], information: Vector, prior_std: Vector
-) -> tuple[str, ...]:
-    """Name the combinations of parameters on which the data say less than the priors."""
-    relative = np.outer(prior_std, prior_std) * information
-    eigenvalues, vectors = np.linalg.eigh(relative)
-    found = []
-    for value, vector in zip(eigenvalues, vectors.T, strict=True):
-        if value < 1.0:
-            order = np.argsort(-np.abs(vector))
-            kept = [i for i in order if abs(vector[i]) > 0.3]
-            terms = [f"{vector[i]:+.2f} {names[i]}" for i in kept]
-            found.append(" ".join(terms) + " (in units of the priors)")
-    return tuple(found)
-
-
-def _disagreements(
-    names: Sequence[str],
-    recordings: Sequence[Observed],
-    single: Sequence[tuple[Vector, Vector, Innovations]],
-    prior: Vector,
-) -> tuple[str, ...]:
-    """Compare one Gauss-Newton step of each recording alone, in standard deviations."""
-    if len(single) < 2:
-        return ()
-    steps, variances = [], []
-    for information, scatter, part in single:
-        inverse = np.linalg.inv(information + prior)
-        score = np.einsum("kyf,ky->f", part.jacobian, np.nan_to_num(part.whitened))
-        steps.append(-inverse @ score)
-        variances.append(
-            np.maximum(np.diag(inverse), np.diag(inverse @ (scatter + prior) @ inverse))
-        )
-    found = []
-    for i, name in enumerate(names):
-        value = np.array([s[i] for s in steps])
-        weight = 1 / np.array([v[i] for v in variances])
-        mean = np.sum(weight * value) / np.sum(weight)
-        distance = np.abs(value - mean) * np.sqrt(weight)
-        worst = int(np.argmax(distance))
-        if distance[worst] > 4.0:
-            found.append(
-                f"{name}: {recordings[worst].name} is {distance[worst]:.1f} standard deviations"
-                " from the others"
-            )
-    return tuple(found)
-
-
-def without_prior(priors: Sequence[Prior], *names: str) -> tuple[Prior, ...]:
-    """Return priors without those of some parameters, which then stay fixed.
-
-    Args:
-        priors: Priors of the free parameters.
-        names: Names of the parameters to fix.
-
-    Returns:
-        The other priors.
-
-    Example:
-        >>> without_prior([Prior("a", 0, 1, -1, 1), Prior("b", 0, 1, -1, 1)], "a")[0].name
-        'b'
-    """
-    return tuple(p for p in priors if p.name not in names)
-
-
-def widened(prior: Prior, factor: float) -> Prior:
-    """Return a prior with a larger standard deviation.
-
-    Args:
-        prior: The prior.
-        factor: Factor on the standard deviation, dimensionless.
-
-    Returns:
-        The widened prior; its bounds stay.
-
-    Example:
-        >>> widened(Prior("a", 0.0, 1.0, -9.0, 9.0), 3.0).std
-        3.0
-    """
-    return replace(prior, std=prior.std * factor)
+__all__ = [
+    "Estimate",
+    "Prior",
+    "Progress",
+    "Refit",
+    "default_priors",
+    "refit",
+    "widened",
+    "without_prior",
+]

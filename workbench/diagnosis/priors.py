@@ -1,0 +1,100 @@
+"""What is known of parameters before the data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.model.model import index_of
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a parameter before the data: a normal distribution within bounds.
+
+    Args:
+        name: Name of the parameter.
+        mean: Most likely value, in the parameter's SI unit.
+        std: Standard deviation, in the parameter's SI unit.
+        lower: Smallest value, in the parameter's SI unit.
+        upper: Largest value, in the parameter's SI unit.
+
+    Example:
+        >>> Prior("load", 3.0, 0.1, 0.0, 8.0).mean
+        3.0
+    """
+
+    name: str
+    mean: float
+    std: float
+    lower: float
+    upper: float
+
+
+def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Prior, ...]:
+    """Return priors centred on a model's values, a quarter of the bounds wide.
+
+    Args:
+        model: The plant.
+        names: Names of the free parameters; all that a refit may change by default.
+
+    Returns:
+        One prior per free parameter.
+
+    Raises:
+        WorkbenchError: If a name is unknown or a parameter has no bounds.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> [prior.name for prior in default_priors(servo_axis())][:2]
+        ['mass', 'offset']
+    """
+    chosen = [q.name for q in model.parameters if q.fitted] if names is None else list(names)
+    priors = []
+    for name in chosen:
+        q = model.parameters[index_of("parameter", name, model.parameters)]
+        if not (np.isfinite(q.lower) and np.isfinite(q.upper)):
+            raise WorkbenchError(
+                f"parameter {name} has the bounds {q.lower:g} to {q.upper:g} {q.unit}; a free"
+                " parameter needs finite bounds"
+            )
+        priors.append(Prior(name, q.value, (q.upper - q.lower) / 4, q.lower, q.upper))
+    return tuple(priors)
+
+
+def without_prior(priors: Sequence[Prior], *names: str) -> tuple[Prior, ...]:
+    """Return priors without those of some parameters, which then stay fixed.
+
+    Args:
+        priors: Priors of the free parameters.
+        names: Names of the parameters to fix.
+
+    Returns:
+        The other priors.
+
+    Example:
+        >>> without_prior([Prior("a", 0, 1, -1, 1), Prior("b", 0, 1, -1, 1)], "a")[0].name
+        'b'
+    """
+    return tuple(p for p in priors if p.name not in names)
+
+
+def widened(prior: Prior, factor: float) -> Prior:
+    """Return a prior with a larger standard deviation.
+
+    Args:
+        prior: The prior.
+        factor: Factor on the standard deviation, dimensionless.
+
+    Returns:
+        The widened prior; its bounds stay.
+
+    Example:
+        >>> widened(Prior("a", 0.0, 1.0, -9.0, 9.0), 3.0).std
+        3.0
+    """
+    return replace(prior, std=prior.std * factor)
