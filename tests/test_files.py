@@ -49,9 +49,9 @@ def test_a_target_that_is_a_file_is_refused(tmp_path: Path) -> None:
 def test_an_unwritable_place_is_refused_before_the_work(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     begun = False
-    with pytest.raises(WorkbenchError, match="cannot be written"):
-        with whole_folder(tmp_path / "file" / "out"):
-            begun = True
+    refused = pytest.raises(WorkbenchError, match="cannot be written")
+    with refused, whole_folder(tmp_path / "file" / "out"):
+        begun = True
     assert not begun
 
 

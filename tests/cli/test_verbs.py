@@ -51,15 +51,15 @@ def test_simulate_uses_the_changed_plant(tmp_path: Path) -> None:
     ends = []
     for name, options in (("a", []), ("b", ["--load", "8kg"])):
         out = tmp_path / f"{name}.csv"
-        assert run(["simulate", "--valve", "0:5.9", "--duration", "0.3s", "--out", str(out)]
-                   + options) == 0
+        assert (
+            run(["simulate", "--valve", "0:5.9", "--duration", "0.3s", "--out", str(out)] + options)
+            == 0
+        )
         ends.append(read_recording(out)["angle"][-1])
     assert ends[0] > ends[1] + math.radians(1.0)
 
 
-def test_linearise_writes_the_matrices(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_linearise_writes_the_matrices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "linear.json"
     arguments = ["linearise", "--angle", "0.349066rad", "--mean-pressure", "300kPa"]
     assert run([*arguments, "--out", str(out)]) == 0
@@ -115,8 +115,14 @@ def test_ctrl_c_is_one_sentence(
 
 @pytest.mark.parametrize(
     ("text", "unit", "value"),
-    [("30", "deg", 30.0), ("0.5 rad", "deg", 28.6478897565), ("300kPa", "bar", 3.0),
-     ("-.5e1", "V", -5.0), ("2ms", "s", 0.002), ("3000 g", "kg", 3.0)],
+    [
+        ("30", "deg", 30.0),
+        ("0.5 rad", "deg", 28.6478897565),
+        ("300kPa", "bar", 3.0),
+        ("-.5e1", "V", -5.0),
+        ("2ms", "s", 0.002),
+        ("3000 g", "kg", 3.0),
+    ],
 )
 def test_values_carry_their_unit(text: str, unit: str, value: float) -> None:
     assert quantity("value", text, unit) == pytest.approx(value, rel=1e-10)

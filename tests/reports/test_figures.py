@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -71,7 +72,7 @@ def test_labels_of_neighbouring_panels_do_not_overlap(name: str) -> None:
     figure = FIGURES[name]()
     figure.draw_without_rendering()
     labels = [axes.yaxis.label.get_window_extent() for axes in figure.axes]
-    for above, below in zip(labels, labels[1:], strict=False):
+    for above, below in pairwise(labels):
         assert below.y1 <= above.y0 + 1
 
 

@@ -43,13 +43,9 @@ def simulate(
         str | None,
         typer.Option(help="Instead: pulses of this height about the centre.", metavar="VOLTAGE"),
     ] = None,
-    period: Annotated[
-        str, typer.Option(help="Period of the pulses.", metavar="TIME")
-    ] = "4s",
+    period: Annotated[str, typer.Option(help="Period of the pulses.", metavar="TIME")] = "4s",
     duration: Annotated[str, typer.Option(help="Length of the run.", metavar="TIME")] = "8s",
-    sample_time: Annotated[
-        str, typer.Option(help="Time between samples.", metavar="TIME")
-    ] = "2ms",
+    sample_time: Annotated[str, typer.Option(help="Time between samples.", metavar="TIME")] = "2ms",
     angle: Annotated[
         str, typer.Option(help="Angle at which the arm rests at the start.", metavar="ANGLE")
     ] = "30deg",

@@ -53,9 +53,7 @@ def verify(
     parameter: Parameters = None,
     without: Without = None,
     hysteresis: Hysteresis = False,
-    out: Annotated[
-        Path | None, typer.Option(help="JSON file for the metrics, in SI.")
-    ] = None,
+    out: Annotated[Path | None, typer.Option(help="JSON file for the metrics, in SI.")] = None,
 ) -> int:
     """Run controllers on the full plant through a step and back, and score what they do.
 

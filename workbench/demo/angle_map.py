@@ -72,7 +72,7 @@ def response(linear: LinearModel, output: str) -> npt.NDArray[np.complex128]:
     s = 2j * np.pi * FREQUENCY
     inner = s[:, None, None] * np.eye(len(linear.A)) - linear.A
     states = np.linalg.solve(inner, np.tile(linear.B[:, :1], (len(s), 1, 1)))[..., 0]
-    return (states @ linear.C[row] + linear.D[row, 0]) / 100.0
+    return np.asarray((states @ linear.C[row] + linear.D[row, 0]) / 100.0)
 
 
 def angle_map_part() -> Part:
@@ -89,7 +89,9 @@ def angle_map_part() -> Part:
     drawn = {f"{angle}°": models[DRAWN_LOAD_KG, angle] for angle in ANGLES_DEG}
     by_load = {f"{load} kg": models[load, 30] for load in LOADS_KG}
     sided = linearise(
-        operating_point(arm(DRAWN_LOAD_KG), {"angle": math.radians(30)}, mean_pressure=MEAN_PRESSURE)
+        operating_point(
+            arm(DRAWN_LOAD_KG), {"angle": math.radians(30)}, mean_pressure=MEAN_PRESSURE
+        )
     )
     verdict = sided.verdict
     assert verdict is not None
@@ -107,8 +109,12 @@ def angle_map_part() -> Part:
             }
             for load in LOADS_KG
         },
-        "kink": {"of": kink.of, "below": kink.slope_below, "above": kink.slope_above,
-                 "factor": kink.factor},
+        "kink": {
+            "of": kink.of,
+            "below": kink.slope_below,
+            "above": kink.slope_above,
+            "factor": kink.factor,
+        },
         "verdict": [str(kink), str(verdict.amplitude), str(verdict.frequency)],
     }
     unit = "° per % opening"
@@ -205,7 +211,9 @@ def _modes(models: dict[tuple[int, int], LinearModel]) -> Table:
             cells.append(Cell(text, "met" if met else "missed"))
         rows.append(tuple(cells))
     heads = (f"{load} kg" for load in LOADS_KG)
-    bands = ", ".join(f"{low:g} … {high:g} Hz ({load} kg)" for load, (low, high) in BANDS_HZ.items())
+    bands = ", ".join(
+        f"{low:g} … {high:g} Hz ({load} kg)" for load, (low, high) in BANDS_HZ.items()
+    )
     return Table(
         "Swing of the arm",
         ("angle in °", "muscle 1 / 2 in bar", *heads),

@@ -141,7 +141,7 @@ def closed_loop_part() -> Part:
     linear = design_model(arm(LOAD_KG), DESIGN_ANGLE_DEG)
     trials = run_trials(design_controllers(linear), linear)
     pictures = [picture for name, own in trials.items() for picture in _pictures(name, own)]
-    measured = {
+    measured: dict[tuple[str, ...], Metrics] = {
         (controller, plant): trial.figures
         for plant, own in trials.items()
         for controller, trial in own.items()

@@ -54,7 +54,9 @@ class ForceMap:
         Args:
             rows: Which points to keep, shape (n,).
         """
-        return _Part(self.pressure[rows], self.length[rows], self.force[rows], self.contraction[rows])
+        return _Part(
+            self.pressure[rows], self.length[rows], self.force[rows], self.contraction[rows]
+        )
 
 
 @dataclass(frozen=True)
@@ -100,9 +102,7 @@ def _paper(x: Vector) -> ForceLaw:
 
 
 FAMILIES: dict[str, Family] = {
-    "tondu_lopez": Family(
-        "equation (1), Tondu-Lopez", _tondu, (0.02, 0.436), TonduLopez()
-    ),
+    "tondu_lopez": Family("equation (1), Tondu-Lopez", _tondu, (0.02, 0.436), TonduLopez()),
     "tondu_lopez_k": Family(
         "equation (2), constant k", _tondu, (0.02, 0.436, 1.1), TonduLopez.constant_k()
     ),
@@ -208,7 +208,8 @@ def rms(law: ForceLaw, points: ForceMap) -> float:
         Root mean square error of the force, in N.
 
     Example:
-        >>> rms(Petrovic(), ForceMap(np.array([1e5]), np.array([0.2]), np.array([270.0]))).__round__()
+        >>> one = ForceMap(np.array([1e5]), np.array([0.2]), np.array([270.0]))
+        >>> round(rms(Petrovic(), one))
         10
     """
     error = np.asarray(law.force(points.contraction, points.pressure)) - points.force

@@ -9,7 +9,6 @@ import numpy as np
 from workbench.data_folder import external_data
 from workbench.demo.force_law_fit import LAW_LENGTH, ForceMap, LawFit, compare_laws
 from workbench.demo.part import Part
-from workbench.errors import WorkbenchError
 from workbench.recordings import read_table
 from workbench.reports.figures.force_maps import force_map, law_errors
 from workbench.reports.page import Method, Section, Words
@@ -89,7 +88,9 @@ def force_maps_part(folder: Path | None) -> Part:
 def _section(points: ForceMap, fits: dict[str, LawFit]) -> Section:
     longest = float(points.length.max())
     scale = longest / LAW_LENGTH
-    shown = [float(points.pressure[np.argmin(np.abs(points.pressure - p))]) for p in SHOWN_PRESSURES]
+    shown = [
+        float(points.pressure[np.argmin(np.abs(points.pressure - p))]) for p in SHOWN_PRESSURES
+    ]
     rows = [points.pressure == pressure for pressure in shown]
     fine = np.linspace(0.0, float(points.contraction.max()), 120)
     map_figure = force_map(

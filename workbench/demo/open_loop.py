@@ -71,7 +71,7 @@ def open_loop_part() -> Part:
     )
     results = {name: _numbers(t) for name, t in {"full plant": trial, **others}.items()}
     header = ("figure", "must lie in", "full plant", *others)
-    rows = []
+    rows: list[tuple[Cell | str, ...]] = []
     for title, key, low, high, unit in BANDS:
         suffix = f" {unit}" if unit else ""
         rows.append(

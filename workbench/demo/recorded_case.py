@@ -151,7 +151,7 @@ def _section(pictures: list[Picture], rows: list[tuple[str, ...]]) -> Section:
             ),
             Commands(
                 (
-                    "python -c \"from workbench.demo.recorded_case import recorded_case_part; "
+                    'python -c "from workbench.demo.recorded_case import recorded_case_part; '
                     'print(recorded_case_part().results)"',
                 )
             ),

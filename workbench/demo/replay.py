@@ -86,8 +86,10 @@ def replay(model: Model, recording: Recording) -> Replay:
     command = model.inputs[0]
     voltage = np.clip(recording["valve"], command.lower, command.upper)
     ambient, warm = values["ambient_pressure"], values["ambient_temperature"]
-    first = {name: float(np.nanmean(recording[name][:FIRST_SAMPLES])) for name in
-             ("angle", "pressure_1", "pressure_2")}
+    first = {
+        name: float(np.nanmean(recording[name][:FIRST_SAMPLES]))
+        for name in ("angle", "pressure_1", "pressure_2")
+    }
     start = {
         "spool": float(voltage[0]) - values["valve_centre"],
         "spool_speed": 0.0,

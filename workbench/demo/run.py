@@ -64,9 +64,7 @@ class Demonstration:
     def __str__(self) -> str:
         """Return what to open, and what failed."""
         lines = [f"could not be shown: {name}: {reason}" for name, reason in self.failed.items()]
-        lines.append(
-            f"{self.met} requirements met, {self.missed} missed; {self.seconds:.0f} s."
-        )
+        lines.append(f"{self.met} requirements met, {self.missed} missed; {self.seconds:.0f} s.")
         lines.append(f"Open {self.page} in a browser.")
         return "\n".join(lines)
 
@@ -176,8 +174,10 @@ def _page(
             "reproduce",
             "Reproduce this page",
             (
-                Words("Every number stands in results.json beside this page, with its unit in its "
-                      "name; every picture stands in the folder pictures as PNG and SVG."),
+                Words(
+                    "Every number stands in results.json beside this page, with its unit in its "
+                    "name; every picture stands in the folder pictures as PNG and SVG."
+                ),
                 Commands((command,)),
             ),
         )

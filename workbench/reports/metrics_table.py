@@ -79,7 +79,7 @@ def metrics_table(
     """
     shown = [name for name in columns if any(name in found for found in measured.values())]
     limits = {requirement.metric: requirement for requirement in requirements}
-    rows = tuple(
+    rows: tuple[tuple[Cell | str, ...], ...] = tuple(
         (*key, *(_cell(found, name, limits.get(name)) for name in shown))
         for key, found in measured.items()
     )

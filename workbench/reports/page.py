@@ -113,7 +113,7 @@ class Page:
     @property
     def marks(self) -> dict[str, int]:
         """How many requirements of all tables are met, missed and open."""
-        found = {mark: 0 for mark in MARKS if mark}
+        found: dict[str, int] = {mark: 0 for mark in MARKS if mark}
         for section in self.sections:
             for block in section.blocks:
                 if isinstance(block, Table):

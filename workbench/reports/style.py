@@ -242,7 +242,7 @@ def key(axes: Axes, *, columns: int = 3, handles: list[Line2D] | None = None) ->
     """
     options = {} if handles is None else {"handles": handles}
     axes.legend(
-        **options,  # type: ignore[arg-type]
+        **options,
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0, 1.0, 0.1),
         borderaxespad=0.2,

@@ -44,11 +44,11 @@ def bode(
     for name, response in responses.items():
         values = np.asarray(response, dtype=complex)
         line = {"color": shades[name].light, "linewidth": 1.3}
-        magnitude.loglog(hertz, np.abs(values), label=name, **line)  # type: ignore[arg-type]
+        magnitude.loglog(hertz, np.abs(values), label=name, **line)
         degrees = np.degrees(np.unwrap(np.angle(values)))
         # Unwrapping starts anywhere; curves are comparable when all start within one turn.
         degrees -= 360.0 * np.ceil((degrees[0] - 1.0) / 360.0)
-        phase.semilogx(hertz, degrees, **line)  # type: ignore[arg-type]
+        phase.semilogx(hertz, degrees, **line)
     _quarter_turns(phase)
     label(magnitude, y=f"magnitude in {unit}")
     label(phase, x="frequency in Hz", y="phase in °")
