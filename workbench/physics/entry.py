@@ -23,8 +23,8 @@ class Entry:
         least_size: Magnitude below which it is not worth naming, in the parameter's unit.
         group: Whether it acts on the process or on a sensor.
         law: Name of the law; the effect's name may add where it acts.
-        shapes: Values of other parameters worth trying before a fit, by short name; the first is
-            the effect's own.
+        shapes: Values of other parameters worth trying before a fit, in their units, by short name;
+            the first are the effect's own.
         stiff: Whether it brings rates well beyond 1000 1/s, for which explicit integrators need
             short steps.
 

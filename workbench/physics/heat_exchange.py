@@ -56,6 +56,7 @@ def heat_exchange(
             Parameter(
                 "coefficient",
                 "W/(m2 K)",
+                100.0,
                 value=coefficient,
                 lower=lower,
                 upper=upper,

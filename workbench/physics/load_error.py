@@ -28,7 +28,7 @@ def load_error(
             ``angle``; told apart by their names' endings ``.inertia`` and ``.torque``.
         mass: Mass in excess of the notes, in kg; negative if the load is lighter.
         centre: Place of the load (along, above), in m.
-        inertia_per_mass: Inertia about the load's own centre over mass, in m2.
+        inertia_per_mass: Inertia about the load's own centre over mass, in m^2.
         gravity_share: 1 in a vertical plane, 0 in a level one, the sine of a tilt, dimensionless.
         name: Name of the effect.
 

@@ -48,7 +48,7 @@ def lugre_friction(
         level: Friction level at high speed, in ``unit``.
         presliding: Displacement over which the bristles bend, in the unit of the coordinate.
         stribeck_share: Break-away above the level, relative to it, dimensionless.
-        stribeck_speed: Speed over which the break-away fades, in ``speed_unit``.
+        stribeck_speed: Speed over which the break-away fades, in the unit of the speed.
         damping_time: Damping of the bristle over its stiffness, in s.
         unit: Unit of the port: ``"N m"`` or ``"N"``.
         speed_unit: Unit of the speed: ``"rad/s"`` or ``"m/s"``.

@@ -34,13 +34,13 @@ def overflow(
     Args:
         port: Port of the net inflow of the store, with the local signal ``level_signal``.
         coefficient: Spill over excess level, in ``unit`` per ``level_unit``.
-        limit: Level of the brim, in ``level_unit``.
+        limit: Level of the brim, in the unit of the level.
         into: Port of the net inflow of the store that catches a part, or nothing.
         caught: Part of the spill that is caught, a fraction.
         level_signal: Name of the local signal that is the level.
         unit: Unit of the ports.
         level_unit: Unit of the level.
-        level_scale: Typical level, in ``level_unit``.
+        level_scale: Typical level, in the unit of the level.
         lag: Time in which the spill follows, in s.
         upper: Largest plausible coefficient, in ``unit`` per ``level_unit``.
         typical: Usual coefficient, in ``unit`` per ``level_unit``; scales the fit.

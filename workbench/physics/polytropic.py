@@ -86,7 +86,7 @@ def extra_heat_exchange(
         ports: Ports of the heat flow into chambers, with the local signals ``temperature`` and
             ``wall_temperature``.
         coefficient: Heat transfer coefficient in excess of the plant's, in W/(m2 K).
-        area: Wetted area of one chamber, in m2.
+        area: Wetted area of one chamber, in m^2.
         lower: Smallest plausible coefficient, in W/(m2 K): minus the plant's own.
         upper: Largest plausible coefficient, in W/(m2 K).
         name: Name of the effect.

@@ -112,14 +112,14 @@ def local_catch(
     Args:
         port: Port of a force or torque, with the position as a local signal.
         height: Height of the bump, in ``unit``.
-        centre: Its place, in ``coordinate_unit``.
+        centre: Its place, in the unit of the position.
         width: Distance from the centre at which 37 % is left, in ``coordinate_unit``.
         coordinate: Name of the local signal that is the position.
         unit: Unit of the port.
         coordinate_unit: Unit of the position: ``"rad"`` or ``"m"``.
         upper: Largest plausible magnitude, in ``unit``.
         typical: Usual magnitude, in ``unit``; scales the fit.
-        reach: Largest magnitude of the centre, in ``coordinate_unit``.
+        reach: Largest magnitude of the centre, in the unit of the position.
         name: Name of the effect.
 
     Returns:
@@ -178,7 +178,7 @@ def local_friction(
     Args:
         port: Port of a force or torque, with the position and ``speed`` as local signals.
         level: Friction at the place, in ``unit``.
-        centre: The place, in ``coordinate_unit``.
+        centre: The place, in the unit of the position.
         width: Distance from the centre at which 37 % is left, in ``coordinate_unit``.
         transition_speed: Speed at which tanh reaches 76 %, in ``coordinate_unit`` per s.
         coordinate: Name of the local signal that is the position.
@@ -186,7 +186,7 @@ def local_friction(
         coordinate_unit: Unit of the position: ``"rad"`` or ``"m"``.
         upper: Largest plausible level, in ``unit``.
         typical: Usual level, in ``unit``; scales the fit.
-        reach: Largest magnitude of the centre, in ``coordinate_unit``.
+        reach: Largest magnitude of the centre, in the unit of the position.
         name: Name of the effect.
 
     Returns:

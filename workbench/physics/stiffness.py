@@ -31,7 +31,7 @@ def linear_spring(
     Args:
         port: Port of a force or torque, with the position as a local signal.
         stiffness: Stiffness, in ``unit`` per ``coordinate_unit``.
-        rest: Position without force, in ``coordinate_unit``.
+        rest: Position without force, in the unit of the position.
         coordinate: Name of the local signal that is the position.
         unit: Unit of the port.
         coordinate_unit: Unit of the position: ``"rad"`` or ``"m"``.
@@ -98,7 +98,7 @@ def cubic_stiffness(
     Args:
         port: Port of a force or torque, with the position as a local signal.
         stiffness: Cubic stiffness, in ``unit`` per cube of ``coordinate_unit``.
-        rest: Position without force, in ``coordinate_unit``.
+        rest: Position without force, in the unit of the position.
         coordinate: Name of the local signal that is the position.
         unit: Unit of the port.
         coordinate_unit: Unit of the position: ``"rad"`` or ``"m"``.

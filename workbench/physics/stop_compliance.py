@@ -26,7 +26,7 @@ def stop_compliance(
     Args:
         ports: Ports of the pushes of stops, with the local signal ``penetration``.
         stiffness: Stiffness of the bumper, in ``unit`` per ``coordinate_unit``.
-        thickness: Distance before the stop at which it touches, in ``coordinate_unit``.
+        thickness: Distance before the stop at which it touches, in the unit of the position.
         unit: Unit of the ports.
         coordinate_unit: Unit of the position: ``"rad"`` or ``"m"``.
         upper: Largest plausible stiffness, in ``unit`` per ``coordinate_unit``.

@@ -63,12 +63,12 @@ def entries(model: Model, outputs: tuple[str, ...] | None = None) -> Iterator[En
         )
 
 
-def _offset_sizes(port: Port) -> tuple[float, float]:
-    return _OFFSETS.get(port.unit, (0.02 * port.scale, 0.002 * port.scale))
+def _offset_sizes(unit: str, scale: float) -> tuple[float, float]:
+    return _OFFSETS.get(unit, (0.02 * scale, 0.002 * scale))
 
 
 def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
-    size, least = _offset_sizes(port)
+    size, least = _offset_sizes(port.unit, output.scale)
     where, ports, unit = output.name, (port.name,), port.unit
     yield Entry(
         offset(
@@ -101,7 +101,7 @@ def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
         law="sensor_gain",
     )
     yield Entry(
-        lag(ports, time=0.0, unit=unit, scale=port.scale, name=f"sensor_lag_{where}"),
+        lag(ports, time=0.0, unit=unit, scale=output.scale, name=f"sensor_lag_{where}"),
         "time",
         0.02,
         0.002,
@@ -109,7 +109,7 @@ def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
         law="sensor_lag",
     )
     yield Entry(
-        delay(ports, time=0.0, unit=unit, scales=(port.scale,), name=f"sensor_delay_{where}"),
+        delay(ports, time=0.0, unit=unit, scales=(output.scale,), name=f"sensor_delay_{where}"),
         "time",
         0.01,
         0.002,
@@ -138,7 +138,7 @@ def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
             share=0.0,
             limit=limits[0],
             unit=unit,
-            scale=port.scale,
+            scale=output.scale,
             name=f"sensor_clipping_{where}",
         ),
         "share",
@@ -154,7 +154,7 @@ def _clip_limits(model: Model, output: Output, port: Port) -> tuple[float, ...]:
     if port.unit in _CLIPS:
         return _CLIPS[port.unit]
     state = next((q for q in model.states if q.name == output.name), None)
-    top = state.upper if state is not None and math.isfinite(state.upper) else 2.0 * port.scale
+    top = state.upper if state is not None and math.isfinite(state.upper) else 2.0 * output.scale
     if math.isfinite(output.upper):
         top = min(top, output.upper)
     return tuple(share * top for share in (0.75, 0.5, 0.9))
@@ -162,8 +162,8 @@ def _clip_limits(model: Model, output: Output, port: Port) -> tuple[float, ...]:
 
 def _together(stem: str, ports: list[Port]) -> Iterator[Entry]:
     names, unit = tuple(q.name for q in ports), ports[0].unit
-    size, least = _offset_sizes(ports[0])
     scale = ports[0].scale
+    size, least = _offset_sizes(unit, scale)
     yield Entry(
         lag(
             names,
