@@ -31,7 +31,9 @@ def gravity(angle: float, load: float, p: SimpleNamespace) -> float:
     """Return the torque of gravity on the joint (positive angles are against gravity)."""
     moment = ARM_MASS * (ARM_X * math.cos(angle) - ARM_Y * math.sin(angle))
     moment += load * (LOAD_X * math.cos(angle) - LOAD_Y * math.sin(angle))
-    return -G * moment * (p.vertical + math.sin(p.tilt))
+    # A small tilt about the axis that is level with the arm at 90 deg acts on the cosine only.
+    tilted = (ARM_MASS * ARM_X + load * LOAD_X) * math.cos(angle) * math.sin(p.tilt)
+    return -G * (moment * p.vertical + tilted)
 
 
 def stops(angle: float, speed: float, p: SimpleNamespace) -> float:

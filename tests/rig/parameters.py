@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-ELEMENTS = 8
+ELEMENTS = 12
 """Number of Maxwell-slip elements a muscle can have."""
 
 
@@ -97,6 +97,7 @@ _TABLE: dict[str, tuple[float, str, str]] = {
     "supply_pressure": (6e5, "Pa", "supply, gauge"),
     "supply_volume": (0.0, "m^3", "reservoir in front of the valve, 0: ideal supply"),
     "supply_conductance": (4e-9, "m^3/(s Pa)", "restriction that refills the reservoir"),
+    "supply_linear": (0.0, "kg/(s Pa)", "> 0: refill in proportion to the pressure difference"),
     "silencer_volume": (0.0, "m^3", "volume behind each exhaust port, 0: no silencer"),
     "silencer_conductance": (3e-8, "m^3/(s Pa)", "conductance of a silencer"),
     "line_volume": (0.0, "m^3", "volume between valve and muscle, 0: no line"),

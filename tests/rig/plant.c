@@ -55,7 +55,7 @@ static double flow(const double *p, double c, double pa, double ta, double pb, d
 static double weight(const double *p, double a, double load) {
     double c = cos(a), s = sin(a);
     double moment = 0.987 * (0.205 * c - 0.0176 * s) + load * (0.367 * c + 0.024 * s);
-    return -9.81 * moment * (P(vertical) + sin(P(tilt)));
+    return -9.81 * (moment * P(vertical) + (0.987 * 0.205 + load * 0.367) * c * sin(P(tilt)));
 }
 static double fibre(const double *p, const double *x, int k) {
     if (P(tendon_stiffness) > 0) return x[X_fibre_1 + k];
@@ -65,6 +65,7 @@ static void slip(const double *p, double *x, const double *old) {
     for (int k = 0; k < 2; k++) {
         double step = fibre(p, x, k) - fibre(p, old, k);
         for (int i = 0; i < NE; i++) {
+            if (p[P_hyst_w1 + i] == 0) continue;
             double d = p[P_hyst_d1 + i], z = old[X_slip_1_1 + NE * k + i] + step;
             x[X_slip_1_1 + NE * k + i] = z > d ? d : (z < -d ? -d : z);
         }
@@ -121,7 +122,6 @@ static void derivative(const double *p, const double *x, double u, const double 
                                   - (1.0 - P(hyst_beta)) * rate * pow(az, m)) / P(hyst_breakaway);
         }
         dv[k] = P(volume_gain) * vol_slope(s) * rate;
-        if (P(pressure_lag) > 0) dx[X_sensed_1 + k] = (gauge - x[X_sensed_1 + k]) / P(pressure_lag);
     }
 
     double y = X(spool), db = P(valve_deadband), up, down, supply = P(supply_pressure) + amb;
@@ -131,6 +131,7 @@ static void derivative(const double *p, const double *x, double u, const double 
     if (P(supply_volume) > 0) {
         double inside = X(reservoir) * rt / P(supply_volume);
         DX(reservoir) = flow(p, P(supply_conductance), supply, te, inside, te, &tc);
+        if (P(supply_linear) > 0) DX(reservoir) = P(supply_linear) * (supply - inside);
         supply = inside;
     }
     double between = 0, tb = te;

@@ -24,7 +24,7 @@ STATES: list[str] = [
     *(f"slip_1_{i + 1}" for i in range(ELEMENTS)),
     *(f"slip_2_{i + 1}" for i in range(ELEMENTS)),
     "memory_1", "memory_2", "creep_fast_1", "creep_slow_1", "creep_fast_2", "creep_slow_2",
-    "load_angle", "load_speed", "fibre_1", "fibre_2", "sensed_1", "sensed_2",
+    "load_angle", "load_speed", "fibre_1", "fibre_2",
 ]  # fmt: skip
 INDEX = {name: i for i, name in enumerate(STATES)}
 SLIP_1, SLIP_2 = INDEX["slip_1_1"], INDEX["slip_2_1"]
@@ -39,7 +39,24 @@ def namespace(parameters: dict[str, float]) -> SimpleNamespace:
     return p
 
 
-def lengths(x: NDArray[np.float64], p: SimpleNamespace) -> list[tuple[float, float, float]]:
+def active(p: SimpleNamespace) -> list[int]:
+    """Return the indices of the states that the switched-on effects use."""
+    used = set(range(INDEX["spool_speed"] + 1))
+    switches = {
+        "reservoir": p.supply_volume, "exhaust": p.silencer_volume, "line": p.line_volume,
+        "bristle": p.lugre_stiffness, "memory": p.hyst_law, "load_": p.load_stiffness,
+        "fibre": p.tendon_stiffness,
+        "creep": abs(p.creep_fast) + abs(p.creep_slow), "slip": len(p.slip),
+    }  # fmt: skip
+    for name, i in INDEX.items():
+        if any(name.startswith(start) and value > 0 for start, value in switches.items()):
+            used.add(i)
+    spare = {b + i for b in (SLIP_1, SLIP_2) for i in range(ELEMENTS)}
+    spare -= {b + i for b in (SLIP_1, SLIP_2) for i, _, _ in p.slip}
+    return sorted(used - spare)
+
+
+def lengths(x: NDArray[np.float64] | list[float], p: SimpleNamespace) -> list[tuple[float, float, float]]:
     """Return for both muscles the distance, its slope over the angle, and the fibre length."""
     result = []
     for k, (a, sign) in enumerate(((x[0], 1.0), (arm.SPAN - x[0], -1.0))):
@@ -75,7 +92,7 @@ def initial(
         x[3 + 2 * k] = pressure * v / (p.gamma - 1.0)
         x[INDEX[f"exhaust_{k + 1}"]] = p.ambient_pressure * p.silencer_volume / rt
         x[INDEX[f"line_{k + 1}"]] = pressure * p.line_volume / rt
-        for name in ("creep_fast", "creep_slow", "sensed"):
+        for name in ("creep_fast", "creep_slow"):
             x[INDEX[f"{name}_{k + 1}"]] = pressure - p.ambient_pressure
         x[INDEX[f"memory_{k + 1}"]] = slip[k]
         for i, d, _ in p.slip:
@@ -98,10 +115,11 @@ def slipped(
 
 
 def derivative(
-    x: NDArray[np.float64], command: float, p: SimpleNamespace
+    state: NDArray[np.float64], command: float, p: SimpleNamespace
 ) -> NDArray[np.float64]:
     """Return dx/dt at the command in volt."""
-    dx = np.zeros_like(x)
+    x: list[float] = state.tolist()  # plain floats are several times faster than array elements
+    dx = np.zeros(len(x))
     angle, speed = float(x[0]), float(x[1])
     at = INDEX
     ambient, t_amb = p.ambient_pressure, p.ambient_temperature
@@ -117,10 +135,10 @@ def derivative(
         pressure = (p.gamma - 1.0) * u / v
         gauge = pressure - ambient
         rate = lever * speed
-        active = gauge
+        acting = gauge
         if p.creep_fast or p.creep_slow:
             fast, slow = at[f"creep_fast_{k + 1}"], at[f"creep_slow_{k + 1}"]
-            active += p.creep_fast * (x[fast] - gauge) + p.creep_slow * (x[slow] - gauge)
+            acting += p.creep_fast * (x[fast] - gauge) + p.creep_slow * (x[slow] - gauge)
             dx[fast] = (gauge - x[fast]) / p.creep_fast_time
             dx[slow] = (gauge - x[slow]) / p.creep_slow_time
         memory = float(x[at[f"memory_{k + 1}"]])
@@ -131,16 +149,10 @@ def derivative(
         loop = (p.hyst_force + p.hyst_slope * max(0.0, gauge) * 1e-5) * share
         gain = (p.force_gain_1, p.force_gain_2)[k]
         if p.hyst_place == 1:
-            outer = p.slack_width, p.slack_law
-            p.slack_law, static = 2.0, 0.0
-            q = (muscle.NOMINAL_LENGTH - s) * 1e3
-            raw = (280.0 - 2.2 * q + 0.033 * q * q) * active * 1e-5
-            raw += muscle.pressure_free_force(q)
-            raw *= 1.0 + p.force_shape * (q / 30.0) ** 2
-            p.slack_width, p.slack_law = outer
-            static = muscle.clamp(p.force_gain * gain * raw + loop, p.slack_width, p.slack_law)
+            raw = p.force_gain * gain * muscle.raw_force(s, acting, p) + loop
+            static = muscle.clamp(raw, p.slack_width, p.slack_law)
         else:
-            static = muscle.force(s, active, gain, p) + loop
+            static = muscle.force(s, acting, gain, p) + loop
         if p.tendon_stiffness > 0.0:
             tension[k] = max(0.0, p.tendon_stiffness * (total - arm.FITTINGS - s))
             rate = (tension[k] - static) / p.muscle_viscosity
@@ -156,8 +168,6 @@ def derivative(
                 memory, p.hyst_breakaway, p.hyst_exponent, p.hyst_beta, rate
             )
         gas.append((m, u, v, pressure, u / (m * p.cv), p.volume_gain * muscle.volume_slope(s) * rate))
-        if p.pressure_lag > 0.0:
-            dx[at[f"sensed_{k + 1}"]] = (gauge - x[at[f"sensed_{k + 1}"]]) / p.pressure_lag
 
     # valve and everything the gas flows through
     spool = float(x[at["spool"]])
@@ -169,10 +179,11 @@ def derivative(
     vent = (down + p.centre_leakage, up + p.centre_leakage)
     supply = p.supply_pressure + ambient
     if p.supply_volume > 0.0:
-        refill, _ = valve.exchange(
-            p.supply_conductance, supply, t_amb, x[at["reservoir"]] * rt / p.supply_volume, t_amb, p
-        )
-        supply = float(x[at["reservoir"]]) * rt / p.supply_volume
+        inside = float(x[at["reservoir"]]) * rt / p.supply_volume
+        refill, _ = valve.exchange(p.supply_conductance, supply, t_amb, inside, t_amb, p)
+        if p.supply_linear > 0.0:
+            refill = p.supply_linear * (supply - inside)
+        supply = inside
         dx[at["reservoir"]] += refill
     between, t_between = (0.0, t_amb)
     if p.leak_between > 0.0:

@@ -26,22 +26,31 @@ def run(
     """
     p = plant.namespace(parameters)
     scale = np.full(len(plant.STATES), 1e-6)
-    for name, size in (("mass", 1e-3), ("energy", 100.0), ("sensed", 1e5), ("creep", 1e5)):
+    for name, size in (("mass", 1e-3), ("energy", 100.0), ("creep", 1e5)):
         for i, state_name in enumerate(plant.STATES):
             if state_name.startswith(name):
                 scale[i] = size
     scale[[0, 1]] = 1.0
+    on = plant.active(p)
     edges = [0, *(np.flatnonzero(np.diff(command)) + 1), len(command)]
     out = np.empty((len(command), len(state)))
     x = np.array(state, float)
     for i, j in zip(edges[:-1], edges[1:], strict=True):
         t = np.arange(j - i + 1) * sample
+        u = float(command[i])
+
+        def rhs(_: float, y: Array, u: float = u, rest: Array = x) -> Array:
+            full = rest.copy()
+            full[on] = y
+            return plant.derivative(full, u, p)[on]
+
         solution = solve_ivp(
-            lambda _, y, u=float(command[i]): plant.derivative(y, u, p),
-            (0.0, t[-1]), x, method=method, t_eval=t, rtol=rtol, atol=rtol * scale,
-        )  # fmt: skip
+            rhs, (0.0, t[-1]), x[on], method=method, t_eval=t, rtol=rtol, atol=rtol * scale[on]
+        )
         if not solution.success:
             raise RuntimeError(solution.message)
-        out[i:j] = solution.y.T[:-1]
-        x = solution.y[:, -1]
+        out[i:j] = x
+        out[i:j, on] = solution.y.T[:-1]
+        x = x.copy()
+        x[on] = solution.y[:, -1]
     return out
