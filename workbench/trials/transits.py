@@ -20,7 +20,7 @@ SMOOTHING = 0.03
 DIP_DEPTH = 0.05
 """A dip is a minimum this far below the maxima on both sides, as a share of the top speed."""
 
-TOUCH_WINDOW = 0.012
+TOUCH_WINDOW = 0.02
 """Time before the contact with a stop over which the touch speed is taken, in s."""
 
 
@@ -108,8 +108,8 @@ def measure_transits(
 
     A transit begins where the angle leaves one mark for good and ends where it first passes the
     other. Its dips are the minima of the speed between the marks; the ripple's frequency comes
-    from the speed's maxima. The touch speed is the slope of a line through the last angles before
-    the stop.
+    from the speed's maxima. The touch speed is the slope at the stop of a parabola through the
+    last angles before it.
 
     Args:
         time: Sample times, shape (n,), in s, evenly spaced.
@@ -200,9 +200,12 @@ def _touch_speed(t: Vector, a: Vector, end: int, stop: float, step: float) -> fl
         return math.nan
     contact = end + int(ahead[0])
     # Nothing counts after the arm has turned back: that contact belongs to another swing.
-    count = max(3, round(TOUCH_WINDOW / step))
+    count = max(5, round(TOUCH_WINDOW / step))
     before = slice(max(0, contact - count), contact)
-    return float(np.polyfit(t[before] - t[contact], a[before], 1)[0])
+    # A parabola, because the arm brakes or speeds up even in this short time.
+    bend, slope, _ = np.polyfit(t[before] - t[contact - 1], a[before], 2)
+    ahead_of_contact = (stop - a[contact - 1]) / slope
+    return float(slope + 2 * bend * ahead_of_contact)
 
 
 def _summary(transits: tuple[Transit, ...]) -> TransitFigures:

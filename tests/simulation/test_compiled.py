@@ -1,0 +1,94 @@
+"""Compiled and interpreted simulation give the same numbers; the cache is by content."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.simulation.compiled import compiled, compiler
+
+SCRIPT = """
+import sys
+import numpy as np
+from workbench.plants.arm import arm
+from workbench.simulation import simulate
+voltage = np.where(np.arange(500) < 250, 5.9, 4.1)
+run = simulate(arm(3.0), voltage, sample_time=0.002, check=False)
+print(run.integrator)
+np.save(sys.argv[1], np.hstack([run.states, run.outputs]))
+"""
+
+
+def run_with(setting: dict[str, str], target: Path) -> tuple[str, np.ndarray]:
+    # As in the tests themselves: the package may be found through the path only.
+    environment = {**os.environ, **setting, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT, str(target)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip(), np.load(target)
+
+
+@pytest.mark.skipif(compiler() is None, reason="there is no C compiler to compare with")
+def test_compiled_and_interpreted_runs_are_the_same(tmp_path: Path) -> None:
+    cache = {"WORKBENCH_CACHE": str(tmp_path / "cache")}
+    fast, compiled_states = run_with(cache, tmp_path / "a.npy")
+    slow, interpreted_states = run_with({"WORKBENCH_CC": "none", **cache}, tmp_path / "b.npy")
+    assert (fast, slow) == ("erk, compiled", "erk, interpreted")
+    # The same operations in the same order: only the compiler's own rounding may differ.
+    scale = np.abs(interpreted_states).max(axis=0) + 1e-12
+    assert (np.abs(compiled_states - interpreted_states) / scale).max() < 1e-9
+    assert list((tmp_path / "cache" / "workbench").glob("*.so"))
+
+
+@pytest.mark.skipif(compiler() is None, reason="there is no C compiler")
+def test_a_function_is_built_once_per_content(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path))
+    x = ca.SX.sym("x")
+    for factor in (2.0, 3.0, 2.0):
+        assert float(compiled(ca.Function("f", [x], [factor * x]))(5.0)) == 5.0 * factor
+    assert len(list((tmp_path / "workbench").glob("*.so"))) == 2
+    assert [p for p in (tmp_path / "workbench").iterdir() if p.is_dir()] == []
+
+
+def test_a_compiler_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WORKBENCH_CC", "no-such-compiler")
+    compiler.cache_clear()
+    try:
+        with pytest.raises(WorkbenchError, match="'no-such-compiler'"):
+            compiler()
+    finally:
+        monkeypatch.undo()
+        compiler.cache_clear()
+
+
+def test_a_compiler_that_fails_leaves_the_interpreter(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = tmp_path / "cc"
+    broken.write_text("#!/bin/sh\necho broken >&2\nexit 1\n")
+    broken.chmod(0o755)
+    monkeypatch.setenv("WORKBENCH_CC", str(broken))
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path))
+    compiler.cache_clear()
+    x = ca.SX.sym("x")
+    try:
+        with pytest.warns(RuntimeWarning, match="interpreted instead"):
+            function = compiled(ca.Function("f", [x], [x + 1.0]))
+        assert float(function(1.0)) == 2.0
+    finally:
+        monkeypatch.undo()
+        compiler.cache_clear()
