@@ -33,7 +33,7 @@ class JointModel:
     Args:
         b: Angular acceleration per pressure difference, in rad/(s2 Pa).
         a1: Damping over inertia, in 1/s.
-        a0: Stiffness over inertia, in 1/s2.
+        a0: Stiffness over inertia, in rad/s2 per rad.
         g: Rate of the pressure difference per opening, in Pa/s.
         e: Rate of the pressure difference per angular speed, in Pa/rad.
         d: Decay of the pressure difference, in 1/s.

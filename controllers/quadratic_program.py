@@ -21,9 +21,9 @@ class Solution(NamedTuple):
 
     Args:
         x: Minimiser, shape (n,), in the problem's units; meaningless unless ``solved``.
-        solved: Whether the solver says so and the result is finite and within its bounds.
+        solved: Whether the solver says so, and the result is finite and keeps the constraints.
         status: The solver's own word.
-        iterations: Number of iterations, NaN where the solver does not tell.
+        iterations: Number of iterations (dimensionless), NaN where the solver does not tell.
         seconds: Time taken, in s.
     """
 
@@ -70,7 +70,7 @@ class QuadraticProgram:
                 self._buffer.set_arg(i, memoryview(array.data))
         self._buffer.set_res(0, memoryview(self._x.data))
         self._inputs = inputs
-        self._tolerance = 1e-6
+        self._tolerance = 1e-5
 
     def solve(
         self,
@@ -113,10 +113,12 @@ class QuadraticProgram:
         x = self._x.copy()
         # The solver's word is not enough: a controller must never act on a point out of bounds.
         slack = self._tolerance
-        usable = (
-            success
-            and bool(np.all(np.isfinite(x)))
-            and bool(np.all(x >= lower_x - slack) and np.all(x <= upper_x + slack))
+        rows = A @ x
+        # Comparisons with NaN are false, so data or results that are not finite fail here too.
+        usable = success and bool(
+            ((x >= lower_x - slack) & (x <= upper_x + slack)).all()
+            and ((rows >= lower_a - slack) & (rows <= upper_a + slack)).all()
+            and -np.inf < float(x @ H @ x + g @ x) < np.inf
         )
         seconds = time.perf_counter() - began
         return Solution(x, usable, status, iterations if iterations >= 0 else np.nan, seconds)

@@ -24,7 +24,7 @@ from workbench.model import Effect, Input, Model, Output, Parameter
 from workbench.verification.run import Run
 from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LinearPlant
 from workbench.verification.scenario import Scenario
-from workbench.verification.start import start_state
+from workbench.verification.start import start_state, start_values
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -93,7 +93,7 @@ def verify(
                 " cannot; use the full plant"
             )
         model = None
-        sampled = LinearPlant(plant, h)
+        sampled = LinearPlant(plant, h, start_values(scenario))
         described = plant.operating_point.model
         own = plant.inverse is None
         inputs = _named(described.inputs, plant.input_names) if own else described.inputs

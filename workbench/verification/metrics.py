@@ -149,7 +149,7 @@ def _following(run: Run, name: str, prefix: str, unit: str, display: str) -> lis
     error = reference - course
     settle, rise, over, steady, moving = [], [], [], [], []
     changes = [c for c in signal.changes if c[0] < time[-1]]
-    ends = [c[0] for c in changes[1:]] + [math.inf]
+    ends = [*(c[0] for c in changes[1:]), math.inf][: len(changes)]
     for (begin, initial, final), end in zip(changes, ends, strict=True):
         part = (time >= begin - 1e-9) & (time < end - 1e-9)
         t, y = time[part], course[part]

@@ -155,7 +155,7 @@ def oscillation(time: Vector, course: Vector, *, window: float = 1.0) -> Figure:
 
     Example:
         >>> t = np.linspace(0.0, 4.0, 4001)
-        >>> round(oscillation(t, 0.1 * t + 0.2 * np.sin(20 * t)).value, 2)
+        >>> round(oscillation(t, 0.1 * t + 0.2 * np.sin(80 * t)).value, 1)
         0.2
     """
     end = _end(time, window)

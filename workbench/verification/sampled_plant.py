@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.observer import held
-from workbench.errors import NumericalError
+from workbench.errors import NumericalError, check_choice
 from workbench.model import EXACT, Face, Model, Trace
 from workbench.model.model import check_vector, index_of
 from workbench.simulation.compiled import compiled, compiler
@@ -133,6 +134,10 @@ class LinearPlant:
     Args:
         linear: The linear model; its operating point is added to all signals.
         sample_time: Time between samples, in s.
+        start: Outputs at the start by name, in SI; the model starts at rest there.
+
+    Raises:
+        WorkbenchError: If the model has no such output.
 
     Source:
         Zero-order-hold equivalent; Åström and Wittenmark, Computer-Controlled Systems, 1997,
@@ -143,7 +148,12 @@ class LinearPlant:
         'LinearPlant'
     """
 
-    def __init__(self, linear: LinearModel, sample_time: float) -> None:
+    def __init__(
+        self,
+        linear: LinearModel,
+        sample_time: float,
+        start: Mapping[str, float] | None = None,
+    ) -> None:
         self.linear = linear
         self.integrator = "exact discretisation"
         self.tolerance = 0.0
@@ -152,12 +162,12 @@ class LinearPlant:
         )
         self._drift = held(linear.A, linear.drift[:, None], sample_time)[1][:, 0]
         self._x0, self._u0, self._y0 = linear.x0, linear.u0, linear.y0
-        self._x = np.zeros(len(self._x0))
+        self._x, du = _rest(linear, start or {})
         self._curve: tuple[Vector, Vector] | None = None
         if linear.inverse is not None:
             openings = np.linspace(-1.0, 1.0, 20001)
             self._curve = np.ravel(linear.to_plant(openings)), openings
-        self.readings: list[float] = self._y0.tolist()
+        self.readings: list[float] = (self._y0 + self._C @ self._x + self._D @ du).tolist()
 
     @property
     def parameters(self) -> Vector:
@@ -181,6 +191,24 @@ class LinearPlant:
         du = u - self._u0
         self._x = self._A @ self._x + self._B @ du + self._drift
         self.readings = (self._y0 + self._C @ self._x + self._D @ du).tolist()
+
+
+def _rest(linear: LinearModel, outputs: Mapping[str, float]) -> tuple[Vector, Vector]:
+    """Return the deviations (x, u) of smallest scaled size that rest with some outputs."""
+    for name in outputs:
+        check_choice("output of the linear model", name, linear.output_names)
+    rows = [linear.output_names.index(name) for name in outputs]
+    wanted = np.array(list(outputs.values())) - linear.y0[rows]
+    matrix = np.block([[linear.A, linear.B], [linear.C[rows], linear.D[rows]]])
+    target = np.concatenate([np.zeros(len(linear.A)), wanted])
+    described = linear.operating_point.model
+    scales = {q.name: q.scale for q in (*described.inputs, *described.states)}
+    size = [scales.get(name, 1.0) for name in (*linear.state_names, *linear.input_names)]
+    matrix = matrix * np.array(size)
+    weight = np.maximum(np.max(np.abs(matrix), axis=1), 1e-300)
+    found = np.linalg.lstsq(matrix / weight[:, None], target / weight, rcond=1e-12)[0] * size
+    n = len(linear.A)
+    return found[:n], found[n:]
 
 
 @lru_cache(maxsize=64)

@@ -114,7 +114,7 @@ class Sine:
 
     @property
     def changes(self) -> tuple[tuple[float, float, float], ...]:
-        """No steps."""
+        """No steps: no times in s, no values in SI."""
         return ()
 
 
@@ -161,7 +161,7 @@ class Ramps:
 
     @property
     def changes(self) -> tuple[tuple[float, float, float], ...]:
-        """No steps."""
+        """No steps: no times in s, no values in SI."""
         return ()
 
 

@@ -12,6 +12,25 @@ from workbench.verification.scenario import Scenario
 Vector = npt.NDArray[np.float64]
 
 
+def start_values(scenario: Scenario) -> dict[str, float]:
+    """Return what is given at the start of a scenario.
+
+    Args:
+        scenario: What is asked; its ``start``, or its references at t = 0.
+
+    Returns:
+        Values by name, in SI.
+
+    Example:
+        >>> from workbench.verification.scenario import step_scenario
+        >>> start_values(step_scenario(from_deg=0, to_deg=45))
+        {'angle': 0.0}
+    """
+    if scenario.start is not None:
+        return dict(scenario.start)
+    return {name: float(s.sample(0.0)) for name, s in scenario.references.items()}
+
+
 def start_state(model: Model, scenario: Scenario) -> tuple[Vector, Vector]:
     """Return the states and inputs at which a run of a scenario starts.
 
@@ -32,8 +51,5 @@ def start_state(model: Model, scenario: Scenario) -> tuple[Vector, Vector]:
         >>> round(float(u[0]), 2)
         5.0
     """
-    given = scenario.start
-    if given is None:
-        given = {name: float(s.sample(0.0)) for name, s in scenario.references.items()}
-    point = operating_point(model, given)
+    point = operating_point(model, start_values(scenario))
     return np.asarray(point.x, dtype=float), np.asarray(point.u, dtype=float)
