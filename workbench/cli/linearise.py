@@ -53,6 +53,27 @@ def linearise(
     """Trim the arm at an angle and print its linear model: modes, and how far to trust it.
 
     Example: 'workbench linearise --angle 30deg --load 3kg --mean-pressure 3bar --verdict'.
+
+    Args:
+        angle: Angle of the operating point.
+        mean_pressure: Mean gauge pressure of both muscles, or None for the one that leakage holds.
+        load: Mass of the plates, with or without its unit.
+        plane: Plane of the motion.
+        supply: Supply pressure, gauge, with or without its unit.
+        parameter: Changed parameters as NAME=VALUE.
+        without: Effects to leave out.
+        hysteresis: Whether both muscles have hysteresis.
+        verdict: Whether to simulate how far the model holds.
+        out: JSON file, or None.
+
+    Returns:
+        Exit status.
+
+    Example:
+        >>> linearise("75deg")
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: angle is 75 deg; the valid range is 0 to 60 deg
     """
     from workbench.linearisation import linearise as linear_model
     from workbench.operating_point import operating_point

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import sys
 from collections.abc import Sequence
 
@@ -34,10 +35,9 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-app.command()(demo)
-app.command()(simulate)
-app.command()(linearise)
-app.command()(verify)
+for _verb in (demo, simulate, linearise, verify):
+    # What follows is for those who call the function, not for those who type the verb.
+    app.command(help=inspect.cleandoc(_verb.__doc__ or "").split("\n\nArgs:")[0])(_verb)
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -63,6 +63,30 @@ def simulate(
 
     Examples: 'workbench simulate --valve 0:5.9 --valve 2:4.1',
     'workbench simulate --load 8kg --pulses 0.9V --out run.csv'.
+
+    Args:
+        valve: Steps of the valve voltage as TIME:VOLTAGE.
+        pulses: Height of pulses instead, or None.
+        period: Period of the pulses.
+        duration: Length of the run.
+        sample_time: Time between samples.
+        angle: Angle at which the arm rests at the start.
+        load: Mass of the plates, with or without its unit.
+        plane: Plane of the motion.
+        supply: Supply pressure, gauge, with or without its unit.
+        parameter: Changed parameters as NAME=VALUE.
+        without: Effects to leave out.
+        hysteresis: Whether both muscles have hysteresis.
+        out: CSV file, or None.
+
+    Returns:
+        Exit status.
+
+    Example:
+        >>> simulate(["0:12V"])
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: valve voltage is 12 V; the valid range is 0 to 10 V
     """
     import math
 

@@ -61,6 +61,30 @@ def verify(
     saturation, converters and sensor noise. Exit status 1 if a requirement is missed.
 
     Example: 'workbench verify -c pid -c mpc --from 15deg --to 45deg --hysteresis'.
+
+    Args:
+        controller: Names of controllers; all by default.
+        design_angle: Angle at which the linear model is taken.
+        design_load: Load of the design, or None for that of the plant.
+        start: Angle before the step.
+        end: Angle after the step.
+        seed: Seed of the sensors' noise.
+        load: Mass of the plates, with or without its unit.
+        plane: Plane of the motion.
+        supply: Supply pressure, gauge, with or without its unit.
+        parameter: Changed parameters as NAME=VALUE.
+        without: Effects to leave out.
+        hysteresis: Whether both muscles have hysteresis.
+        out: JSON file, or None.
+
+    Returns:
+        Exit status: 1 if a requirement is missed.
+
+    Example:
+        >>> verify(["pdi"])
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: controller is 'pdi'; it must be one of ...
     """
     from workbench.demo.closed_loop import REQUIREMENTS
     from workbench.demo.controller_designs import DESIGNS, design_controllers, design_model

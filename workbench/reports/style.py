@@ -166,7 +166,7 @@ def new_figure(heights: Iterable[float], *, share_x: bool = True) -> tuple[Figur
     """Return an empty figure of the common width with panels above each other.
 
     Args:
-        heights: Height of each panel, in inches.
+        heights: Height of each panel, in inches of 25.4 mm.
         share_x: Whether the panels share their horizontal axis.
 
     Returns:

@@ -25,7 +25,7 @@ def recorded_case(
         time: Sample times, shape (n,), in s.
         voltage: Recorded valve voltage, shape (n,), in V.
         measured: Measured angle (rad) and gauge pressures of muscle 1 and 2 (Pa), shape (n,) each.
-        simulated: The same of the simulation.
+        simulated: Simulated angle (rad) and gauge pressures (Pa), shape (n,) each.
 
     Returns:
         The figure: voltage in V, angle and its difference in °, pressures in bar, over time in s.
