@@ -155,14 +155,16 @@ def oscillation(time: Vector, course: Vector, *, window: float = 1.0) -> Figure:
 
     Example:
         >>> t = np.linspace(0.0, 4.0, 4001)
-        >>> round(oscillation(t, 0.1 * t + 0.2 * np.sin(80 * t)).value, 1)
+        >>> round(oscillation(t, 0.1 * t + 0.2 * np.sin(80 * t)).value, 2)
         0.2
     """
     end = _end(time, window)
     if end is None:
         return Figure(math.nan, "fewer than 10 samples")
     t, y = time[end], course[end]
-    line = np.polynomial.Polynomial.fit(t, y, 1)
+    # Weights that fade at the ends keep the line from following a part of an oscillation.
+    fade = np.sin(np.pi * (np.arange(len(t)) + 0.5) / len(t))
+    line = np.polynomial.Polynomial.fit(t, y, 1, w=fade)
     return Figure(0.5 * float(np.ptp(y - line(t))))
 
 

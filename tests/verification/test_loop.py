@@ -1,0 +1,206 @@
+"""The sampled loop: order, conversion, held commands, changes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controllers import HeldCommand, design_pid
+from workbench.errors import WorkbenchError
+from workbench.linearisation import linearise
+from workbench.model import Model
+from workbench.operating_point import operating_point
+from workbench.plants.arm import arm
+from workbench.plants.servo_axis import servo_axis
+from workbench.simulation import simulate
+from workbench.verification import Change, Disturbance, Scenario, Steps, verify
+
+
+@dataclass(frozen=True)
+class Scripted:
+    """Commands that are a function of the sample, and a record of what was seen."""
+
+    commands: tuple[float, ...]
+    sensors: tuple[str, ...]
+    follows: tuple[str, ...]
+    actuators: tuple[str, ...]
+    preview: int = 0
+    sample_time: float = 0.002
+    name: str = "scripted"
+
+    def initial_state(self, measurement: tuple[float, ...]) -> int:
+        return 0
+
+    def step(self, state: int, measurement: Any, reference: Any) -> Any:
+        seen = {"seen": measurement, "wanted": reference}
+        return (self.commands[state % len(self.commands)],), state + 1, seen
+
+    def linear_command(self, command: tuple[float, ...]) -> tuple[float, ...]:
+        return command
+
+
+AXIS = ("position",), ("position",), ("force",)
+REST = Scenario("rest", {"position": Steps((0.0,), (0.0,))}, 0.1, settle=0.0)
+
+
+@pytest.fixture(scope="module")
+def plant() -> Model:
+    return arm(load_kg=3)
+
+
+def at_30(**changes: Any) -> Scenario:
+    rest = Scenario("rest", {"angle": Steps((0.0,), (math.radians(30),))}, 0.4, settle=0.0)
+    return replace(rest, **changes)
+
+
+def test_row_k_holds_what_was_read_and_then_commanded() -> None:
+    controller = Scripted((0.0, 300.0, -300.0), *AXIS)
+    run = verify(controller, servo_axis(), REST.without_imperfections())
+    assert run.inputs[:4, 0].tolist() == [0.0, 300.0, -300.0, 0.0]
+    for k, info in enumerate(run.infos):
+        assert info["seen"] == (run["position"][k],)
+    # The push commanded at sample 1 is first seen at sample 2.
+    assert run["position"][1] == 0.0
+    assert run["position"][2] > 0.0
+
+
+def test_loop_is_the_simulation_of_its_own_commands(plant: Model) -> None:
+    controller = Scripted((5.3, 4.9, 6.0, 4.2), ("angle",), ("angle",), ("valve",))
+    run = verify(controller, plant, at_30(), tolerance=1e-8)
+    again = simulate(plant, run.inputs, sample_time=0.002, start=run.states[0], check=False)
+    for name in ("angle", "pressure_1", "temperature_2"):
+        # Tolerances of 1e-8 and 1e-7 per step over 200 samples.
+        scale = next(q.scale for q in plant.states if q.name == name)
+        values = run.states[:, [q.name for q in plant.states].index(name)]
+        others = again.states[:, [q.name for q in plant.states].index(name)]
+        np.testing.assert_allclose(values, others, atol=1e-4 * scale)
+
+
+def test_commands_are_clipped_and_quantised(plant: Model) -> None:
+    controller = Scripted((5.0004, 12.0, -3.0, 7.1234), ("angle",), ("angle",), ("valve",))
+    run = verify(controller, plant, at_30(duration=0.02))
+    step = 10.0 / 4096
+    assert run.inputs[:4, 0] == pytest.approx(
+        [round(5.0004 / step) * step, 10.0, 0.0, round(7.1234 / step) * step], abs=1e-12
+    )
+    ideal = verify(controller, plant, at_30(duration=0.02).without_imperfections())
+    assert ideal.inputs[3, 0] == 7.1234
+
+
+def test_sensors_are_noisy_quantised_and_clipped(plant: Model) -> None:
+    held = HeldCommand((5.0,), sensors=("angle", "pressure_1"), follows=("angle",))
+    run = verify(held, plant, at_30(duration=8.0))
+    counts = run.measurement("angle") / (2 * math.pi / 180_000)
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
+    error = run.measurement("pressure_1") - run["pressure_1"]
+    # 600 Pa of noise and a step of 244 Pa: 4000 samples know the rms within 3 %.
+    assert float(np.std(error)) == pytest.approx(math.hypot(600.0, 244 / math.sqrt(12)), rel=0.04)
+    bits = run.measurement("pressure_1") / (10e5 / 4096)
+    np.testing.assert_allclose(bits, np.round(bits), atol=1e-6)
+    exact = verify(held, plant, at_30().without_imperfections())
+    assert np.array_equal(exact.measurement("angle"), exact["angle"])
+
+
+def test_seed_decides_the_noise(plant: Model) -> None:
+    linear = linearise(operating_point(plant, {"angle": math.radians(30)}), verdict=False)
+    pid = design_pid(linear)
+    one, again, other = (verify(pid, plant, at_30(), seed=s) for s in (1, 1, 2))
+    assert np.array_equal(one.states, again.states)
+    assert not np.array_equal(one.measured, other.measured)
+
+
+def test_linear_plant_has_no_half_sample_shift() -> None:
+    axis = servo_axis().without("coulomb_friction")
+    linear = linearise(operating_point(axis, {"position": 0.0}), verdict=False)
+    push = (100.0,) * 25 + (-200.0,) * 25
+    run = verify(Scripted(push, *AXIS), linear, REST.without_imperfections())
+    # m dv/dt + c v = F, closed form over each half: v tends to F/c with rate c/m.
+    c, m = 200.0, 95.0
+    t = run.time
+    first = np.minimum(t, 0.05)
+    v = 100 / c * (1 - np.exp(-c / m * first))
+    x = 100 / c * (first - m / c * (1 - np.exp(-c / m * first)))
+    later = np.maximum(t - 0.05, 0.0)
+    fade = 1 - np.exp(-c / m * later)
+    x = x + (v + 200 / c) * m / c * fade - 200 / c * later
+    np.testing.assert_allclose(run["position"], x, atol=1e-12)
+
+
+def test_parameter_changes_at_its_sample(plant: Model) -> None:
+    held = HeldCommand((5.5,), follows=("angle",))
+    still = verify(held, plant, at_30())
+    changed = verify(held, plant, at_30(changes=(Change(0.2, "load", 5.0),)))
+    load = [q.name for q in plant.parameters].index("load")
+    assert changed.parameters[99, load] == 3.0
+    assert changed.parameters[100, load] == 5.0
+    # The state at 0.2 s still belongs to the old load; the one after it does not.
+    np.testing.assert_array_equal(changed.states[:101], still.states[:101])
+    assert changed["angle"][101:] != pytest.approx(still["angle"][101:], abs=1e-9)
+
+
+def test_disturbance_accelerates_the_joint(plant: Model) -> None:
+    free = plant.without("damper", "bearing_friction")
+    scenario = at_30(disturbances=(Disturbance(0.1, "joint.torque", 2.0, until=0.104),))
+    run = verify(HeldCommand((5.0,), follows=("angle",)), free, scenario)
+    speed = run["speed"]
+    assert abs(speed[50]) < 1e-9
+    # 2 N m for 4 ms on 0.466 kg m2; the stiffness has taken away 0.1 % by then.
+    assert speed[52] - speed[50] == pytest.approx(2.0 * 0.004 / 0.466, rel=5e-3)
+
+
+def test_preview_gives_the_coming_references() -> None:
+    steps = Steps((0.0, 0.01), (0.0, 1.0))
+    scenario = replace(REST, references={"position": steps}, duration=0.02)
+    controller = Scripted((0.0,), *AXIS, preview=2)
+    run = verify(controller, servo_axis(), scenario)
+    assert run.infos[2]["wanted"] == (0.0, 0.0, 0.0)
+    assert run.infos[3]["wanted"] == (0.0, 0.0, 1.0)
+    assert run.infos[-1]["wanted"] == (1.0, 1.0, 1.0)
+
+
+def test_settling_before_the_record_is_not_recorded(plant: Model) -> None:
+    controller = Scripted(tuple(range(5000)), ("angle",), ("angle",), ("valve",))
+    run = verify(controller, plant, at_30(duration=0.01, settle=0.004))
+    assert run.inputs[:3, 0].tolist() == pytest.approx([2.0, 3.0, 4.0], abs=2e-3)
+    assert run.time[0] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        ({"sample_time": 0.001}, "design the controller for the scenario's sample time"),
+        ({"sensors": ("speed",)}, "sensor is 'speed'"),
+        ({"follows": ("postion",)}, "did you mean 'position'"),
+        ({"actuators": ("valve",)}, "actuator is 'valve'"),
+    ],
+)
+def test_what_does_not_fit_is_refused(change: dict[str, Any], problem: str) -> None:
+    controller = replace(Scripted((0.0,), *AXIS), **change)
+    with pytest.raises(WorkbenchError, match=problem):
+        verify(controller, servo_axis(), REST)
+
+
+def test_a_linear_model_cannot_change(plant: Model) -> None:
+    linear = linearise(operating_point(plant, {"angle": math.radians(30)}), verdict=False)
+    held = HeldCommand((5.0,), follows=("angle",))
+    with pytest.raises(WorkbenchError, match="use the full plant"):
+        verify(held, linear, at_30(changes=(Change(0.1, "load", 4.0),)))
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"changes": (Change(0.1, "laod", 4.0),)}, "did you mean 'load'"),
+        ({"changes": (Change(0.1, "load", 40.0),)}, "valid range is 0 to 8"),
+        ({"disturbances": (Disturbance(0.1, "joint.torq", 4.0),)}, "joint.torque"),
+    ],
+)
+def test_bad_changes_are_refused_before_the_run(
+    plant: Model, changes: dict[str, Any], problem: str
+) -> None:
+    with pytest.raises(WorkbenchError, match=problem):
+        verify(HeldCommand((5.0,), follows=("angle",)), plant, at_30(**changes))
