@@ -1,0 +1,142 @@
+"""The page in a real browser: nothing overflows, wide or narrow, and the dark ground is dark."""
+
+from __future__ import annotations
+
+import html as entities
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from workbench.reports.page import Commands, Method, Page, Section, Words, html
+from workbench.reports.pictures import Picture
+from workbench.reports.style import PAPER, new_figure
+from workbench.reports.tables import Cell, Table
+
+BROWSER = next(
+    (
+        path
+        for name in ("chromium", "chromium-browser", "google-chrome")
+        if (path := shutil.which(name))
+    ),
+    None,
+)
+
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
+
+MEASURE = """
+<script>
+addEventListener("load", () => {
+  const inner = document.querySelector("iframe").contentDocument;
+  const width = inner.documentElement.clientWidth;
+  const outside = [...inner.querySelectorAll("body *")].filter(e => {
+    const box = e.getBoundingClientRect();
+    return !e.closest("svg *") && box.width > 0 && (box.right > width + 1 || box.left < -1);
+  }).map(e => e.tagName + ": " + e.textContent.trim().slice(0, 40));
+  // Of an overflowing cell the box fits but its content does not.
+  const cells = [...inner.querySelectorAll("td, th, p, pre, h1, h2")].filter(
+    e => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== "inline");
+  const text = inner.querySelector("svg text").getBoundingClientRect().height;
+  document.body.textContent = JSON.stringify({
+    width, content: inner.documentElement.scrollWidth, outside,
+    cells: cells.map(e => e.textContent.trim().slice(0, 40)), text,
+    ground: getComputedStyle(inner.querySelector("section")).backgroundColor,
+  });
+});
+</script>
+"""
+
+
+def page() -> Page:
+    figure, (axes,) = new_figure([1.5])
+    axes.plot([0, 1], [0, 1])
+    axes.set_xlabel("time in s")
+    picture = Picture("steps", figure, "A step. " * 8)
+    wide = Table(
+        "Steps between 15° and 45°",
+        (
+            "controller",
+            "plant",
+            "settling",
+            "overshoot",
+            "steady error",
+            "still moving",
+            "stop impacts",
+            "error, rms",
+            "command moves",
+            "air",
+            "solve, 99th percentile",
+        ),
+        (
+            (
+                "sliding mode",
+                "with muscle hysteresis",
+                *(Cell("0.00439 °", "met", "no longer than the limit") for _ in range(9)),
+            ),
+        ),
+    )
+    long = "workbench verify " + "--controller sliding-mode " * 6 + "--parameter " + "a" * 70
+    blocks = (
+        Words("Words. " * 60),
+        picture,
+        wide,
+        Method((("settling", "until " * 40),)),
+        Commands((long,)),
+    )
+    return Page(
+        "Antagonistic pneumatic-muscle arm",
+        "In short. " * 20,
+        (Section("one", "A heading of some length for a narrow screen", blocks),),
+        facts=(("requirements", "69 met, 0 missed"), ("workbench", "0.1.0")),
+    )
+
+
+def measured(width: int, folder: Path, *, dark: bool = False) -> dict[str, object]:
+    # Windows of a browser have a smallest width; a frame has none.
+    frame = (
+        f'<iframe style="width:{width}px;height:900px;border:0"'
+        f' srcdoc="{entities.escape(html(page()))}"></iframe>'
+    )
+    path = folder / "frame.html"
+    path.write_text(f"<!doctype html><body>{frame}{MEASURE}</body>", encoding="utf-8")
+    assert BROWSER is not None
+    done = subprocess.run(
+        [
+            BROWSER,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--window-size=1600,1000",
+            f"--user-data-dir={folder / 'profile'}",
+            f"--blink-settings=preferredColorScheme={0 if dark else 1}",
+            "--dump-dom",
+            path.as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    found = re.search(r"<body>(\{.*\})</body>", done.stdout, re.DOTALL)
+    assert found, done.stdout[-500:]
+    return dict(json.loads(entities.unescape(found[1])))
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("width", [390, 1280])
+def test_nothing_overflows(width: int, tmp_path: Path) -> None:
+    found = measured(width, tmp_path)
+    assert found["content"] == found["width"]
+    assert found["outside"] == [] and found["cells"] == []
+    # Text of pictures on a phone: no smaller than 8 px, with the height of its line.
+    assert float(str(found["text"])) > 8.0
+
+
+@pytest.mark.system
+def test_the_dark_page_is_dark(tmp_path: Path) -> None:
+    channels = [int(PAPER.dark[i : i + 2], 16) for i in (1, 3, 5)]
+    expected = f"rgb({channels[0]}, {channels[1]}, {channels[2]})"
+    assert measured(1280, tmp_path, dark=True)["ground"] == expected
