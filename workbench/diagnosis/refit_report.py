@@ -1,0 +1,288 @@
+"""What a refit is worth: errors on recordings that it has not seen, against the noise."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.free_run import FreeRun, free_run
+from workbench.diagnosis.likely import fit_likely
+from workbench.diagnosis.prediction_error import Observed
+from workbench.diagnosis.priors import Prior, default_priors
+from workbench.diagnosis.refit import refit
+from workbench.diagnosis.refit_result import Refit
+from workbench.diagnosis.start import fitted_start
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.model.model import index_of
+from workbench.model.units import parse_unit
+
+Vector = npt.NDArray[np.float64]
+
+FLOOR_FACTOR = 2.0
+"""A held-out error up to this many times the noise-limited one counts as reaching it: the latter is
+itself known from a few draws only."""
+
+_DRAWS = 8
+
+
+@dataclass(frozen=True)
+class RefitTask:
+    """A model, recordings to fit on, recordings to judge on.
+
+    Args:
+        name: Short name, for files.
+        title: What is refitted, in a few words.
+        model: The plant with its nominal values.
+        fit: Recordings to fit on.
+        hold_out: Recordings to judge on.
+        priors: Free parameters; `default_priors` if there are none.
+        stages: Shares of the expected disturbance, pass by pass; the most likely share if none.
+        start_samples: Samples over which hidden states at the start of a free run are estimated; 0
+            to take the start from the first readings.
+        starts: Number of starts of the search.
+        published: Values that others identified, by parameter, in SI.
+        published_from: Who did.
+        notes: What to know when reading the result.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> RefitTask("axis", "servo axis", servo_axis(), (), ()).starts
+        1
+    """
+
+    name: str
+    title: str
+    model: Model
+    fit: tuple[Observed, ...]
+    hold_out: tuple[Observed, ...]
+    priors: tuple[Prior, ...] = ()
+    stages: tuple[float, ...] = ()
+    start_samples: int = 0
+    starts: int = 1
+    published: Mapping[str, float] = field(default_factory=dict)
+    published_from: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Free-run errors of one output on one held-out recording, rms in ``unit``.
+
+    Args:
+        recording: Name of the recording.
+        output: Name of the output.
+        unit: Unit in which people read the output.
+        spread: Standard deviation of the readings, in ``unit``.
+        nominal: Error with the nominal parameters, in ``unit``.
+        refitted: Error with the refitted ones, in ``unit``.
+        limited: Error that noise alone would leave: that of the readings and what the uncertainty
+            of the parameters makes of it, in ``unit``.
+        noise: Noise of the readings, in ``unit``.
+
+    Example:
+        >>> row = HeldOut("validate", "angle", "deg", 10.0, 1.0, 0.02, 0.015, 0.01)
+        >>> row.at_floor
+        True
+    """
+
+    recording: str
+    output: str
+    unit: str
+    spread: float
+    nominal: float
+    refitted: float
+    limited: float
+    noise: float
+
+    @property
+    def at_floor(self) -> bool:
+        """Whether the refitted error is what noise alone would leave."""
+        return self.refitted <= FLOOR_FACTOR * self.limited
+
+
+@dataclass(frozen=True)
+class RefitReport:
+    """A refit and what it is worth.
+
+    Args:
+        task: What was asked.
+        refit: The estimates with intervals.
+        nominal: Free runs of the nominal model on the held-out recordings.
+        refitted: Free runs of the refitted model on them.
+        rows: Errors by recording and output.
+        seconds: Time that the refit took, in s.
+
+    Raises:
+        WorkbenchError: From `row`, if there is none of that recording and output.
+    """
+
+    task: RefitTask
+    refit: Refit
+    nominal: tuple[FreeRun, ...]
+    refitted: tuple[FreeRun, ...]
+    rows: tuple[HeldOut, ...]
+    seconds: float
+
+    @property
+    def reaches_floor(self) -> bool:
+        """Whether every held-out error is what noise alone would leave."""
+        return bool(self.rows) and all(row.at_floor for row in self.rows)
+
+    def row(self, recording: str, output: str) -> HeldOut:
+        """Return the errors of one output on one held-out recording.
+
+        Args:
+            recording: Name of the recording.
+            output: Name of the output.
+
+        Raises:
+            WorkbenchError: If there is none of that recording and output.
+        """
+        for row in self.rows:
+            if (row.recording, row.output) == (recording, output):
+                return row
+        raise WorkbenchError(
+            f"there is no held-out error of {output!r} on {recording!r}; there is:"
+            f" {', '.join(f'{r.output} on {r.recording}' for r in self.rows)}"
+        )
+
+    def differences(self) -> tuple[tuple[str, float, float, float], ...]:
+        """Return estimates beside published values: name, estimate, published, sigmas apart."""
+        found = []
+        for name, value in self.task.published.items():
+            estimate = self.refit.estimate(name)
+            found.append((name, estimate.value, value, (estimate.value - value) / estimate.std))
+        return tuple(found)
+
+    def __str__(self) -> str:
+        """Return short aligned tables."""
+        lines = [f"{self.task.title}: refitted on {len(self.task.fit)} recording(s)", ""]
+        lines += [str(self.refit), f"  share of the expected disturbance: {self.refit.share:g}"]
+        for name, value, published, sigmas in self.differences():
+            lines.append(
+                f"  {name}: {value:.5g}, published {published:.5g},"
+                f" {100 * (value / published - 1):+.2f} %, {sigmas:+.1f} standard deviations"
+            )
+        lines += ["", "free run on held-out recordings, rms"]
+        lines.append(
+            f"  {'recording':<28} {'output':<12} {'unit':<5} {'spread':>9} {'nominal':>9}"
+            f" {'refitted':>9} {'limit':>9} {'noise':>9}"
+        )
+        for r in self.rows:
+            lines.append(
+                f"  {r.recording:<28} {r.output:<12} {r.unit:<5} {r.spread:>9.4g}"
+                f" {r.nominal:>9.4g} {r.refitted:>9.4g} {r.limited:>9.4g} {r.noise:>9.4g}"
+                + ("  at the noise floor" if r.at_floor else "")
+            )
+        lines += [f"  {note}" for note in self.task.notes]
+        return "\n".join(lines)
+
+
+def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None) -> RefitReport:
+    """Refit a model and judge it on recordings that it has not seen.
+
+    Args:
+        task: Model and recordings.
+        progress: Called with a line of text before each part.
+
+    Returns:
+        Estimates, held-out errors of the nominal and the refitted model, and the errors that noise
+        alone would leave.
+
+    Raises:
+        WorkbenchError: If there is no recording to fit on.
+        NumericalError: If no start could be evaluated.
+    """
+    if not task.fit:
+        raise WorkbenchError(f"{task.title} has no recording to fit on; give at least one")
+    known = task.priors or default_priors(task.model)
+    began = time.perf_counter()
+    if task.stages:
+        found = refit(
+            task.model,
+            task.fit,
+            priors=known,
+            stages=task.stages,
+            starts=task.starts,
+            progress=progress,
+        )
+    else:
+        found = fit_likely(task.model, task.fit, known, progress=progress).refit
+    seconds = time.perf_counter() - began
+    if progress:
+        progress("free runs on held-out recordings")
+    nominal, refitted, rows = [], [], []
+    for observed in task.hold_out:
+        before = free_run(task.model, _started(task, task.model, observed))
+        started = _started(task, found.model, observed)
+        after = free_run(found.model, started)
+        limited = noise_limited(found, started)
+        nominal.append(before)
+        refitted.append(after)
+        for k, name in enumerate(observed.used):
+            unit = task.model.outputs[index_of("output", name, task.model.outputs)].display_unit
+            size = parse_unit(unit).factor
+            rows.append(
+                HeldOut(
+                    observed.name,
+                    name,
+                    unit,
+                    after.spread[name] / size,
+                    before.rmse[name] / size,
+                    after.rmse[name] / size,
+                    limited[name] / size,
+                    float(observed.noise_rms[k]) / size,
+                )
+            )
+    return RefitReport(task, found, tuple(nominal), tuple(refitted), tuple(rows), seconds)
+
+
+def noise_limited(
+    found: Refit, observed: Observed, *, draws: int = _DRAWS, seed: int = 0
+) -> dict[str, float]:
+    """Return the free-run error that noise alone would leave.
+
+    The parameters are drawn from the distribution of their estimates and the model is run with
+    each; what these runs differ by adds to the noise of the readings.
+
+    Args:
+        found: A refit.
+        observed: The recording to run on.
+        draws: Number of draws.
+        seed: Seed of the draws.
+
+    Returns:
+        Root mean square error by output, in its SI unit.
+
+    Raises:
+        WorkbenchError: If the recording was observed with another model.
+    """
+    rng = np.random.default_rng(seed)
+    middle = np.array([e.value for e in found.estimates])
+    low = np.array([e.prior.lower for e in found.estimates])
+    high = np.array([e.prior.upper for e in found.estimates])
+    eigenvalues, vectors = np.linalg.eigh(found.covariance)
+    root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+    centre = free_run(found.model, observed)
+    squares = []
+    for _ in range(draws):
+        drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
+        names = [e.name for e in found.estimates]
+        run = free_run(found.model, observed, values=dict(zip(names, drawn.tolist(), strict=True)))
+        if run.finite and centre.finite:
+            squares.append(np.mean((run.simulated - centre.simulated) ** 2, axis=0))
+    spread = np.mean(squares, axis=0) if squares else np.zeros(len(observed.used))
+    total = np.sqrt(spread + observed.noise_rms**2)
+    return dict(zip(observed.used, total.tolist(), strict=True))
+
+
+def _started(task: RefitTask, model: Model, observed: Observed) -> Observed:
+    if not task.start_samples:
+        return observed
+    samples = min(task.start_samples, len(observed.outputs))
+    return fitted_start(model, observed, samples=samples)

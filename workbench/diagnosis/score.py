@@ -1,0 +1,224 @@
+"""Scoring a library of effects: one pass of the filter with all of them attached at size zero.
+
+The derivative of the whitened prediction errors with respect to the size of an effect, less what
+the free parameters can imitate, tells how much the effect would gain, how large it would be, how
+much of it the parameters absorb, which effects look alike, and the smallest size to be seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.likely import disturbances, extended_start
+from workbench.diagnosis.prediction_error import Innovations, Observed, PredictionError
+from workbench.diagnosis.priors import Prior
+from workbench.model import Model
+from workbench.physics.library import Entry
+
+Vector = npt.NDArray[np.float64]
+
+ABSORBED = 0.99
+"""Absorption above which an effect cannot be told from other parameter values."""
+
+_BLOCK_S = 0.5
+_SIGMA = 4.0
+
+
+@dataclass(frozen=True)
+class Score:
+    """What one pass says of an effect.
+
+    Args:
+        entry: The effect in the library.
+        gain: Expected gain of log likelihood, dimensionless.
+        sigma: Expected size over its standard deviation, errors taken as correlated over blocks
+            of time; dimensionless.
+        size: Expected size, in the SI unit of the size parameter.
+        std: Standard deviation of the size, in the same unit.
+        absorption: Share of the effect's signature that other parameters can imitate, 0 to 1.
+        smallest: Smallest size to be seen on these data, in the same unit.
+    """
+
+    entry: Entry
+    gain: float
+    sigma: float
+    size: float
+    std: float
+    absorption: float
+    smallest: float
+
+    @property
+    def testable(self) -> bool:
+        """Whether these data can show the effect at all."""
+        return self.absorption < ABSORBED and self.smallest < self.entry.largest_size
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of a library, best first.
+
+    Args:
+        scores: One per effect, by falling gain.
+        confusion: Absolute cosine between the projected signatures, shape (n, n), in the order of
+            ``scores``.
+        share: Share of the expected disturbance at which the score was taken.
+    """
+
+    scores: tuple[Score, ...]
+    confusion: Vector
+    share: float
+
+    def look_alikes(self, name: str, *, above: float = 0.95) -> tuple[str, ...]:
+        """Return the effects whose signature resembles that of one effect.
+
+        Args:
+            name: Name of the effect.
+            above: Least absolute cosine, 0 to 1, dimensionless.
+
+        Returns:
+            Names of the others, most alike first.
+        """
+        names = [score.entry.name for score in self.scores]
+        row = self.confusion[names.index(name)]
+        order = [i for i in np.argsort(-row) if names[i] != name and row[i] > above]
+        return tuple(names[i] for i in order)
+
+    def __str__(self) -> str:
+        """Return a short aligned table of the best scores."""
+        lines = [f"{'effect':<34} {'gain':>10} {'sigma':>8} {'size':>12} {'absorbed':>9}"]
+        lines += [
+            f"{s.entry.name:<34} {s.gain:>10.1f} {s.sigma:>8.1f} {s.size:>12.4g}"
+            f" {s.absorption:>9.3f}"
+            for s in self.scores[:15]
+        ]
+        return "\n".join(lines)
+
+
+def score_library(
+    model: Model,
+    recordings: Sequence[Observed],
+    priors: Sequence[Prior],
+    entries: Sequence[Entry],
+    *,
+    share: float,
+) -> Scores:
+    """Score effects that are not in the model.
+
+    Args:
+        model: The refitted model.
+        recordings: Recordings as `observe` returns them.
+        priors: Priors of the free parameters, which may imitate an effect.
+        entries: The effects, at size zero.
+        share: Share of the expected disturbance that the filter allows, dimensionless.
+
+    Returns:
+        One score per effect, best first.
+    """
+    extended = model.with_effect(*(entry.effect for entry in entries))
+    names = tuple(p.name for p in priors)
+    sizes = tuple(f"{entry.effect.name}.{entry.size_parameter}" for entry in entries)
+    own = {q.name for q in model.states}
+    filter_ = PredictionError(
+        extended,
+        recordings[0].sample_time,
+        recordings[0].used,
+        (*names, *sizes),
+        disturbances(extended, share),
+        certain=tuple(q.name for q in extended.states if q.name not in own),
+    )
+    scale = filter_.free_scale
+    totals = _Totals(len(names), len(sizes))
+    for observed in recordings:
+        widened = extended_start(observed, model, extended)
+        totals.add(filter_.run(widened, extended.values), observed.sample_time)
+    std = np.array([p.std for p in priors])
+    return _scores(totals, entries, scale, std, share)
+
+
+class _Totals:
+    """Sums over recordings, and the score by blocks of time."""
+
+    def __init__(self, n_parameters: int, n_effects: int) -> None:
+        n = n_parameters + n_effects
+        self.split = n_parameters
+        self.information = np.zeros((n, n))
+        self.gradient = np.zeros(n)
+        self.blocks: list[Vector] = []
+
+    def add(self, part: Innovations, sample_time: float) -> None:
+        errors = np.nan_to_num(part.whitened)
+        rows = part.jacobian.reshape(-1, part.jacobian.shape[2])
+        self.information += rows.T @ rows
+        products = np.einsum("kyf,ky->kf", part.jacobian, errors)
+        self.gradient += products.sum(axis=0)
+        size = max(1, round(_BLOCK_S / sample_time))
+        self.blocks.append(np.add.reduceat(products, np.arange(0, len(products), size), axis=0))
+
+
+def _scores(
+    totals: _Totals, entries: Sequence[Entry], scale: Vector, std: Vector, share: float
+) -> Scores:
+    n = totals.split
+    information, gradient = totals.information, totals.gradient
+    blocks = np.concatenate(totals.blocks)
+    prior = np.diag((scale[:n] / std) ** 2)
+    imitation = np.linalg.solve(information[:n, :n] + prior, information[:n, n:])
+    projected = information[n:, n:] - information[n:, :n] @ imitation
+    slopes = gradient[n:] - imitation.T @ gradient[:n]
+    projected_blocks = blocks[:, n:] - blocks[:, :n] @ imitation
+    # The mean over blocks is the signal; what scatters about it is the uncertainty.
+    scatter = np.sum((projected_blocks - projected_blocks.mean(axis=0)) ** 2, axis=0)
+    full = np.maximum(np.diag(information)[n:], 1e-300)
+    kept = np.maximum(np.diag(projected), 1e-12 * full)
+    size = -slopes / kept
+    deviation = np.sqrt(np.maximum(scatter, kept)) / kept
+    either = np.array([entry.signed for entry in entries])
+    # An effect that only has one sign cannot gain by the other.
+    signed = np.where(either, size, np.maximum(size, 0.0))
+    gain = 0.5 * signed**2 * kept
+    absorption = np.clip(1.0 - np.diag(projected) / full, 0.0, 1.0)
+    confusion = np.abs(projected) / np.sqrt(np.outer(kept, kept))
+    order = np.argsort(-gain)
+    units = scale[n:]
+    scores = tuple(
+        Score(
+            entries[i],
+            float(gain[i]),
+            float(signed[i] / deviation[i]),
+            float(signed[i] * units[i]),
+            float(deviation[i] * units[i]),
+            float(absorption[i]),
+            float(_SIGMA * deviation[i] * units[i]),
+        )
+        for i in order
+    )
+    return Scores(scores, confusion[np.ix_(order, order)], share)
+
+
+def by_name(scores: Scores) -> Mapping[str, Score]:
+    """Return scores by the name of the effect.
+
+    Args:
+        scores: Scores of a library.
+
+    Returns:
+        The same scores, by name.
+
+    Example:
+        >>> dict(by_name(Scores((), np.zeros((0, 0)), 1.0)))
+        {}
+    """
+    return {score.entry.name: score for score in scores.scores}
+
+
+__all__ = [
+    "ABSORBED",
+    "Score",
+    "Scores",
+    "by_name",
+    "score_library",
+]

@@ -1,0 +1,42 @@
+"""A case of the arm as a refit."""
+
+from __future__ import annotations
+
+from typing import cast
+
+from workbench.diagnosis.observe import observe
+from workbench.diagnosis.refit_report import RefitTask
+from workbench.plants.arm import arm
+from workbench.plants.arm.inertia import Plane
+from workbench.recordings.case import Case
+
+
+def arm_case(case: Case) -> RefitTask:
+    """Build the refit of the nominal arm to a case.
+
+    Args:
+        case: Recordings of an arm with its load, plane and supply.
+
+    Returns:
+        The refit: fitted on the recordings to identify with, judged on those to validate with.
+
+    Raises:
+        WorkbenchError: If a setting is missing, or a recording lacks the valve voltage.
+
+    Example:
+        >>> from workbench.data_folder import shipped_data
+        >>> from workbench.recordings.case import read_case
+        >>> task = arm_case(read_case(shipped_data("practice-07")))
+        >>> len(task.fit), len(task.hold_out)
+        (2, 2)
+    """
+    model = arm(
+        case.load_kg, plane=cast(Plane, case.plane), supply_bar=case.supply_bar
+    )
+    return RefitTask(
+        name=case.name,
+        title=f"arm, case {case.name}",
+        model=model,
+        fit=tuple(observe(model, recording) for recording in case.fit.values()),
+        hold_out=tuple(observe(model, recording) for recording in case.hold_out.values()),
+    )
