@@ -131,9 +131,7 @@ def test_zero_size_changes_nothing_and_has_a_derivative(plant: str, entry: Entry
 def test_derivatives_are_finite_also_at_rest(plant: str, entry: Entry) -> None:
     case = excite(plant, entry)
     rest = case.model.initial_state(u=case.base.nominal_input)
-    sized = case.model.with_parameters(
-        {f"{entry.name}.{entry.size_parameter}": entry.typical_size}
-    )
+    sized = case.model.with_parameters({f"{entry.name}.{entry.size_parameter}": entry.typical_size})
     for model in (case.model, sized):
         for face in ("exact", "smooth"):
             trace = model.face(face)
@@ -150,9 +148,7 @@ def test_derivatives_are_finite_also_at_rest(plant: str, entry: Entry) -> None:
 def test_only_stiff_entries_are_fast(plant: str, entry: Entry) -> None:
     case = excite(plant, entry)
     n = len(case.base.states)
-    model = case.model.with_parameters(
-        {f"{entry.name}.{entry.size_parameter}": entry.typical_size}
-    )
+    model = case.model.with_parameters({f"{entry.name}.{entry.size_parameter}": entry.typical_size})
     trace = model.smooth
     own = ca.Function(
         "own", [trace.x, trace.u, trace.p], [ca.jacobian(trace.rates[n:], trace.x[n:])]

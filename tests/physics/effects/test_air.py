@@ -1,0 +1,181 @@
+"""Effects of air: choked leaks, conservation, droop, polytropic gas, shared lines, overflow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+from tests.physics.effects.bench import bench, read
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.physics.flow import iso6358
+from workbench.physics.heat_exchange import heat_exchange
+from workbench.physics.leakage import chamber_leakage, cross_leakage, edge_leakage
+from workbench.physics.line import line
+from workbench.physics.overflow import overflow
+from workbench.physics.polytropic import extra_heat_exchange, polytropic_exchange
+from workbench.physics.shared import shared
+from workbench.physics.supply import regulator_droop, supply_droop
+from workbench.plants.arm import arm, pneumatic_muscle, servovalve
+
+GAS = ("pressure", "temperature", "ambient_pressure", "ambient_temperature")
+AMBIENT = {"temperature": 293.15, "ambient_pressure": 1e5, "ambient_temperature": 293.15}
+
+
+def test_a_leak_is_choked_at_high_pressure() -> None:
+    model = bench(chamber_leakage(conductance=1e-10), "kg/s", *GAS)
+    high = [read(model, pressure=p, **AMBIENT) for p in (4e5, 6e5)]
+    # Above 1 / 0.3 bar the flow is C rho0 p, whatever is behind the leak.
+    assert high == pytest.approx([-1e-10 * 1.185 * p for p in (4e5, 6e5)], rel=1e-9)
+    assert read(model, pressure=1e5, **AMBIENT) == 0.0
+    assert 0.0 < -read(model, pressure=2e5, **AMBIENT) < 1e-10 * 1.185 * 2e5
+
+
+def test_a_cross_leak_takes_from_one_what_it_gives_to_the_other() -> None:
+    conductance = 8e-11
+    base = arm(3.0)
+    model = base.with_effect(cross_leakage(conductance=conductance))
+    given = {"pressure_1": 6e5, "pressure_2": 1.5e5}
+    before = base.signals(base.initial_state(given), [5.0])
+    after = model.signals(model.initial_state(given), [5.0])
+    lost = before["chamber_1.flow"] - after["chamber_1.flow"]
+    gained = after["chamber_2.flow"] - before["chamber_2.flow"]
+    assert lost == pytest.approx(gained)
+    assert lost == pytest.approx(float(iso6358(6e5, 1.5e5, 293.15, conductance, 0.3)), rel=1e-9)
+
+
+def test_an_edge_leak_opens_its_edge_only() -> None:
+    base, model = servovalve(), servovalve().with_effect(edge_leakage("valve.exhaust_2"))
+    u = [5.0, 4e5, 4e5]
+    x = base.initial_state(u=u)
+    before, after = base.read(x, u), model.read(x, u)
+    assert after[0] == before[0]
+    assert before[1] - after[1] == pytest.approx(
+        float(iso6358(4e5, 101325.0, 293.15, 0.004 * 2.9e-8, 0.23)), rel=1e-9
+    )
+
+
+def settled(model: Model, u: list[float], end: float) -> np.ndarray:
+    f, p = model.exact.rates_function, model.values
+    result = solve_ivp(
+        lambda t, x: np.asarray(f(x, u, p)).ravel(),
+        (0.0, end),
+        model.initial_state(u=u),
+        method="LSODA",
+        rtol=1e-8,
+        atol=1e-8,
+    )
+    return result.y[:, -1]
+
+
+@pytest.mark.parametrize("effect", [supply_droop(conductance=1e-8), regulator_droop()])
+def test_a_settled_supply_feeds_what_is_drawn(effect) -> None:
+    model = servovalve().with_effect(effect)
+    u = [7.0, 3e5, 3e5]
+    x = settled(model, u, 20.0)
+    signals = model.signals(x, u)
+    pressure, drawn = signals["supply.pressure"], signals["supply.flow"]
+    assert pressure < 6.9e5
+    if effect.name == "regulator_droop":
+        assert pressure == pytest.approx(7.01325e5 - 1e7 * drawn, rel=1e-6)
+    else:
+        feed = float(iso6358(7.01325e5, pressure, 293.15, 1e-8, 0.3))
+        assert feed == pytest.approx(drawn, rel=1e-6)
+
+
+def test_a_settled_line_passes_on_what_it_gets() -> None:
+    model = arm(3.0).with_effect(line(1))
+    x = model.initial_state({"pressure_1": 3e5, "spool": 1.0})
+    names = [q.name for q in model.states]
+    at = names.index("line_1.pressure")
+
+    def rate(pressure: float) -> float:
+        x[at] = pressure
+        return float(model.rates(x, [6.0])[at])
+
+    x[at] = brentq(rate, 3.0001e5, 6.9e5, xtol=1e-6)
+    signals = model.signals(x, [6.0])
+    assert signals["line_1.pressure"] == pytest.approx(x[at])
+    assert signals["line_1.pressure"] > 3e5
+    filling = signals["valve.supply_1"] * 2.9e-8
+    venting = signals["valve.exhaust_1"] * 2.9e-8
+    expected = float(iso6358(7.01325e5, x[at], 293.15, filling, 0.23)) - float(
+        iso6358(x[at], 101325.0, 293.15, venting, 0.23)
+    )
+    assert signals["chamber_1.flow"] == pytest.approx(expected, rel=1e-6)
+
+
+def test_shared_lines_are_two_lines_of_equal_size() -> None:
+    both = arm(3.0).with_effect(shared((line(1), line(2)), name="lines"))
+    each = arm(3.0).with_effect(line(1), line(2))
+    given = {"pressure_1": 3e5, "spool": 1.0}
+    x = each.initial_state(given)
+    np.testing.assert_allclose(both.initial_state(given), x)
+    x[-2:] += (2e4, -3e4)
+    np.testing.assert_allclose(both.rates(x, [6.0]), each.rates(x, [6.0]), rtol=1e-12)
+
+
+def test_effects_of_different_size_cannot_be_shared() -> None:
+    with pytest.raises(WorkbenchError, match="differ in their parameters"):
+        shared((line(1), line(2, volume=2e-5)), name="lines")
+
+
+@pytest.mark.parametrize("departure", [0.0, 0.2, 0.4])
+def test_a_closed_chamber_follows_its_polytrope(departure: float) -> None:
+    model = (
+        pneumatic_muscle()
+        .without("heat_exchange")
+        .with_effect(polytropic_exchange(("chamber.heat",), departure=departure))
+    )
+    f, p = model.exact.rates_function, model.values
+    speed, end = -0.02, 1.0
+
+    def length(t: float) -> float:
+        return 0.2 + speed * t
+
+    def volume(x: np.ndarray, t: float) -> float:
+        return model.signals(x, [length(t), speed, 0.0])["chamber.volume"]
+
+    x0 = model.initial_state({"pressure": 4e5})
+    result = solve_ivp(
+        lambda t, x: np.asarray(f(x, [length(t), speed, 0.0], p)).ravel(),
+        (0.0, end),
+        x0,
+        rtol=1e-9,
+        atol=1e-6,
+    )
+    x1 = result.y[:, -1]
+    exponent = 1.4 - departure
+    assert x1[0] * volume(x1, end) ** exponent == pytest.approx(
+        x0[0] * volume(x0, 0.0) ** exponent, rel=1e-6
+    )
+    if departure == 0.4:
+        assert x1[1] == pytest.approx(x0[1], rel=1e-6)
+
+
+def test_extra_heat_exchange_adds_to_the_plants_own() -> None:
+    extra = arm(3.0).with_effect(extra_heat_exchange(coefficient=100.0))
+    direct = arm(3.0).without("heat_exchange").with_effect(heat_exchange(coefficient=250.0))
+    x = direct.initial_state({"temperature_1": 280.0})
+    np.testing.assert_allclose(extra.rates(x, [5.0]), direct.rates(x, [5.0]), rtol=1e-9)
+    adiabatic = arm(3.0).with_effect(extra_heat_exchange(coefficient=-150.0))
+    bare = arm(3.0).without("heat_exchange")
+    np.testing.assert_allclose(adiabatic.rates(x, [5.0]), bare.rates(x, [5.0]), rtol=1e-9)
+
+
+def test_what_runs_over_is_spilled_or_caught() -> None:
+    effect = overflow(coefficient=3.0, limit=10.0, into="lower_tank.flow", caught=0.25)
+    model = bench(effect, "m3/s", "level")
+    u = [5.0, 12.0]
+    x = model.initial_state(u=u)
+    upper, lower = model.read(x, u)
+    assert upper == pytest.approx(5.0 - 3.0 * 2.0)
+    assert lower == pytest.approx(5.0 + 0.25 * 3.0 * 2.0)
+    whole = bench(
+        overflow(coefficient=3.0, limit=10.0, into="lower_tank.flow", caught=1.0), "m3/s", "level"
+    )
+    assert sum(whole.read(x, u)) == pytest.approx(2 * 5.0)
+    below = model.initial_state(u=[5.0, 9.0])
+    assert model.read(below, [5.0, 9.0]).tolist() == [5.0, 5.0]

@@ -1,0 +1,91 @@
+"""Friction: limits at high speed, steady curves, presliding, proportionality."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.physics.effects.bench import bench, read, run, triangle
+from workbench.physics.drag import direction_dependent_viscous, quadratic_drag
+from workbench.physics.friction import coulomb_friction, viscous_friction
+from workbench.physics.load_friction import load_dependent_friction
+from workbench.physics.lugre import lugre_friction
+from workbench.physics.muscle_viscosity import muscle_viscosity
+from workbench.physics.stribeck import stribeck_friction
+
+
+def test_stribeck_adds_to_coulomb_at_low_speed_and_fades() -> None:
+    coulomb = bench(coulomb_friction(level=0.3), "N m", "speed")
+    both = coulomb.with_effect(stribeck_friction(break_away=1.2, stribeck_speed=0.1))
+
+    def friction(v: float) -> float:
+        return -read(both, speed=v)
+
+    # Beyond the transition of tanh: e^-1 of the break-away is left at the Stribeck speed.
+    assert friction(0.1) == pytest.approx(0.3 + 1.2 * np.exp(-1.0), rel=1e-3)
+    assert friction(1.0) == pytest.approx(0.3, rel=1e-6)
+    assert friction(0.06) > friction(0.1) > friction(0.2)
+    assert friction(-0.1) == pytest.approx(-friction(0.1))
+    assert max(friction(v) for v in np.linspace(0, 0.2, 200)) > 1.2
+
+
+def lugre_run(turns: list[float], speed: float, **changes: float) -> np.ndarray:
+    effect = lugre_friction(level=0.4, presliding=2e-3, stribeck_share=0.5, **changes)
+    path, _, times = triangle(turns, speed)
+    return -run(bench(effect, "N m", "speed"), path, times)
+
+
+def test_lugre_follows_its_steady_curve() -> None:
+    for speed in (0.02, 0.1, 0.3):
+        force = lugre_run([0.0, 50 * (2e-3 + speed / 1000)], speed)
+        assert force[-1] == pytest.approx(0.4 * (1 + 0.5 * np.exp(-((speed / 0.1) ** 2))), rel=1e-3)
+
+
+def test_lugre_is_a_spring_in_presliding() -> None:
+    force = lugre_run([0.0, 2e-5], 1e-4)
+    # One per cent of the presliding distance bends the bristles by 1 % less the first slip.
+    assert force[-1] == pytest.approx(0.4 / 2e-3 * 2e-5, rel=0.01)
+
+
+def test_lugre_damping_acts_on_the_bristle_only() -> None:
+    still = lugre_run([0.0, 0.2], 0.05)
+    damped = lugre_run([0.0, 0.2], 0.05, damping_time=0.01)
+    assert damped[-1] == pytest.approx(still[-1], rel=1e-4)
+    assert damped[0] == pytest.approx(0.4 * 0.01 * 0.05 / (2e-3 + 0.05 / 1000), rel=1e-6)
+
+
+def test_lugre_dissipates_in_a_cycle() -> None:
+    turns = [0.0, 0.01, -0.01, 0.01]
+    force = lugre_run(turns, 0.05)
+    q = np.interp(np.arange(len(force)), np.arange(4) * 80, turns)
+    assert np.trapezoid(force[80:], q[80:]) > 0.0
+
+
+def test_load_friction_is_proportional_to_the_load() -> None:
+    model = bench(load_dependent_friction(coefficient=1e-3), "N m", "speed", "force_1", "force_2")
+    once = read(model, speed=0.5, force_1=300.0, force_2=200.0)
+    twice = read(model, speed=0.5, force_1=600.0, force_2=400.0)
+    assert once == pytest.approx(-0.5, rel=1e-6)
+    assert twice == pytest.approx(2 * once)
+    assert read(model, speed=0.5, force_1=-1.0, force_2=-50.0) == 0.0
+
+
+def test_quadratic_drag_quadruples() -> None:
+    model = bench(quadratic_drag(coefficient=0.1), "N m", "speed")
+    assert read(model, speed=2.0) == pytest.approx(4 * read(model, speed=1.0))
+    assert read(model, speed=-2.0) == pytest.approx(-read(model, speed=2.0))
+
+
+def test_direction_dependent_damper_has_two_slopes() -> None:
+    model = bench(viscous_friction(coefficient=0.5), "N m", "speed").with_effect(
+        direction_dependent_viscous(difference=0.2)
+    )
+    assert read(model, speed=1.0) == pytest.approx(-0.6)
+    assert read(model, speed=-1.0) == pytest.approx(0.4)
+
+
+def test_muscle_viscosity_grows_with_pressure() -> None:
+    effect = muscle_viscosity(("muscle.force",), coefficient=300.0, growth=1e-6)
+    model = bench(effect, "N", "contraction_speed", "gauge_pressure")
+    assert read(model, contraction_speed=0.1) == pytest.approx(-30.0)
+    assert read(model, contraction_speed=0.1, gauge_pressure=5e5) == pytest.approx(-45.0)

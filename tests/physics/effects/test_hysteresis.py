@@ -1,0 +1,125 @@
+"""Hysteresis: rate independence, closed minor loops, memory, dissipation, the single element."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.physics.effects.bench import bench, position, run, triangle
+from workbench.model import Effect
+from workbench.physics.elastoplastic import elastoplastic_rate
+from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.physics.maxwell_slip import maxwell_slip_hysteresis, prandtl_ishlinskii
+
+MM = 1e-3
+GAUGE = 3e5
+
+
+def maxwell() -> Effect:
+    return maxwell_slip_hysteresis(("muscle.force",), level=10.0, growth=1e-5)
+
+
+def bouc_wen() -> Effect:
+    return bouc_wen_hysteresis(("muscle.force",), level=10.0, level_per_pressure=1e-4)
+
+
+def ishlinskii() -> Effect:
+    return prandtl_ishlinskii(
+        "axis.force", level=40.0, breakaway=2.5e-4, unit="N", speed_unit="m/s", upper=100.0
+    )
+
+
+LAWS = [maxwell, bouc_wen, ishlinskii]
+HALF_WIDTH = 40.0
+"""Half width of all three at 3 bar, N."""
+
+
+def loop(effect: Effect, turns: list[float], speed: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return position and hysteresis force along a triangular path, at 3 bar."""
+    muscle = effect.ports == ("muscle.force",)
+    signals = ("contraction_speed", "gauge_pressure") if muscle else ("speed",)
+    model = bench(effect, "N", *signals)
+    path, ends, times = triangle(turns, speed)
+    force = run(model, lambda t: {**path(t), "gauge_pressure": GAUGE}, times)
+    return position(turns, ends, times), force
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_it_does_not_depend_on_the_rate(law) -> None:
+    turns = [0.0, 6 * MM, 1 * MM, 4 * MM, -2 * MM]
+    _, slow = loop(law(), turns, 0.1 * MM)
+    _, fast = loop(law(), turns, 1 * MM)
+    # At 1 mm/s the bound on the rates stretches the shortest break-away by 2.4 %.
+    np.testing.assert_allclose(fast, slow, atol=0.02 * HALF_WIDTH)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_long_motion_saturates_at_the_half_width(law) -> None:
+    _, force = loop(law(), [0.0, 30 * MM], 1 * MM)
+    assert force[-1] == pytest.approx(-HALF_WIDTH, rel=0.01)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_cycle_dissipates(law) -> None:
+    for amplitude in (0.1 * MM, 1 * MM, 10 * MM):
+        turns = [0.0, amplitude, -amplitude, amplitude, -amplitude]
+        q, force = loop(law(), turns, 1 * MM)
+        last = slice(2 * 80, None)
+        # The muscle pulls with contraction q: work done on the effect is minus its force times dq.
+        work = -np.trapezoid(force[last], q[last])
+        assert 0.0 < work < 4.0 * amplitude * HALF_WIDTH * 1.01
+
+
+@pytest.mark.parametrize("law", [maxwell, ishlinskii])
+def test_minor_loops_close_and_are_forgotten(law) -> None:
+    """Madelung's rules, which Bouc-Wen's law is known to break."""
+    outer = [0.0, 8 * MM, 2 * MM]
+    q, force = loop(law(), [*outer, 4 * MM, 2 * MM, 4 * MM, 2 * MM, -4 * MM], 0.5 * MM)
+    corners = force[::80]
+    # Up to 3 %: the turn into slip has the finite sharpness of a sixth power.
+    assert corners[4] == pytest.approx(corners[2], abs=0.03 * HALF_WIDTH)
+    assert corners[6] == pytest.approx(corners[4], abs=0.03 * HALF_WIDTH)
+    _, direct = loop(law(), [*outer[:2], -4 * MM], 0.5 * MM)
+    assert force[-1] == pytest.approx(direct[-1], abs=0.03 * HALF_WIDTH)
+    assert len(q) == len(force)
+
+
+def test_one_element_is_a_spring_behind_a_dry_contact() -> None:
+    effect = prandtl_ishlinskii(
+        "axis.force",
+        level=10.0,
+        breakaway=1 * MM,
+        weights=(1.0,),
+        unit="N",
+        speed_unit="m/s",
+        upper=100.0,
+    )
+    q, force = loop(effect, [0.0, 3 * MM, -3 * MM], 0.1 * MM)
+    z, stop = 0.0, [0.0]
+    for dq in np.diff(q):
+        z = float(np.clip(z + dq / MM, -1.0, 1.0))
+        stop.append(-10.0 * z)
+    # Away from the corners both agree; in them the sixth power rounds by up to a tenth.
+    np.testing.assert_allclose(force, stop, atol=1.2)
+    assert abs(force[80] + 10.0) < 0.05
+    unloading = (force[90] - force[80]) / (q[90] - q[80])
+    assert unloading == pytest.approx(-10.0 / MM, rel=0.05)
+
+
+def test_the_element_stays_within_its_bounds() -> None:
+    for z in np.linspace(-1.0, 1.0, 41):
+        for v in (-1.0, -1e-3, 1e-3, 1.0):
+            rate = float(elastoplastic_rate(v, z, 1e-3, 1e-5))
+            assert abs(rate) <= 2000.0
+            if abs(z) == 1.0 and v * z > 0:
+                assert rate == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_loop_widens_with_pressure() -> None:
+    model = bench(maxwell(), "N", "contraction_speed", "gauge_pressure")
+    path, _, times = triangle([0.0, 20 * MM], 1 * MM)
+    widths = [
+        -run(model, lambda t, p=p: {**path(t), "gauge_pressure": p}, times)[-1]
+        for p in (0.0, 2e5, 6e5)
+    ]
+    assert widths == pytest.approx([10.0, 30.0, 70.0], rel=0.01)

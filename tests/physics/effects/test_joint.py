@@ -1,0 +1,98 @@
+"""Effects of the joint against the arm itself, and against their defining properties."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.physics.effects.bench import bench, read
+from workbench.physics.load_error import load_error
+from workbench.physics.loose_load import loose_load
+from workbench.physics.position_torque import local_catch, local_friction, ripple
+from workbench.physics.stiffness import cubic_stiffness, linear_spring
+from workbench.physics.stop_compliance import stop_compliance
+from workbench.physics.tilt import tilt_gravity
+from workbench.plants.arm import arm
+
+MOVING = {"angle": 0.6, "speed": 0.7, "pressure_1": 5e5, "pressure_2": 3e5}
+
+
+@pytest.mark.parametrize("plane", ["horizontal", "vertical"])
+def test_an_error_of_one_kilogram_is_an_arm_with_one_more(plane) -> None:
+    vertical = plane == "vertical"
+    ports = ("joint.inertia", "joint.torque") if vertical else ("joint.inertia",)
+    wrong = arm(3.0, plane=plane).with_effect(
+        load_error(ports, mass=1.0, gravity_share=float(vertical))
+    )
+    right = arm(4.0, plane=plane)
+    x = right.initial_state(MOVING)
+    np.testing.assert_allclose(wrong.rates(x, [5.5]), right.rates(x, [5.5]), rtol=1e-9)
+
+
+def test_tilt_by_a_right_angle_is_the_vertical_plane() -> None:
+    # The tilt is bounded to half a radian; its sine is scaled up by hand.
+    x = arm(3.0).initial_state(MOVING)
+    speed = arm(3.0).rates(x, [5.0])[-1]
+    tilted = arm(3.0).with_effect(tilt_gravity(tilt=0.3)).rates(x, [5.0])[-1]
+    upright = arm(3.0, plane="vertical").rates(x, [5.0])[-1]
+    assert (tilted - speed) / math.sin(0.3) == pytest.approx(upright - speed, rel=1e-9)
+
+
+def test_a_loose_load_that_moves_along_leaves_the_arm_as_it_is() -> None:
+    """Where the load has the arm's own acceleration, its coupling replaces its inertia."""
+    base = arm(3.0)
+    x = base.initial_state(MOVING)
+    acceleration = base.rates(x, [5.0])[-1]
+    frequency = 40.0
+    model = base.with_effect(loose_load(frequency=frequency, damping=0.0))
+    # The spring is bent so that it gives the load just that acceleration.
+    bent = model.initial_state({**MOVING, "loose_load.angle": 0.6 - acceleration / frequency**2})
+    rates = dict(zip([q.name for q in model.states], model.rates(bent, [5.0]), strict=True))
+    assert rates["loose_load.speed"] == pytest.approx(acceleration, rel=1e-9)
+    # The radius of gyration is given to four digits.
+    assert rates["speed"] == pytest.approx(acceleration, rel=1e-3)
+
+
+def test_a_loose_load_starts_with_the_arm() -> None:
+    model = arm(3.0).with_effect(loose_load())
+    x = dict(zip([q.name for q in model.states], model.initial_state(MOVING), strict=True))
+    assert (x["loose_load.angle"], x["loose_load.speed"]) == (0.6, 0.7)
+
+
+def test_ripple_has_its_period() -> None:
+    model = bench(ripple(amplitude=0.4, frequency=12.0, phase=0.5), "N m", "angle")
+    for angle in (0.1, 0.7):
+        value = read(model, angle=angle)
+        assert value == pytest.approx(0.4 * math.sin(12 * angle + 0.5))
+        assert read(model, angle=angle + 2 * math.pi / 12) == pytest.approx(value)
+
+
+def test_a_catch_is_local_and_friction_there_changes_sign() -> None:
+    catch = bench(local_catch(height=0.6, centre=0.5, width=0.05), "N m", "angle", "speed")
+    assert read(catch, angle=0.5) == pytest.approx(0.6)
+    assert read(catch, angle=0.55) == pytest.approx(0.6 * math.exp(-1.0))
+    assert abs(read(catch, angle=0.8)) < 1e-12
+    friction = bench(local_friction(level=0.6, centre=0.5, width=0.05), "N m", "angle", "speed")
+    assert read(friction, angle=0.5, speed=1.0) == pytest.approx(-0.6)
+    assert read(friction, angle=0.5, speed=-1.0) == pytest.approx(0.6)
+
+
+def test_springs_are_odd_about_their_rest() -> None:
+    linear = bench(linear_spring(stiffness=2.0, rest=0.5), "N m", "angle")
+    cubic = bench(cubic_stiffness(stiffness=2.0, rest=0.5), "N m", "angle")
+    assert read(linear, angle=0.7) == pytest.approx(-0.4)
+    assert read(cubic, angle=0.7) == pytest.approx(-2.0 * 0.2**3)
+    for model in (linear, cubic):
+        assert read(model, angle=0.5) == 0.0
+        assert read(model, angle=0.3) == pytest.approx(-read(model, angle=0.7))
+    assert read(cubic, angle=0.9) == pytest.approx(8 * read(cubic, angle=0.7))
+
+
+def test_a_bumper_pushes_before_the_stop_and_never_pulls() -> None:
+    effect = stop_compliance(("lower_stop.torque",), stiffness=50.0, thickness=0.05)
+    model = bench(effect, "N m", "penetration")
+    assert read(model, penetration=-0.06) == 0.0
+    assert read(model, penetration=-0.03) == pytest.approx(1.0)
+    assert read(model, penetration=0.0) == pytest.approx(2.5)

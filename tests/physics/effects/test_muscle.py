@@ -1,0 +1,91 @@
+"""Effects of the muscle: creep, tendons, other shapes of the force."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.physics.effects.bench import bench, read, run
+from workbench.physics.creep import creep
+from workbench.physics.force_laws import PaperLaw, Sarosi
+from workbench.physics.force_shape import (
+    contraction_force_correction,
+    force_shape,
+    phi_term,
+    pressure_force_correction,
+)
+from workbench.physics.offset_gain import gain
+from workbench.physics.series_elasticity import series_elasticity
+from workbench.plants.arm import arm
+
+TENSION = ("muscle.tension",)
+
+
+def test_creep_starts_short_and_reaches_the_whole() -> None:
+    effect = creep(
+        ("muscle.force",), share=0.1, slow_part=0.4, time_constant=0.5, slow_time_constant=5.0
+    )
+    model = bench(effect, "N")
+    times = np.linspace(0.0, 30.0, 1501)
+    step = run(model, lambda t: {"value": 100.0 if t > 0 else 0.0}, times)
+    exact = 100.0 * (1 - 0.1 * (0.6 * np.exp(-times / 0.5) + 0.4 * np.exp(-times / 5.0)))
+    # The step is taken within the first sample of 20 ms.
+    np.testing.assert_allclose(step[1:], exact[1:], atol=0.5)
+    assert step[1] == pytest.approx(90.0, abs=0.5)
+    assert step[-1] == pytest.approx(100.0, abs=0.02)
+
+
+def test_creep_starts_settled() -> None:
+    model = arm(3.0).with_effect(creep(share=0.1))
+    x = model.initial_state({"pressure_1": 5e5})
+    base = arm(3.0).rates(arm(3.0).initial_state({"pressure_1": 5e5}), [5.0])
+    np.testing.assert_allclose(model.rates(x, [5.0])[: len(base)], base, rtol=1e-9)
+
+
+def test_a_tendon_stretches_until_its_force_is_that_of_the_shorter_muscle() -> None:
+    law, q, p, compliance = PaperLaw(), 0.012, 4e5, 7e-6
+    model = bench(
+        series_elasticity(TENSION, compliance=compliance), "N", "contraction", "gauge_pressure"
+    )
+    tension = float(law.tension(q, p))
+    signals = {"value": tension, "contraction": q, "gauge_pressure": p}
+    settled = run(model, lambda t: signals, np.linspace(0.0, 0.1, 51))[-1]
+    low, high = 0.0, tension
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if float(law.tension(q + compliance * middle, p)) > middle:
+            low = middle
+        else:
+            high = middle
+    assert settled == pytest.approx(low, rel=1e-3)
+    assert settled < 0.9 * tension
+
+
+def test_the_whole_share_is_the_other_law() -> None:
+    model = bench(force_shape(TENSION, share=1.0), "N", "contraction", "gauge_pressure")
+    for q, p in ((0.0, 2e5), (0.02, 5e5)):
+        value = read(model, value=123.0, contraction=q, gauge_pressure=p)
+        assert value == pytest.approx(float(Sarosi().tension(q, p)))
+
+
+def test_corrections_leave_the_middle_and_change_the_ends() -> None:
+    contraction = bench(contraction_force_correction(TENSION, gain=0.2), "N", "contraction")
+    ends = [read(contraction, value=100.0, contraction=q) for q in (0.0, 0.015, 0.03)]
+    assert ends == pytest.approx([80.0, 100.0, 120.0])
+    pressure = bench(pressure_force_correction(TENSION, gain=0.1), "N", "gauge_pressure")
+    ends = [read(pressure, value=100.0, gauge_pressure=p) for p in (0.0, 3e5, 6e5)]
+    assert ends == pytest.approx([90.0, 100.0, 110.0])
+
+
+def test_phi_completes_petrovic_to_the_papers_law() -> None:
+    incomplete = arm(3.0, force_law="petrovic").with_effect(phi_term())
+    complete = arm(3.0)
+    x = complete.initial_state({"angle": 0.8})
+    np.testing.assert_allclose(incomplete.rates(x, [5.0]), complete.rates(x, [5.0]), rtol=1e-9)
+
+
+def test_a_gain_of_both_muscles_is_the_plants_own() -> None:
+    both = arm(3.0).with_effect(gain(("muscle_1.force", "muscle_2.force"), excess=0.1))
+    own = arm(3.0).with_parameters({"force_gain": 1.1})
+    x = own.initial_state({"pressure_1": 5e5})
+    np.testing.assert_allclose(both.rates(x, [5.0]), own.rates(x, [5.0]), rtol=1e-9)

@@ -1,0 +1,141 @@
+"""Faults of signals: lag, delay, slew, dead band, play, limits, drift, offset and gain."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.physics.effects.bench import bench, read, response, run, triangle
+from workbench.physics.dead_band import dead_band
+from workbench.physics.delay import delay, lag_chain
+from workbench.physics.drift import drift
+from workbench.physics.lag import FLOOR, lag
+from workbench.physics.offset_gain import asymmetric_gain, gain, offset
+from workbench.physics.play import play, spool_hysteresis
+from workbench.physics.saturation import rectification, saturation
+from workbench.physics.slew_limit import slew_limit
+
+
+def one_lag(time: float):
+    return bench(lag(("p.reading",), time=time, unit="Pa"), "Pa")
+
+
+def one_delay(time: float):
+    return bench(delay(("a.reading",), time=time), "rad")
+
+
+def test_lag_is_a_lead_lag_with_the_delay_of_its_time() -> None:
+    for time in (0.0, 0.01, 0.06):
+        for w in (0.1, 5.0, 50.0):
+            exact = (1 + 1j * w * FLOOR) / (1 + 1j * w * (time + FLOOR))
+            assert response(one_lag(time), w) == pytest.approx(exact, rel=1e-9)
+    # At low frequency the phase is that of a delay of the same time.
+    assert np.angle(response(one_lag(0.06), 0.1)) == pytest.approx(-0.006, rel=1e-3)
+    # Far beyond the floor it is the plain lag: 59 ms, up to 3 Hz, within 2 %.
+    plain = 1 / (1 + 0.059j * 19.0)
+    assert abs(response(one_lag(0.059), 19.0) - plain) < 0.02
+
+
+def test_delay_follows_the_exponential() -> None:
+    for time in (-0.001, 0.0, 0.005, 0.02):
+        for w in (1.0, 10.0, 30.0):
+            # Third order in w b, with b the larger of half the delay and the floor.
+            bound = 2.0 * (w * (0.5 * abs(time) + 0.002)) ** 3 + 1e-12
+            assert abs(response(one_delay(time), w) - np.exp(-1j * w * time)) < bound
+    assert abs(response(one_delay(0.05), 40.0)) == pytest.approx(1.0, abs=0.1)
+
+
+def test_delay_of_a_long_time_is_pade() -> None:
+    D, w = 0.2, 12.0
+    s = 1j * w * D
+    pade = (1 - s / 2 + s * s / 12) / (1 + s / 2 + s * s / 12)
+    assert response(one_delay(D), w) == pytest.approx(pade, abs=0.05)
+
+
+def test_zero_delay_is_the_identity_at_every_frequency() -> None:
+    for w in (1.0, 100.0, 1e4):
+        assert response(one_delay(0.0), w) == pytest.approx(1.0, abs=1e-9)
+        assert response(bench(lag_chain(time=0.0), "V"), w) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_lag_chain_arrives_after_its_time_on_average() -> None:
+    model = bench(lag_chain(time=0.01), "V")
+    times = np.linspace(0.0, 0.1, 2001)
+    step = run(model, lambda t: {"value": 1.0 if t > 0 else 0.0}, times)
+    # The area between command and answer is the mean delay.
+    assert np.trapezoid(1.0 - step, times) == pytest.approx(0.01, rel=0.02)
+    assert step[-1] == pytest.approx(1.0, abs=1e-6)
+    assert step[1] < 0.1
+
+
+def test_slew_limit_bounds_the_speed_and_settles() -> None:
+    model = bench(slew_limit(largest_rate=1000.0), "V")
+    times = np.linspace(0.0, 0.02, 401)
+    step = run(model, lambda t: {"value": 5.0 if t > 0 else 0.0}, times)
+    assert np.max(np.diff(step) / np.diff(times)) == pytest.approx(1000.0, rel=1e-3)
+    # 5 V at 1000 V/s take 5 ms but for the last volt, which is a lag of 1 ms.
+    assert np.interp(2.5, step, times) == pytest.approx(2.5e-3, rel=0.05)
+    assert step[-1] == pytest.approx(5.0, abs=1e-4)
+
+
+def test_dead_band_is_flat_inside_and_shifted_outside() -> None:
+    model = bench(dead_band(half_width=0.2, centre=5.0), "V")
+    assert [read(model, value=v) for v in (4.81, 5.0, 5.19)] == [5.0, 5.0, 5.0]
+    assert read(model, value=6.0) == pytest.approx(5.8)
+    assert read(model, value=4.0) == pytest.approx(4.2)
+
+
+def test_play_holds_until_its_slack_is_taken_up() -> None:
+    effect = play(half_width=0.1, floor=1e-3)
+    model = bench(effect, "V", "speed")
+    turns = [0.0, 1.0, 0.0]
+    path, ends, times = triangle(turns, 0.01)
+    u = np.interp(times, ends, turns)
+    y = run(model, lambda t: {**path(t), "value": float(np.interp(t, ends, turns))}, times)
+    up, down = slice(20, 80), slice(110, 160)
+    np.testing.assert_allclose(y[up], u[up] - 0.1, atol=2e-3)
+    np.testing.assert_allclose(y[down], u[down] + 0.1, atol=2e-3)
+    # Half way through the slack of 0.2 after the reversal, nothing has moved yet.
+    assert np.interp(-0.9, -u[80:], y[80:]) == pytest.approx(0.9, abs=0.01)
+
+
+def test_spool_hysteresis_has_the_width_of_its_loop() -> None:
+    model = bench(spool_hysteresis(half_width=0.02, reach=0.05), "V", "speed")
+    turns = [0.0, 1.0, -1.0, 1.0]
+    path, ends, times = triangle(turns, 0.05)
+    u = np.interp(times, ends, turns)
+    y = run(model, lambda t: {**path(t), "value": float(np.interp(t, ends, turns))}, times)
+    falling = np.interp(0.0, -u[80:160], y[80:160])
+    rising = np.interp(0.0, u[160:240], y[160:240])
+    assert falling - rising == pytest.approx(0.04, rel=0.01)
+
+
+def test_saturation_cuts_one_side() -> None:
+    above = bench(saturation(("p.reading",), limit=4e5), "Pa")
+    assert [read(above, value=v) for v in (3e5, 5e5)] == [3e5, 4e5]
+    below = bench(saturation(("p.reading",), limit=1e5, side="below"), "Pa")
+    assert [read(below, value=v) for v in (0.0, 3e5)] == [1e5, 3e5]
+    half = bench(saturation(("p.reading",), limit=4e5, share=0.5), "Pa")
+    assert read(half, value=5e5) == pytest.approx(4.5e5)
+
+
+def test_rectification_passes_one_sign() -> None:
+    model = bench(rectification(("pump.flow",)), "m3/s")
+    assert [read(model, value=v) for v in (-2.0, 3.0)] == [0.0, 3.0]
+
+
+def test_drift_reaches_its_final_value() -> None:
+    model = bench(drift(("p.reading",), amount=5e3, time_constant=2.0), "Pa")
+    times = np.linspace(0.0, 20.0, 201)
+    y = run(model, lambda t: {}, times)
+    assert y[0] == 0.0
+    assert np.interp(2.0, times, y) == pytest.approx(5e3 * (1 - np.exp(-1.0)), rel=1e-3)
+    assert y[-1] == pytest.approx(5e3, rel=1e-3)
+
+
+def test_offset_gain_and_asymmetry() -> None:
+    assert read(bench(offset(("s.reading",), amount=0.2), "V"), value=1.0) == pytest.approx(1.2)
+    assert read(bench(gain(("s.reading",), excess=-0.1), "V"), value=2.0) == pytest.approx(1.8)
+    model = bench(asymmetric_gain(difference=0.2), "V")
+    assert read(model, value=1.0) == pytest.approx(1.1)
+    assert read(model, value=-1.0) == pytest.approx(-0.9)
