@@ -76,7 +76,7 @@ def test_linear_valve_hits_the_stop_without_ripple() -> None:
 def test_constant_volume_hits_the_stop_without_ripple() -> None:
     figures = run(arm(3.0).with_effect(constant_volume())).figures
     assert figures.dips == 0
-    # The stated 290 deg/s does not say which constant; 93 to 97 cm3 give 283 to 292.
+    # The stated 290 deg/s does not say which constant volume it was.
     assert touch_deg(figures) == pytest.approx(290.0, abs=15.0)
 
 
