@@ -46,7 +46,7 @@ COLUMNS = (
     "rmse",
     "chatter",
     "air",
-    "solve_time_p99",
+    "solve_time_median",
     "fallbacks",
 )
 

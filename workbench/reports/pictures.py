@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import re
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 FONTS = "system-ui, 'Segoe UI', Roboto, 'Helvetica Neue', 'DejaVu Sans', sans-serif"
 """Fonts of the page; the picture is laid out with DejaVu Sans, which is wider than all of them."""
 
-_PIXELS_PER_INCH = 200
+_PIXELS_PER_INCH = 160
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,20 @@ class Picture:
                 f"picture name {self.name!r} may hold small letters, digits and hyphens only"
             )
 
+    @cached_property
+    def document(self) -> str:
+        """The picture as an SVG document, drawn once: a page and a file need the same."""
+        from matplotlib import rc_context
+
+        stream = io.StringIO()
+        with rc_context(_settings(self.name)):  # type: ignore[arg-type]
+            self.figure.savefig(
+                stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=72
+            )
+        # Laid out once; the layout takes longer than the drawing.
+        self.figure.set_layout_engine("none")
+        return stream.getvalue()
+
 
 def _settings(name: str) -> dict[str, object]:
     return {
@@ -81,14 +96,7 @@ def svg(picture: Picture) -> str:
         >>> svg(Picture("steps", figure, "Steps.")).startswith("<?xml")
         True
     """
-    from matplotlib import rc_context
-
-    stream = io.StringIO()
-    with rc_context(_settings(picture.name)):  # type: ignore[arg-type]
-        picture.figure.savefig(
-            stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=72
-        )
-    return stream.getvalue()
+    return picture.document
 
 
 def inline_svg(picture: Picture) -> str:
@@ -158,6 +166,7 @@ def save(picture: Picture, folder: Path) -> tuple[Path, Path]:
     """
     from matplotlib import rc_context
 
+    document = picture.document
     stream = io.BytesIO()
     with rc_context(_settings(picture.name)):  # type: ignore[arg-type]
         picture.figure.savefig(
@@ -165,5 +174,5 @@ def save(picture: Picture, folder: Path) -> tuple[Path, Path]:
         )
     return (
         write_whole(folder / f"{picture.name}.png", stream.getvalue()),
-        write_whole(folder / f"{picture.name}.svg", svg(picture)),
+        write_whole(folder / f"{picture.name}.svg", document),
     )
