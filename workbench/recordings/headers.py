@@ -22,6 +22,7 @@ _REFERENCES = {
     "gauge": "gauge", "g": "gauge", "rel": "gauge", "relative": "gauge",
 }  # fmt: skip
 _BRACKETS = re.compile(r"^(?P<name>.*?)[\s_]*[\[(<{](?P<unit>[^\])>}]*)[\])>}]\s*$")
+_NESTED = re.compile(r"^(?P<name>[^(\[]*\S)[\s_]*[(\[](?P<unit>[^()\[\]]*\(\w+\))[)\]]\s*$")
 _SLASH = re.compile(r"^(?P<name>.*\S)\s+/\s*(?P<unit>\S.*)$")
 _WORD = re.compile(r"[A-Za-zµΩ°%]+")
 # Symbols that are as often the name of a chamber, an axis or a constant as a unit.
@@ -157,7 +158,7 @@ def read_header(column: str) -> Header:
         ''
     """
     text = column.strip().strip('"').strip()
-    match = _BRACKETS.match(text) or _SLASH.match(text)
+    match = _NESTED.match(text) or _BRACKETS.match(text) or _SLASH.match(text)
     if match is not None and match.group("name").strip():
         name, stated = match.group("name"), match.group("unit")
         unit, reference = read_unit(stated)

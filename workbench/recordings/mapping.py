@@ -177,7 +177,7 @@ def rules_from(content: Mapping[str, Any], *, path: str = "the mapping") -> Mapp
     """
     known = ("signals", "time", "columns", "sample_time_s", "metadata")
     if content and not set(content) & set(known) and all(
-        isinstance(v, (str, Mapping)) for v in content.values()
+        isinstance(v, str) or (isinstance(v, Mapping) and "column" in v) for v in content.values()
     ):
         content = {"signals": content}
     for key in content:

@@ -11,16 +11,11 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
+from workbench.recordings.mat5_format import parse_mat5
 from workbench.recordings.recording import Scalar
 
 _MAX_DEPTH = 8
-
-
-def _load_v5(path: Path) -> dict[str, Any]:
-    from scipy.io import loadmat
-
-    content = loadmat(path, squeeze_me=True, struct_as_record=False, chars_as_strings=True)
-    return {k: v for k, v in content.items() if not k.startswith("__")}
+_MAX_ITEMS = 1000
 
 
 def _load_v73(path: Path) -> dict[str, Any]:
@@ -49,9 +44,6 @@ def _flat(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
     """Write structs out as ``struct.field``, and pairs of ``Name`` and ``Data`` by their name."""
     if depth > _MAX_DEPTH:
         return
-    fields = getattr(value, "_fieldnames", None)
-    if fields is not None:
-        value = {f: getattr(value, f) for f in fields}
     if isinstance(value, Mapping):
         title = value.get("Name", value.get("name"))
         data = value.get("Data", value.get("data"))
@@ -60,8 +52,8 @@ def _flat(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
             return
         for key, item in value.items():
             _flat(f"{name}.{key}", item, out, depth + 1)
-    elif isinstance(value, np.ndarray) and value.dtype == object:
-        for k, item in enumerate(value.ravel()[:1000]):
+    elif isinstance(value, list):
+        for k, item in enumerate(value[:_MAX_ITEMS]):
             _flat(f"{name}.{k + 1}", item, out, depth + 1)
     elif value is not None:
         out[name] = value
@@ -121,12 +113,13 @@ def read_mat(path: str | Path) -> Columns:
     try:
         with file.open("rb") as stream:
             start = stream.read(520)
+            hdf5 = start.startswith(b"\x89HDF") or start[512:516] == b"\x89HDF"
+            rest = b"" if hdf5 else stream.read()
     except OSError as error:
         raise WorkbenchError(f"{file} cannot be read: {error.strerror or error}") from None
-    hdf5 = start.startswith(b"\x89HDF") or start[512:516] == b"\x89HDF"
     try:
-        content = _load_v73(file) if hdf5 else _load_v5(file)
-    # SciPy and HDF5 raise whatever the damaged bytes lead them into, so nothing narrower is safe.
+        content = _load_v73(file) if hdf5 else parse_mat5(start + rest)
+    # HDF5 raises whatever the damaged bytes lead it into, so nothing narrower is safe.
     except Exception as error:  # noqa: BLE001
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise WorkbenchError(

@@ -13,7 +13,7 @@ from workbench.recordings.checks.loop import check_loop
 from workbench.recordings.recording import Recording, Vector
 
 _NAME = "delay"
-_THRESHOLD = 4.0
+_THRESHOLD = 4.5
 _PEAK = 5.5
 
 
@@ -37,18 +37,22 @@ class Delay:
 
 
 def response_correlation(
-    recording: Recording, command: str, response: str, *, max_delay: float = 0.2
+    recording: Recording, command: str, response: str, *, max_delay: float = 0.2,
+    closed_loop: bool = False,
 ) -> Vector:
     """Return the correlation of a response with what is new in a command, in sigmas, by lag.
 
     Both are freed of what their own past predicts, so the result is close to the first samples of
-    the impulse response, whatever the spectrum of the command.
+    the impulse response, whatever the spectrum of the command. In closed loop the command answers
+    to measurements within the sample; then the part that the measurements explain is taken out
+    of the command, and what is left comes from the reference.
 
     Args:
         recording: Uniformly sampled recording.
         command: Name of the command.
         response: Name of the response.
         max_delay: Longest lag, in s; 10 samples at least, 200 at most.
+        closed_loop: Whether the command answers to measurements.
 
     Returns:
         Correlation at lags 0, 1, 2, ... samples.
@@ -60,9 +64,10 @@ def response_correlation(
         (51,)
     """
     lags = int(np.clip(round(max_delay / recording.sample_time), 10, 200))
-    return correlation(
-        surprises(recording, command), surprises(recording, response), range(lags + 1)
-    )
+    moving = tuple(m for m in recording.measurements if np.ptp(recording[m]) > 0)
+    explained = moving if closed_loop else ()
+    action = surprises(recording, command, now=explained)
+    return correlation(action, surprises(recording, response), range(lags + 1))
 
 
 def estimate_delay(
@@ -70,9 +75,8 @@ def estimate_delay(
 ) -> Delay:
     """Estimate the delay between a command and a response.
 
-    The onset is the first of two successive lags above four sigmas with the same sign, if the
-    strongest response exceeds 5.5 sigmas. In closed loop the command itself answers to the
-    response within the sample, so lags count only after that first correlation has died down.
+    The onset is the first of two successive lags above 4.5 sigmas with the same sign, if the
+    strongest response exceeds 5.5 sigmas.
 
     Args:
         recording: Uniformly sampled recording.
@@ -97,11 +101,8 @@ def estimate_delay(
     """
     if len(recording) < 10 * MEMORY:
         return Delay(command, response, float("nan"), float("nan"), 0.0)
-    strength = response_correlation(recording, command, response)
+    strength = response_correlation(recording, command, response, closed_loop=closed_loop)
     loud = np.abs(strength) > _THRESHOLD
-    if closed_loop:
-        quiet = np.flatnonzero(np.abs(strength) < 0.5 * _THRESHOLD)
-        loud[: int(quiet[0]) if quiet.size else len(loud)] = False
     same = np.sign(strength[1:]) == np.sign(strength[:-1])
     alone = np.abs(strength[:-1]) > 2 * _PEAK
     starts = np.flatnonzero(loud[:-1] & ((loud[1:] & same) | alone))

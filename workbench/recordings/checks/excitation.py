@@ -11,7 +11,6 @@ from workbench.recordings.checks.check import Outcome, unchanged
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording, Signal, Vector
-from workbench.recordings.resampling import low_pass
 
 _NAME = "excitation"
 _BINS = 20
@@ -88,13 +87,15 @@ def directions(signal: Signal, sample_time: float) -> Directions:
         >>> directions(trial.signal("angle"), trial.sample_time).resting < 0.5
         True
     """
-    window = 0.05
-    fraction = min(0.4, sample_time / window)
-    smooth = low_pass(signal.values, fraction)
+    from scipy.ndimage import gaussian_filter1d
+
+    # A Gaussian of 10 ms does not ring at a sudden stop, as a sharper filter would.
+    width = max(1.0, 0.01 / sample_time)
+    smooth = gaussian_filter1d(signal.values, width, mode="nearest")
     speed = np.gradient(smooth, sample_time)
-    # Quieter than this the low-passed noise itself moves the signal.
-    floor = white_rms(signal.values)
-    limit = max(4 * floor * np.sqrt(2 * fraction) / window, 1e-3 * float(np.abs(speed).max()))
+    # White noise of rms s, smoothed over w samples, changes by s / (2 pi^(1/4) w^(3/2)) per sample.
+    noise = white_rms(signal.values) / (2 * np.pi**0.25 * width**1.5) / sample_time
+    limit = max(4 * noise, 1e-3 * float(np.abs(speed).max()))
     sign = np.where(np.abs(speed) > limit, np.sign(speed), 0.0)
     moving = sign[sign != 0]
     return Directions(

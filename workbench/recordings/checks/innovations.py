@@ -54,7 +54,9 @@ def innovations(target: Vector, past: Sequence[Vector], *, memory: int = MEMORY)
 _known: WeakKeyDictionary[Recording, dict[tuple[str, ...], Vector]] = WeakKeyDictionary()
 
 
-def surprises(recording: Recording, name: str, *, given: tuple[str, ...] = ()) -> Vector:
+def surprises(
+    recording: Recording, name: str, *, given: tuple[str, ...] = (), now: tuple[str, ...] = ()
+) -> Vector:
     """Return what is new in a signal of a recording, given its own past and that of others.
 
     Several checks need the same, so it is kept as long as the recording is.
@@ -63,6 +65,7 @@ def surprises(recording: Recording, name: str, *, given: tuple[str, ...] = ()) -
         recording: Uniformly sampled recording.
         name: Name of the signal.
         given: Names of other signals whose past may be used.
+        now: Names of other signals whose past and present sample may be used.
 
     Returns:
         Prediction errors in the unit of the signal, shape (at most 50000 - 12,).
@@ -73,10 +76,13 @@ def surprises(recording: Recording, name: str, *, given: tuple[str, ...] = ()) -
         (988,)
     """
     kept = _known.setdefault(recording, {})
-    key = (name, *given)
+    key = (name, *given, "now", *now)
     if key not in kept:
-        past = [recording[n][:MAX_SAMPLES] for n in key]
-        kept[key] = innovations(past[0], past)
+        past = [recording[n][:MAX_SAMPLES] for n in (name, *given)]
+        # Shifted by one sample, the present stands where the past is looked for.
+        present = [np.append(recording[n][1:MAX_SAMPLES], recording[n][:MAX_SAMPLES][-1])
+                   for n in now]
+        kept[key] = innovations(past[0], [*past, *present])
     return kept[key]
 
 

@@ -64,6 +64,8 @@ def _strengths(recording: Recording, expected: Expected) -> dict[tuple[str, str]
     found: dict[tuple[str, str], float] = {}
     motions: dict[str, list[str]] = {}
     for cause, response in expected.signs:
+        if cause not in recording or response not in recording:
+            continue
         if np.ptp(recording[cause]) == 0 or np.ptp(recording[response]) == 0:
             continue
         if recording.signal(cause).role == "command":

@@ -31,9 +31,10 @@ _BY_KIND = {
     "length": _Plausible(-100.0, 100.0, 1e-7),
     "force": _Plausible(-1e6, 1e6, 1e-4),
 }
+# The usual units of the field first: several may be plausible.
 _UNITS = (
-    "rad", "deg", "mrad", "Pa", "mbar", "kPa", "bar", "MPa", "psi", "V", "mV", "m", "mm", "um",
-    "N", "kN", "K", "degC", "s", "ms",
+    "rad", "deg", "mrad", "bar", "Pa", "kPa", "mbar", "MPa", "psi", "V", "mV", "m", "mm", "um",
+    "N", "kN", "degC", "K", "s", "ms",
 )  # fmt: skip
 
 

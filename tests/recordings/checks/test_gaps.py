@@ -1,0 +1,63 @@
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.recordings import check_recording
+from workbench.recordings.example import example_recording
+
+TRIAL = example_recording(seconds=4.0)
+
+
+def without(first: int, last: int) -> np.ndarray:
+    keep = np.ones(len(TRIAL), dtype=bool)
+    keep[first:last] = False
+    return keep
+
+
+def test_short_gap_is_filled_and_excluded() -> None:
+    report = check_recording(TRIAL.take(without(500, 503)))
+    assert report.check("gaps").result == "corrected"
+    recording = report.recording
+    assert np.allclose(recording.time, TRIAL.time)
+    assert np.flatnonzero(~recording.valid("angle")).tolist() == [500, 501, 502]
+    assert np.allclose(recording["angle"], TRIAL["angle"], atol=1e-3)
+    # The command keeps its last value: what the machine got is unknown.
+    assert (recording["valve"][500:503] == TRIAL["valve"][499]).all()
+    assert any(note.startswith("gaps:") for note in recording.notes)
+
+
+def test_long_gap_keeps_the_longest_piece() -> None:
+    report = check_recording(TRIAL.take(without(300, 500)))
+    assert report.check("gaps").result == "corrected"
+    assert report.recording.time[0] == TRIAL.time[500]
+    assert "kept 1 to 3.998 s (1500 of 1800 rows)" in report.check("gaps").note
+
+
+def test_gap_in_the_middle_is_unfit() -> None:
+    keep = without(600, 700) & without(1300, 1400)
+    report = check_recording(TRIAL.take(keep))
+    assert report.check("gaps").result == "unfit"
+    assert not report.fit
+
+
+def test_missing_cells() -> None:
+    values = TRIAL["pressure_1"].copy()
+    values[100:140] = np.nan
+    signal = replace(TRIAL.signal("pressure_1"), values=values)
+    report = check_recording(TRIAL.with_signal(signal))
+    assert report.check("gaps").result == "corrected"
+    assert np.isfinite(report.recording["pressure_1"]).all()
+    assert int((~report.recording.valid("pressure_1")).sum()) == 40
+    assert report.recording.valid("angle").all()
+
+
+def test_mostly_missing_signal() -> None:
+    values = TRIAL["pressure_1"].copy()
+    values[::2] = np.nan
+    broken = TRIAL.with_signal(replace(TRIAL.signal("pressure_1"), values=values))
+    report = check_recording(broken)
+    assert "pressure_1 is missing in 50 % of the rows" in report.check("gaps").note
+    assert not report.fit
+    optional = check_recording(broken, required=["valve", "angle"])
+    assert optional.fit
+    assert "pressure_1" not in optional.recording

@@ -1,0 +1,68 @@
+"""Feedback and delays of made-up loops whose answers are known."""
+
+import numpy as np
+import pytest
+
+from workbench.recordings import Recording, Signal, check_recording
+from workbench.recordings.checks import estimate_delay
+from workbench.recordings.checks.loop import feedback_strength
+from workbench.recordings.example import example_recording
+
+
+def loop(gain: float, delay: int, seed: int, n: int = 8000) -> Recording:
+    """A first-order plant with dead time and noise; a proportional controller if gain is not 0."""
+    rng = np.random.default_rng(seed)
+    goal = np.repeat(rng.normal(size=n // 200 + 1), 200)[:n]
+    u, y = np.zeros(n), np.zeros(n)
+    state = 0.0
+    for k in range(n):
+        y[k] = state + 0.01 * rng.normal()
+        u[k] = goal[k] + (gain * (goal[k] - y[k]) if gain else 0.0)
+        state += 0.01 * (u[max(0, k - delay)] - state)
+    time = 0.002 * np.arange(n)
+    return Recording("loop", time, (Signal("u", u, "V", role="command"), Signal("y", y, "m")))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_open_loops_show_no_feedback(seed: int) -> None:
+    trial = loop(0.0, 3, seed)
+    assert feedback_strength(trial, "u", "y")[0] < 5.0
+    assert check_recording(trial).loop == "open"
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_noise_in_the_command_shows_feedback(seed: int) -> None:
+    # A proportional controller answers within the sample; a later lag shows with its filter.
+    trial = loop(2.0, 3, seed)
+    filtered = trial["u"].copy()
+    for k in range(1, len(filtered)):
+        filtered[k] = 0.5 * filtered[k - 1] + 0.5 * trial["u"][k]
+    closed = trial.with_signal(Signal("u", filtered, "V", role="command"))
+    assert check_recording(closed).loop == "closed"
+
+
+def test_smooth_command_without_feedback_is_unknown() -> None:
+    time = 0.002 * np.arange(6000)
+    u = np.sin(3 * time) + np.sin(7.3 * time)
+    y = np.sin(3 * time - 0.4) + np.sin(7.3 * time - 0.9)
+    rng = np.random.default_rng(0)
+    trial = Recording("sines", time, (
+        Signal("u", u, "V", role="command"), Signal("y", y + 1e-3 * rng.normal(size=6000), "m")))
+    assert check_recording(trial).loop == "unknown"
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_example(closed: bool) -> None:
+    trial = example_recording(seconds=20.0, closed_loop=closed)
+    assert check_recording(trial).loop == ("closed" if closed else "open")
+
+
+@pytest.mark.parametrize("delay", [0, 2, 5, 11])
+@pytest.mark.parametrize("gain", [0.0, 2.0])
+def test_delay(delay: int, gain: float) -> None:
+    trial = loop(gain, delay, 1, n=20_000)
+    found = estimate_delay(trial, "u", "y", closed_loop=gain > 0)
+    # The state answers one sample after the delayed command; the response then rises slowly.
+    assert found.onset == pytest.approx(0.002 * (delay + 1), abs=0.0061)
+    assert found.onset >= 0.002 * (delay + 1) - 1e-9
+    assert found.strength > 5.5

@@ -1,0 +1,79 @@
+"""The estimates against signals whose noise and steps are known."""
+
+import numpy as np
+import pytest
+
+from workbench.recordings import Recording, Signal, check_recording
+from workbench.recordings.checks.quantisation import quantum
+
+TIME = 0.002 * np.arange(10_000)
+MOTION = 3e5 + 1e5 * np.sin(2 * TIME) + 3e4 * np.sin(11 * TIME)
+
+
+def floor_of(values: np.ndarray) -> tuple[float, float, float]:
+    noise = check_recording(Recording("r", TIME, (Signal("x", values),))).noise["x"]
+    return noise.floor, noise.noise_rms, noise.step
+
+
+@pytest.mark.parametrize("rms", [100.0, 600.0, 3000.0])
+@pytest.mark.parametrize("step", [240.0, 1000.0])
+def test_noise_apart_from_steps(rms: float, step: float, rng: np.random.Generator) -> None:
+    values = step * np.round((MOTION + rms * rng.normal(size=len(TIME))) / step)
+    floor, noise, found = floor_of(values)
+    assert found == pytest.approx(step, rel=1e-6)
+    # The median of 100 blocks scatters by 1 %; blocks of correlated differences bias it by 2 %.
+    assert floor == pytest.approx(np.hypot(rms, step / np.sqrt(12)), rel=0.06)
+    if rms > step / 2:
+        assert noise == pytest.approx(rms, rel=0.08)
+
+
+def test_steps_that_hide_the_noise() -> None:
+    step = 3.5e-5
+    floor, noise, found = floor_of(step * np.round(0.5 * np.sin(3 * TIME) / step))
+    assert (found, floor) == (pytest.approx(step), pytest.approx(step / np.sqrt(12), rel=0.06))
+    assert np.isnan(noise)
+
+
+def test_impacts_and_pauses_do_not_count(rng: np.random.Generator) -> None:
+    motion = np.where(TIME % 4 < 2, MOTION, 2e5)
+    motion[::700] += 3e5
+    assert floor_of(motion + 600 * rng.normal(size=len(TIME)))[0] == pytest.approx(600, rel=0.06)
+
+
+def test_motion_too_fast_to_tell_is_an_upper_bound() -> None:
+    fast = Recording("r", TIME, (Signal("x", np.sin(300 * TIME)),))
+    assert check_recording(fast).noise["x"].upper_bound
+    slow = Recording("r", TIME, (Signal("x", np.sin(TIME) + 1e-3 * np.sin(1e5 * TIME**2)),))
+    assert not check_recording(slow).noise["x"].upper_bound
+
+
+def test_rest_segments_agree_with_differences(rng: np.random.Generator) -> None:
+    held = np.where((TIME > 5) & (TIME < 12), 3e5, MOTION)
+    valve = np.where((TIME > 5) & (TIME < 12), 5.0, 5.0 + np.sin(2 * TIME))
+    noisy = held + 600 * rng.normal(size=len(TIME))
+    noise = check_recording(Recording("r", TIME, (
+        Signal("valve", valve, "V", role="command"), Signal("x", noisy, "Pa")))).noise["x"]
+    assert noise.rest_rms == pytest.approx(600, rel=0.05)
+    assert 5.0 < noise.rest_seconds < 7.5
+
+
+@pytest.mark.parametrize("step", [0.25, 10 / 4096, 1e-3, 2e-7])
+@pytest.mark.parametrize("rounding", [0.0, 0.02])
+def test_quantum(step: float, rounding: float, rng: np.random.Generator) -> None:
+    values = step * np.round(rng.normal(size=3000) * 40)
+    if rounding:
+        # Printing rounds once more, to a fraction of the step.
+        values = np.round(values / (rounding * step)) * (rounding * step)
+    assert quantum(values) == pytest.approx(step, rel=2e-3)
+
+
+def test_quantum_of_few_levels_far_apart(rng: np.random.Generator) -> None:
+    # Pulses that visit 24 of a thousand levels, as a valve command does.
+    levels = 10 / 4096 * rng.integers(1500, 2500, 60)
+    assert quantum(np.repeat(levels, 50)) == pytest.approx(10 / 4096, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_quantum_in_unrelated_numbers(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    assert quantum(rng.normal(size=int(rng.integers(10, 5000)))) == 0.0

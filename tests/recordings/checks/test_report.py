@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.model.quantities import Input, Output
+from workbench.recordings import check_recording
+from workbench.recordings.example import example_recording
+
+TRIAL = example_recording(seconds=4.0)
+
+
+def test_table_and_data() -> None:
+    report = check_recording(TRIAL)
+    assert str(report).startswith("example: pass\ncheck             result  note\ntime base")
+    data = report.as_data()
+    assert [d["check"] for d in data][:3] == ["time base", "gaps", "constant signals"]
+    assert all(d["recording"] == "example" and d["note"] for d in data)
+    assert len(data) == 14
+
+
+def test_unfit_recording_cannot_be_used() -> None:
+    report = check_recording(TRIAL[:10])
+    assert not report.fit
+    with pytest.raises(WorkbenchError, match=r"example is unfit \(time base\): 10 samples"):
+        report.require_fit()
+    assert check_recording(TRIAL).require_fit() is not None
+
+
+def test_required_signal_is_missing() -> None:
+    with pytest.raises(WorkbenchError, match="no signal 'force'"):
+        check_recording(TRIAL, required=["force"])
+
+
+def test_model_gives_ranges_and_required_signals() -> None:
+    class Arm:
+        inputs = (Input("valve", "V", lower=0.0, upper=10.0),)
+        outputs = (Output("angle", "rad", lower=0.0, upper=0.3),)
+
+    report = check_recording(TRIAL, model=Arm())
+    assert report.check("units").result == "unfit"
+    assert "valve saturates" not in report.check("clipping").note
+
+
+def test_corrections_add_up() -> None:
+    keep = np.ones(len(TRIAL), dtype=bool)
+    keep[[400, 900]] = False
+    rows = np.sort(np.concatenate([np.flatnonzero(keep), [50]]))
+    report = check_recording(TRIAL.take(rows))
+    assert report.result == "corrected"
+    assert [n.split(":")[0] for n in report.recording.notes] == ["time base", "gaps"]
+    # A corrected recording passes: nothing is corrected twice.
+    again = check_recording(report.recording)
+    assert again.result == "pass", str(again)

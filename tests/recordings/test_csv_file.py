@@ -1,0 +1,202 @@
+import gzip
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.recordings import read_recording
+from workbench.recordings.csv_file import read_csv
+
+TIME = np.arange(50) * 0.002
+VALVE = 5.0 + 0.5 * np.sin(40 * TIME)
+ANGLE = 30.0 + 10 * np.sin(9 * TIME)
+
+
+def table(
+    separator: str = ",", decimal: str = ".", header: str = "time_s,valve_V,angle_deg"
+) -> str:
+    lines = [header.replace(",", separator)] if header else []
+    lines += [
+        separator.join(f"{v:.6f}" for v in row).replace(".", decimal)
+        for row in zip(TIME, VALVE, ANGLE, strict=True)
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def saved(folder: Path, text: str | bytes, name: str = "trial.csv") -> Path:
+    path = folder / name
+    path.write_bytes(text.encode() if isinstance(text, str) else text)
+    return path
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t", "|", "  "])
+@pytest.mark.parametrize("decimal", [".", ","])
+def test_separators_and_decimal_signs(tmp_path: Path, separator: str, decimal: str) -> None:
+    if separator == decimal:
+        pytest.skip("a comma cannot be both")
+    recording = read_recording(saved(tmp_path, table(separator, decimal)))
+    # The file holds six decimals.
+    assert np.allclose(recording.time, TIME, atol=1e-6)
+    assert np.allclose(recording["valve"], VALVE, atol=1e-6)
+    assert np.allclose(np.rad2deg(recording["angle"]), ANGLE, atol=1e-6)
+    assert recording.notes == ()
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "time [s],valve [V],angle [deg]",
+        "time (s),valve (V),angle (deg)",
+        "time / s,valve / V,angle / deg",
+        '"time_s","valve_V","angle_deg"',
+        "time_sec,valve_volt,angle_degrees",
+    ],
+)
+def test_headers(tmp_path: Path, header: str) -> None:
+    recording = read_recording(saved(tmp_path, table(header=header)))
+    assert recording.names == ("valve", "angle")
+    assert np.allclose(np.rad2deg(recording["angle"]), ANGLE, atol=1e-6)
+
+
+def test_row_of_units_and_comments(tmp_path: Path) -> None:
+    text = "# rig: 2\n# load_kg = 3\n\n" + table(header="time,valve,angle\nms,V,deg")
+    recording = read_recording(saved(tmp_path, text))
+    assert np.allclose(recording.time, TIME / 1000)
+    assert recording.metadata == {"rig": 2.0, "load_kg": 3.0}
+    assert recording.signal("angle").kind == "angle"
+
+
+def test_header_in_the_last_comment(tmp_path: Path) -> None:
+    text = "% recorded on the bench\n% time_s,valve_V,angle_deg\n" + table(header="")
+    assert read_recording(saved(tmp_path, text)).names == ("valve", "angle")
+
+
+def test_preamble_of_a_logger_is_skipped(tmp_path: Path) -> None:
+    text = "Logger 3000\nSerial: 17\nfree text; here\n" + table()
+    assert len(read_recording(saved(tmp_path, text))) == 50
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "latin-1"])
+def test_encodings(tmp_path: Path, encoding: str) -> None:
+    text = table(header="time [s],valve [V],angle [°]")
+    recording = read_recording(saved(tmp_path, text.encode(encoding)))
+    assert np.allclose(np.rad2deg(recording["angle"]), ANGLE, atol=1e-6)
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\r"])
+def test_line_ends(tmp_path: Path, end: str) -> None:
+    assert len(read_recording(saved(tmp_path, table().replace("\n", end)))) == 50
+
+
+def test_no_header_needs_names(tmp_path: Path) -> None:
+    path = saved(tmp_path, table(header=""))
+    with pytest.raises(WorkbenchError, match=r"has no header; name its 3 columns"):
+        read_recording(path)
+    recording = read_recording(path, columns=["time_s", "valve_V", "angle_deg"])
+    assert recording.names == ("valve", "angle")
+    with pytest.raises(WorkbenchError, match=r"names 2 columns but trial.csv has 3"):
+        read_recording(path, columns=["time_s", "valve_V"])
+
+
+def test_text_in_numbers_becomes_missing_and_is_told(tmp_path: Path) -> None:
+    lines = table().splitlines()
+    lines[7] = lines[7].rsplit(",", 1)[0] + ",error"
+    recording = read_recording(saved(tmp_path, "\n".join(lines)))
+    assert np.flatnonzero(np.isnan(recording["angle"])).tolist() == [6]
+    assert "'error' in line 8" in recording.notes[0]
+
+
+def test_incomplete_last_row_is_left_out(tmp_path: Path) -> None:
+    recording = read_recording(saved(tmp_path, table()[:-14]))
+    assert len(recording) == 49
+    assert "incomplete row(s) left out (line 51" in recording.notes[0]
+
+
+def test_too_many_broken_rows_are_an_error(tmp_path: Path) -> None:
+    lines = table().splitlines()
+    for k in range(10, 30):
+        lines[k] += ",1"
+    with pytest.raises(WorkbenchError, match="another number of columns"):
+        read_recording(saved(tmp_path, "\n".join(lines)))
+
+
+def test_text_column(tmp_path: Path) -> None:
+    lines = table().splitlines()
+    lines = [lines[0] + ",remark"] + [line + ",ok" for line in lines[1:]]
+    path = saved(tmp_path, "\n".join(lines))
+    recording = read_recording(path)
+    assert recording.names == ("valve", "angle")
+    assert recording.mapping is not None
+    assert recording.mapping.unused == (("remark", "holds text in 100 % of its rows (first: 'ok' in"
+                                         " line 2)"),)
+    with pytest.raises(WorkbenchError, match="needed for 'remark', holds text"):
+        read_recording(path, signals=["remark"])
+
+
+def test_number_in_the_first_row_only_is_a_setting(tmp_path: Path) -> None:
+    lines = table(header="u,y,z").splitlines()
+    lines = [lines[0] + ",Ts,"] + [
+        line + (",4," if k == 0 else ",,") for k, line in enumerate(lines[1:])
+    ]
+    recording = read_recording(saved(tmp_path, "\n".join(lines)))
+    assert recording.metadata == {"Ts": 4.0}
+    assert recording.time[-1] == 4.0 * 49
+
+
+def test_missing_time_column(tmp_path: Path) -> None:
+    path = saved(tmp_path, table(header="valve_V,angle_deg,pressure_1_bar"))
+    with pytest.raises(WorkbenchError, match="has no time column"):
+        read_recording(path)
+    assert read_recording(path, sample_time_s=0.1).time[2] == pytest.approx(0.2)
+
+
+def test_truncated_gzip_keeps_what_came_before(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    rows = "".join(f"{0.002 * k:.3f},{v:.6f}\n" for k, v in enumerate(rng.normal(size=20000)))
+    packed = gzip.compress(("time_s,valve_V\n" + rows).encode())
+    recording = read_recording(saved(tmp_path, packed[: len(packed) // 2], "trial.csv.gz"))
+    assert 5000 < len(recording) < 15000
+    assert "damaged" in recording.notes[-1]
+
+
+def test_long_file_is_thinned_within_bounded_memory(tmp_path: Path) -> None:
+    path = tmp_path / "long.csv"
+    n = 200_000
+    time = 0.002 * np.arange(n)
+    wave = np.sin(0.5 * time)
+    with path.open("w") as stream:
+        stream.write("time_s,valve_V,angle_deg\n")
+        stream.writelines(f"{t:.3f},5.0,{w:.6f}\n" for t, w in zip(time, wave, strict=True))
+    tracemalloc.start()
+    recording = read_recording(path, max_rows=5000)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    # The whole table as numbers and text would take more than 40 MB at once.
+    assert peak < 35e6
+    assert 2500 <= len(recording) <= 5000
+    assert "200000 rows were averaged in groups of 64" in recording.notes[0]
+    # Averaging 64 samples of this wave is an error of (w dt)^2 / 24, here 2e-4.
+    assert np.allclose(np.rad2deg(recording["angle"]), np.sin(0.5 * recording.time), atol=3e-4)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"", "no rows of numbers"),
+        (b"# only a comment\n", "no rows of numbers"),
+        (b"hello\nworld\n", "no rows of numbers"),
+        (b"\x00\x01\x02" * 100, "not a text file"),
+        (b"1" * 3_000_000, "line"),
+    ],
+)
+def test_no_table_at_all(tmp_path: Path, content: bytes, message: str) -> None:
+    with pytest.raises(WorkbenchError, match=message):
+        read_csv(saved(tmp_path, content))
+
+
+def test_digits_are_kept(tmp_path: Path) -> None:
+    values = [0.1, 1 / 3, 1e-300, 123456789.123456789]
+    text = "time_s,valve_V\n" + "".join(f"{k},{v!r}\n" for k, v in enumerate(values))
+    assert read_csv(saved(tmp_path, text)).values[:, 1].tolist() == values

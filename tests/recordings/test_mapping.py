@@ -1,0 +1,126 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.model.quantities import Input, Output
+from workbench.recordings import read_mapping, read_recording
+
+
+@pytest.fixture
+def trial(tmp_path: Path) -> Path:
+    path = tmp_path / "trial.csv"
+    rows = "".join(f"{2 * k},{k % 7},{10 + k},{1 + 0.01 * k},{2 - 0.01 * k}\n" for k in range(40))
+    path.write_text("t_ms,u_V,q1_deg,pA_bar,pB_bar\n" + rows)
+    return path
+
+
+def mapping(folder: Path, text: str) -> Path:
+    path = folder / "mapping.toml"
+    path.write_text(text)
+    return path
+
+
+def test_rule_with_unit_sign_offset_and_factor(trial: Path, tmp_path: Path) -> None:
+    rules = mapping(
+        tmp_path,
+        """
+        [time]
+        column = "t_ms"
+        [signals.angle]
+        column = "q1_deg"
+        sign = -1
+        offset = 60.0
+        [signals.supply]
+        column = "u_V"
+        factor = 2.5
+        unit = "bar"
+        role = "measurement"
+        reference = "absolute"
+        [metadata]
+        load_kg = 3
+        """,
+    )
+    recording = read_recording(trial, mapping=rules)
+    assert recording.names == ("angle", "supply")
+    assert np.rad2deg(recording["angle"][:2]) == pytest.approx([50.0, 49.0])
+    # Absolute becomes gauge: 2.5 bar/V, one standard atmosphere less.
+    assert recording["supply"][2] == pytest.approx(5.0e5 - 101325.0)
+    assert recording.signal("supply").kind == "gauge pressure"
+    assert recording.metadata["load_kg"] == 3
+    assert recording.time[1] == pytest.approx(0.002)
+    printed = str(recording.mapping)
+    assert "-column +60" in printed
+    assert "not in the mapping" in printed
+
+
+def test_automatic_mapping_to_a_model(trial: Path) -> None:
+    class Arm:
+        inputs = (Input("valve", "V"),)
+        outputs = (Output("angle", "rad", display_unit="deg"), Output("pressure_1", "Pa"),
+                   Output("pressure_2", "Pa"))
+
+    recording = read_recording(trial, signals=Arm(), mapping={"time": {"column": "t_ms"}})
+    # u is a synonym of valve; q1 is the only angle; pA and pB are synonyms of the pressures.
+    assert recording.names == ("valve", "angle", "pressure_1", "pressure_2")
+    assert recording.commands == ("valve",)
+    assert recording["pressure_2"][0] == pytest.approx(2e5)
+    assert recording.mapping is not None
+    assert {row.signal: row.how for row in recording.mapping} == {
+        "time": "mapping file", "valve": "synonym", "angle": "unit", "pressure_1": "synonym",
+        "pressure_2": "synonym",
+    }
+
+
+def test_missing_column_is_named_with_what_there_is(trial: Path) -> None:
+    with pytest.raises(WorkbenchError, match=r"no column for signal 'force' \(N\).*q1_deg"):
+        read_recording(trial, signals={"force": "N"})
+
+
+def test_wrong_unit_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "trial.csv"
+    path.write_text("time_s,angle_bar\n" + "".join(f"{k},{k}\n" for k in range(5)))
+    with pytest.raises(WorkbenchError, match="'angle_bar' is in 'bar' but angle is measured"):
+        read_recording(path, signals={"angle": "rad"})
+
+
+def test_unknown_unit_is_left_out_or_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "trial.csv"
+    path.write_text("time_s,x [furlong],y\n" + "".join(f"{k},{k},{k}\n" for k in range(5)))
+    recording = read_recording(path)
+    assert recording.names == ("y",)
+    assert "furlong" in str(recording.mapping)
+    with pytest.raises(WorkbenchError, match="furlong"):
+        read_recording(path, signals=["x"])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("[signals.angle]\ncolum = 'q1'", "did you mean 'column'"),
+        ("[signals.angle]\ncolumn = 'q1'\nsign = 2", "sign of signal 'angle'.* must be 1 or -1"),
+        ("[signals.angle]\ncolumn = 'q1'\nunit = 'degg'", "did you mean 'deg'"),
+        ("[signals.angle]\ncolumn = 'q1'\noffset = 'a'", "offset.* not a number"),
+        ("[signals.angle]\ncolumn = 'q1'\nrole = 'sensor'", "role"),
+        ("[signals]\nangle = 3", "write a column name or a table"),
+        ("[signal.angle]\ncolumn = 'q1'", "did you mean 'signals'"),
+        ("columns = 'time_s'", "write a list of names"),
+        ("sample_time_s = -1", "sample_time_s"),
+        ("[time]\nunit = 's'", "names no column"),
+        ("= 3", "not valid TOML"),
+    ],
+)
+def test_mistakes_in_a_mapping(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(WorkbenchError, match=message):
+        read_mapping(mapping(tmp_path, text))
+
+
+def test_mapping_names_a_column_that_is_not_there(trial: Path) -> None:
+    with pytest.raises(WorkbenchError, match=r"from column 'theta'.*it has: t_ms"):
+        read_recording(trial, mapping={"angle": "theta"})
+
+
+def test_missing_mapping_file(tmp_path: Path) -> None:
+    with pytest.raises(WorkbenchError, match="cannot be read"):
+        read_mapping(tmp_path / "none.toml")

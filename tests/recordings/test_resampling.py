@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.recordings import Recording, Signal, decimate, resample
+from workbench.recordings.resampling import low_pass
+
+
+def trial(values: np.ndarray, dt: float, role: str = "measurement") -> Recording:
+    time = dt * np.arange(len(values))
+    return Recording("r", time, (Signal("x", values, role=role),))  # type: ignore[arg-type]
+
+
+def test_commands_are_held_and_measurements_interpolated() -> None:
+    steps = np.repeat([1.0, 3.0, 2.0], 4)
+    held = resample(trial(steps, 0.1, "command"), rate_Hz=40.0)
+    assert set(held["x"]) == {1.0, 3.0, 2.0}
+    assert held["x"][held.time < 0.39].max() == 1.0
+    assert held["x"][np.searchsorted(held.time, 0.4 - 1e-9)] == 3.0
+    line = resample(trial(np.arange(12.0), 0.1), rate_Hz=40.0)
+    assert np.allclose(line["x"], 10 * line.time)
+
+
+@pytest.mark.parametrize("factor", [2, 5, 10])
+def test_decimation_keeps_slow_and_removes_fast(factor: int) -> None:
+    dt, n = 0.002, 5000
+    time = dt * np.arange(n)
+    new_rate = 1 / (dt * factor)
+    slow = np.sin(0.1 * 2 * np.pi * new_rate * time)
+    fast = np.sin(0.8 * 2 * np.pi * new_rate * time)
+    thin = decimate(trial(slow + fast, dt), factor)
+    inner = slice(20, -20)
+    # Without the filter the fast sine would fold down to 0.2 of the rate with full amplitude; the
+    # sinc with Hamming window suppresses it by more than 50 dB.
+    assert np.allclose(thin["x"][inner], slow[::factor][inner], atol=5e-3)
+    assert np.allclose(thin.time, time[::factor])
+
+
+def test_low_pass_has_no_delay_and_unit_gain() -> None:
+    time = np.linspace(0.0, 1.0, 401)
+    assert np.allclose(low_pass(3 * time + 1, 0.05), 3 * time + 1, atol=1e-9)
+    pulse = np.exp(-(((time - 0.5) / 0.05) ** 2))
+    assert abs(int(np.argmax(low_pass(pulse, 0.1))) - int(np.argmax(pulse))) == 0
+
+
+def test_uneven_time_base_and_missing_samples() -> None:
+    rng = np.random.default_rng(4)
+    time = np.cumsum(rng.uniform(0.5e-2, 1.5e-2, 500))
+    values = np.sin(3 * time)
+    values[100:103] = np.nan
+    recording = Recording("r", time, (Signal("x", values),))
+    even = resample(recording, times=np.linspace(time[0], time[-1], 500))
+    # Straight lines over at most 60 ms of a 3 rad/s sine: (w h)^2 / 8.
+    assert np.allclose(even["x"], np.sin(3 * even.time), atol=5e-3)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda r: resample(r), "either rate_Hz or times"),
+        (lambda r: resample(r, rate_Hz=10.0, times=[0.0, 1.0]), "either rate_Hz or times"),
+        (lambda r: resample(r, rate_Hz=-1.0), "rate_Hz"),
+        (lambda r: resample(r, times=[0.0, 99.0]), "choose instants inside"),
+        (lambda r: resample(r, times=[0.5, 0.2]), "increasing instants"),
+        (lambda r: decimate(r, 0), "factor"),
+        (lambda r: decimate(r, 2.5), "whole numbers"),
+        (lambda r: decimate(r, 1000), "keep two samples"),
+        (lambda r: resample(r.take(np.array([0, 2, 1])), rate_Hz=10.0), "does not increase"),
+    ],
+)
+def test_mistakes(call: object, message: str) -> None:
+    with pytest.raises(WorkbenchError, match=message):
+        call(trial(np.arange(100.0), 0.01))  # type: ignore[operator]
