@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from controllers import HeldCommand, design_pid
-from workbench.errors import WorkbenchError
+from workbench.errors import NumericalError, WorkbenchError
 from workbench.linearisation import linearise
-from workbench.model import Model
+from workbench.model import Effect, Model
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
@@ -204,3 +204,26 @@ def test_bad_changes_are_refused_before_the_run(
 ) -> None:
     with pytest.raises(WorkbenchError, match=problem):
         verify(HeldCommand((5.0,), follows=("angle",)), plant, at_30(**changes))
+
+
+def test_integration_error_is_reported(plant: Model) -> None:
+    linear = linearise(operating_point(plant, {"angle": math.radians(30)}), verdict=False)
+    scenario = at_30(changes=(Change(0.2, "load", 5.0),), duration=0.6)
+    coarse, fine = (
+        verify(design_pid(linear), plant, scenario, tolerance=t).integration_error()
+        for t in (1e-3, 1e-7)
+    )
+    assert fine < 1e-4 < 1.0
+    assert fine < coarse
+
+
+def test_what_explicit_steps_cannot_follow_goes_to_rosenbrock() -> None:
+    # Speed dies out within 0.1 us: 20,000 such times in a sample.
+    grease = Effect("grease", ("axis.force",), lambda at: at.value - 1e9 * at.signals.speed)
+    stiff = servo_axis().with_effect(grease)
+    controller = Scripted((5.0,), *AXIS)
+    with pytest.raises(NumericalError, match="rosenbrock"):
+        verify(controller, stiff, REST, method="erk")
+    run = verify(controller, stiff, REST)
+    assert run.integrator.startswith("rosenbrock")
+    assert abs(run["position"][-1]) < 1e-6

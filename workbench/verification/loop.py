@@ -14,12 +14,12 @@ The controller's own computing time is not simulated as a delay.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from controllers.protocol import Controller
-from workbench.errors import NumericalError, WorkbenchError, check_choice, check_range
+from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite, check_range
 from workbench.model import Effect, Input, Model, Output, Parameter
 from workbench.verification.run import Run
 from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LinearPlant
@@ -37,6 +37,7 @@ def verify(
     *,
     seed: int = 0,
     tolerance: float = TOLERANCE,
+    method: Literal["auto", "erk", "rosenbrock"] = "auto",
 ) -> Run:
     """Run a controller on a plant through a scenario.
 
@@ -49,6 +50,8 @@ def verify(
         scenario: What is asked.
         seed: Seed of the sensors' noise.
         tolerance: Local error allowed in a step of the plant, relative to its scales.
+        method: ``"erk"``, ``"rosenbrock"`` for stiff plants, or ``"auto"``: the first, and the
+            second where the first gives up.
 
     Returns:
         The record of the run.
@@ -68,6 +71,12 @@ def verify(
         >>> len(run.time)
         50
     """
+    check_choice("integration method", method, ("auto", "erk", "rosenbrock"))
+    if method == "auto":
+        try:
+            return verify(controller, plant, scenario, seed=seed, tolerance=tolerance, method="erk")
+        except NumericalError:
+            method = "rosenbrock"
     h = scenario.sample_time
     if abs(controller.sample_time - h) > 1e-9:
         raise WorkbenchError(
@@ -83,7 +92,7 @@ def verify(
         model: Model | None = _with_disturbances(plant, scenario, events)
         assert model is not None
         x0, _ = start_state(model, scenario)
-        sampled = FullPlant(model, h, x0, tolerance=tolerance)
+        sampled = FullPlant(model, h, x0, tolerance=tolerance, method=method)
         inputs, outputs, name = model.inputs, model.outputs, model.name
         state_names = tuple(q.name for q in model.states)
     else:
@@ -161,7 +170,7 @@ def _loop(
             command, memory, info = step(memory, seen, rows[k + warm])
             command = convert(straighten(command) if straight else command)
             if k >= 0:
-                states[k] = plant.state
+                states[k] = plant.scaled_state
                 readings.append(plant.readings)
                 measured.append(seen)
                 commands.append(command)
@@ -171,6 +180,8 @@ def _loop(
         raise NumericalError(
             f"{controller.name} on {name}, {scenario.name}, at {k * h:.3f} s: {error}"
         ) from None
+    states *= plant.scale
+    check_finite(f"states of {name} with {controller.name}", states)
     return Run(
         controller=controller.name,
         plant=name,

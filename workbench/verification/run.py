@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from workbench.errors import check_choice
 from workbench.model import Input, Model, Output, Quantity
+from workbench.verification.sampled_plant import FullPlant
 from workbench.verification.scenario import Scenario
 
 Vector = npt.NDArray[np.float64]
@@ -114,6 +115,32 @@ class Run:
             Values, shape (n,), in the entry's own unit.
         """
         return np.array([float(i.get(name, np.nan)) for i in self.infos])
+
+    def integration_error(self) -> float:
+        """Compute how far the states are from those of a ten times tighter integration.
+
+        The recorded commands are held again on the plant, without the controller, so that
+        rounding of a quantised command does not count as an error of integration.
+
+        Returns:
+            Largest difference of a state over its scale (a ratio); 0 for a linear model.
+        """
+        if self.model is None:
+            return 0.0
+        h, method = self.scenario.sample_time, self.integrator.split(",")[0]
+        plant = FullPlant(
+            self.model, h, self.states[0], tolerance=self.tolerance / 10, method=method
+        )
+        names = [q.name for q in self.model.parameters]
+        before = plant.parameters
+        worst = 0.0
+        for k, (command, values) in enumerate(zip(self.inputs, self.parameters, strict=True)):
+            for i in np.flatnonzero(values != before):
+                plant.set_parameter(names[i], float(values[i]))
+            before = values
+            worst = max(worst, float(np.max(np.abs(plant.state - self.states[k]) / plant.scale)))
+            plant.hold(tuple(command.tolist()))
+        return worst
 
     def _signal(self, name: str) -> Vector:
         assert self.model is not None

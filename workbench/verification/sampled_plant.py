@@ -96,6 +96,16 @@ class FullPlant:
         return self._p.copy()
 
     @property
+    def scale(self) -> Vector:
+        """Scales of the states, shape (n_states,), in SI."""
+        return self._scale
+
+    @property
+    def scaled_state(self) -> Vector:
+        """States of now over their scales (dimensionless), shape (n_states,); overwritten later."""
+        return np.asarray(self._z)
+
+    @property
     def state(self) -> Vector:
         """States of now, shape (n_states,), in SI."""
         return np.asarray(self._z * self._scale)
@@ -112,15 +122,16 @@ class FullPlant:
         for i, value in enumerate(command):
             self._u[i] = value
         self._call()
-        # A sum is not finite if any term is not; it is the cheapest test.
-        if self._buffer.ret() or not -1e300 < self._end.sum() < 1e300:
+        self.readings = self._y.tolist()
+        # A sum is not finite if any term is not; states that no reading shows are checked at the
+        # end of the run.
+        if self._buffer.ret() or not -1e300 < sum(self.readings) < 1e300:
             raise NumericalError(
                 f"the integrator of {self.model.name!r} gave up in a closed loop: the states or"
                 " the parameters have left the range of the model, or the model is stiff (use"
                 " method='rosenbrock')"
             )
         self._z[:] = self._end
-        self.readings = self._y.tolist()
 
 
 class LinearPlant:
@@ -175,9 +186,19 @@ class LinearPlant:
         return np.zeros(0)
 
     @property
-    def state(self) -> Vector:
+    def scale(self) -> Vector:
+        """Ones, shape (n_states,), in SI: the states are kept as they are."""
+        return np.ones(len(self._x0))
+
+    @property
+    def scaled_state(self) -> Vector:
         """States of now with their operating point, shape (n_states,), in SI."""
         return self._x0 + self._x
+
+    @property
+    def state(self) -> Vector:
+        """States of now with their operating point, shape (n_states,), in SI."""
+        return self.scaled_state
 
     def hold(self, command: tuple[float, ...]) -> None:
         """Hold a command for one sample and read the outputs at its end.
