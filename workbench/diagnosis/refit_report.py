@@ -23,9 +23,12 @@ from workbench.model.units import parse_unit
 
 Vector = npt.NDArray[np.float64]
 
-FLOOR_FACTOR = 2.0
+FLOOR_FACTOR = 3.0
 """A held-out error up to this many times the noise-limited one counts as reaching it: the latter is
 itself known from a few draws only."""
+
+EXPLAINED_SHARE = 0.1
+"""Up to this share of the expected disturbance, the equations count as complete."""
 
 _DRAWS = 8
 
@@ -130,8 +133,13 @@ class RefitReport:
 
     @property
     def reaches_floor(self) -> bool:
-        """Whether every held-out error is what noise alone would leave."""
-        return bool(self.rows) and all(row.at_floor for row in self.rows)
+        """Whether every held-out error is what noise alone would leave.
+
+        A filter that had to take up much at the ports leaves the parameters so uncertain that any
+        error would do; then the floor is not reached either.
+        """
+        explained = self.refit.share <= EXPLAINED_SHARE
+        return explained and bool(self.rows) and all(row.at_floor for row in self.rows)
 
     def row(self, recording: str, output: str) -> HeldOut:
         """Return the errors of one output on one held-out recording.

@@ -112,7 +112,7 @@ def fetch(data_set: str, file: str) -> Path:
             f"{file} is not published as a file that can be fetched; name a folder that holds it"
             f" with --data or {ENVIRONMENT_VARIABLE} ({entry['cite']})"
         )
-    import pooch
+    import pooch  # type: ignore[import-untyped]
 
     try:
         path = pooch.retrieve(
@@ -126,7 +126,7 @@ def fetch(data_set: str, file: str) -> Path:
             f"what {entry['address']} sends as {file} is not the file expected (its SHA-256"
             " differs); get it from the publisher by hand and name its folder with --data"
         ) from None
-    except Exception as error:  # the downloader passes on whatever its transport raises
+    except OSError as error:  # what a transport raises, and what requests derives from
         raise WorkbenchError(
             f"{file} could not be fetched from {entry['address']}: {error}; connect to the network,"
             f" or name a folder that holds it with --data or {ENVIRONMENT_VARIABLE}"

@@ -30,9 +30,7 @@ def arm_case(case: Case) -> RefitTask:
         >>> len(task.fit), len(task.hold_out)
         (2, 2)
     """
-    model = arm(
-        case.load_kg, plane=cast(Plane, case.plane), supply_bar=case.supply_bar
-    )
+    model = arm(case.load_kg, plane=cast(Plane, case.plane), supply_bar=case.supply_bar)
     return RefitTask(
         name=case.name,
         title=f"arm, case {case.name}",

@@ -11,7 +11,7 @@ from workbench.diagnosis.tasks.emps import emps_task
 from workbench.diagnosis.tasks.pendulum import pendulum_task
 from workbench.diagnosis.tasks.tanks import tanks_task
 from workbench.errors import check_choice
-from workbench.public_data import public_file
+from workbench.recordings.public_data import public_file
 
 MACHINES: dict[str, tuple[str, Callable[[Callable[[str], Path]], RefitTask]]] = {
     "emps": ("emps", emps_task),

@@ -47,7 +47,8 @@ def pendulum_task(find: Callable[[str], Path]) -> RefitTask:
         workbench.errors.WorkbenchError: ...
     """
     model = servo_pendulum()
-    fit, hold_out = [], []
+    fit: list[Observed] = []
+    hold_out: list[Observed] = []
     for stamp in TIMES:
         observed = _observed(model, find(f"xl330_2026-01-15_{stamp}.json"))
         (hold_out if observed.name.startswith(HELD_OUT) else fit).append(observed)

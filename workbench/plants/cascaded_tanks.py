@@ -1,0 +1,212 @@
+"""Cascaded tanks: a pump fills an upper tank, which drains into a lower one, which drains out.
+
+M. Schoukens, P. Mattsson, T. Wigren, J.-P. Noel, Cascaded tanks benchmark combining soft and hard
+nonlinearities, 2016 Workshop on Nonlinear System Identification Benchmarks, Brussels.
+"""
+
+from __future__ import annotations
+
+from workbench.model import About, Effect, Input, Model, Output, Parameter, PortView, Scope, State
+from workbench.model.face import Expression, sqrt
+from workbench.model.trace import Equations
+
+FULL = 10.0
+"""Level at which flows are stated, and near which the tanks overflow, in V of the sensor."""
+
+
+def _equations(m: Scope) -> Equations:
+    def outflow(rate: Expression, bend: Expression, level: Expression) -> Expression:
+        share = m.face.ramp(level, 0.01) / FULL
+        return rate * ((1 - bend) * sqrt(share) + bend * share)
+
+    levels = {"upper_level": m.x.upper_level, "lower_level": m.x.lower_level}
+    inflow = m.port(
+        "upper.inflow",
+        m.p.pump_gain * m.u.pump,
+        unit="V/s",
+        scale=0.1,
+        signals=levels,
+        description="level that the pump adds to the upper tank",
+        disturbance=0.01,
+    )
+    drained = m.port(
+        "upper.outflow",
+        outflow(m.p.upper_drain, m.p.upper_bend, m.x.upper_level),
+        unit="V/s",
+        scale=0.1,
+        signals=levels,
+        description="level that the upper tank loses",
+        disturbance=0.01,
+    )
+    spilled = m.port("upper.overflow", 0.0 * inflow, unit="V/s", scale=0.1, signals=levels)
+    gained = m.port(
+        "lower.inflow",
+        m.p.ratio * drained,
+        unit="V/s",
+        scale=0.1,
+        signals=levels | {"spilled": spilled},
+        description="level that the lower tank gains",
+        disturbance=0.005,
+    )
+    left = m.port(
+        "lower.outflow",
+        outflow(m.p.lower_drain, m.p.lower_bend, m.x.lower_level),
+        unit="V/s",
+        scale=0.1,
+        signals=levels,
+        description="level that the lower tank loses",
+        disturbance=0.01,
+    )
+    reading = m.port("level.reading", FULL - m.face.ramp(FULL - m.x.lower_level, 0.01), unit="V")
+    return (
+        {"upper_level": inflow - drained - spilled, "lower_level": gained - left},
+        {"level": reading},
+    )
+
+
+def overflow() -> Effect:
+    """Build the overflow of both tanks; part of the upper one's falls into the lower tank.
+
+    Above its rim a tank spills ``weir (level - rim)``; ``caught`` of what the upper tank spills
+    reaches the lower one.
+
+    Returns:
+        Effect on the upper overflow, the lower inflow and the lower outflow.
+
+    Example:
+        >>> [q.name for q in overflow().parameters]
+        ['rim', 'caught', 'weir']
+    """
+
+    def transform(at: PortView) -> Expression:
+        s = at.signals
+        if at.port == "upper.overflow":
+            return at.value + at.p.weir * at.face.ramp(s.upper_level - at.p.rim, 0.01)
+        if at.port == "lower.inflow":
+            return at.value + at.p.caught * s.spilled
+        return at.value + at.p.weir * at.face.ramp(s.lower_level - FULL, 0.01)
+
+    return Effect(
+        "overflow",
+        ("upper.overflow", "lower.inflow", "lower.outflow"),
+        transform,
+        parameters=(
+            Parameter(
+                "rim",
+                "V",
+                1.0,
+                "level at which the upper tank spills",
+                15.0,
+                5.0,
+                30.0,
+                fitted=True,
+            ),
+            Parameter(
+                "caught",
+                "1",
+                0.5,
+                "share of the spill that the lower tank catches",
+                0.5,
+                0.0,
+                1.5,
+                fitted=True,
+            ),
+            Parameter(
+                "weir",
+                "1/s",
+                0.2,
+                "rate at which a level above the rim falls",
+                0.2,
+                0.01,
+                1.0,
+                fitted=True,
+            ),
+        ),
+        about=About("spill = weir (level - rim)", "linear weir"),
+    )
+
+
+def cascaded_tanks() -> Model:
+    """Build the cascaded tanks, with overflow.
+
+    ``x1' = a u - q1 - spill``, ``x2' = r q1 - q2 + caught spill``; outflows q follow Torricelli,
+    ``q = drain ((1 - bend) sqrt(x / 10) + bend x / 10)`` with a part that is proportional to the
+    level, for what pipe and sensor add. Levels are in V of the sensor of the lower tank, the only
+    one that is read; the level of the upper tank at the start is unknown.
+
+    Returns:
+        Model with the input ``pump`` (V), the output ``level`` (V) and a port at every flow.
+
+    Example:
+        >>> model = cascaded_tanks()
+        >>> model.rates([10.0, 10.0], [0.0], values=model.values).round(2).tolist()
+        [-0.15, 0.0]
+    """
+    return Model(
+        "cascaded tanks",
+        _equations,
+        states=(
+            State("upper_level", "V", 5.0, "level of the upper tank", 7.0, 0.0, start_rms=8.0),
+            State("lower_level", "V", 5.0, "level of the lower tank", 5.0, 0.0, start_rms=3.0),
+        ),
+        inputs=(Input("pump", "V", 3.0, nominal=3.0, lower=0.0, upper=20.0),),
+        outputs=(Output("level", "V", 5.0, noise_rms=0.03, upper=FULL),),
+        parameters=(
+            Parameter(
+                "pump_gain",
+                "1/s",
+                value=0.04,
+                lower=0.005,
+                upper=0.2,
+                fitted=True,
+                description="level rate of the upper tank over pump voltage",
+            ),
+            Parameter(
+                "upper_drain",
+                "V/s",
+                value=0.15,
+                lower=0.02,
+                upper=0.6,
+                fitted=True,
+                description="outflow of the upper tank at 10 V",
+            ),
+            Parameter(
+                "lower_drain",
+                "V/s",
+                value=0.15,
+                lower=0.02,
+                upper=0.6,
+                fitted=True,
+                description="outflow of the lower tank at 10 V",
+            ),
+            Parameter(
+                "upper_bend",
+                "1",
+                0.1,
+                value=0.0,
+                lower=-0.9,
+                upper=0.9,
+                fitted=True,
+                description="part of the upper outflow that is proportional to the level",
+            ),
+            Parameter(
+                "lower_bend",
+                "1",
+                0.1,
+                value=0.0,
+                lower=-0.9,
+                upper=0.9,
+                fitted=True,
+                description="part of the lower outflow that is proportional to the level",
+            ),
+            Parameter(
+                "ratio",
+                "1",
+                value=1.0,
+                lower=0.5,
+                upper=2.0,
+                description="area of the upper tank over that of the lower one",
+            ),
+        ),
+        description="a pump, two tanks under each other, free outflow",
+    ).with_effect(overflow())

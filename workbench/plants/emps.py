@@ -1,0 +1,74 @@
+"""EMPS, the electro-mechanical positioning system: a carriage on a ball screw, driven by a force.
+
+A. Janot, M. Gautier, M. Brunot, Data Set and Reference Models of EMPS, 2019 Workshop on Nonlinear
+System Identification Benchmarks, Eindhoven.
+"""
+
+from __future__ import annotations
+
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.physics.friction import coulomb_friction, viscous_friction
+
+PUBLISHED = {
+    "mass": 95.1089,
+    "viscous_friction.coefficient": 203.5034,
+    "coulomb_friction.level": 20.3935,
+    "offset": -3.1648,
+}
+"""Values that its authors identified by inverse dynamics and least squares, in SI."""
+
+
+def _equations(m: Scope) -> Equations:
+    force = m.port(
+        "axis.force",
+        m.u.force - m.p.offset,
+        unit="N",
+        scale=100.0,
+        description="force on the carriage, positive with the position",
+        signals={"position": m.x.position, "speed": m.x.speed},
+        disturbance=5.0,
+    )
+    reading = m.port("position.reading", m.x.position, unit="m", signals={"speed": m.x.speed})
+    return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": reading}
+
+
+def emps() -> Model:
+    """Build the EMPS axis: mass, viscous and dry friction, and an offset of the drive.
+
+    ``mass a = force - offset - viscous speed - dry sign(speed)``. The force is the motor's gain
+    times the controller's output; position is the only reading, and the force reaches it through
+    two integrations, so that a simulation drifts unless the readings correct it.
+
+    Returns:
+        Model with the input ``force`` (N), the output ``position`` (m) and the port ``axis.force``.
+
+    Example:
+        >>> [q.name for q in emps().parameters if q.fitted]
+        ['mass', 'offset', 'viscous_friction.coefficient', 'coulomb_friction.level']
+    """
+    return Model(
+        "EMPS axis",
+        _equations,
+        states=(
+            State("position", "m", 0.1, start_rms=1e-3),
+            State("speed", "m/s", 0.1, start_rms=0.05),
+        ),
+        inputs=(Input("force", "N", 100.0, lower=-352.0, upper=352.0),),
+        outputs=(Output("position", "m", 0.1, resolution=5e-8, noise_rms=1e-7, display_unit="mm"),),
+        parameters=(
+            Parameter("mass", "kg", value=90.0, lower=40.0, upper=160.0, fitted=True),
+            Parameter("offset", "N", 1.0, value=0.0, lower=-20.0, upper=20.0, fitted=True),
+        ),
+        description="carriage on a ball screw, driven by a force",
+    ).with_effect(
+        viscous_friction("axis.force", coefficient=250.0, unit="N", speed_unit="m/s", upper=1000.0),
+        coulomb_friction(
+            "axis.force",
+            level=15.0,
+            transition_speed=1e-3,
+            unit="N",
+            speed_unit="m/s",
+            upper=100.0,
+        ),
+    )
