@@ -91,7 +91,9 @@ def delay(
         transform,
         parameters=(_time(time, -FLOOR, upper, typical),),
         states=tuple(
-            State(f"{kind}_{i + 1}", own_units[i], own_scales[i], text)
+            State(
+                f"{kind}_{i + 1}", own_units[i], own_scales[i], text, start_rms=0.05 * own_scales[i]
+            )
             for i in range(len(ports))
             for kind, text in (("late", "filtered signal"), ("slope", "its rate times b"))
         ),
@@ -177,7 +179,10 @@ def lag_chain(
         transform,
         parameters=(_time(time, 0.0, upper, typical),),
         states=tuple(
-            State(f"stage_{i + 1}", unit, scale, f"signal after lag {i + 1}") for i in range(stages)
+            State(
+                f"stage_{i + 1}", unit, scale, f"signal after lag {i + 1}", start_rms=0.05 * scale
+            )
+            for i in range(stages)
         ),
         rates=rates,
         start=start,

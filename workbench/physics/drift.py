@@ -69,7 +69,7 @@ def drift(
                 100.0 * time_constant,
             ),
         ),
-        states=(State("warm", "1", 1.0, "share of the final drift reached"),),
+        states=(State("warm", "1", 1.0, "share of the final drift reached", start_rms=1e-3),),
         rates=rates,
         about=About(
             "y = u + amount w, dw/dt = (1 - w) / tau",

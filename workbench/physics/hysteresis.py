@@ -108,7 +108,15 @@ def bouc_wen_hysteresis(
             ),
         ),
         states=tuple(
-            State(f"turn_{i + 1}", "1", 1.0, "position in the loop", lower=-1.05, upper=1.05)
+            State(
+                f"turn_{i + 1}",
+                "1",
+                1.0,
+                "position in the loop",
+                lower=-1.05,
+                upper=1.05,
+                start_rms=0.5,
+            )
             for i in range(len(ports))
         ),
         rates=rates,

@@ -73,7 +73,13 @@ def lag(
             Parameter("time", "s", typical, "time constant", time, 0.0, upper, fitted=True),
         ),
         states=tuple(
-            State(f"memory_{i + 1}", unit, scale, f"lagging signal of port {i + 1}")
+            State(
+                f"memory_{i + 1}",
+                unit,
+                scale,
+                f"lagging signal of port {i + 1}",
+                start_rms=0.05 * scale,
+            )
             for i in range(len(ports))
         ),
         rates=rates,

@@ -40,10 +40,12 @@ def library(model: Model, *, outputs: tuple[str, ...] | None = None) -> tuple[En
     return tuple(
         entry
         for entry in candidates
-        if entry.name not in taken and not any(_same(entry.effect, e) for e in model.effects)
+        if entry.name not in taken and not any(_same(entry, e) for e in model.effects)
     )
 
 
-def _same(effect: Effect, attached: Effect) -> bool:
-    equation = effect.about.equation
-    return equation == attached.about.equation and bool(set(effect.ports) & set(attached.ports))
+def _same(entry: Entry, attached: Effect) -> bool:
+    if entry.effect.about.equation == attached.about.equation:
+        return bool(set(entry.ports) & set(attached.ports))
+    places = [{port.split(".")[0] for port in ports} for ports in (entry.ports, attached.ports)]
+    return entry.law == attached.name and bool(places[0] & places[1])

@@ -126,7 +126,11 @@ def lugre_friction(
                 0.1,
             ),
         ),
-        states=(State("bend", "1", 1.0, "bend of the bristles over the presliding distance"),),
+        states=(
+            State(
+                "bend", "1", 1.0, "bend of the bristles over the presliding distance", start_rms=0.5
+            ),
+        ),
         rates=rates,
         about=About(
             "T = -level (z + damping_time dz/dt), dz/dt = (v - |v| z / s(v)) / presliding",

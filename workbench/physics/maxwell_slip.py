@@ -78,7 +78,9 @@ def _elements(
         transform,
         parameters=(size, *shape, breakaway, *relative),
         states=tuple(
-            State(_state(port, i), "1", 1.0, f"deflection of element {i + 1}", 0.0, -1.05, 1.05)
+            State(
+                _state(port, i), "1", 1.0, f"deflection of element {i + 1}", 0.0, -1.05, 1.05, 0.5
+            )
             for port in range(len(ports))
             for i in range(count)
         ),

@@ -37,7 +37,7 @@ def _slack(
         (port,),
         transform,
         parameters=(size, *shape),
-        states=(State("slack", "1", 1.0, "slack taken up, -1 to 1", 0.0, -1.05, 1.05),),
+        states=(State("slack", "1", 1.0, "slack taken up, -1 to 1", 0.0, -1.05, 1.05, 0.5),),
         rates=rates,
         about=about,
     )

@@ -84,7 +84,9 @@ def slew_limit(
                 100.0 * time_constant,
             ),
         ),
-        states=(State("follower", unit, scale, "signal with limited speed"),),
+        states=(
+            State("follower", unit, scale, "signal with limited speed", start_rms=0.05 * scale),
+        ),
         rates=rates,
         start=start,
         about=About(

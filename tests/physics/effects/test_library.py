@@ -206,6 +206,13 @@ def test_what_is_attached_is_not_offered_again() -> None:
     assert "braid_volume" in {entry.name for entry in library(PLANTS["constant"])}
 
 
+def test_a_store_runs_over_into_the_next() -> None:
+    entries = {entry.name: entry for entry in library(PLANTS["tanks"])}
+    assert entries["overflow_upper"].ports == ("upper.inflow", "lower.inflow")
+    assert entries["overflow_lower"].ports == ("lower.inflow",)
+    assert not any(entry.law == "overflow" for entry in library(cascaded_tanks()))
+
+
 def test_size_one_of_a_share_is_the_law() -> None:
     """The offered flattening at share 1 is the effect of the nominal plant."""
     nominal = arm(3.0)

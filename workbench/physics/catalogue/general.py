@@ -131,11 +131,15 @@ def _flow(model: Model, port: Port) -> Iterator[Entry]:
     state = next((q for q in model.states if q.name == levels[0]), None)
     scale, unit = (state.scale, state.unit) if state is not None else (1.0, "1")
     rate = port.scale / scale
+    # What runs over falls, if anywhere, into the next store that the equations fill.
+    inflows = [q for q in model.ports if q.name.endswith(".inflow") and q.unit == port.unit]
+    below = inflows[inflows.index(port) + 1 :] if port in inflows else []
     yield Entry(
         overflow(
             port.name,
             coefficient=0.0,
             limit=scale,
+            into=below[0].name if below else "",
             level_signal=levels[0],
             unit=port.unit,
             level_unit=unit,

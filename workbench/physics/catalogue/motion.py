@@ -381,12 +381,11 @@ def _places(m: _Motion) -> Iterator[Entry]:
     lower, upper = m.travel
     width = (upper - lower) / (2 * _PLACES)
     centres = tuple({"centre": lower + width * (2 * i + 1)} for i in range(_PLACES))
-    for law, build, name in (
-        ("local_catch", local_catch, "height"),
-        ("local_friction", local_friction, "level"),
-    ):
-        effect = build(
+    reach = max(abs(lower), abs(upper))
+    yield Entry(
+        local_catch(
             m.port.name,
+            height=0.0,
             centre=m.middle,
             width=width,
             coordinate=m.coordinate,
@@ -394,18 +393,36 @@ def _places(m: _Motion) -> Iterator[Entry]:
             coordinate_unit=m.coordinate_unit,
             upper=most,
             typical=2 * size,
-            reach=max(abs(lower), abs(upper)),
-            name=f"{law}{m.suffix}",
-        )
-        extra = {"transition_speed": 0.02 * m.speed} if law == "local_friction" else {}
-        yield Entry(
-            effect.with_parameters({name: 0.0, **extra}),
-            name,
-            2 * size,
-            2 * least,
-            law=law,
-            shapes=centres,
-        )
+            reach=reach,
+            name=f"local_catch{m.suffix}",
+        ),
+        "height",
+        2 * size,
+        2 * least,
+        law="local_catch",
+        shapes=centres,
+    )
+    yield Entry(
+        local_friction(
+            m.port.name,
+            level=0.0,
+            centre=m.middle,
+            width=width,
+            transition_speed=0.02 * m.speed,
+            coordinate=m.coordinate,
+            unit=m.port.unit,
+            coordinate_unit=m.coordinate_unit,
+            upper=most,
+            typical=2 * size,
+            reach=reach,
+            name=f"local_friction{m.suffix}",
+        ),
+        "level",
+        2 * size,
+        2 * least,
+        law="local_friction",
+        shapes=centres,
+    )
 
 
 def _loads(model: Model) -> Iterator[Entry]:
