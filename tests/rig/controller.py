@@ -22,9 +22,7 @@ class PositionLoop:
     _last: float | None = field(default=None, init=False)
     _rate: float = field(default=0.0, init=False)
 
-    def __call__(
-        self, reference: float, angle: float, pressures: tuple[float, float]
-    ) -> float:
+    def __call__(self, reference: float, angle: float, pressures: tuple[float, float]) -> float:
         """Return the command in volt for angles in degrees and gauge pressures in bar."""
         if self._last is None:
             self._last = angle

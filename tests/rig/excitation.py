@@ -18,7 +18,9 @@ def random_pulses(rng: np.random.Generator, seconds: float, *, amplitude: float 
     while i < n:
         hold = round(rng.uniform(0.25, 1.1) * RATE)
         if rng.random() < 0.7:
-            u[i : i + hold] = 5.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.4 * amplitude, amplitude)
+            u[i : i + hold] = 5.0 + rng.choice([-1.0, 1.0]) * rng.uniform(
+                0.4 * amplitude, amplitude
+            )
         i += hold
     return u
 
@@ -35,9 +37,7 @@ def random_steps(rng: np.random.Generator, seconds: float) -> Array:
     return r
 
 
-def pulse_train(
-    seconds: float = 16.0, *, amplitude: float = 0.9, period: float = 4.0
-) -> Array:
+def pulse_train(seconds: float = 16.0, *, amplitude: float = 0.9, period: float = 4.0) -> Array:
     """Return the pulse train of the open-loop trial, 5 V +- amplitude."""
     t = np.arange(round(seconds * RATE)) / RATE
     return 5.0 + np.where(t % period < period / 2, amplitude, -amplitude)
@@ -48,7 +48,9 @@ def sines(rng: np.random.Generator, seconds: float) -> Array:
     t = np.arange(round(seconds * RATE)) / RATE
     r = np.full(t.size, rng.uniform(29.0, 33.0))
     for low, high, size in ((0.12, 0.2, 7.0), (0.25, 0.4, 3.0), (0.5, 0.8, 2.0)):
-        r += rng.uniform(0.6, 1.0) * size * np.sin(
-            2 * np.pi * (rng.uniform(low, high) * t + rng.random())
+        r += (
+            rng.uniform(0.6, 1.0)
+            * size
+            * np.sin(2 * np.pi * (rng.uniform(low, high) * t + rng.random()))
         )
     return r

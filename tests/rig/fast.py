@@ -49,9 +49,7 @@ def library() -> ctypes.CDLL | None:
             work = Path(tempfile.mkdtemp(dir=folder))
             (work / "rig.c").write_text(source)
             command = [compiler, "-O2", "-shared", "-fPIC", "-o", str(work / "rig.so")]
-            subprocess.run(
-                [*command, str(work / "rig.c"), "-lm"], check=True, capture_output=True
-            )
+            subprocess.run([*command, str(work / "rig.c"), "-lm"], check=True, capture_output=True)
             (work / "rig.so").replace(target)
             shutil.rmtree(work, ignore_errors=True)
         except (OSError, subprocess.CalledProcessError):

@@ -11,7 +11,7 @@ def level(speed: float, tension: float, p: SimpleNamespace) -> float:
     dry = p.coulomb + p.load_friction * tension
     if p.stribeck_torque != 0.0:
         dry += p.stribeck_torque * math.exp(-((speed / p.stribeck_speed) ** 2))
-    return dry
+    return float(dry)
 
 
 def torque(speed: float, bristle: float, tension: float, p: SimpleNamespace) -> tuple[float, float]:

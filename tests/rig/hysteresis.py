@@ -21,7 +21,8 @@ def maxwell_rate(z: float, d: float, speed: float) -> float:
 def bouc_wen_rate(z: float, d: float, n: float, beta: float, speed: float) -> float:
     """Return dz/dt of the Bouc-Wen memory; n = 1 and beta = 1 is Dahl's law."""
     a = abs(z)
-    return (speed - beta * abs(speed) * z * a ** (n - 1.0) - (1 - beta) * speed * a**n) / d
+    against = beta * abs(speed) * z * a ** (n - 1.0)
+    return float((speed - against - (1.0 - beta) * speed * a**n) / d)
 
 
 def elements(smallest: float, largest: float, count: int = ELEMENTS) -> dict[str, float]:

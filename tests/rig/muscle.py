@@ -35,12 +35,13 @@ def raw_force(s: float, pressure: float, p: SimpleNamespace) -> float:
     """Return the tension at fibre length s and gauge pressure before clamp and gain."""
     q = (NOMINAL_LENGTH - s) * 1e3
     raw = (280.0 - 2.2 * q + 0.033 * q * q) * pressure * 1e-5 + pressure_free_force(q)
-    return raw * (1.0 + p.force_shape * (q / 30.0) ** 2)
+    return float(raw * (1.0 + p.force_shape * (q / 30.0) ** 2))
 
 
 def force(s: float, pressure: float, gain: float, p: SimpleNamespace) -> float:
     """Return the static tension at fibre length s and gauge pressure; never below zero."""
-    return p.force_gain * gain * clamp(raw_force(s, pressure, p), p.slack_width, p.slack_law)
+    clamped = clamp(raw_force(s, pressure, p), p.slack_width, p.slack_law)
+    return float(p.force_gain * gain * clamped)
 
 
 def volume(s: float) -> float:

@@ -56,7 +56,9 @@ def active(p: SimpleNamespace) -> list[int]:
     return sorted(used - spare)
 
 
-def lengths(x: NDArray[np.float64] | list[float], p: SimpleNamespace) -> list[tuple[float, float, float]]:
+def lengths(
+    x: NDArray[np.float64] | list[float], p: SimpleNamespace
+) -> list[tuple[float, float, float]]:
     """Return for both muscles the distance, its slope over the angle, and the fibre length."""
     result = []
     for k, (a, sign) in enumerate(((x[0], 1.0), (arm.SPAN - x[0], -1.0))):
@@ -167,7 +169,9 @@ def derivative(
             dx[at[f"memory_{k + 1}"]] = hysteresis.bouc_wen_rate(
                 memory, p.hyst_breakaway, p.hyst_exponent, p.hyst_beta, rate
             )
-        gas.append((m, u, v, pressure, u / (m * p.cv), p.volume_gain * muscle.volume_slope(s) * rate))
+        gas.append(
+            (m, u, v, pressure, u / (m * p.cv), p.volume_gain * muscle.volume_slope(s) * rate)
+        )
 
     # valve and everything the gas flows through
     spool = float(x[at["spool"]])
@@ -224,9 +228,9 @@ def derivative(
             heat = dm * (t_amb if dm > 0.0 else temperature)
         dx[2 + 2 * k] = dm
         if p.polytropic > 0.0:
-            dx[3 + 2 * k] = (
-                p.polytropic * pressure * (v * dm / m - dv) + pressure * dv
-            ) / (p.gamma - 1.0)
+            dx[3 + 2 * k] = (p.polytropic * pressure * (v * dm / m - dv) + pressure * dv) / (
+                p.gamma - 1.0
+            )
         else:
             dx[3 + 2 * k] = (
                 p.gamma * p.cv * heat

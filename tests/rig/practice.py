@@ -65,6 +65,4 @@ def replay(
     bars = np.array([[sensors.pressure(k, 1e5 * row[k]) / 1e5 for k in (0, 1)] for row in bars])
     e_angle = np.degrees(states[:, 0]) - data[:, 2]
     e_bar = bars - data[:, 3:]
-    return Comparison(
-        float(np.sqrt(np.mean(e_angle**2))), 1e3 * float(np.sqrt(np.mean(e_bar**2)))
-    )
+    return Comparison(float(np.sqrt(np.mean(e_angle**2))), 1e3 * float(np.sqrt(np.mean(e_bar**2))))

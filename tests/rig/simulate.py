@@ -91,4 +91,4 @@ def run(
         volt = path.quantised(volt)
         table[j] = j / RATE, volt, angle, *bars
         _, x = fast.run(p, x, path(volt), step=step, keep=steps, compiled=compiled)
-    return Record(*table.T, states=states)
+    return Record(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], states)

@@ -12,7 +12,7 @@ import pytest
 from . import arm, cases, effects, excitation, fast, muscle, plant, practice, reference
 from .parameters import nominal
 
-HALF_SECOND = np.repeat([5.8, 4.3], 50)
+PULSES = np.repeat([5.8, 4.3], 50)
 
 
 def start(p: dict[str, float]) -> np.ndarray:
@@ -73,7 +73,7 @@ def test_mode_frequencies() -> None:
 
 def test_pulse_train_lies_in_the_band() -> None:
     p = nominal()
-    u = np.repeat(excitation.pulse_train(), 20)
+    u = np.repeat(excitation.pulse_train(6.0), 20)
     states, _ = fast.run(p, plant.initial(30.0, (3.0, 3.0), p), u, step=1e-4, keep=10)
     angle, speed = np.degrees(states[:, 0]), np.degrees(states[:, 1])
     rise = slice(4000, 6000)
@@ -85,6 +85,8 @@ def test_pulse_train_lies_in_the_band() -> None:
     v = speed[rise][travel][:transit]
     dips = np.flatnonzero((v[1:-1] < v[:-2]) & (v[1:-1] <= v[2:])) + 1
     assert 1 <= dips.size <= 3
+    peaks = np.flatnonzero((v[1:-1] > v[:-2]) & (v[1:-1] >= v[2:])) + 1
+    assert 1.9 < 1e3 / (peaks[1] - peaks[0]) < 2.6  # ripple in Hz
 
 
 def test_closed_chamber_conserves_mass_and_energy() -> None:
@@ -108,15 +110,16 @@ def test_closed_chamber_conserves_mass_and_energy() -> None:
 def test_routes_agree(name: str) -> None:
     p = nominal() if name == "none" else effects.switch_on(nominal(), [name])
     x, per = start(p), 10
-    u = np.repeat(HALF_SECOND, per)
+    u = np.repeat(PULSES, per)
     if fast.library() is not None:
         _, compiled = fast.run(p, x, u[:200])
         _, plain = fast.run(p, x, u[:200], compiled=False)
         # the same arithmetic in two languages: rounding only
         assert compiled == pytest.approx(plain, rel=1e-10, abs=1e-13)
-    states, _ = fast.run(p, x, u, step=2e-3 / per, keep=per)
     if name in ("none", "hysteresis_maxwell", "tendon", "lugre", "line", "supply_droop"):
-        tight = reference.run(p, x, HALF_SECOND, rtol=1e-8)
+        short = PULSES[20:80]
+        states, _ = fast.run(p, x, np.repeat(short, per), step=2e-3 / per, keep=per)
+        tight = reference.run(p, x, short, rtol=1e-7)
         error = np.degrees(np.abs(states[:, 0] - tight[:, 0])).max()
         assert error < 2e-4  # a tenth of an encoder count
         assert np.abs(plant.pressures(states, p) - plant.pressures(tight, p)).max() < 5.0
@@ -124,21 +127,22 @@ def test_routes_agree(name: str) -> None:
 
 def test_reference_agrees_with_another_method() -> None:
     p = nominal()
-    one = reference.run(p, start(p), HALF_SECOND[:60], rtol=1e-10)
-    two = reference.run(p, start(p), HALF_SECOND[:60], rtol=1e-10, method="Radau")
-    assert np.degrees(np.abs(one[:, 0] - two[:, 0])).max() < 1e-6
+    u = PULSES[30:70]
+    one = reference.run(p, start(p), u, rtol=1e-8)
+    two = reference.run(p, start(p), u, rtol=1e-8, method="LSODA")
+    assert np.degrees(np.abs(one[:, 0] - two[:, 0])).max() < 5e-5
 
 
 def test_case_has_the_recording_format(tmp_path: Path) -> None:
-    folder = cases.make_case(3, ["stribeck"], 3.0, tmp_path / "case", seconds=2.0)
+    folder = cases.make_case(3, ["stribeck"], 3.0, tmp_path / "case", seconds=1.0)
     data = np.genfromtxt(folder / "identify_closed.csv", delimiter=",", names=True)
     assert data.dtype.names == tuple(cases.HEADER.split(","))
-    assert len(data) == 1000
+    assert len(data) == 500
     assert np.ptp(np.diff(data["time_s"])) < 1e-9
-    assert 0.0 < data["angle_deg"].min() and data["angle_deg"].max() < 60.0
+    assert data["angle_deg"].min() > 0.0 and data["angle_deg"].max() < 60.0
     truth = json.loads((folder / "truth.json").read_text())
     assert truth["effects"] == [{"effect": "stribeck", "where": "joint"}]
-    again = cases.make_case(3, ["stribeck"], 3.0, tmp_path / "again", seconds=2.0)
+    again = cases.make_case(3, ["stribeck"], 3.0, tmp_path / "again", seconds=1.0)
     for name in ("identify_open.csv", "validate_closed.csv"):
         assert (again / name).read_bytes() == (folder / name).read_bytes()
 
@@ -152,6 +156,7 @@ def test_practice_recordings_to_the_floor(number: int) -> None:
     if fast.library() is None:
         pytest.skip("no compiler: replaying recordings in plain Python takes minutes")
     error = practice.replay(Path(root) / "practice", f"practice-{number:02d}", "validate_open")
-    # the hysteresis of case 8 is only approximated by ten equal elements
-    assert error.angle < 0.004
+    # One encoder count is 0.002 deg.  The loop shape of case 8 is not in the key: ten equal
+    # Maxwell-slip elements were fitted to its open-loop recordings, so its bar is looser.
+    assert error.angle < (0.008 if number == 8 else 0.003)
     assert error.pressure < 6.3

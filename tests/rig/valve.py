@@ -40,9 +40,7 @@ def flow(c: float, up: float, down: float, t_up: float, p: SimpleNamespace) -> f
         psi = math.sqrt(1.0 - ((r - b) / (1.0 - b)) ** 2)
     else:
         psi = math.sqrt(1.0 - ((r_lin - b) / (1.0 - b)) ** 2) * (1.0 - r) / (1.0 - r_lin)
-    return float(
-        c * p.reference_density * up * math.sqrt(p.reference_temperature / t_up) * psi
-    )
+    return float(c * p.reference_density * up * math.sqrt(p.reference_temperature / t_up) * psi)
 
 
 def exchange(
