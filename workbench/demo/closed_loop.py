@@ -135,8 +135,8 @@ def closed_loop_part() -> Part:
         The section and its numbers.
 
     Example:
-        >>> closed_loop_part().section.name
-        'controllers'
+        >>> closed_loop_part().marks  # three controllers, two plants, five requirements
+        {'met': 30, 'missed': 0, 'open': 0}
     """
     linear = design_model(arm(LOAD_KG), DESIGN_ANGLE_DEG)
     trials = run_trials(design_controllers(linear), linear)

@@ -241,10 +241,10 @@ def compare_laws(points: ForceMap, families: Mapping[str, Family] = FAMILIES) ->
         True
     """
     levels = np.unique(points.length[points.force > 0])
-    if len(levels) < 4:
+    if len(levels) < 5:
         raise WorkbenchError(
             f"the muscle pulls at {len(levels)} length(s) of the force map; a comparison of laws"
-            " needs 4 or more"
+            " needs 5 or more"
         )
     in_range = points.take(points.contraction <= LAW_CONTRACTION)
     fits = {}

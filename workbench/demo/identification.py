@@ -49,8 +49,8 @@ def identification_part() -> Part:
 
     Example:
         >>> part = identification_part()
-        >>> round(part.results["one muscle"]["D1"]["identified"])
-        280
+        >>> part.marks
+        {'met': 14, 'missed': 0, 'open': 0}
     """
     law = PaperLaw()
     alone = isometric_trial(law)

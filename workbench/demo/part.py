@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.reports.page import Section
+from workbench.reports.page import Page, Section
 from workbench.reports.tables import Cell, number
 
 
@@ -25,6 +25,11 @@ class Part:
 
     section: Section
     results: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def marks(self) -> dict[str, int]:
+        """How many requirements of the section are met, missed and open."""
+        return Page("", "", (self.section,)).marks
 
 
 def judged(value: float, low: float, high: float, digits: int = 3, *, unit: str = "") -> Cell:
