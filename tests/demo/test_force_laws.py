@@ -46,7 +46,7 @@ def test_contractions_are_those_of_a_200_mm_muscle() -> None:
 def test_too_few_lengths_are_refused() -> None:
     points = made("petrovic")
     with pytest.raises(WorkbenchError, match="needs 5 or more"):
-        compare_laws(points.take(points.length > 0.26))
+        compare_laws(points.take(points.length > 0.265))
 
 
 def test_the_measured_map_ranks_the_laws(external_folder: Path) -> None:
