@@ -4,80 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-from workbench.model import Model, Port
+from workbench.model import Model
+from workbench.physics.catalogue import friction
+from workbench.physics.catalogue.moved import Motion, motions
 from workbench.physics.delay import lag_chain
-from workbench.physics.drag import direction_dependent_viscous, quadratic_drag
 from workbench.physics.entry import Entry
-from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.load_error import load_error
-from workbench.physics.load_friction import load_dependent_friction
 from workbench.physics.loose_load import loose_load
-from workbench.physics.lugre import lugre_friction
-from workbench.physics.maxwell_slip import prandtl_ishlinskii
 from workbench.physics.offset_gain import offset
 from workbench.physics.position_torque import local_catch, local_friction, ripple
 from workbench.physics.saturation import saturation
 from workbench.physics.stiffness import cubic_stiffness, linear_spring
 from workbench.physics.stop_compliance import stop_compliance
-from workbench.physics.stribeck import stribeck_friction
 from workbench.physics.tilt import tilt_gravity
 
-_COORDINATES = {"N m": "rad", "N": "m"}
 _TEETH = (6.0, 12.0, 24.0, 36.0, 60.0)
 _PITCHES = (0.005, 0.01, 0.02)
 _PLACES = 6
-
-
-@dataclass(frozen=True)
-class _Motion:
-    """A port of a force or torque with the units and sizes of its motion."""
-
-    port: Port
-    suffix: str
-    coordinate: str
-    coordinate_unit: str
-    speed: float
-    position: float
-    travel: tuple[float, float]
-
-    @property
-    def middle(self) -> float:
-        return 0.5 * (self.travel[0] + self.travel[1])
-
-    @property
-    def speed_unit(self) -> str:
-        return f"{self.coordinate_unit}/s"
-
-
-def _motions(model: Model) -> tuple[_Motion, ...]:
-    ports = [
-        q
-        for q in model.ports
-        if q.unit in _COORDINATES and "speed" in q.signals and "penetration" not in q.signals
-    ]
-    result = []
-    for port in ports:
-        unit = _COORDINATES[port.unit]
-        found = [name for name in ("angle", "position") if name in port.signals]
-        states = {q.unit: q for q in reversed(model.states) if q.unit in (unit, f"{unit}/s")}
-        place = states.get(unit)
-        scale = place.scale if place else 1.0
-        lower = place.lower if place and math.isfinite(place.lower) else -scale
-        upper = place.upper if place and math.isfinite(place.upper) else scale
-        result.append(
-            _Motion(
-                port,
-                f"_{port.group}" if len(ports) > 1 else "",
-                found[0] if found else "",
-                unit,
-                states[f"{unit}/s"].scale if f"{unit}/s" in states else 1.0,
-                scale,
-                (lower, upper),
-            )
-        )
-    return tuple(result)
 
 
 def entries(model: Model) -> Iterator[Entry]:
@@ -91,8 +35,8 @@ def entries(model: Model) -> Iterator[Entry]:
         >>> [entry.name for entry in entries(servo_axis())][:3]
         ['coulomb_friction', 'viscous_friction', 'stribeck_friction']
     """
-    for motion in _motions(model):
-        yield from _friction(motion)
+    for motion in motions(model):
+        yield from friction.entries(motion)
         yield from _forces(motion)
         if motion.coordinate:
             yield from _springs(motion)
@@ -106,152 +50,7 @@ def entries(model: Model) -> Iterator[Entry]:
         yield Entry(stop_compliance(stops, stiffness=0.0), "stiffness", 50.0, 5.0)
 
 
-def _friction(m: _Motion) -> Iterator[Entry]:
-    name, unit, v = m.port.name, m.port.unit, m.speed
-    level, most = 0.05 * m.port.scale, 0.5 * m.port.scale
-    least = 0.005 * m.port.scale
-    yield Entry(
-        coulomb_friction(
-            name,
-            level=0.0,
-            transition_speed=0.02 * v,
-            unit=unit,
-            speed_unit=m.speed_unit,
-            upper=most,
-            name=f"coulomb_friction{m.suffix}",
-        ),
-        "level",
-        level,
-        least,
-        law="coulomb_friction",
-    )
-    yield Entry(
-        viscous_friction(
-            name,
-            coefficient=0.0,
-            unit=unit,
-            speed_unit=m.speed_unit,
-            upper=most / v,
-            name=f"viscous_friction{m.suffix}",
-        ),
-        "coefficient",
-        level / v,
-        least / v,
-        law="viscous_friction",
-    )
-    yield Entry(
-        stribeck_friction(
-            name,
-            break_away=0.0,
-            stribeck_speed=0.1 * v,
-            transition_speed=0.02 * v,
-            unit=unit,
-            speed_unit=m.speed_unit,
-            upper=most,
-            typical=2 * level,
-            name=f"stribeck_friction{m.suffix}",
-        ),
-        "break_away",
-        2 * level,
-        2 * least,
-        law="stribeck_friction",
-        shapes=tuple({"stribeck_speed": k * v} for k in (0.1, 0.03, 0.3)),
-    )
-    yield Entry(
-        lugre_friction(
-            name,
-            level=0.0,
-            presliding=2e-3 * m.position,
-            stribeck_speed=0.1 * v,
-            unit=unit,
-            speed_unit=m.speed_unit,
-            upper=most,
-            typical=level,
-            name=f"lugre_friction{m.suffix}",
-        ),
-        "level",
-        level,
-        least,
-        law="lugre_friction",
-        shapes=tuple({"presliding": k * m.position} for k in (2e-3, 5e-4, 1e-2)),
-    )
-    yield Entry(
-        prandtl_ishlinskii(
-            name,
-            level=0.0,
-            breakaway=2e-3 * m.position,
-            unit=unit,
-            speed_unit=m.speed_unit,
-            upper=most,
-            typical=level,
-            name=f"joint_hysteresis{m.suffix}",
-        ),
-        "level",
-        level,
-        least,
-        law="joint_hysteresis",
-        shapes=tuple({"breakaway": k * m.position} for k in (2e-3, 1e-2)),
-    )
-    yield Entry(
-        quadratic_drag(
-            name,
-            coefficient=0.0,
-            unit=unit,
-            speed_unit=m.speed_unit,
-            upper=most / v**2,
-            typical=0.02 * m.port.scale / v**2,
-            name=f"quadratic_drag{m.suffix}",
-        ),
-        "coefficient",
-        0.02 * m.port.scale / v**2,
-        least / v**2,
-        law="quadratic_drag",
-    )
-    yield Entry(
-        direction_dependent_viscous(
-            name,
-            difference=0.0,
-            unit=unit,
-            speed_unit=m.speed_unit,
-            upper=most / v,
-            typical=0.5 * level / v,
-            name=f"direction_dependent_viscous{m.suffix}",
-        ),
-        "difference",
-        0.5 * level / v,
-        least / v,
-        law="direction_dependent_viscous",
-    )
-    scale = m.port.scale
-    for loads, load_unit, size in (
-        (("force_1", "force_2"), "N", 5e-5 * scale),
-        (("gear_load",), "N m", 0.05),
-        (("pressure",), "Pa", 1e-7 * scale),
-        (("gauge_pressure",), "Pa", 1e-7 * scale),
-    ):
-        if set(loads) <= set(m.port.signals):
-            yield Entry(
-                load_dependent_friction(
-                    (name,),
-                    coefficient=0.0,
-                    loads=loads,
-                    transition_speed=0.02 * v,
-                    unit=unit,
-                    load_unit=load_unit,
-                    speed_unit=m.speed_unit,
-                    upper=20 * size,
-                    typical=size,
-                    name=f"load_dependent_friction{m.suffix}",
-                ),
-                "coefficient",
-                size,
-                0.1 * size,
-                law="load_dependent_friction",
-            )
-            break
-
-
-def _forces(m: _Motion) -> Iterator[Entry]:
+def _forces(m: Motion) -> Iterator[Entry]:
     kind = "constant_torque" if m.port.unit == "N m" else "constant_force"
     yield Entry(
         offset(
@@ -279,7 +78,7 @@ def _forces(m: _Motion) -> Iterator[Entry]:
         )
 
 
-def _drive(m: _Motion) -> Iterator[Entry]:
+def _drive(m: Motion) -> Iterator[Entry]:
     scale = m.port.scale
     yield Entry(
         lag_chain(
@@ -314,7 +113,7 @@ def _drive(m: _Motion) -> Iterator[Entry]:
     )
 
 
-def _springs(m: _Motion) -> Iterator[Entry]:
+def _springs(m: Motion) -> Iterator[Entry]:
     stiffness = 0.1 * m.port.scale / m.position
     yield Entry(
         linear_spring(
@@ -353,7 +152,7 @@ def _springs(m: _Motion) -> Iterator[Entry]:
     )
 
 
-def _places(m: _Motion) -> Iterator[Entry]:
+def _places(m: Motion) -> Iterator[Entry]:
     rotary = m.coordinate_unit == "rad"
     turns = _TEETH if rotary else tuple(2 * math.pi / pitch for pitch in _PITCHES)
     grid = tuple(
