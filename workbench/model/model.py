@@ -163,22 +163,26 @@ class Model:
         Raises:
             WorkbenchError: If a port does not exist or an effect of the name is attached already.
         """
-        model = self
+        ports = [port.name for port in self.ports]
+        taken = [effect.name for effect in self.effects]
         for effect in effects:
-            if any(effect.name == other.name for other in model.effects):
+            if effect.name in taken:
                 raise WorkbenchError(
                     f"effect {effect.name!r} is attached already; take it away with without(), or"
                     " attach it again under another name with renamed()"
                 )
+            taken.append(effect.name)
             for port in effect.ports:
-                check_choice(f"port of effect {effect.name}", port, [q.name for q in model.ports])
-            model = replace(
-                model,
-                effects=(*model.effects, effect),
-                states=(*model.states, *(_prefixed(effect, q) for q in effect.states)),
-                parameters=(*model.parameters, *(_prefixed(effect, q) for q in effect.parameters)),
-            )
-        return model
+                check_choice(f"port of effect {effect.name}", port, ports)
+        return replace(
+            self,
+            effects=(*self.effects, *effects),
+            states=(*self.states, *(_prefixed(e, q) for e in effects for q in e.states)),
+            parameters=(
+                *self.parameters,
+                *(_prefixed(e, q) for e in effects for q in e.parameters),
+            ),
+        )
 
     def without(self, *names: str) -> Model:
         """Return a model with effects taken away.
