@@ -75,8 +75,8 @@ def estimate_delay(
 ) -> Delay:
     """Estimate the delay between a command and a response.
 
-    The onset is the first of two successive lags above 4.5 sigmas with the same sign, if the
-    strongest response exceeds 5.5 sigmas.
+    The onset is the first of the lags around the strongest response that exceed 4.5 sigmas without
+    a break and with the same sign; the strongest must exceed 5.5 sigmas.
 
     Args:
         recording: Uniformly sampled recording.
@@ -102,16 +102,17 @@ def estimate_delay(
     if len(recording) < 10 * MEMORY:
         return Delay(command, response, float("nan"), float("nan"), 0.0)
     strength = response_correlation(recording, command, response, closed_loop=closed_loop)
-    loud = np.abs(strength) > _THRESHOLD
-    same = np.sign(strength[1:]) == np.sign(strength[:-1])
-    alone = np.abs(strength[:-1]) > 2 * _PEAK
-    starts = np.flatnonzero(loud[:-1] & ((loud[1:] & same) | alone))
     step = recording.sample_time
-    begin = int(starts[0]) if starts.size else 1
-    peak = begin + int(np.argmax(np.abs(strength[begin:])))
-    if not starts.size or abs(strength[peak]) < _PEAK:
+    if closed_loop:
+        # What the measurements of the same sample explain has been taken out.
+        strength[0] = 0.0
+    peak = int(np.argmax(np.abs(strength)))
+    if abs(strength[peak]) < _PEAK:
         return Delay(command, response, float("nan"), float("nan"), float(strength[peak]))
-    return Delay(command, response, float(starts[0]) * step, peak * step, float(strength[peak]))
+    onset = peak
+    while onset > 0 and strength[onset - 1] * np.sign(strength[peak]) > _THRESHOLD:
+        onset -= 1
+    return Delay(command, response, onset * step, peak * step, float(strength[peak]))
 
 
 def check_delay(recording: Recording, expected: Expected) -> Outcome:
