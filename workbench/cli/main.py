@@ -9,7 +9,10 @@ from collections.abc import Sequence
 import typer
 
 from workbench.cli.demo import demo
+from workbench.cli.force_map import force_map
 from workbench.cli.linearise import linearise
+from workbench.cli.recording import recording
+from workbench.cli.refit import refit
 from workbench.cli.simulate import simulate
 from workbench.cli.verify import verify
 from workbench.errors import WorkbenchError
@@ -35,7 +38,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for _verb in (demo, simulate, linearise, verify):
+for _verb in (demo, simulate, linearise, verify, recording, refit, force_map):
     # What follows is for those who call the function, not for those who type the verb.
     app.command(help=inspect.cleandoc(_verb.__doc__ or "").split("\n\nArgs:")[0])(_verb)
 

@@ -27,6 +27,9 @@ FLOOR_FACTOR = 3.0
 """A held-out error up to this many times the noise-limited one counts as reaching it: the latter is
 itself known from a few draws only."""
 
+DRIFT_FACTOR = 30.0
+"""A noise-limited error beyond this many times the noise of the readings is a drift."""
+
 EXPLAINED_SHARE = 0.1
 """Up to this share of the expected disturbance, the equations count as complete."""
 
@@ -103,9 +106,18 @@ class HeldOut:
     noise: float
 
     @property
-    def at_floor(self) -> bool:
+    def as_expected(self) -> bool:
         """Whether the refitted error is what noise alone would leave."""
         return self.refitted <= FLOOR_FACTOR * self.limited
+
+    @property
+    def at_floor(self) -> bool:
+        """Whether, besides, that is near the noise of the readings.
+
+        Where the parameters' uncertainty alone makes a free run drift far off, a small error
+        would prove nothing.
+        """
+        return self.as_expected and self.limited <= DRIFT_FACTOR * self.noise
 
 
 @dataclass(frozen=True)
@@ -185,7 +197,7 @@ class RefitReport:
             lines.append(
                 f"  {r.recording:<28} {r.output:<12} {r.unit:<5} {r.spread:>9.4g}"
                 f" {r.nominal:>9.4g} {r.refitted:>9.4g} {r.limited:>9.4g} {r.noise:>9.4g}"
-                + ("  at the noise floor" if r.at_floor else "")
+                + _remark(r)
             )
         lines += [f"  {note}" for note in self.task.notes]
         return "\n".join(lines)
@@ -287,6 +299,12 @@ def noise_limited(
     spread = np.mean(squares, axis=0) if squares else np.zeros(len(observed.used))
     total = np.sqrt(spread + observed.noise_rms**2)
     return dict(zip(observed.used, total.tolist(), strict=True))
+
+
+def _remark(row: HeldOut) -> str:
+    if row.at_floor:
+        return "  at the noise floor"
+    return "  as uncertain parameters allow" if row.as_expected else ""
 
 
 def _started(task: RefitTask, model: Model, observed: Observed) -> Observed:

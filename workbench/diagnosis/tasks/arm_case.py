@@ -10,6 +10,9 @@ from workbench.plants.arm import arm
 from workbench.plants.arm.inertia import Plane
 from workbench.recordings.case import Case
 
+START_SAMPLES = 251
+"""Half a second, over which temperatures show."""
+
 
 def arm_case(case: Case) -> RefitTask:
     """Build the refit of the nominal arm to a case.
@@ -37,4 +40,5 @@ def arm_case(case: Case) -> RefitTask:
         model=model,
         fit=tuple(observe(model, recording) for recording in case.fit.values()),
         hold_out=tuple(observe(model, recording) for recording in case.hold_out.values()),
+        start_samples=START_SAMPLES,
     )

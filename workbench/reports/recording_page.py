@@ -1,0 +1,97 @@
+"""The page of a recording: its signals, how columns became signals, and its checks."""
+
+from __future__ import annotations
+
+from workbench.recordings.checks.report import CheckReport
+from workbench.recordings.recording import Recording
+from workbench.reports.figures.recording import recorded_signals
+from workbench.reports.page import Block, Commands, Page, Section, Words
+from workbench.reports.pictures import Picture
+from workbench.reports.tables import Cell, Mark, Table, number
+
+_MARKS: dict[str, Mark] = {"pass": "met", "unfit": "missed"}
+
+
+def recording_page(report: CheckReport, *, command: str) -> Page:
+    """Lay out a recording with its checks.
+
+    Args:
+        report: Checks of the recording.
+        command: Command line that reproduces it.
+
+    Returns:
+        The page.
+    """
+    seen = report.original
+    verdict = "fit to judge a model on" if report.fit else "not fit to judge a model on"
+    blocks: list[Block] = [_checks(report), _signals(seen)]
+    if seen.mapping is not None:
+        blocks.append(_mapping(seen))
+    blocks += [Words(f"{note[0].upper()}{note[1:]}.", "note") for note in seen.notes if note]
+    return Page(
+        f"Recording {seen.name}",
+        f"{len(seen)} samples over {seen.duration:.4g} s; {verdict}.",
+        (
+            Section("checks", "Checks", tuple(blocks)),
+            Section("signals", "Signals", (_picture(report),)),
+            Section("again", "Again", (Commands((command,)),)),
+        ),
+        facts=(("result", report.result),),
+    )
+
+
+def _checks(report: CheckReport) -> Table:
+    return Table(
+        "Is it fit to judge a model on?",
+        ("check", "result", "what was found"),
+        tuple(
+            (check.name, Cell(check.result, _MARKS.get(check.result, "open")), check.note)
+            for check in report.checks
+        ),
+    )
+
+
+def _signals(recording: Recording) -> Table:
+    rows = []
+    for signal in recording.signals:
+        good = signal.values[recording.valid(signal.name)]
+        shown = signal.displayed(good) if good.size else good
+        ends = (float(shown.min()), float(shown.max())) if good.size else (float("nan"),) * 2
+        missing = str(len(recording) - good.size)
+        unit = signal.display_unit or "?"
+        rows.append((signal.name, signal.role, unit, *(number(e, 5) for e in ends), missing))
+    return Table("Signals", ("signal", "role", "unit", "least", "most", "missing"), tuple(rows))
+
+
+def _mapping(recording: Recording) -> Table:
+    rows = [
+        (row.column, row.signal, row.unit or "not stated", row.si_unit or "taken as SI", row.how)
+        for row in (recording.mapping or ())
+    ]
+    return Table(
+        "How columns became signals", ("column", "signal", "unit", "SI unit", "by"), tuple(rows)
+    )
+
+
+def _picture(report: CheckReport) -> Picture:
+    seen = report.recording
+    names = [f"{s.name} in {s.display_unit.replace('deg', '°') or '?'}" for s in seen.signals]
+    places = {signal.name: i for i, signal in enumerate(seen.signals)}
+    spans = [
+        (places[span.signal], span.start, span.stop)
+        for span in seen.excluded
+        if span.signal in places
+    ]
+    return Picture(
+        "signals",
+        recorded_signals(
+            seen.time,
+            names,
+            [signal.displayed() for signal in seen.signals],
+            [signal.held for signal in seen.signals],
+            spans,
+        ),
+        "Every signal of the recording as corrected by the checks; spans that are not to be used"
+        " are shaded.",
+        ", ".join(names) + " over time",
+    )

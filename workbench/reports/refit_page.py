@@ -1,0 +1,203 @@
+"""The page of a refit: estimates with intervals, held-out errors, pictures."""
+
+from __future__ import annotations
+
+import re
+
+from workbench.diagnosis.free_run import FreeRun
+from workbench.diagnosis.refit_report import RefitReport
+from workbench.model.model import index_of
+from workbench.model.units import parse_unit
+from workbench.reports.figures.held_out import held_out
+from workbench.reports.page import Block, Commands, Method, Page, Section, Words
+from workbench.reports.pictures import Picture
+from workbench.reports.tables import Table, interval, number
+
+
+def refit_page(report: RefitReport, *, command: str) -> Page:
+    """Lay out the page of a refit.
+
+    Args:
+        report: The refit and what it is worth.
+        command: Command line that reproduces it.
+
+    Returns:
+        The page.
+    """
+    task = report.task
+    blocks: list[Block] = [_estimates(report)]
+    if task.published:
+        blocks.append(_published(report))
+    found = report.refit
+    remarks = [f"Not determined by the recordings: {text}." for text in found.unidentifiable]
+    remarks += [f"The recordings disagree on {text}." for text in found.disagreements]
+    remarks += [
+        f"{e.name} sits on a bound: physics that the model lacks may pull it there."
+        for e in found.estimates
+        if e.on_bound
+    ]
+    blocks += [Words(text, "note") for text in remarks]
+    sections = [Section("estimates", "Estimates", tuple(blocks))]
+    if report.rows:
+        sections.append(
+            Section(
+                "held-out",
+                "Recordings that the refit has not seen",
+                (
+                    Words(_verdict(report)),
+                    _errors(report),
+                    *(Words(f"{note[0].upper()}{note[1:]}.", "note") for note in task.notes),
+                    *pictures(report),
+                    _method(),
+                ),
+            )
+        )
+    sections.append(Section("again", "Again", (Commands((command,)),)))
+    return Page(
+        f"Refit: {task.title}",
+        f"Parameters estimated from {len(task.fit)} recording(s) and judged on"
+        f" {len(task.hold_out)} other(s).",
+        tuple(sections),
+        facts=(
+            ("converged", "yes" if found.converged else "no"),
+            ("steps", str(found.iterations)),
+            ("time", f"{report.seconds:.1f} s"),
+        ),
+    )
+
+
+def pictures(report: RefitReport) -> tuple[Picture, ...]:
+    """Draw the free runs of a refit on its held-out recordings.
+
+    Args:
+        report: The refit and what it is worth.
+
+    Returns:
+        One picture per recording on which both runs reached the end.
+    """
+    drawn = []
+    for before, after in zip(report.nominal, report.refitted, strict=True):
+        if not after.finite:
+            continue
+        sizes = [_display(report, name) for name in after.used]
+        factors = [parse_unit(unit).factor for unit in sizes]
+        names = [
+            f"{name} in {'°' if unit == 'deg' else unit}"
+            for name, unit in zip(after.used, sizes, strict=True)
+        ]
+        drawn.append(
+            Picture(
+                "held-out-" + re.sub(r"[^a-z0-9]+", "-", after.name.lower()).strip("-"),
+                held_out(
+                    after.time,
+                    names,
+                    after.measured / factors,
+                    before.simulated / factors,
+                    after.simulated / factors,
+                ),
+                f"{after.name}: readings, and free runs of the nominal and the refitted model.",
+                _alternative(after, before),
+            )
+        )
+    return tuple(drawn)
+
+
+def _alternative(after: FreeRun, before: FreeRun) -> str:
+    texts = [
+        f"{name}: rms error {before.rmse[name]:.3g} {unit} before, {after.rmse[name]:.3g} after"
+        for name, unit in zip(after.used, after.units, strict=True)
+    ]
+    return "; ".join(texts)
+
+
+def _display(report: RefitReport, name: str) -> str:
+    outputs = report.task.model.outputs
+    return outputs[index_of("output", name, outputs)].display_unit
+
+
+def _estimates(report: RefitReport) -> Table:
+    return Table(
+        "Refitted parameters",
+        ("parameter", "unit", "before", "estimate", "95 % interval"),
+        tuple(
+            (
+                e.name,
+                e.unit,
+                number(e.prior.mean, 4),
+                number(e.value, 5),
+                interval(*e.interval, 5) + (" (on a bound)" if e.on_bound else ""),
+            )
+            for e in report.refit.estimates
+        ),
+        "Intervals allow for prediction errors that are correlated over half a second.",
+    )
+
+
+def _published(report: RefitReport) -> Table:
+    return Table(
+        "Beside published values",
+        ("parameter", "estimate", "published", "difference in %", "in standard deviations"),
+        tuple(
+            (
+                name,
+                number(value, 5),
+                number(published, 5),
+                number(100 * (value / published - 1), 2),
+                number(sigmas, 2),
+            )
+            for name, value, published, sigmas in report.differences()
+        ),
+        report.task.published_from,
+    )
+
+
+def _errors(report: RefitReport) -> Table:
+    return Table(
+        "Free-run errors, rms",
+        ("recording", "output", "unit", "spread", "nominal", "refitted", "noise-limited", "noise"),
+        tuple(
+            (
+                r.recording,
+                r.output,
+                r.unit,
+                number(r.spread),
+                number(r.nominal),
+                number(r.refitted),
+                number(r.limited),
+                number(r.noise),
+            )
+            for r in report.rows
+        ),
+    )
+
+
+def _verdict(report: RefitReport) -> str:
+    if report.reaches_floor:
+        return (
+            "The refitted model reaches the noise floor on every held-out recording: nothing in"
+            " them asks for further physics."
+        )
+    if all(row.as_expected for row in report.rows):
+        return (
+            "The errors are those that the uncertainty of the parameters alone would leave; they"
+            " are too far above the noise of the readings to say whether the model lacks anything."
+        )
+    return (
+        "The refitted model stays above the noise floor on held-out recordings: the model lacks"
+        " something, or the recordings do not determine it well enough."
+    )
+
+
+def _method() -> Method:
+    return Method(
+        (
+            ("estimate", "Gauss-Newton on the innovations of an extended Kalman filter, with the "
+             "parameters' bounds and priors, jointly over the recordings"),
+            ("nominal, refitted", "the model runs free along the inputs of the recording, from the "
+             "start that its first samples show"),
+            ("noise-limited", "noise of the readings, and what free runs with parameters drawn "
+             "from their estimates differ by; up to three times this counts as the floor, if the "
+             "filter had next to nothing to take up"),
+            ("noise", "noise and resolution of the sensor"),
+        )
+    )  # fmt: skip
