@@ -40,8 +40,9 @@ def shuffle_lines(content: bytes, rng: np.random.Generator) -> bytes:
 
 
 WORDS = (
-    b"", b"NaN", b"inf", b"-1e999", b"1e400", b"error", b"#REF!", b"1,5", b"1.2.3", b'"', b"'",
-    b";", b",", b"\t", b"\x00", b"\xff\xfe", "µ°".encode(), b"0x1F", b"1_000", b"--",
+    b"", b"NaN", b"inf", b"-1e999", b"1e400", b"1e305", b"-1e160", b"error",
+    b"#REF!", b"1,5", b"1.2.3",
+    b'"', b"'", b";", b",", b"\t", b"\x00", b"\xff\xfe", "µ°".encode(), b"0x1F", b"1_000", b"--",
     b"{", b"]", b"null", b"9" * 400, b"# time_s", b"\r", b"\r\n\r\n", b"true",
 )  # fmt: skip
 

@@ -108,6 +108,14 @@ def test_text_in_numbers_becomes_missing_and_is_told(tmp_path: Path) -> None:
     assert "'error' in line 8" in recording.notes[0]
 
 
+@pytest.mark.parametrize("giant", ["1e305", "-1e160", "1e999", "inf"])
+def test_numbers_no_sensor_gives_are_missing(tmp_path: Path, giant: str) -> None:
+    lines = table().splitlines()
+    lines[7] = lines[7].rsplit(",", 1)[0] + f",{giant}"
+    recording = read_recording(saved(tmp_path, "\n".join(lines)))
+    assert np.flatnonzero(np.isnan(recording["angle"])).tolist() == [6]
+
+
 def test_incomplete_last_row_is_left_out(tmp_path: Path) -> None:
     recording = read_recording(saved(tmp_path, table()[:-14]))
     assert len(recording) == 49

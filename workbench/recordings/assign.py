@@ -10,7 +10,7 @@ import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit, same_dimension, to_si
-from workbench.recordings.columns import Columns
+from workbench.recordings.columns import Columns, without_giants
 from workbench.recordings.headers import Header, read_header, read_unit, tidy_name
 from workbench.recordings.kinds import kind_of
 from workbench.recordings.mapping import ColumnMapping, ColumnRule, MappedColumn, MappingRules
@@ -244,6 +244,7 @@ def assign(
         (array([0.   , 0.002]), array([0.        , 3.14159265]))
     """
     rules = rules or MappingRules()
+    columns = without_giants(columns)
     headers = header_list(columns)
     metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
     time, time_row, time_index = _time(columns, headers, rules)

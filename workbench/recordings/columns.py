@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.recordings.recording import Scalar
+
+LARGEST = 1e100
+"""Numbers beyond this are damage."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,3 +39,27 @@ class Columns:
     notes: tuple[str, ...] = ()
     unreadable: Mapping[str, tuple[int, str]] = field(default_factory=dict)
     saved: Mapping[str, Any] | None = None
+
+
+def without_giants(columns: Columns) -> Columns:
+    """Take numbers that no sensor gives, and whose squares overflow, for missing.
+
+    Args:
+        columns: Columns of a file.
+
+    Returns:
+        The columns with NaN in place of numbers beyond 1e100, and a note if there were any.
+
+    Example:
+        >>> file = Columns(("u",), ("V",), np.array([[1.0], [1e305]]))
+        >>> without_giants(file).values.ravel()
+        array([ 1., nan])
+    """
+    values = columns.values
+    giants = np.isfinite(values) & (np.abs(np.nan_to_num(values)) > LARGEST)
+    if not giants.any():
+        return columns
+    note = f"{int(giants.sum())} number(s) beyond {LARGEST:g} count as missing"
+    return replace(
+        columns, values=np.where(giants, np.nan, values), notes=(*columns.notes, note)
+    )

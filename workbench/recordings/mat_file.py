@@ -59,6 +59,12 @@ def _flat(name: str, value: Any, out: dict[str, Any], depth: int = 0) -> None:
         out[name] = value
 
 
+def _as_float(array: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
+    # Numbers of more than 64 bits may not fit; what overflows is taken for missing later.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return array.astype(float)
+
+
 def _sorted_out(
     flat: Mapping[str, Any]
 ) -> tuple[dict[str, npt.NDArray[np.float64]], dict[str, Scalar], list[str]]:
@@ -73,15 +79,15 @@ def _sorted_out(
         if array.dtype.kind not in "fiub" or array.size == 0 or array.ndim > 2:
             odd.append(name)
         elif array.size == 1:
-            number = float(array.ravel()[0])
+            number = float(_as_float(array).ravel()[0])
             if np.isfinite(number):
                 scalars[name] = number
         elif array.ndim == 1:
-            vectors[name] = array.astype(float)
+            vectors[name] = _as_float(array)
         else:
             columns = array if array.shape[0] >= array.shape[1] else array.T
             for k in range(columns.shape[1]):
-                vectors[f"{name}_{k + 1}"] = columns[:, k].astype(float)
+                vectors[f"{name}_{k + 1}"] = _as_float(columns[:, k])
     return vectors, scalars, odd
 
 

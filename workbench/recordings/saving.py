@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import WorkbenchError
-from workbench.recordings.columns import Columns
+from workbench.recordings.columns import Columns, without_giants
 from workbench.recordings.csv_layout import SAVED_MARK
 from workbench.recordings.mapping import ColumnMapping, MappedColumn
 from workbench.recordings.recording import Recording, Signal, Span
@@ -124,6 +124,7 @@ def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
             ...
         workbench.errors.WorkbenchError: the recording was written in format 0; ...
     """
+    columns = without_giants(columns)
     try:
         if saved["version"] != _VERSION:
             raise WorkbenchError(

@@ -174,6 +174,8 @@ def check_gaps(recording: Recording, expected: Expected) -> Outcome:
             f"longest stretch at {piece.time[longest[0]]:.6g} s "
             f"({longest[1] - longest[0] + 1} samples)"
         )
+    if not piece.signals:
+        return unchanged(recording, _NAME, "unfit", f"no signal is left: {'; '.join(notes)}")
     if notes:
         return corrected(piece, _NAME, "; ".join(notes), {"rows_left": len(piece), "rows": total})
     return unchanged(recording, _NAME, "pass", "no row or cell missing", {"rows": total})
