@@ -24,6 +24,11 @@ def force_map_page(study: MapStudy, *, command: str) -> Page:
 
     Returns:
         The page.
+
+    Example:
+        >>> from workbench.demo.force_map_study import made_up_map, study_map
+        >>> force_map_page(study_map(made_up_map(), "made up"), command="again").title
+        'Force laws on made up'
     """
     percent = 100 / study.largest_force
     best = study.best

@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from workbench.demo.force_law_fit import FAMILIES, Family, ForceMap
+from workbench.demo.force_law_fit import FAMILIES, LAW_LENGTH, Family, ForceMap
 from workbench.errors import WorkbenchError
-from workbench.physics.force_laws import ForceLaw
+from workbench.physics.force_laws import ForceLaw, PaperLaw
 
 Vector = npt.NDArray[np.float64]
 
@@ -103,7 +103,7 @@ class MapStudy:
 
     @property
     def need_for_phi(self) -> float:
-        """Error of equation (3) over that of the best equation (4), on lengths held out."""
+        """Error of (3) over that of the best (4), on lengths held out, dimensionless."""
         with_phi = min(law.length_rms for law in self.laws if law.name.startswith("paper"))
         return self.law("petrovic").length_rms / with_phi
 
@@ -149,6 +149,10 @@ def study_map(
 
     Raises:
         WorkbenchError: If the muscle pulls at fewer than four lengths.
+
+    Example:
+        >>> study_map(made_up_map(), "made up").best.name.startswith("paper")
+        True
     """
     levels = np.unique(points.length[points.force > _BLOCKED_FORCE])
     if len(levels) < 4:
@@ -215,6 +219,21 @@ def families_for(largest_force: float) -> dict[str, Family]:
             title = f"equation (4), phi of order {order}"
             found[f"paper_{order}"] = replace(family, title=title, start=numbers)
     return found
+
+
+def made_up_map() -> ForceMap:
+    """Compute a force map of a 200 mm muscle that obeys equation (4), without noise.
+
+    Returns:
+        Forces at ten pressures and seven lengths.
+
+    Example:
+        >>> made_up_map().force.shape
+        (70,)
+    """
+    q, p = np.meshgrid(np.linspace(0.0, 0.03, 7), np.linspace(1e5, 6e5, 10))
+    force = np.asarray(PaperLaw().force(q, p))
+    return ForceMap(p.ravel(), LAW_LENGTH - q.ravel(), force.ravel())
 
 
 def _fit(family: Family, points: ForceMap) -> tuple[Vector, Vector, ForceLaw]:

@@ -84,7 +84,7 @@ class Innovations:
 
     @property
     def cost(self) -> float:
-        """Half the sum of squares plus the logarithms: minus the log likelihood."""
+        """Half the sum of squares plus the logarithms: minus the log likelihood, dimensionless."""
         used = np.isfinite(self.whitened)
         return float(0.5 * np.sum(self.whitened[used] ** 2) + np.sum(self.log_deviation[used]))
 

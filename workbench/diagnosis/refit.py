@@ -62,7 +62,7 @@ def refit(
         recordings: Recordings as `observe` returns them, all with the same outputs and sample
             time.
         priors: The free parameters; `default_priors` by default.
-        stages: Shares of the disturbance expected at the ports, pass by pass.
+        stages: Shares of the disturbance expected at the ports, pass by pass, dimensionless.
         start: Where to start some parameters, by name, in SI; at the prior by default.
         starts: Number of starts; those after the first are drawn from the priors.
         seed: Seed of the draws.
@@ -74,6 +74,14 @@ def refit(
     Raises:
         WorkbenchError: If there is no recording, or recordings do not fit together.
         NumericalError: If no start could be evaluated.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up_axis
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> found = refit(servo_axis(), [made_up_axis(seed) for seed in (0, 1)])
+        >>> low, high = found.estimate("mass").interval
+        >>> found.converged, low < 100.0 < high
+        (True, True)
     """
     if not recordings:
         raise WorkbenchError("no recording to refit on; give at least one")

@@ -47,7 +47,8 @@ class RefitTask:
         fit: Recordings to fit on.
         hold_out: Recordings to judge on.
         priors: Free parameters; `default_priors` if there are none.
-        stages: Shares of the expected disturbance, pass by pass; the most likely share if none.
+        stages: Shares of the expected disturbance, pass by pass, dimensionless; the most likely
+            share if none.
         start_samples: Samples over which hidden states at the start of a free run are estimated; 0
             to take the start from the first readings.
         starts: Number of starts of the search.
@@ -172,7 +173,12 @@ class RefitReport:
         )
 
     def differences(self) -> tuple[tuple[str, float, float, float], ...]:
-        """Return estimates beside published values: name, estimate, published, sigmas apart."""
+        """Return estimates beside published values.
+
+        Returns:
+            Name, estimate and published value in SI, and how many standard deviations they are
+            apart, dimensionless.
+        """
         found = []
         for name, value in self.task.published.items():
             estimate = self.refit.estimate(name)
@@ -217,6 +223,15 @@ def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None)
     Raises:
         WorkbenchError: If there is no recording to fit on.
         NumericalError: If no start could be evaluated.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up_axis
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> seen, unseen = made_up_axis(0), made_up_axis(1, name="test")
+        >>> report = run_refit(RefitTask("axis", "servo axis", servo_axis(), (seen,), (unseen,)))
+        >>> row = report.row("test", "position")
+        >>> row.refitted < 0.1 * row.nominal
+        True
     """
     if not task.fit:
         raise WorkbenchError(f"{task.title} has no recording to fit on; give at least one")
@@ -281,6 +296,13 @@ def noise_limited(
 
     Raises:
         WorkbenchError: If the recording was observed with another model.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up_axis
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> found = refit(servo_axis(), [made_up_axis(0)])
+        >>> list(noise_limited(found, made_up_axis(1), draws=2))
+        ['position']
     """
     rng = np.random.default_rng(seed)
     middle = np.array([e.value for e in found.estimates])

@@ -67,11 +67,11 @@ class Refit:
         model: The model with the estimated parameter values.
         estimates: The free parameters.
         covariance: Covariance of the estimates, shape (n_free, n_free), in SI.
-        cost: Minus the log likelihood of the last pass, with the priors.
+        cost: Minus the log likelihood of the last pass, with the priors; dimensionless.
         converged: Whether the last pass converged.
         iterations: Gauss-Newton steps of all passes.
-        whiteness: Mean square of the whitened prediction errors by output, 1 where the model
-            explains the recordings to the noise.
+        whiteness: Mean square of the whitened prediction errors by output, dimensionless; 1
+            where the model explains the recordings to the noise.
         unidentifiable: Combinations of parameters that the recordings do not determine.
         disagreements: Parameters whose estimates from single recordings disagree.
         share: Share of the expected disturbance that the filter allowed, dimensionless.
@@ -160,6 +160,13 @@ def summarise(
 
     Returns:
         Estimates, their covariance, and what to know when reading them.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up_axis
+        >>> from workbench.diagnosis.refit import refit
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> print(refit(servo_axis(), [made_up_axis()]).estimate("mass"))
+        mass ... kg ...
     """
     names = [p.name for p in priors]
     quantities = [model.parameters[index_of("parameter", n, model.parameters)] for n in names]

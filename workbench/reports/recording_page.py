@@ -21,6 +21,13 @@ def recording_page(report: CheckReport, *, command: str) -> Page:
 
     Returns:
         The page.
+
+    Example:
+        >>> from workbench.recordings import check_recording
+        >>> from workbench.recordings.example import example_recording
+        >>> report = check_recording(example_recording(seconds=4.0))
+        >>> recording_page(report, command="again").title
+        'Recording example'
     """
     seen = report.original
     verdict = "fit to judge a model on" if report.fit else "not fit to judge a model on"

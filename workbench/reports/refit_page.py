@@ -23,6 +23,15 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
 
     Returns:
         The page.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up_axis
+        >>> from workbench.diagnosis.refit_report import RefitTask, run_refit
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> seen, unseen = made_up_axis(0), made_up_axis(1, name="test")
+        >>> report = run_refit(RefitTask("axis", "servo axis", servo_axis(), (seen,), (unseen,)))
+        >>> refit_page(report, command="again").title
+        'Refit: servo axis'
     """
     task = report.task
     blocks: list[Block] = [_estimates(report)]
@@ -73,7 +82,16 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
         report: The refit and what it is worth.
 
     Returns:
-        One picture per recording on which both runs reached the end.
+        One picture per recording on which the refitted run reached the end.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up_axis
+        >>> from workbench.diagnosis.refit_report import RefitTask, run_refit
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> seen, unseen = made_up_axis(0), made_up_axis(1, name="test")
+        >>> report = run_refit(RefitTask("axis", "servo axis", servo_axis(), (seen,), (unseen,)))
+        >>> [picture.name for picture in pictures(report)]
+        ['held-out-test']
     """
     drawn = []
     for before, after in zip(report.nominal, report.refitted, strict=True):
