@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -75,6 +75,8 @@ class Refit:
         unidentifiable: Combinations of parameters that the recordings do not determine.
         disagreements: Parameters whose estimates from single recordings disagree.
         share: Share of the expected disturbance that the filter allowed, dimensionless.
+        inflations: Factor of each standard deviation for correlated errors, shape (n_free,),
+            dimensionless.
 
     Raises:
         WorkbenchError: From `estimate`, if the parameter was not free.
@@ -90,6 +92,7 @@ class Refit:
     unidentifiable: tuple[str, ...]
     disagreements: tuple[str, ...]
     share: float = 0.0
+    inflations: Vector = field(default_factory=lambda: np.ones(0))
 
     def estimate(self, name: str) -> Estimate:
         """Return the estimate of a parameter.
@@ -107,6 +110,21 @@ class Refit:
             f"parameter {name!r} was not refitted; these were:"
             f" {', '.join(e.name for e in self.estimates)}"
         )
+
+    def inflation(self, name: str) -> float:
+        """Return by how much correlated errors enlarge the standard deviation of an estimate.
+
+        Args:
+            name: Name of the parameter.
+
+        Returns:
+            Factor, 1 or more, dimensionless.
+
+        Raises:
+            WorkbenchError: If the parameter was not free.
+        """
+        self.estimate(name)
+        return float(self.inflations[[e.name for e in self.estimates].index(name)])
 
     @property
     def correlation(self) -> Vector:
@@ -206,6 +224,7 @@ def summarise(
         converged=outcome.converged,
         iterations=outcome.iterations,
         share=outcome.share,
+        inflations=inflation,
         whiteness=dict(zip(used, np.nanmean(squares, axis=0).tolist(), strict=True)),
         unidentifiable=_unidentifiable(names, information, std / scale),
         disagreements=_disagreements(names, recordings, single, prior),
