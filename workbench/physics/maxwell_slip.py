@@ -12,8 +12,12 @@ from workbench.physics.port_units import coordinate_of
 _SPEED_WIDTH = 1e-5
 """Speed, in SI, within which the smooth face rounds the reversal."""
 
-_SPREAD = 4.0
-"""Ratio of the break-aways of neighbouring elements."""
+SPREAD = 2.0
+"""Usual ratio of the break-aways of neighbouring elements."""
+
+EVEN = (1.0, 1.0, 1.0, 1.0, 1.0)
+"""Five equal elements: with a spread of two they cover break-aways from one to sixteen times the
+smallest, as the curved loops of muscles need."""
 
 
 def _state(port: int, element: int) -> str:
@@ -28,6 +32,7 @@ def _elements(
     *,
     growth: bool,
     breakaway: Parameter,
+    spread: float,
     weights: tuple[float, ...],
     speed_signal: str,
     about: About,
@@ -50,7 +55,7 @@ def _elements(
             _state(at.index, i): elastoplastic_rate(
                 at.signals[speed_signal],
                 effect.x[_state(at.index, i)],
-                effect.p.breakaway * _SPREAD**i,
+                effect.p.breakaway * (effect.p.spread**i if i else 1.0),
                 _SPEED_WIDTH,
                 face=effect.face,
             )
@@ -68,15 +73,25 @@ def _elements(
             0.0,
             20.0,
             "estimate",
-            fitted=True,
         )
         for i in range(1, count)
+    )
+    ratio = Parameter(
+        "spread",
+        "1",
+        1.0,
+        "ratio of the break-aways of neighbouring elements",
+        spread,
+        1.2,
+        6.0,
+        "estimate",
+        fitted=True,
     )
     return Effect(
         name,
         ports,
         transform,
-        parameters=(size, *shape, breakaway, *relative),
+        parameters=(size, *shape, breakaway, *((ratio,) if count > 1 else ()), *relative),
         states=tuple(
             State(
                 _state(port, i), "1", 1.0, f"deflection of element {i + 1}", 0.0, -1.05, 1.05, 0.5
@@ -95,14 +110,15 @@ def maxwell_slip_hysteresis(
     level: float = 10.0,
     growth: float = 7e-6,
     breakaway: float = 2.5e-4,
-    weights: tuple[float, ...] = (1.0, 1.0, 1.0),
+    spread: float = SPREAD,
+    weights: tuple[float, ...] = EVEN,
     name: str = "maxwell_slip_hysteresis",
 ) -> Effect:
     """Build hysteresis of muscles by spring-and-slip elements in parallel.
 
     ``F = F_0 - level (1 + growth p) sum(w_i z_i) / sum(w_i)``, each z_i an elasto-plastic element
-    that slips after ``breakaway 4^(i-1)`` of contraction. One element is a Dahl-like loop; more of
-    them give the soft, curved loops and the memory of several reversals that muscles show.
+    that slips after ``breakaway spread^(i-1)`` of contraction. One element is a Dahl-like loop;
+    more of them give the soft, curved loops and the memory of several reversals that muscles show.
 
     Args:
         ports: Ports of muscle forces, with the local signals ``contraction_speed`` and
@@ -110,6 +126,7 @@ def maxwell_slip_hysteresis(
         level: Half width of the loop without pressure, in N.
         growth: Relative growth of the half width with gauge pressure, in 1/Pa.
         breakaway: Contraction after which the first element slips, in m.
+        spread: Ratio of the break-aways of neighbouring elements, dimensionless.
         weights: Forces of the elements, relative to each other, dimensionless.
         name: Name of the effect.
 
@@ -161,6 +178,7 @@ def maxwell_slip_hysteresis(
             "estimate",
             fitted=True,
         ),
+        spread=spread,
         weights=weights,
         speed_signal="contraction_speed",
         about=About(
@@ -177,7 +195,8 @@ def prandtl_ishlinskii(
     *,
     level: float = 0.5,
     breakaway: float = 2e-3,
-    weights: tuple[float, ...] = (1.0, 1.0, 1.0),
+    spread: float = SPREAD,
+    weights: tuple[float, ...] = EVEN,
     speed_signal: str = "speed",
     unit: str = "N m",
     speed_unit: str = "rad/s",
@@ -188,12 +207,13 @@ def prandtl_ishlinskii(
     """Build rate-independent hysteresis at any port with a local speed.
 
     ``y = y - level sum(w_i z_i) / sum(w_i)``, a weighted sum of stop operators, each of which slips
-    after ``breakaway 4^(i-1)`` of motion.
+    after ``breakaway spread^(i-1)`` of motion.
 
     Args:
         port: Port with the local signal ``speed_signal``.
         level: Half width of the loop, in ``unit``.
         breakaway: Motion after which the first element slips, in the unit of the coordinate.
+        spread: Ratio of the break-aways of neighbouring elements, dimensionless.
         weights: Shares of the elements, relative to each other, dimensionless.
         speed_signal: Name of the local signal that is the speed of the motion.
         unit: Unit of the port.
@@ -210,7 +230,7 @@ def prandtl_ishlinskii(
 
     Example:
         >>> len(prandtl_ishlinskii().states)
-        3
+        5
     """
     return _elements(
         name,
@@ -229,6 +249,7 @@ def prandtl_ishlinskii(
             "estimate",
             fitted=True,
         ),
+        spread=spread,
         weights=weights,
         speed_signal=speed_signal,
         about=About(

@@ -13,10 +13,13 @@ from workbench.physics.maxwell_slip import maxwell_slip_hysteresis, prandtl_ishl
 
 MM = 1e-3
 GAUGE = 3e5
+THREE = (1.0, 1.0, 1.0)
 
 
 def maxwell() -> Effect:
-    return maxwell_slip_hysteresis(("muscle.force",), level=10.0, growth=1e-5)
+    return maxwell_slip_hysteresis(
+        ("muscle.force",), level=10.0, growth=1e-5, spread=4.0, weights=THREE
+    )
 
 
 def bouc_wen() -> Effect:
@@ -25,7 +28,14 @@ def bouc_wen() -> Effect:
 
 def ishlinskii() -> Effect:
     return prandtl_ishlinskii(
-        "axis.force", level=40.0, breakaway=2.5e-4, unit="N", speed_unit="m/s", upper=100.0
+        "axis.force",
+        level=40.0,
+        breakaway=2.5e-4,
+        spread=4.0,
+        weights=THREE,
+        unit="N",
+        speed_unit="m/s",
+        upper=100.0,
     )
 
 

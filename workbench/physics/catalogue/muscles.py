@@ -61,7 +61,7 @@ def _forces(ports: tuple[str, ...]) -> Iterator[Entry]:
         "level",
         10.0,
         2.0,
-        shapes=({"breakaway": 2.5e-4}, {"breakaway": 1e-3}),
+        shapes=({"breakaway": 2.5e-4},),
     )
     yield Entry(
         bouc_wen_hysteresis(ports, level=0.0, level_per_pressure=0.0),
