@@ -1,0 +1,116 @@
+"""The time-optimal move against closed forms, a torque bound and the exact plant."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.model import Input, Model, Output, State
+from workbench.plants.arm import arm
+from workbench.verification.physical_limit import physical_limit
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path))
+    return tmp_path / "workbench"
+
+
+def double_integrator() -> Model:
+    return Model(
+        "mass",
+        lambda m: (
+            {"angle": m.x.speed, "speed": m.x.pull, "pull": 200 * (m.u.force - m.x.pull)},
+            {"reading": m.x.angle},
+        ),
+        states=(State("angle", "rad"), State("speed", "rad/s"), State("pull", "rad/s2")),
+        inputs=(Input("force", "rad/s2", lower=-1.0, upper=1.0),),
+        outputs=(Output("reading", "rad"),),
+    )
+
+
+def test_double_integrator_takes_the_time_of_bang_bang() -> None:
+    # 2 sqrt(distance / acceleration) to the near edge of the band; the lag of 5 ms and inputs held
+    # over an interval cost about two intervals.
+    ideal = 2 * math.sqrt(0.98)
+    for intervals in (20, 50):
+        limit = physical_limit(double_integrator(), 0.0, 1.0, intervals=intervals, degree=2)
+        assert ideal < limit.seconds < ideal * (1 + 2.5 / intervals)
+        assert limit.end_error_rad < 1e-4
+
+
+def test_entering_the_band_for_good_is_earlier_than_resting_in_it() -> None:
+    rest = physical_limit(double_integrator(), 0.0, 1.0, intervals=32, degree=2)
+    band = physical_limit(double_integrator(), 0.0, 1.0, intervals=32, degree=2, until="band")
+    # From rest to the far edge with bang-bang, seen when it passes the near edge: the last 0.04
+    # take sqrt(2 * 0.04).
+    ideal = 2 * math.sqrt(1.02) - math.sqrt(2 * 0.04)
+    assert ideal - 1e-3 < band.seconds < ideal + 0.03
+    assert band.seconds < rest.seconds
+    inside = np.abs(band.states[32:, 0] - 1.0)
+    assert inside.max() <= 0.02 + 1e-6
+
+
+@pytest.mark.parametrize("load_kg", [3.0, 8.0])
+def test_the_arm_is_slower_than_its_torque_allows_and_the_exact_plant_follows(
+    load_kg: float,
+) -> None:
+    plant = arm(load_kg)
+    start, end = math.radians(15.0), math.radians(45.0)
+    limit = physical_limit(plant, start, end, intervals=24, degree=2)
+    assert limit.status == "Solve_Succeeded"
+    bound = torque_limited_time(plant, start, end - limit.band_rad)
+    # Muscles cannot be filled at once, so the bound is missed by some 10 ms at least.
+    assert bound + 0.005 < limit.seconds < 1.4 * bound
+    # 24 intervals of some 8 ms; the smooth face has up to 16 % less flow next to equal pressures.
+    assert limit.position_error_rad < math.radians(0.5)
+    assert limit.end_speed < math.radians(5.0)
+    assert np.all((limit.inputs >= -1e-6) & (limit.inputs <= 10.0 + 1e-6))
+
+
+def torque_limited_time(plant: Model, start: float, end: float) -> float:
+    """Time of the move if each muscle could be at supply pressure or empty at any moment."""
+    values = {q.name: q.value for q in plant.parameters}
+    low = values["ambient_pressure"]
+    high = low + values["supply_pressure"]
+    angles = np.linspace(start, end, 201)
+
+    def acceleration(angle: float, one: float, two: float) -> float:
+        x = plant.initial_state({"angle": angle, "pressure_1": one, "pressure_2": two})
+        return float(plant.rates(x, plant.nominal_input)[-1])
+
+    names = [q.name for q in plant.states]
+    assert names[-1] == "speed"
+    step = angles[1] - angles[0]
+    gained = np.cumsum([2 * step * acceleration(a, high, low) for a in angles[:-1]])
+    lost = np.cumsum([-2 * step * acceleration(a, low, high) for a in angles[:0:-1]])[::-1]
+    speed = np.sqrt(np.minimum(gained, lost))
+    ends = np.concatenate([[0.0], speed])
+    return float(np.sum(2 * step / (ends[1:] + ends[:-1])))
+
+
+def test_a_found_limit_is_kept_and_a_damaged_file_is_not_believed(own_cache: Path) -> None:
+    first = physical_limit(double_integrator(), 0.0, 1.0, intervals=8, degree=2)
+    (kept,) = own_cache.glob("limit-*.npz")
+    when = kept.stat().st_mtime_ns
+    again = physical_limit(double_integrator(), 0.0, 1.0, intervals=8, degree=2)
+    assert again.seconds == first.seconds and kept.stat().st_mtime_ns == when
+    physical_limit(double_integrator(), 0.0, 0.9, intervals=8, degree=2)
+    assert len(list(own_cache.glob("limit-*.npz"))) == 2
+    kept.write_bytes(b"half a file")
+    assert physical_limit(double_integrator(), 0.0, 1.0, intervals=8, degree=2).seconds == (
+        pytest.approx(first.seconds, rel=1e-9)
+    )
+
+
+def test_wrong_arguments_are_named() -> None:
+    with pytest.raises(WorkbenchError, match="goes nowhere"):
+        physical_limit(double_integrator(), 0.5, 0.5)
+    with pytest.raises(WorkbenchError, match="coordinate is 'elbow'"):
+        physical_limit(double_integrator(), 0.0, 0.5, coordinate="elbow")
+    with pytest.raises(WorkbenchError, match="band"):
+        physical_limit(double_integrator(), 0.0, 0.5, band_rad=-1.0)

@@ -1,0 +1,442 @@
+"""The physical limit: the time-optimal move of a plant, which no controller can beat.
+
+No controller settles faster than the plant allows. The limit is the time-optimal move between two
+angles at rest, of the full plant with its valve, gas and muscles, found by direct collocation on
+the smooth face with a free duration T:
+
+    minimise T   subject to   dx/dt = f(x, u),  u in its range, held over each interval
+                              x(0) = rest at the first angle
+                              lower stop <= angle <= upper stop
+                              |angle - target| <= band                      at T
+                              speed = 0, acceleration = 0, |jerk| <= 1/s^3 of the move at T
+
+At T the arm rests within the band of a settling time, the torques balance and no longer change, so
+that it can stay. The stops may not be used as brakes. ``until="band"`` asks for less: the arm only
+enters the band at T, and comes to rest in a second phase of free duration, without leaving the band
+again. That is the lower bound of the settling time itself, which no controller can beat.
+
+Each interval is a polynomial through Radau points; states are counted in their scales. Inputs are
+held over an interval, which makes the time found too long, by about two intervals.
+
+Source: Betts, Practical Methods for Optimal Control and Estimation Using Nonlinear Programming,
+2010, chapters 4 (collocation) and 3.7 (phases); Waechter and Biegler, Mathematical Programming 106,
+2006 (the interior-point solver).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import NumericalError, WorkbenchError, check_choice, check_range
+from workbench.model import Model
+from workbench.operating_point import OperatingPoint, operating_point
+from workbench.simulation.compiled import cache_folder
+from workbench.simulation.stepper import Stepper
+
+Vector = npt.NDArray[np.float64]
+Until = Literal["rest", "band"]
+
+_FORMULATION = "1"
+_SHORTEST, _LONGEST = 5e-3, 5.0
+_JERK = 1.0
+"""Jerk that counts as none, per length of the move, 1/s^3; on the way it is thousands."""
+
+_REST = (1.0, 1e-1, 1e-2)
+"""Scaling of speed, acceleration and jerk at the end."""
+
+
+@dataclass(frozen=True)
+class PhysicalLimit:
+    """The fastest move of a plant between two resting positions.
+
+    Args:
+        seconds: The limit: time to rest within the band, or to its entry for good, in s.
+        until: Which of the two, ``"rest"`` or ``"band"``.
+        durations: Durations of the phases, in s: the move, and the stay of ``until="band"``.
+        from_rad: Position at the start, in rad.
+        to_rad: Wanted position, in rad.
+        band_rad: Half-width of the band about the wanted position, in rad.
+        time: Ends of the intervals from 0 to the end of the last phase, shape (n + 1,), in s.
+        states: States there, shape (n + 1, n_states), in SI.
+        inputs: Inputs held over each interval, shape (n, n_inputs), in SI.
+        status: The solver's own word.
+        iterations: Number of iterations (dimensionless).
+        position_error_rad: Largest distance of the position on the exact plant, driven by the same
+            inputs, from ``states``, in rad.
+        end_error_rad: Distance of the position at the end on the exact plant from that in
+            ``states``, in rad.
+        end_speed: Speed left at the end on the exact plant, in rad/s.
+
+    Example:
+        >>> round(PhysicalLimit.__dataclass_fields__["seconds"].name == "seconds")
+        1
+    """
+
+    seconds: float
+    until: Until
+    durations: tuple[float, ...]
+    from_rad: float
+    to_rad: float
+    band_rad: float
+    time: Vector
+    states: Vector
+    inputs: Vector
+    status: str
+    iterations: int
+    position_error_rad: float
+    end_error_rad: float
+    end_speed: float
+
+    def __str__(self) -> str:
+        """Return a short aligned table."""
+        deg = math.degrees
+        end = "at rest" if self.until == "rest" else "inside for good"
+        rows = [
+            (end, f"{self.seconds:.4f} s"),
+            ("band", f"+-{deg(self.band_rad):.3g} deg"),
+            ("solver", f"{self.status}, {self.iterations} iterations"),
+            ("exact plant, off the path by", f"{deg(self.position_error_rad):.2g} deg"),
+            ("exact plant, off the end by", f"{deg(self.end_error_rad):.2g} deg"),
+            ("exact plant, speed at the end", f"{deg(self.end_speed):.2g} deg/s"),
+        ]
+        head = f"physical limit, {deg(self.from_rad):g} to {deg(self.to_rad):g} deg"
+        return "\n".join([head, *(f"  {name:<32} {value}" for name, value in rows)])
+
+
+def physical_limit(
+    model: Model,
+    from_rad: float,
+    to_rad: float,
+    *,
+    until: Until = "rest",
+    band_rad: float | None = None,
+    mean_pressure: float | None = None,
+    intervals: int = 64,
+    degree: int = 3,
+    coordinate: str = "angle",
+    velocity: str = "speed",
+    cached: bool = True,
+) -> PhysicalLimit:
+    """Find the fastest move of a plant between two resting positions.
+
+    The result is kept on disk, by the content of the equations, the parameters and the arguments.
+
+    Args:
+        model: The plant.
+        from_rad: Position at rest before the move, in rad (in the unit of the coordinate).
+        to_rad: Wanted position, in rad.
+        until: ``"rest"``, at rest within the band, or ``"band"``, within the band for good.
+        band_rad: Half-width of the band that counts as settled, in rad; 2 % of the move by default.
+        mean_pressure: Mean gauge pressure at the start, in Pa; by default that of the equilibrium.
+        intervals: Number of intervals of the move; the stay of ``"band"`` has a quarter as many.
+        degree: Radau points per interval, 2 to 5.
+        coordinate: Name of the state that moves.
+        velocity: Name of the state that is its speed.
+        cached: Whether a result on disk may be taken.
+
+    Returns:
+        The limit, the trajectory, and how well the exact plant follows it.
+
+    Raises:
+        WorkbenchError: If an argument is outside its range or the plant cannot rest there.
+        NumericalError: If the solver does not converge.
+
+    Source:
+        Betts 2010, chapter 4.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> limit = physical_limit(
+        ...     servo_axis(), 0.0, 0.1, coordinate="position", intervals=12, degree=2
+        ... )
+        >>> limit.status
+        'Solve_Succeeded'
+    """
+    names = [q.name for q in model.states]
+    check_choice("coordinate", coordinate, names)
+    check_choice("velocity", velocity, names)
+    check_choice("end of the move", until, ("rest", "band"))
+    check_range("number of intervals", intervals, 8, 1000)
+    check_range("number of Radau points", degree, 2, 5)
+    distance = abs(float(to_rad) - float(from_rad))
+    if not distance > 1e-6:
+        raise WorkbenchError(
+            f"the move from {from_rad:g} to {to_rad:g} goes nowhere; give two different positions"
+        )
+    band = check_range(
+        "band", 0.02 * distance if band_rad is None else band_rad, 1e-9, 0.9 * distance
+    )
+    start = operating_point(model, {coordinate: from_rad}, mean_pressure=mean_pressure)
+    problem = _Problem(
+        model,
+        start,
+        float(to_rad),
+        band,
+        (int(intervals),) if until == "rest" else (int(intervals), int(intervals) // 4),
+        int(degree),
+        names.index(coordinate),
+        names.index(velocity),
+    )
+    path = cache_folder() / f"limit-{problem.key()}.npz"
+    found = _read(path) if cached else None
+    if found is None:
+        found = problem.solve()
+        _write(path, found)
+    return problem.validated(found)
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """One time-optimal move, written as a nonlinear program in scaled variables."""
+
+    model: Model
+    start: OperatingPoint
+    target: float
+    band: float
+    intervals: tuple[int, ...]
+    degree: int
+    coordinate: int
+    velocity: int
+
+    @property
+    def scale(self) -> Vector:
+        return np.array([q.scale for q in self.model.states])
+
+    def key(self) -> str:
+        """Return a hash of everything that the result depends on."""
+        digest = hashlib.sha256()
+        for part in (
+            _FORMULATION,
+            ca.CasadiMeta.version(),
+            self.model.smooth.rates_function.serialize(),
+            self.model.values.tobytes(),
+            self.start.x.tobytes(),
+            repr([(q.lower, q.upper) for q in self.model.inputs]),
+            repr((self.target, self.band, self.intervals, self.degree)),
+            repr((self.coordinate, self.velocity)),
+        ):
+            digest.update(part if isinstance(part, bytes) else part.encode())
+        return digest.hexdigest()[:32]
+
+    def _functions(self) -> tuple[ca.Function, ca.Function]:
+        """Return the scaled rates, and (speed, acceleration, jerk), as functions of (z, u)."""
+        traced = self.model.smooth
+        size = self.scale
+        z = ca.SX.sym("z", len(size))
+        rates = ca.substitute(
+            ca.vertcat(traced.rates),
+            ca.vertcat(traced.x, traced.p),
+            ca.vertcat(z * size, self.model.values),
+        )
+        acceleration = rates[self.velocity]
+        jerk = ca.jtimes(acceleration, z, rates / size)
+        motion = ca.vertcat(z[self.velocity] * size[self.velocity], acceleration, jerk)
+        scaled = ca.cse(rates / size)
+        return (
+            ca.Function("rates", [z, traced.u], [scaled]),
+            ca.Function("motion", [z, traced.u], [ca.cse(motion)]),
+        )
+
+    def solve(self) -> dict[str, Any]:
+        """Solve the program and return what is kept on disk."""
+        rates, motion = self._functions()
+        n_x, n_u, d = len(self.scale), len(self.model.inputs), self.degree
+        total = sum(self.intervals)
+        derivative, end = _radau(d)
+        # One interval: the collocation equations of states at its points.
+        z0, points = ca.SX.sym("z0", n_x), ca.SX.sym("points", n_x, d)
+        u, h = ca.SX.sym("u", n_u), ca.SX.sym("h")
+        all_points = ca.horzcat(z0, points)
+        slopes = all_points @ derivative
+        equations = ca.vertcat(*(slopes[:, j] - h * rates(points[:, j], u) for j in range(d)))
+        interval = ca.Function("interval", [z0, points, u, h], [equations, all_points @ end])
+        Z = ca.MX.sym("Z", n_x, total + 1)
+        P = ca.MX.sym("P", n_x, d * total)
+        U = ca.MX.sym("U", n_u, total)
+        times = ca.MX.sym("times", len(self.intervals))
+        steps = ca.horzcat(*(ca.repmat(times[i] / n, 1, n) for i, n in enumerate(self.intervals)))
+        defects, ends = interval.map(total)(Z[:, :-1], P, U, steps)
+        rest = motion(Z[:, -1], U[:, -1])
+        g = ca.vertcat(
+            ca.vec(defects),
+            ca.vec(ends - Z[:, 1:]),
+            rest * ca.DM(_REST),
+            ca.sum1(times) - 1.5 * times[0],
+        )
+        variables = ca.vertcat(times, ca.vec(Z), ca.vec(P), ca.vec(U))
+        # A little of the stay, so that its length is determined.
+        weights = ca.DM([1.0, 1e-3][: len(self.intervals)])
+        program = {"x": variables, "f": ca.dot(weights, times), "g": g}
+        guess, lower, upper = self._guess_and_bounds()
+        # The jerk of a plant whose input is a force rests with the acceleration: as an equation it
+        # would say the same twice.
+        limit = np.zeros(g.numel())
+        limit[-2] = _JERK * abs(self.target - self.start.x[self.coordinate]) * _REST[-1]
+        floor = -limit
+        # A short stay: the band is kept at the points only, and long intervals would leave it.
+        floor[-1] = -np.inf
+        # The first is faster, the second gets through where the first runs in circles.
+        for strategy in ("adaptive", "monotone"):
+            solver = ca.nlpsol("limit", "ipopt", program, _options(strategy))
+            result = solver(x0=guess, lbx=lower, ubx=upper, lbg=floor, ubg=limit)
+            stats = solver.stats()
+            status = str(stats["return_status"])
+            if stats["success"]:
+                break
+        else:
+            raise NumericalError(
+                f"the time-optimal move did not converge ({status} after"
+                f" {stats['iter_count']} iterations); take more intervals, a move that keeps clear"
+                " of the stops, or a plant without effects of memory such as hysteresis"
+            )
+        x = np.asarray(result["x"]).ravel()
+        n_t, n_z = len(self.intervals), n_x * (total + 1)
+        return {
+            "times": x[:n_t],
+            "states": x[n_t : n_t + n_z].reshape(total + 1, n_x) * self.scale,
+            "inputs": x[len(x) - n_u * total :].reshape(total, n_u),
+            "status": status,
+            "iterations": int(stats["iter_count"]),
+        }
+
+    def _guess_and_bounds(self) -> tuple[Vector, Vector, Vector]:
+        model, size, d = self.model, self.scale, self.degree
+        move, total = self.intervals[0], sum(self.intervals)
+        x0, c = self.start.x, self.coordinate
+        low = np.array([q.lower for q in model.states]) / size
+        high = np.array([q.upper for q in model.states]) / size
+        values = {q.name: q.value for q in model.parameters}
+        for i, q in enumerate(model.states):
+            if q.name.startswith("pressure") and {"supply_pressure", "ambient_pressure"} <= set(
+                values
+            ):
+                low[i] = 0.9 * values["ambient_pressure"] / size[i]
+                high[i] = 1.2 * (values["ambient_pressure"] + values["supply_pressure"]) / size[i]
+            if q.name.startswith("temperature"):
+                low[i], high[i] = 150.0 / size[i], 600.0 / size[i]
+        if {"lower_stop", "upper_stop"} <= set(values):
+            low[c] = min(values["lower_stop"], x0[c]) / size[c]
+            high[c] = max(values["upper_stop"], x0[c]) / size[c]
+        band = (np.array([-1.0, 1.0]) * self.band + self.target) / size[c]
+        # Nodes and points in order of time: (node, points of its interval), then the last node.
+        nodes_low, nodes_high = np.tile(low, (total + 1, 1)), np.tile(high, (total + 1, 1))
+        points_low, points_high = np.tile(low, (d * total, 1)), np.tile(high, (d * total, 1))
+        nodes_low[0] = nodes_high[0] = x0 / size
+        nodes_low[move:, c], nodes_high[move:, c] = band
+        points_low[d * move :, c], points_high[d * move :, c] = band
+        times = np.array([0.4, 0.1])[: len(self.intervals)]
+        s = np.minimum(np.arange(total + 1) / move, 1.0)
+        path = s**3 * (10 - 15 * s + 6 * s**2)
+        reach = self.target - x0[c]
+        nodes = np.tile(x0 / size, (total + 1, 1))
+        nodes[:, c] = (x0[c] + reach * path) / size[c]
+        slope = 30 * s**2 * (1 - s) ** 2 * reach / times[0]
+        nodes[:, self.velocity] = slope / size[self.velocity]
+        points = np.repeat(nodes[1:], d, axis=0)
+        u_low = np.array([q.lower for q in model.inputs])
+        u_high = np.array([q.upper for q in model.inputs])
+        rest = np.clip(self.start.u, u_low, u_high)
+        wave = np.zeros(total)
+        wave[:move] = np.where(np.arange(move) < 0.5 * move, 1.0, -1.0) * np.sign(reach)
+        span = np.where(np.isfinite(u_high - u_low), 0.25 * (u_high - u_low), 1.0)
+        u = rest + wave[:, None] * span
+        t_low, t_high = np.full(len(times), _SHORTEST), np.full(len(times), _LONGEST)
+        guess = np.concatenate([times, nodes.ravel(), points.ravel(), u.ravel()])
+        lower = np.concatenate(
+            [t_low, nodes_low.ravel(), points_low.ravel(), np.tile(u_low, total)]
+        )
+        upper = np.concatenate(
+            [t_high, nodes_high.ravel(), points_high.ravel(), np.tile(u_high, total)]
+        )
+        return guess, lower, upper
+
+    def validated(self, found: dict[str, Any]) -> PhysicalLimit:
+        """Drive the exact plant with the found inputs and measure how far it strays."""
+        c, v = self.coordinate, self.velocity
+        parts, steps = [self.start.x[None, :]], [0.0]
+        for seconds, count in zip(found["times"], self.intervals, strict=True):
+            step, done = float(seconds) / count, len(steps) - 1
+            stepper = Stepper(self.model, step, tolerance=1e-8)
+            parts.append(stepper.run(parts[-1][-1], found["inputs"][done : done + count]))
+            steps += [step] * count
+        driven = np.vstack(parts)
+        stray = np.abs(driven[:, c] - found["states"][:, c])
+        return PhysicalLimit(
+            seconds=float(found["times"][0]),
+            until="rest" if len(self.intervals) == 1 else "band",
+            durations=tuple(float(t) for t in found["times"]),
+            from_rad=float(self.start.x[c]),
+            to_rad=self.target,
+            band_rad=self.band,
+            time=np.cumsum(steps),
+            states=found["states"],
+            inputs=found["inputs"],
+            status=str(found["status"]),
+            iterations=int(found["iterations"]),
+            position_error_rad=float(stray.max()),
+            end_error_rad=float(stray[-1]),
+            end_speed=float(abs(driven[-1, v])),
+        )
+
+
+def _options(strategy: str) -> dict[str, Any]:
+    return {
+        "error_on_fail": False,
+        "print_time": False,
+        "ipopt": {
+            "print_level": 0,
+            "sb": "yes",
+            "max_iter": 500,
+            "tol": 1e-6,
+            "mu_strategy": strategy,
+        },
+    }
+
+
+def _radau(degree: int) -> tuple[ca.DM, ca.DM]:
+    """Return the matrices that give slopes at the points, and the value at the end."""
+    points = [0.0, *ca.collocation_points(degree, "radau")]
+    count = degree + 1
+    slopes, end = np.zeros((count, degree)), np.zeros(count)
+    for j in range(count):
+        polynomial = np.poly1d([1.0])
+        for r in range(count):
+            if r != j:
+                polynomial *= np.poly1d([1.0, -points[r]]) / (points[j] - points[r])
+        end[j] = polynomial(1.0)
+        slopes[j] = [np.polyder(polynomial)(t) for t in points[1:]]
+    return ca.DM(slopes), ca.DM(end)
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return {
+                "times": stored["times"],
+                "states": stored["states"],
+                "inputs": stored["inputs"],
+                "status": str(stored["status"]),
+                "iterations": int(stored["iterations"]),
+            }
+    except (OSError, ValueError, KeyError, EOFError):
+        # Not there, or not readable: it is computed anew.
+        return None
+
+
+def _write(path: Path, found: dict[str, Any]) -> None:
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **found)
+    # Written beside and moved, so that a parallel run never reads half a file.
+    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
+        file.write(buffer.getvalue())
+    Path(file.name).replace(path)
