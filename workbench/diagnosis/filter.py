@@ -238,11 +238,16 @@ def _sample(
         gain = ca.mtimes(covariance, h.T)
         variance = ca.mtimes(h, gain) + r[i]
         # An outlier counts as OUTLIER_SIGMA and corrects the state no more than that.
-        variance = ca.fmax(variance, (error / OUTLIER_SIGMA) ** 2)
+        largest = OUTLIER_SIGMA**2 * variance
+        outlier = error**2 > largest
+        variance = ca.if_else(outlier, error**2 / OUTLIER_SIGMA**2, variance)
+        # Its cost grows with the logarithm of the error only, so it pulls that much less: one
+        # impact on a stop must not decide on the parameters.
+        pull = ca.if_else(outlier, 1 / OUTLIER_SIGMA**2, 1.0)
         row = -(ca.mtimes(h, sensitivity) + by_free[i, :])
         deviation = ca.sqrt(variance)
         whitened.append(error / deviation)
-        rows.append(row / deviation)
+        rows.append(pull * row / deviation)
         logs.append(ca.log(deviation))
         moved = moved + gain * (error / variance)
         sensitivity = sensitivity + ca.mtimes(gain / variance, row)
