@@ -6,6 +6,7 @@ CasADi symbols, from the same text.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from typing import Any, Protocol
 
@@ -41,6 +42,57 @@ class Arithmetic(Protocol):
             values: Ordinates in any unit, starting at 0.
         """
 
+    def place(self, x: Number, first: float, spacing: float, count: int) -> tuple[Number, Number]:
+        """Find x on an even grid.
+
+        Args:
+            x: The value.
+            first: First point of the grid, in the unit of x.
+            spacing: Distance of two points, in the unit of x.
+            count: Number of points, at least 2.
+
+        Returns:
+            Index of the interval and fraction within it; below 0 or above 1 outside the grid.
+        """
+
+    def between(self, place: tuple[Number, Number], values: tuple[float, ...]) -> Number:
+        """Interpolate by straight lines, continued beyond the ends.
+
+        Args:
+            place: Where, as `place` returned.
+            values: Values at the points of the grid, in any unit.
+        """
+
+    def where(self, condition: Any, yes: Number, no: Number) -> Number:
+        """Return ``yes`` where the condition holds, else ``no``; both are computed.
+
+        Args:
+            condition: The condition.
+            yes: Value if it holds.
+            no: Value if it does not.
+        """
+
+    def largest(self, *values: Number) -> Number:
+        """Return the largest value.
+
+        Args:
+            values: The values.
+        """
+
+    def root(self, x: Number) -> Number:
+        """Return the square root of x >= 0.
+
+        Args:
+            x: The value.
+        """
+
+    def cube_root(self, x: Number) -> Number:
+        """Return the cube root of x >= 0.
+
+        Args:
+            x: The value.
+        """
+
 
 class _Floats:
     def clip(self, x: float, lower: float, upper: float) -> float:
@@ -56,6 +108,27 @@ class _Floats:
             y = c + (size - a) * (values[i] - c) / (points[i] - a)
         return -y if x < 0.0 else y
 
+    def place(self, x: float, first: float, spacing: float, count: int) -> tuple[int, float]:
+        steps = (x - first) / spacing
+        i = min(max(math.floor(steps), 0), count - 2)
+        return i, steps - i
+
+    def between(self, place: tuple[int, float], values: tuple[float, ...]) -> float:
+        i, fraction = place
+        return values[i] + fraction * (values[i + 1] - values[i])
+
+    def where(self, condition: bool, yes: float, no: float) -> float:
+        return yes if condition else no
+
+    def largest(self, *values: float) -> float:
+        return max(values)
+
+    def root(self, x: float) -> float:
+        return math.sqrt(x)
+
+    def cube_root(self, x: float) -> float:
+        return math.pow(x, 1.0 / 3.0)
+
 
 class _Symbols:
     def clip(self, x: ca.SX, lower: Number, upper: Number) -> ca.SX:
@@ -65,6 +138,37 @@ class _Symbols:
         size = ca.fmin(ca.fabs(x), points[-1])
         y = ca.pw_lin(size, ca.DM(list(points)), ca.DM(list(values)))
         return ca.if_else(x < 0, -y, y)
+
+    def place(
+        self, x: ca.SX, first: float, spacing: float, count: int
+    ) -> tuple[tuple[ca.SX, ...], ca.SX]:
+        steps = (x - first) / spacing
+        i = ca.fmin(ca.fmax(ca.floor(steps), 0), count - 2)
+        # The interval as one switch each: shared by every table that is read at this place.
+        return tuple(i == k for k in range(count - 1)), steps - i
+
+    def between(self, place: tuple[tuple[ca.SX, ...], ca.SX], values: tuple[float, ...]) -> ca.SX:
+        switches, fraction = place
+        low = sum(s * v for s, v in zip(switches, values, strict=False))
+        rise = sum(
+            s * (b - a) for s, a, b in zip(switches, values, values[1:], strict=False)
+        )
+        return low + fraction * rise
+
+    def where(self, condition: ca.SX, yes: Number, no: Number) -> ca.SX:
+        return ca.if_else(condition, yes, no)
+
+    def largest(self, *values: Number) -> ca.SX:
+        found = values[0]
+        for value in values[1:]:
+            found = ca.fmax(found, value)
+        return found
+
+    def root(self, x: ca.SX) -> ca.SX:
+        return ca.sqrt(x)
+
+    def cube_root(self, x: ca.SX) -> ca.SX:
+        return x ** (1.0 / 3.0)
 
 
 FLOATS: Arithmetic = _Floats()

@@ -1,0 +1,231 @@
+"""What every scheduled controller does before its feedback: plan, estimate, look up the joint.
+
+At sample k, from the angle y, the pressures p1 and p2 and the reference r:
+
+    (theta_r, omega_r, alpha_r, j_r)   planned reference (`controllers.planned_reference`)
+    dp, pm                             filtered pressure difference and mean pressure
+    (theta, omega, w)                  observer of the joint as a double integrator driven by the
+                                       acceleration  b (dp - dp0(theta, pm)) - a1 omega + w
+    alpha = b (dp - dp0) - a1 omega + w
+
+and the inverse model along the plan, the feedforward:
+
+    dp_r = dp0(theta_r, pm) + (alpha_r + a1 omega_r) / b
+    o_r  = [(j_r + a1 alpha_r + a0 omega_r) / b + e omega_r] / g
+
+w collects friction, muscle hysteresis and wrong loads. It is an acceleration, so the observer is
+the same for every angle and load: what the map knows enters with the acceleration.
+
+Source: disturbance observer: Ohnishi, Shibata and Murakami, IEEE/ASME Trans. Mechatronics 1, 1996;
+feedforward by the inverse model: Åström and Wittenmark, Computer-Controlled Systems, 1997, 6.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from controllers.arithmetic import Arithmetic, Number
+from controllers.joint_model import JointModel
+from controllers.observer import design_joint_observer
+from controllers.planned_reference import Plan, Planner, PlannerState
+from controllers.scheduled import JointSchedule, ScheduledJoint
+from workbench.errors import check_range
+
+STATE_NAMES: tuple[str, ...] = (
+    *(f"plan_{name}" for name in PlannerState._fields),
+    "angle",
+    "speed",
+    "unexplained",
+    "difference",
+    "mean",
+)
+"""Names of what a `JointTracking` remembers: the planner's state, then the estimate in SI."""
+
+
+class Look(NamedTuple):
+    """What a feedback law is told at one sample.
+
+    Args:
+        plan: Where the joint shall be.
+        joint: Joint model at the measured angle.
+        planned: Joint model at the planned angle.
+        angle: Measured angle, in rad.
+        speed: Estimated speed, in rad/s.
+        acceleration: Estimated acceleration, in rad/s2.
+        unexplained: Estimated acceleration that the model does not explain, in rad/s2.
+        difference: Filtered pressure difference, in Pa.
+        mean: Filtered mean pressure, in Pa.
+        wanted_difference: Pressure difference of the feedforward, in Pa.
+        opening: Opening of the feedforward, a fraction.
+    """
+
+    plan: Plan
+    joint: ScheduledJoint
+    planned: ScheduledJoint
+    angle: Number
+    speed: Number
+    acceleration: Number
+    unexplained: Number
+    difference: Number
+    mean: Number
+    wanted_difference: Number
+    opening: Number
+
+
+@dataclass(frozen=True)
+class JointTracking:
+    """Planner, observer and schedule of a joint.
+
+    Args:
+        schedule: Joint model over angle and mean pressure.
+        planner: Planner of the reference.
+        correction: Gains of the observer for angle, speed and unexplained acceleration, in SI.
+        pressure_filter: Time constant of the pressures' filter, in s.
+        sample_time: Time between samples, in s.
+
+    Example:
+        >>> JointTracking.__dataclass_fields__["sample_time"].default
+        0.002
+    """
+
+    schedule: JointSchedule
+    planner: Planner
+    correction: tuple[float, float, float]
+    pressure_filter: float = 0.002
+    sample_time: float = 0.002
+
+    def start(self, measurement: tuple[Number, ...]) -> tuple[Number, ...]:
+        """Return the state of a joint at rest.
+
+        Args:
+            measurement: Angle in rad and the two gauge pressures in Pa.
+
+        Returns:
+            State in the order of `STATE_NAMES`, in SI.
+        """
+        angle, p1, p2 = measurement
+        mean = 0.5 * (p1 + p2)
+        joint = self.schedule.at(angle, mean)
+        push = joint.b * (p1 - p2 - joint.difference)
+        return (*self.planner.start(angle), angle, 0.0, -push, p1 - p2, mean)
+
+    def look(
+        self,
+        state: tuple[Number, ...],
+        measurement: tuple[Number, ...],
+        reference: Number,
+        arithmetic: Arithmetic,
+    ) -> tuple[Look, tuple[Number, ...]]:
+        """Plan and estimate one sample.
+
+        Args:
+            state: State of the sample before.
+            measurement: Angle in rad and the two gauge pressures in Pa.
+            reference: Reference now, in rad.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            What the feedback needs, in SI, and the next state.
+        """
+        h = self.sample_time
+        angle, p1, p2 = measurement
+        plan, planner = self.planner.plan(PlannerState(*state[:8]), reference, arithmetic)
+        theta, omega, w, difference, mean = state[8:13]
+        fresh = h / (self.pressure_filter + h)
+        difference = difference + fresh * (p1 - p2 - difference)
+        mean = mean + fresh * (0.5 * (p1 + p2) - mean)
+
+        residual = angle - theta
+        theta = theta + self.correction[0] * residual
+        omega = omega + self.correction[1] * residual
+        w = w + self.correction[2] * residual
+        joint = self.schedule.at(angle, mean, arithmetic)
+        planned = self.schedule.at(plan.angle, mean, arithmetic)
+        alpha = joint.b * (difference - joint.difference) - joint.a1 * omega + w
+
+        wanted = planned.difference + (plan.acceleration + planned.a1 * plan.speed) / planned.b
+        rate = (
+            plan.jerk + planned.a1 * plan.acceleration + planned.a0 * plan.speed
+        ) / planned.b + planned.e * plan.speed
+        following = (
+            *planner,
+            theta + h * omega + 0.5 * h * h * alpha,
+            omega + h * alpha,
+            w,
+            difference,
+            mean,
+        )
+        opening = rate / planned.g
+        return (
+            Look(
+                plan,
+                joint,
+                planned,
+                angle,
+                omega,
+                alpha,
+                w,
+                difference,
+                mean,
+                wanted,
+                opening,
+            ),
+            following,
+        )
+
+
+def joint_tracking(
+    schedule: JointSchedule,
+    *,
+    jerk_share: float = 0.7,
+    observer_bandwidth: float = 80.0,
+    correction: tuple[float, float, float] | None = None,
+    pressure_reserve: float = 2.5e5,
+    mean_pressure: float = 3.8e5,
+    shortest: float = 0.05,
+    sample_time: float = 0.002,
+) -> JointTracking:
+    """Design planner and observer for a schedule.
+
+    The planned jerk is a share of what the fully open valve does at the slowest angle, the planned
+    acceleration what a reserve of pressure difference does.
+
+    Args:
+        schedule: The joint over angle.
+        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        observer_bandwidth: Poles of the observer, in rad/s.
+        correction: Gains of the observer in SI, in place of poles.
+        pressure_reserve: Pressure difference for accelerating, in Pa.
+        mean_pressure: Mean gauge pressure at which limits are taken, in Pa.
+        shortest: Shortest planned move, in s.
+        sample_time: Time between samples, in s.
+
+    Returns:
+        The front end of a controller.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
+        >>> front = joint_tracking(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
+        >>> round(front.planner.jerk)
+        4032
+    """
+    check_range("share of the opening for a planned move", jerk_share, 0.01, 1.0)
+    check_range("pressure reserve", pressure_reserve, 1e3, 1e7, "Pa")
+    models = schedule.models(mean_pressure)
+    planner = Planner(
+        jerk=jerk_share * min(m.opening_to_jerk for m in models),
+        acceleration=pressure_reserve * min(m.b for m in models),
+        speed=jerk_share * min(m.g / m.e for m in models),
+        shortest=shortest,
+        sample_time=sample_time,
+    )
+    if correction is None:
+        free = JointModel(b=1.0, a1=0.0, a0=0.0, g=1.0, e=0.0, d=0.0)
+        correction = design_joint_observer(
+            free, bandwidth=observer_bandwidth, sample_time=sample_time
+        ).correction
+    return JointTracking(schedule, planner, correction, sample_time=sample_time)

@@ -1,0 +1,216 @@
+"""Planned reference: steps become smooth moves of limited jerk, everything else passes unchanged.
+
+The reference r is the sum of a smooth course and of jumps in value and in speed. A jump shows as a
+speed or an acceleration that no joint has; it is taken out of the course and goes into an offset
+delta, which keeps r + delta smooth and returns to zero in the time T along the quintic
+
+    delta(s) = p0 + p1 s + p2 s^2 + c3 s^3 + c4 s^4 + c5 s^5,         s = t / T
+    c3 = -10 p0 - 6 p1 - 3 p2,  c4 = 15 p0 + 8 p1 + 3 p2,  c5 = -6 p0 - 3 p1 - p2
+
+with the offset's value, speed and acceleration at the jump in p0, p1, p2, so that position, speed
+and acceleration of the plan are continuous even if a jump comes during a move. For a step of size D
+from rest this is the move of least mean square jerk; T is the shortest time within the limits
+
+    60 D / T^3 <= jerk,    5.7735 D / T^2 <= acceleration,    1.875 D / T <= speed
+
+A sine therefore passes without lag, with its speed and acceleration from differences, and a step
+never asks for more than the joint can do.
+
+Source: Flash and Hogan, J. Neuroscience 5, 1985 (quintic as minimum-jerk move); Biagiotti and
+Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 2.1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from controllers.arithmetic import Arithmetic, Number
+from workbench.errors import check_range
+
+
+class Plan(NamedTuple):
+    """Where the joint shall be now.
+
+    Args:
+        angle: Angle, in rad.
+        speed: Speed, in rad/s.
+        acceleration: Acceleration, in rad/s2.
+        jerk: Jerk, in rad/s3.
+    """
+
+    angle: Number
+    speed: Number
+    acceleration: Number
+    jerk: Number
+
+
+class PlannerState(NamedTuple):
+    """What a `Planner` remembers.
+
+    Args:
+        reference: Reference of the sample before, in rad.
+        slope: Its speed, in rad/s.
+        curve: Its acceleration, in rad/s2.
+        offset: Offset at the last jump, in rad.
+        offset_speed: Its speed there, in rad/s.
+        offset_acceleration: Its acceleration there, in rad/s2.
+        elapsed: Time since then, in s.
+        duration: Time that the offset takes to vanish, in s.
+    """
+
+    reference: Number
+    slope: Number
+    curve: Number
+    offset: Number
+    offset_speed: Number
+    offset_acceleration: Number
+    elapsed: Number
+    duration: Number
+
+
+@dataclass(frozen=True)
+class Planner:
+    """Planner of one reference.
+
+    Args:
+        jerk: Largest jerk of a move, in rad/s3.
+        acceleration: Largest acceleration of a move, in rad/s2.
+        speed: Largest speed of a move, in rad/s.
+        shortest: Shortest duration of a move, in s.
+        jump_speed: Speed from which the reference has jumped, in rad/s.
+        jump_acceleration: Acceleration from which the reference's speed has jumped, in rad/s2.
+        sample_time: Time between samples, in s.
+
+    Raises:
+        WorkbenchError: If a limit is not positive.
+
+    Example:
+        >>> from controllers.arithmetic import FLOATS
+        >>> planner = Planner(jerk=2000.0, acceleration=60.0, speed=10.0)
+        >>> state, angles = planner.start(0.0), []
+        >>> for k in range(200):
+        ...     plan, state = planner.plan(state, 0.26, FLOATS)
+        ...     angles.append(plan.angle)
+        >>> max(angles) <= 0.26 + 1e-12, angles[-1]
+        (True, 0.26)
+    """
+
+    jerk: float
+    acceleration: float
+    speed: float
+    shortest: float = 0.02
+    jump_speed: float = 8.0
+    jump_acceleration: float = 150.0
+    sample_time: float = 0.002
+
+    def __post_init__(self) -> None:
+        """Check the limits."""
+        check_range("jerk of the planned reference", self.jerk, 1e-6, 1e9, "rad/s3")
+        check_range("acceleration of the planned reference", self.acceleration, 1e-6, 1e9, "rad/s2")
+        check_range("speed of the planned reference", self.speed, 1e-6, 1e9, "rad/s")
+        check_range("shortest planned move", self.shortest, self.sample_time, 1e3, "s")
+
+    def start(self, angle: Number) -> PlannerState:
+        """Return the state of a reference at rest.
+
+        Args:
+            angle: Angle, in rad.
+        """
+        return PlannerState(angle, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self.shortest)
+
+    def move_time(self, step: float) -> float:
+        """Return the duration of a move from rest to rest.
+
+        Args:
+            step: Size of the move, in rad.
+
+        Returns:
+            Time, in s.
+        """
+        from controllers.arithmetic import FLOATS
+
+        return float(self._duration(step, 0.0, FLOATS))
+
+    def plan(
+        self, state: PlannerState, reference: Number, arithmetic: Arithmetic
+    ) -> tuple[Plan, PlannerState]:
+        """Plan one sample.
+
+        Args:
+            state: State of the sample before.
+            reference: Reference now, in rad.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            Where the joint shall be now, in SI, and the next state.
+        """
+        h, where = self.sample_time, arithmetic.where
+        elapsed = arithmetic.clip(state.elapsed + h, 0.0, state.duration)
+        offset, speed, acceleration, _ = _offset(state, elapsed)
+
+        slope = (reference - state.reference) / h
+        change = slope - state.slope
+        size = arithmetic.largest(change, -change)
+        jumped = size > self.jump_speed
+        bent = size > self.jump_acceleration * h
+        # Before a bend the course went on straight; after a jump its speed is what it was.
+        ahead = reference - state.reference - h * state.slope
+        offset = where(bent, offset - ahead, offset)
+        speed = where(bent, where(jumped, speed, speed - change), speed)
+        slope = where(jumped, state.slope, slope)
+        curve = where(bent, 0.0, change / h)
+        jerk = where(bent, 0.0, (curve - state.curve) / h)
+        # A bend leaves no acceleration behind; the sample after it starts from there.
+        jerk = arithmetic.clip(jerk, -self.jerk, self.jerk)
+
+        fresh = PlannerState(
+            reference,
+            slope,
+            curve,
+            where(bent, offset, state.offset),
+            where(bent, speed, state.offset_speed),
+            where(bent, acceleration, state.offset_acceleration),
+            where(bent, 0.0, elapsed),
+            where(bent, self._duration(offset, speed, arithmetic), state.duration),
+        )
+        delta = _offset(fresh, fresh.elapsed)
+        moving = fresh.elapsed < fresh.duration
+        # In the middle of the coming sample the jerk of the move is what the sample will see.
+        return (
+            Plan(
+                reference + where(moving, delta[0], 0.0),
+                slope + where(moving, delta[1], 0.0),
+                curve + where(moving, delta[2], 0.0),
+                jerk + where(moving, delta[3], 0.0),
+            ),
+            fresh,
+        )
+
+    def _duration(self, offset: Number, speed: Number, arithmetic: Arithmetic) -> Number:
+        size = arithmetic.largest(offset, -offset)
+        fast = arithmetic.largest(speed, -speed)
+        return arithmetic.largest(
+            self.shortest,
+            arithmetic.cube_root(60.0 * size / self.jerk),
+            arithmetic.root(5.7735 * size / self.acceleration),
+            1.875 * size / self.speed,
+            arithmetic.root(36.0 * fast / self.jerk),
+            3.0 * fast / self.acceleration,
+        )
+
+
+def _offset(state: PlannerState, elapsed: Number) -> tuple[Number, Number, Number, Number]:
+    """Return offset, speed, acceleration and jerk of the quintic."""
+    T = state.duration
+    s = elapsed / T
+    p0, p1, p2 = state.offset, state.offset_speed * T, 0.5 * state.offset_acceleration * T * T
+    c3 = -10.0 * p0 - 6.0 * p1 - 3.0 * p2
+    c4 = 15.0 * p0 + 8.0 * p1 + 3.0 * p2
+    c5 = -6.0 * p0 - 3.0 * p1 - p2
+    return (
+        p0 + s * (p1 + s * (p2 + s * (c3 + s * (c4 + s * c5)))),
+        (p1 + s * (2.0 * p2 + s * (3.0 * c3 + s * (4.0 * c4 + s * 5.0 * c5)))) / T,
+        (2.0 * p2 + s * (6.0 * c3 + s * (12.0 * c4 + s * 20.0 * c5))) / (T * T),
+        (6.0 * c3 + s * (24.0 * c4 + s * 60.0 * c5)) / (T * T * T),
+    )
