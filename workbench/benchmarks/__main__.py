@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+
 from workbench.benchmarks.suite import run_benchmarks
 
 if __name__ == "__main__":
-    print(run_benchmarks(progress=print))
+    sys.stdout.write(f"{run_benchmarks(progress=lambda text: None)}\n")

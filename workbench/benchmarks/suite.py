@@ -94,7 +94,7 @@ def _pulses(seconds: float) -> Vector:
 
 
 def _sine(seconds: float) -> Vector:
-    """A sine in small steps: on the pulses CVODES over a grid gives up at the first jump."""
+    """Return a sine in small steps: at a pulse CVODES over a grid gives up."""
     t = _SAMPLE_TIME * np.arange(round(seconds / _SAMPLE_TIME))
     return np.asarray(5.0 + 0.5 * np.sin(math.pi * t))
 

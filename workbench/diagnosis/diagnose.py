@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from workbench.diagnosis.free_run import FreeRun, free_run
-from workbench.diagnosis.likely import LikelyFit, extended_start, fit_likely
+from workbench.diagnosis.likely import LikelyFit, extended_start, fit_likely, white_cost
 from workbench.diagnosis.locate import Location, locate
 from workbench.diagnosis.observe import observe
 from workbench.diagnosis.prediction_error import Observed
@@ -37,6 +37,14 @@ MOST_FINDINGS = 3
 
 IMPERFECT = 0.1
 """Share of the expected disturbance above which something is still left out."""
+
+LEAST_SHARE = 0.3
+"""Share of the excess misfit of the refitted nominal that a single effect must explain, or of what
+is left after another effect."""
+
+LEAST_OF_ALL = 0.05
+"""Share of the first excess misfit that a further effect must explain: less may be the wrong shape
+of an effect that was found, and is not worth a wrong name."""
 
 _SAME = 15.0
 """Difference of log likelihood below which two effects explain the recordings equally well."""
@@ -96,6 +104,17 @@ def diagnose(
     Raises:
         WorkbenchError: If there are no recordings or they do not belong to the model.
         NumericalError: If the nominal model cannot be refitted.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up_recording, pushes
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> runs = [
+        ...     made_up_recording(axis, pushes(400, largest=200.0, seed=i), sample_time=0.01)
+        ...     for i in (1, 2)
+        ... ]
+        >>> diagnose(axis, runs[:1], runs[1:], jobs=1).verdict.kind
+        'nothing_missing'
     """
     if not fit_on or not hold_out:
         raise WorkbenchError(
@@ -170,8 +189,11 @@ def _search(
     """Add one effect after the other as long as one is accepted."""
     free = list(priors)
     samples = round(sum(len(r.outputs) * r.sample_time for r in fitting) / 0.1)
+    perfect = white_cost(fitting, diagnosis.nominal)
+    first_excess = max(diagnosis.base.cost - perfect, 0.0)
     for number in range(MOST_FINDINGS):
         current = diagnosis.extended
+        excess = max(current.cost - perfect, 0.0)
         given = library(current.model, outputs=fitting[0].used) if entries is None else entries
         attached = {effect.name for effect in current.model.effects}
         tried = [e for e in given if not e.stiff and e.name not in attached]
@@ -186,6 +208,7 @@ def _search(
             started,
             judged,
             charge=charge_for(len(tried), samples, 2),
+            least_gain=max(LEAST_SHARE * excess, LEAST_OF_ALL * first_excess),
             jobs=jobs,
             progress=say,
         )

@@ -47,6 +47,43 @@ def made_up(
         >>> seen.outputs.shape
         (50, 1)
     """
+    return observe(
+        model,
+        made_up_recording(
+            model, inputs, sample_time=sample_time, values=values, seed=seed, name=name
+        ),
+    )
+
+
+def made_up_recording(
+    model: Model,
+    inputs: npt.ArrayLike,
+    *,
+    sample_time: float,
+    values: Mapping[str, float] | None = None,
+    seed: int = 0,
+    name: str = "made up",
+) -> Recording:
+    """Simulate a recording of a model, with the noise and the resolution of its sensors.
+
+    Args:
+        model: The plant.
+        inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI.
+        sample_time: Time between samples, in s.
+        values: True values of some parameters by name, in SI; the model's own by default.
+        seed: Seed of the noise.
+        name: Name of the recording.
+
+    Returns:
+        The recording.
+
+    Raises:
+        WorkbenchError: If a parameter is unknown or the inputs do not fit.
+
+    Example:
+        >>> len(made_up_recording(servo_axis(), np.full(50, 100.0), sample_time=0.01))
+        50
+    """
     true = model.with_parameters(dict(values or {}))
     run = simulate(true, inputs, sample_time=sample_time, check=False)
     rng = np.random.default_rng(seed)
@@ -59,7 +96,7 @@ def made_up(
         if quantity.resolution:
             read = quantity.resolution * np.round(read / quantity.resolution)
         signals.append(Signal(quantity.name, read, quantity.unit))
-    return observe(model, Recording(name, run.time, tuple(signals)))
+    return Recording(name, run.time, tuple(signals))
 
 
 def pushes(samples: int, *, largest: float, hold: int = 40, seed: int = 0) -> Vector:

@@ -79,6 +79,16 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
 
     Returns:
         The recording with the states of the effects where the effects put them.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up, pushes
+        >>> from workbench.physics.lugre import lugre_friction
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(50, largest=200.0), sample_time=0.01)
+        >>> bristles = lugre_friction("axis.force", unit="N", speed_unit="m/s")
+        >>> len(extended_start(seen, axis, axis.with_effect(bristles)).start)
+        3
     """
     if len(extended.states) == len(observed.start):
         return observed
@@ -124,6 +134,16 @@ def fit_likely(
 
     Raises:
         NumericalError: If the first refit could not be evaluated.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up, pushes
+        >>> from workbench.diagnosis.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> fit = fit_likely(axis, [seen], default_priors(axis, ["mass"]))
+        >>> abs(fit.refit.estimate("mass").value - 95.0) < 1.0
+        True
     """
     best: LikelyFit | None = None
     values = dict(start or {})
@@ -155,6 +175,16 @@ def blocks_of_cost(
 
     Raises:
         NumericalError: If the filter leaves the finite numbers.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up, pushes
+        >>> from workbench.diagnosis.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> fit = fit_likely(axis, [seen], default_priors(axis, ["mass"]))
+        >>> blocks_of_cost(fit, [seen]).shape
+        (4,)
     """
     filter_ = PredictionError(
         fit.model,
@@ -173,6 +203,32 @@ def _blocks(part: Innovations, sample_time: float, block: float) -> Vector:
     costs = np.nan_to_num(0.5 * part.whitened**2 + part.log_deviation).sum(axis=1)
     size = max(1, round(block / sample_time))
     return np.asarray(np.add.reduceat(costs, np.arange(0, len(costs), size)))
+
+
+def white_cost(recordings: Sequence[Observed], model: Model) -> float:
+    """Return minus the log likelihood that a model without any error would reach.
+
+    Args:
+        recordings: Recordings as `observe` returns them.
+        model: The plant, for the scales of its outputs.
+
+    Returns:
+        ``sum (1/2 + log(noise / scale))`` over all readings, dimensionless.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up, pushes
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> white_cost([made_up(axis, pushes(50, largest=200.0), sample_time=0.01)], axis) < 0.0
+        True
+    """
+    total = 0.0
+    scales = {q.name: q.scale for q in model.outputs}
+    for observed in recordings:
+        counts = np.isfinite(observed.outputs).sum(axis=0)
+        scale = np.array([scales[name] for name in observed.used])
+        total += float(np.sum(counts * (0.5 + np.log(observed.noise_rms / scale))))
+    return total
 
 
 def gain_interval(
@@ -211,6 +267,16 @@ def start_values(fit: Refit, priors: Sequence[Prior]) -> dict[str, float]:
 
     Returns:
         Values in SI, by name.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up, pushes
+        >>> from workbench.diagnosis.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> priors = default_priors(axis, ["mass"])
+        >>> list(start_values(fit_likely(axis, [seen], priors).refit, priors))
+        ['mass']
     """
     means = {p.name: p.mean for p in priors}
     return {e.name: means.get(e.name, e.value) if e.on_bound else e.value for e in fit.estimates}

@@ -93,6 +93,14 @@ def locate(model: Model, recordings: Sequence[Observed]) -> Location:
     Returns:
         Gains of log likelihood by group.
 
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up, pushes
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> locate(axis.with_parameters({"mass": 80.0}), [seen]).alone["axis"] > 100.0
+        True
     """
     groups = groups_of(model)
     sizes = disturbances(model, 1.0)

@@ -39,7 +39,8 @@ class Score:
             of time; dimensionless.
         size: Expected size, in the SI unit of the size parameter.
         std: Standard deviation of the size, in the same unit.
-        absorption: Share of the effect's signature that other parameters can imitate, 0 to 1.
+        absorption: Share of the effect's signature that other parameters can imitate, 0 to 1,
+            dimensionless.
         smallest: Smallest size to be seen on these data, in the same unit.
     """
 
@@ -65,7 +66,7 @@ class Scores:
         scores: One per effect, by falling gain.
         confusion: Absolute cosine between the projected signatures, shape (n, n), in the order of
             ``scores``.
-        share: Share of the expected disturbance at which the score was taken.
+        share: Share of the expected disturbance at which the score was taken, dimensionless.
     """
 
     scores: tuple[Score, ...]
@@ -117,6 +118,22 @@ def score_library(
 
     Returns:
         One score per effect, best first.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up, pushes
+        >>> from workbench.diagnosis.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> from workbench.diagnosis.likely import fit_likely
+        >>> from workbench.physics.library import library
+        >>> axis = axis.without("coulomb_friction")
+        >>> priors = default_priors(axis, ["mass"])
+        >>> fit = fit_likely(axis, [seen], priors)
+        >>> tried = [e for e in library(axis) if not e.stiff]
+        >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
+        >>> scores.scores[0].entry.law
+        'coulomb_friction'
     """
     extended = model.with_effect(*(entry.effect for entry in entries))
     names = tuple(p.name for p in priors)
@@ -173,7 +190,7 @@ def _scores(
     # The mean over blocks is the signal; what scatters about it is the uncertainty.
     scatter = np.sum((projected_blocks - projected_blocks.mean(axis=0)) ** 2, axis=0)
     full = np.maximum(np.diag(information)[n:], 1e-300)
-    kept = np.maximum(np.diag(projected), 1e-12 * full)
+    kept = np.maximum(np.diag(projected), np.maximum(1e-12 * full, 1e-30))
     size = -slopes / kept
     deviation = np.sqrt(np.maximum(scatter, kept)) / kept
     either = np.array([entry.signed for entry in entries])

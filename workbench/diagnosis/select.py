@@ -22,7 +22,6 @@ from workbench.diagnosis.priors import Prior
 from workbench.diagnosis.refit_result import Estimate
 from workbench.diagnosis.score import Score, Scores
 from workbench.errors import NumericalError
-from workbench.model import Model
 from workbench.physics.library import Entry
 
 LEAST_SCORE = 8.0
@@ -86,6 +85,22 @@ def shortlist(scores: Scores, *, most: int = 6) -> tuple[Score, ...]:
 
     Returns:
         Scores to refit, best first.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up, pushes
+        >>> from workbench.diagnosis.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> from workbench.diagnosis.score import score_library
+        >>> from workbench.physics.library import library
+        >>> axis = axis.without("coulomb_friction")
+        >>> priors = default_priors(axis, ["mass"])
+        >>> fit = fit_likely(axis, [seen], priors)
+        >>> tried = [e for e in library(axis) if not e.stiff]
+        >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
+        >>> 1 <= len(shortlist(scores, most=3)) <= 3
+        True
     """
     worthy = [s for s in scores.scores if s.gain > LEAST_SCORE and s.testable]
     if not worthy:
@@ -130,6 +145,7 @@ def refit_candidates(
     hold_out: Sequence[Observed],
     *,
     charge: float,
+    least_gain: float = 0.0,
     jobs: int = 2,
     progress: Progress | None = None,
 ) -> tuple[Candidate, ...]:
@@ -141,12 +157,33 @@ def refit_candidates(
         priors: Priors of the free parameters of ``base``.
         fit_on: Fitting recordings, with a start for the model of ``base``.
         hold_out: Held-out recordings, likewise.
-        charge: Log likelihood that an effect must gain to be accepted, dimensionless.
+        charge: Log likelihood that an effect must gain for its parameters and for the size of
+            the library, dimensionless.
+        least_gain: Log likelihood that it must gain to explain enough of the excess, dimensionless.
         jobs: Number of processes.
         progress: Called with a line of text.
 
     Returns:
         Candidates by falling gain, each accepted or refused with the reason.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up, pushes
+        >>> from workbench.diagnosis.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> from workbench.diagnosis.score import score_library
+        >>> from workbench.physics.library import library
+        >>> axis = axis.without("coulomb_friction")
+        >>> priors = default_priors(axis, ["mass"])
+        >>> fit = fit_likely(axis, [seen], priors)
+        >>> tried = [e for e in library(axis) if not e.stiff]
+        >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
+        >>> best = refit_candidates(
+        ...     fit, shortlist(scores, most=1), priors, [seen], [seen], charge=20.0, jobs=1
+        ... )[0]
+        >>> best.entry.name == scores.scores[0].entry.name, best.gain > 20.0
+        (True, True)
     """
     if progress and chosen:
         progress("refitting with " + ", ".join(s.entry.name for s in chosen))
@@ -165,7 +202,7 @@ def refit_candidates(
         )
     for i, final in zip(order, finals, strict=True):
         first[i] = final
-    judged = [replace(c, refused=_refusal(c, charge)) for c in first]
+    judged = [replace(c, refused=_refusal(c, charge, least_gain)) for c in first]
     return tuple(sorted(judged, key=lambda c: -c.gain))
 
 
@@ -179,6 +216,23 @@ def entry_priors(score: Score) -> tuple[tuple[Prior, ...], dict[str, float]]:
         Priors of the size and of the shape parameters that a refit may change, and starting
         values by name, in SI: the expected size, and the library's shape. The size of a law that
         is either there or not is held.
+
+    Example:
+        >>> from workbench.diagnosis.example import made_up, pushes
+        >>> from workbench.diagnosis.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> from workbench.diagnosis.score import score_library
+        >>> from workbench.physics.library import library
+        >>> axis = axis.without("coulomb_friction")
+        >>> priors = default_priors(axis, ["mass"])
+        >>> fit = fit_likely(axis, [seen], priors)
+        >>> tried = [e for e in library(axis) if not e.stiff]
+        >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
+        >>> own, start = entry_priors(scores.scores[0])
+        >>> {prior.name for prior in own} == set(start)
+        True
     """
     entry = score.entry
     priors, start = [], {}
@@ -224,7 +278,7 @@ def _candidate(
     return Candidate(entry, fit, base.cost - fit.cost, held_out, refused)
 
 
-def _refusal(candidate: Candidate, charge: float) -> str:
+def _refusal(candidate: Candidate, charge: float, least_gain: float) -> str:
     """Say which rule an effect breaks; empty if none."""
     entry, size = candidate.entry, candidate.size
     if candidate.refused or candidate.fit is None:
@@ -240,6 +294,8 @@ def _refusal(candidate: Candidate, charge: float) -> str:
             return "its size is on its bound"
     if candidate.gain < charge:
         return f"it gains less than the charge for the library, {charge:.1f}"
+    if candidate.gain < least_gain:
+        return "it explains too little of what the model leaves out"
     if candidate.held_out[1] <= 0.0:
         return "it does not reliably improve the held-out recordings"
     return ""
@@ -264,16 +320,3 @@ def charge_for(library: int, samples: int, parameters: int) -> float:
         22.1
     """
     return LEAST_GAIN + 0.5 * parameters * math.log(samples) + math.log(library)
-
-
-def improved(model: Model, fit: LikelyFit) -> bool:
-    """Tell whether a fit has effects that a model lacks.
-
-    Args:
-        model: The nominal model.
-        fit: A fit.
-
-    Returns:
-        Whether there is at least one more effect.
-    """
-    return len(fit.model.effects) > len(model.effects)

@@ -89,7 +89,7 @@ class Verdict:
         next_experiment: What to do next, with the predicted separation.
         data: Checks of the recordings.
         location: Log likelihood gained by an unknown input at each group of ports, before and
-            after the extension.
+            after the extension, dimensionless.
         seconds: Time that the diagnosis took, in s.
         model: The improved model; the refitted nominal one where nothing was found.
 
