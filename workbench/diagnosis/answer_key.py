@@ -1,0 +1,259 @@
+"""Answers of a blind round: what was hidden in each case, and that it was fixed beforehand."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import WorkbenchError, check_choice
+
+NAMES = Path(__file__).with_name("answers.toml")
+"""How the words of a key are read; see the file."""
+
+NOTHING = "none"
+"""The word of a key for a case that hides nothing."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """One effect that a case hides.
+
+    Args:
+        word: Its name in the key.
+        library: Names of the library that say the same; none if the library does not have it.
+        groups: Groups of ports where it acts.
+        sensor: Whether it is an error of a sensor.
+
+    Example:
+        >>> Truth("tilt", ("tilt_gravity",), ("motion",), False).outside
+        False
+    """
+
+    word: str
+    library: tuple[str, ...]
+    groups: tuple[str, ...]
+    sensor: bool
+
+    @property
+    def outside(self) -> bool:
+        """Whether the library does not have it."""
+        return not self.library
+
+
+@dataclass(frozen=True)
+class Names:
+    """How the words of a key are read.
+
+    Args:
+        groups: Beginnings of port names by group.
+        effects: Truth by word of the key.
+
+    Example:
+        >>> read_names().effects["tilt"].library
+        ('tilt_gravity',)
+    """
+
+    groups: Mapping[str, tuple[str, ...]]
+    effects: Mapping[str, Truth]
+
+    def group(self, port: str) -> str:
+        """Return the group of a port; the part before the dot if it belongs to none.
+
+        Args:
+            port: Name of the port.
+        """
+        return _group(port, self.groups)
+
+    def truths(self, case: str, words: list[str]) -> tuple[Truth, ...]:
+        """Return what a case hides.
+
+        Args:
+            case: Name of the case.
+            words: Names of effects in the key.
+
+        Raises:
+            WorkbenchError: If a word is not known.
+        """
+        hidden = [word for word in words if word != NOTHING]
+        for word in hidden:
+            if word not in self.effects:
+                raise WorkbenchError(
+                    f"the key's effect {word!r} of case {case} has no meaning in the table of"
+                    f" names; give a table with --names that says which effects of the library it"
+                    f" is (known: {', '.join(sorted(self.effects))})"
+                )
+        return tuple(self.effects[word] for word in hidden)
+
+
+def read_names(path: str | Path | None = None) -> Names:
+    """Read how the words of a key are to be understood.
+
+    Args:
+        path: A TOML file whose entries come on top of those that ship; None for those alone.
+
+    Returns:
+        Groups of ports and effects.
+
+    Raises:
+        WorkbenchError: If the file cannot be read or an entry is incomplete.
+
+    Example:
+        >>> read_names().group("joint.torque"), read_names().group("axis.force")
+        ('motion', 'axis')
+    """
+    groups: dict[str, tuple[str, ...]] = {}
+    effects: dict[str, Truth] = {}
+    for file in (NAMES, *([Path(path)] if path is not None else [])):
+        content = _toml(file)
+        groups |= {name: tuple(starts) for name, starts in content.get("groups", {}).items()}
+        for word, entry in content.get("effects", {}).items():
+            if not isinstance(entry, dict) or not {"library", "ports"} <= set(entry):
+                raise WorkbenchError(
+                    f"effect {word!r} in {file} must give 'library' and 'ports'; see {NAMES.name}"
+                )
+            effects[word] = Truth(
+                word,
+                tuple(entry["library"]),
+                tuple(dict.fromkeys(_group(port, groups) for port in entry["ports"])),
+                bool(entry.get("sensor", False)),
+            )
+    return Names(groups, effects)
+
+
+def _group(port: str, groups: Mapping[str, tuple[str, ...]]) -> str:
+    for name, starts in groups.items():
+        if port.startswith(tuple(starts)):
+            return name
+    return port.split(".")[0]
+
+
+def read_key(path: str | Path) -> dict[str, Mapping[str, Any]]:
+    """Read an answer key: ``truth`` (a list of effects) by case.
+
+    Args:
+        path: JSON file.
+
+    Returns:
+        The answers as they stand in the file, by case.
+
+    Raises:
+        WorkbenchError: If the file cannot be read or has another form.
+    """
+    content = read_json(path, "key")
+    for case, answer in content.items():
+        truth = answer.get("truth") if isinstance(answer, dict) else None
+        if not isinstance(truth, list) or not all(
+            isinstance(t, dict) and isinstance(t.get("effect"), str) for t in truth
+        ):
+            raise WorkbenchError(
+                f"case {case!r} of key {str(path)!r} has no list 'truth' of effects; it needs"
+                ' {"truth": [{"effect": NAME}]}'
+            )
+    return content
+
+
+def words_of(answer: Mapping[str, Any]) -> list[str]:
+    """Return the effects that an answer names.
+
+    Args:
+        answer: An answer of a key.
+
+    Example:
+        >>> words_of({"truth": [{"effect": "tilt"}]})
+        ['tilt']
+    """
+    return [truth["effect"] for truth in answer["truth"]]
+
+
+def commitments(answer: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the SHA-256 of an answer's canonical JSON, with and without blanks.
+
+    Args:
+        answer: An answer of a key, with its salt.
+
+    Returns:
+        Hexadecimal digests: sorted keys with the usual separators, then compact ones.
+
+    Example:
+        >>> commitments({"b": 1, "a": 2})[1] == hashlib.sha256(b'{"a":2,"b":1}').hexdigest()
+        True
+    """
+    forms = [
+        json.dumps(answer, sort_keys=True, separators=separators, ensure_ascii=ascii_only)
+        for ascii_only in (True, False)
+        for separators in ((", ", ": "), (",", ":"))
+    ]
+    return tuple(hashlib.sha256(form.encode()).hexdigest() for form in forms)
+
+
+def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) -> int:
+    """Check that the answers of a key are those that were committed beforehand.
+
+    Args:
+        key: Answers by case.
+        path: Text file with a case and a digest per line.
+
+    Returns:
+        Number of answers checked.
+
+    Raises:
+        WorkbenchError: If the file cannot be read, or an answer was not committed or differs.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise WorkbenchError(f"commitments {str(path)!r} cannot be read: {error}") from None
+    lines = [line.split() for line in text.splitlines() if line.strip()]
+    if any(len(words) != 2 for words in lines):
+        raise WorkbenchError(
+            f"commitments {str(path)!r} must hold a case and its SHA-256 on each line"
+        )
+    committed = dict(lines)
+    for case, answer in key.items():
+        check_choice("committed case", case, committed)
+        if committed[case].lower() not in commitments(answer):
+            raise WorkbenchError(
+                f"the answer of case {case} is not the one committed beforehand; the round cannot"
+                " be scored with this key"
+            )
+    return len(key)
+
+
+def read_json(path: str | Path, what: str) -> dict[str, Any]:
+    """Read a JSON object.
+
+    Args:
+        path: The file.
+        what: What the file is, for messages.
+
+    Returns:
+        Its content.
+
+    Raises:
+        WorkbenchError: If it cannot be read or is no object.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise WorkbenchError(f"{what} {str(path)!r} cannot be read: {reason}") from None
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise WorkbenchError(f"{what} {str(path)!r} is not JSON: {error}") from None
+    if not isinstance(content, dict):
+        raise WorkbenchError(f"{what} {str(path)!r} must hold a JSON object")
+    return content
+
+
+def _toml(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise WorkbenchError(f"table of names {str(path)!r} cannot be read: {reason}") from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise WorkbenchError(f"table of names {str(path)!r} is not TOML: {error}") from None

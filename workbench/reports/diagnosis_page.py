@@ -1,0 +1,265 @@
+"""The page of a diagnosis: what is missing, and the proof."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from workbench.diagnosis.diagnose import Diagnosis
+from workbench.diagnosis.free_run import FreeRun
+from workbench.diagnosis.proof import Located, Proof
+from workbench.diagnosis.verdict import Verdict
+from workbench.reports.diagnosis_tables import (
+    METHODS,
+    checks_table,
+    errors_table,
+    parameters_table,
+    scores_table,
+    unseen_table,
+)
+from workbench.reports.figures.diagnosis_law import diagnosis_law, diagnosis_signal
+from workbench.reports.figures.diagnosis_location import diagnosis_location
+from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
+from workbench.reports.figures.diagnosis_units import readable
+from workbench.reports.page import Block, Method, Page, Section, Words
+from workbench.reports.pictures import Picture
+from workbench.reports.tables import number
+
+VERDICTS: dict[str, str] = {
+    "data_unfit": "the recordings are unfit to judge",
+    "nothing_missing": "nothing is missing",
+    "parameter": "a value was wrong",
+    "sensor": "a sensor is wrong",
+    "named": "found and named",
+    "named_class": "found, named up to look-alikes",
+    "located_unnamed": "located but not named",
+    "unexplained": "not explained",
+}
+"""Verdicts as people read them."""
+
+
+def diagnosis_page(
+    diagnosis: Diagnosis, proof: Proof, *, name: str, commands: Sequence[str] = ()
+) -> Page:
+    """Build the page of a diagnosis.
+
+    Args:
+        diagnosis: A finished diagnosis.
+        proof: What `workbench.diagnosis.proof.proof_of` computed for it.
+        name: What was diagnosed, such as the name of a case.
+        commands: Command lines that reproduce it.
+
+    Returns:
+        The page: verdict, held-out recordings, place and form of what is missing, numbers,
+        alternatives, limits.
+
+    Raises:
+        ValueError: If the diagnosis has no verdict.
+    """
+    verdict = diagnosis.verdict
+    if verdict is None:
+        raise ValueError("a page needs a finished diagnosis")
+    sections = []
+    if diagnosis.runs:
+        sections += [
+            _held_out(diagnosis, proof, verdict),
+            _where(diagnosis, proof, verdict),
+            _numbers(diagnosis),
+            _alternatives(diagnosis),
+            _limits(diagnosis, verdict),
+        ]
+    sections.append(_recordings(verdict, commands))
+    return Page(
+        f"Diagnosis of {name}",
+        _lead(diagnosis, proof, verdict),
+        tuple(section for section in sections if section.blocks),
+        facts=_facts(diagnosis, verdict),
+    )
+
+
+def _lead(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
+    """Return the verdict, and what it is worth on recordings that it has not seen."""
+    sentence = verdict.sentence.replace("+-", "±").replace("_", " ")
+    if not diagnosis.accepted:
+        return sentence
+    falls = [
+        f"{row.output.replace('_', ' ')} from {number(factor * row.rmse['refitted'])} to"
+        f" {number(factor * row.rmse['extended'])} {unit}"
+        for row in proof.errors
+        for unit, factor in [readable(row.unit)]
+        if {"refitted", "extended"} <= set(row.rmse)
+    ]
+    if not falls:
+        return sentence
+    return f"{sentence} On held-out recordings the error falls: {', '.join(falls)}."
+
+
+def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...]:
+    facts = [("verdict", VERDICTS[verdict.kind]), ("model", diagnosis.nominal.name)]
+    share = [f.share_of_excess_explained for f in verdict.findings]
+    if share and math.isfinite(share[0]):
+        facts.append(("excess error removed", f"{100 * share[0]:.4g} %"))
+    if math.isfinite(verdict.seconds):
+        facts.append(("computed in", f"{verdict.seconds:.0f} s"))
+    return tuple(facts)
+
+
+def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
+    extended = diagnosis.runs.get("extended", {}) if diagnosis.accepted else {}
+    noise = verdict.fit.get("noise_floor", {})
+    blocks: list[Block] = [
+        Words(
+            "Neither model has seen these recordings. Each runs freely: it gets the input and the"
+            " first readings, never a later one. Both have their parameters fitted to the same"
+            " other recordings, so the difference is the physics and not the tuning."
+            if extended
+            else "The model has not seen these recordings. It runs freely: it gets the input and"
+            " the first readings, never a later one."
+        )
+    ]
+    for i, (title, run) in enumerate(diagnosis.runs["refitted"].items()):
+        after = extended.get(title)
+        plain = title.split("/")[-1].replace("_", " ")
+        blocks += [
+            Picture(
+                f"runs-{i + 1}",
+                diagnosis_runs(run, after),
+                f"{plain}: measured, and simulated by {_models(after)}.{_failed(run, after)}",
+                f"readings and free runs of {plain} over time",
+            ),
+            Picture(
+                f"residuals-{i + 1}",
+                diagnosis_residuals(run, noise, after),
+                f"{plain}: error of the free run, root mean square over 0.2 s, on a logarithmic"
+                " axis. In the green band it is no larger than the noise of the sensor.",
+                f"errors of the free runs of {plain} over time",
+            ),
+        ]
+    blocks.append(errors_table(proof.errors, bool(extended)))
+    return Section("held-out", "On recordings that were held out", tuple(blocks))
+
+
+def _models(after: FreeRun | None) -> str:
+    return "the refitted nominal model" + ("" if after is None else " and by the extended one")
+
+
+def _failed(before: FreeRun, after: FreeRun | None) -> str:
+    said = [
+        f" The {name} model does not reach the end: {run.failure}."
+        for name, run in (("refitted", before), ("extended", after))
+        if run is not None and not run.finite
+    ]
+    return "".join(said)
+
+
+def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
+    blocks: list[Block] = []
+    before = verdict.location.get("before", {})
+    after = verdict.location.get("after", {}) if diagnosis.accepted else {}
+    if before:
+        blocks.append(
+            Picture(
+                "location",
+                diagnosis_location(before, after or None),
+                "How much likelier the recordings become when an unknown signal may act on one"
+                " group of equations. Long bars: the equations there leave something out."
+                + (" After the extension nothing may be left." if after else ""),
+                "gain of an unknown input by group of ports",
+            )
+        )
+    if proof.located:
+        blocks.append(
+            Words(
+                "Below is what the refitted nominal model lacks at that place: a signal estimated"
+                " from the held-out recordings alone, without assuming any law. Beside it, at the"
+                " same times, stands what the extended model adds, whose law was fitted to the"
+                " other recordings."
+                if diagnosis.accepted
+                else "Below is what the refitted nominal model lacks at that place: a signal"
+                " estimated from the held-out recordings, without assuming any law."
+            )
+        )
+    for i, located in enumerate(proof.located):
+        blocks += [
+            Picture(
+                f"law-{i + 1}",
+                diagnosis_law(located),
+                _law_caption(located),
+                f"located signal at {located.port} against {located.argument}",
+            ),
+            Picture(
+                f"signal-{i + 1}",
+                diagnosis_signal(located),
+                f"The same signal at {located.port} over time, with twice its standard deviation"
+                " in grey: where the grey is wide, the readings do not tell.",
+                f"located signal at {located.port} over time",
+            ),
+        ]
+    return Section("where", "Where it acts and what it looks like", tuple(blocks))
+
+
+def _law_caption(located: Located) -> str:
+    what = (
+        f"The signal at {located.port} against {located.argument.replace('_', ' ')}, at times at"
+        " which the readings tell it to half its size or better"
+    )
+    if located.law is None:
+        return f"{what}."
+    what += ", less what the parameters that moved account for; and the effect alone."
+    if not located.explained > 0:
+        return what
+    return (
+        f"{what} Together they take away {100 * located.explained:.0f} % of the signal's mean"
+        " square."
+    )
+
+
+def _numbers(diagnosis: Diagnosis) -> Section:
+    return Section("parameters", "Parameters", (parameters_table(diagnosis),))
+
+
+def _alternatives(diagnosis: Diagnosis) -> Section:
+    blocks: list[Block] = []
+    for i, (scores, candidates) in enumerate(diagnosis.rounds):
+        title = "What else it could be" if i == 0 else "What is left after that"
+        blocks.append(scores_table(title, scores, candidates))
+    if blocks:
+        charged = len(diagnosis.rounds[0][0].scores)
+        blocks.insert(
+            0,
+            Words(
+                f"{charged} effects of the library were tried on an equal footing; each accepted"
+                " one had to pay for the size of the library, and to improve the held-out"
+                " recordings beyond chance."
+            ),
+        )
+    return Section("alternatives", "Alternatives", tuple(blocks))
+
+
+def _limits(diagnosis: Diagnosis, verdict: Verdict) -> Section:
+    blocks: list[Block] = []
+    step = verdict.next_experiment
+    if step.get("sentence"):
+        sigma = step.get("separation_sigma")
+        much = f" Predicted separation: {number(sigma)} standard deviations." if sigma else ""
+        blocks.append(Words(f"Next experiment: {step['sentence']}{much}"))
+    if verdict.not_testable:
+        blocks.append(unseen_table(verdict))
+    elif diagnosis.rounds:
+        blocks.append(Words("Every effect of the library would have shown at a plausible size."))
+    return Section("limits", "What could not be seen, and what to do next", tuple(blocks))
+
+
+def _recordings(verdict: Verdict, commands: Sequence[str]) -> Section:
+    from workbench.reports.page import Commands
+
+    blocks: list[Block] = []
+    remarks = [row for row in verdict.data if row.get("result") != "pass"]
+    if remarks:
+        blocks.append(checks_table(verdict))
+    elif verdict.data:
+        blocks.append(Words(f"All {len(verdict.data)} checks of the recordings passed."))
+    blocks.append(Method(METHODS))
+    if commands:
+        blocks.append(Commands(tuple(commands)))
+    return Section("recordings", "Recordings and methods", tuple(blocks))

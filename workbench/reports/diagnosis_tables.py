@@ -1,0 +1,282 @@
+"""Tables of a diagnosis: errors, parameters, scores, what could not be seen, checks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from workbench.diagnosis.diagnose import Diagnosis
+from workbench.diagnosis.proof import ErrorRow
+from workbench.diagnosis.refit_result import Estimate
+from workbench.diagnosis.score import ABSORBED, Scores
+from workbench.diagnosis.select import Candidate
+from workbench.diagnosis.verdict import Verdict
+from workbench.reports.figures.diagnosis_units import readable
+from workbench.reports.tables import Cell, Table, number
+
+METHODS: tuple[tuple[str, str], ...] = (
+    (
+        "free run",
+        "the model simulated along the recorded input from the state that the first readings"
+        " show; no reading corrects it later",
+    ),
+    (
+        "over noise",
+        "root mean square of the error over that of the sensor's noise and quantisation; the"
+        " integral of small unmeasured disturbances keeps a perfect model of a moving machine"
+        " above 1",
+    ),
+    (
+        "refitted",
+        "parameters by prediction error of an extended Kalman filter within bounds and priors,"
+        " jointly over the fitting recordings; the share of unmodelled disturbance is fitted too",
+    ),
+    (
+        "unknown input",
+        "gain of log likelihood when a signal that is random, but correlated over 0.1 s, may act"
+        " on one group of ports and the other equations are trusted",
+    ),
+    (
+        "located signal",
+        "iterated extended Kalman smoother of the refitted nominal model with an unknown"
+        " signal, correlated over 0.05 s, at the port; its size is estimated with it. The law"
+        " beside it is the difference of both models' rates at the same states, divided by the"
+        " effect of a unit signal at the port: it contains the new effect and the parameters that"
+        " moved back",
+    ),
+    (
+        "argument of the law",
+        "the state or input of which most of the law's variance is a function (correlation ratio)",
+    ),
+    (
+        "expected gain and size",
+        "score test: derivative of the whitened prediction errors by the effect's size at zero,"
+        " less what the free parameters can imitate",
+    ),
+    ("absorbed", "share of the effect's signature that the free parameters can imitate"),
+    (
+        "alike",
+        "absolute cosine between the signatures, so projected, of the effect and of the best one;"
+        " above 0.95 the score cannot tell them apart, the full refit may",
+    ),
+    (
+        "gain on held-out recordings",
+        "difference of log likelihood on recordings not fitted on, with the 99 % interval of a"
+        " bootstrap over blocks of 0.5 s",
+    ),
+)
+"""How each number was computed, in the words of the page."""
+
+_SHOWN_SCORES = 12
+
+
+def errors_table(errors: Sequence[ErrorRow], extended: bool) -> Table:
+    """Build the table of free-run errors on all held-out recordings.
+
+    Args:
+        errors: Errors by output.
+        extended: Whether something was found.
+
+    Example:
+        >>> print(errors_table([ErrorRow("angle", "rad", 1.0, 0.1, {"refitted": 0.2})], False))
+        Errors of free runs over all held-out recordings
+        output      model           error  of the spread  over noise
+        angle in °  refitted        11.5   20.0 %         2.00
+        angle in °  sensor's noise  5.73   10.0 %         1
+        ...
+    """
+    labels = ("nominal", "refitted", "extended") if extended else ("nominal", "refitted")
+    rows: list[tuple[Cell | str, ...]] = []
+    for row in errors:
+        unit, factor = readable(row.unit)
+        for label in labels:
+            if label in row.rmse:
+                rows.append(
+                    (
+                        f"{row.output.replace('_', ' ')} in {unit}",
+                        label,
+                        number(factor * row.rmse[label]),
+                        f"{number(100 * row.normalised(label))} %",
+                        number(row.over_noise(label)),
+                    )
+                )
+        rows.append(
+            (
+                f"{row.output.replace('_', ' ')} in {unit}",
+                "sensor's noise",
+                number(factor * row.noise),
+                f"{number(100 * row.noise / row.spread if row.spread else math.nan)} %",
+                "1",
+            )
+        )
+    return Table(
+        "Errors of free runs over all held-out recordings",
+        ("output", "model", "error", "of the spread", "over noise"),
+        tuple(rows),
+        "Root mean square; nominal: before any fit; refitted: nominal equations, fitted"
+        " parameters" + ("; extended: with what was found." if extended else "."),
+    )
+
+
+def parameters_table(diagnosis: Diagnosis) -> Table:
+    """Build the table of parameters before the data, refitted and in the extended model.
+
+    Args:
+        diagnosis: A finished diagnosis.
+    """
+    before = {e.name: e for e in diagnosis.base.refit.estimates}
+    after = {e.name: e for e in diagnosis.extended.refit.estimates} if diagnosis.accepted else {}
+    rows: list[tuple[Cell | str, ...]] = []
+    for name in [*(n for n in after if n not in before), *before]:
+        one = before.get(name) or after[name]
+        new = name not in before
+        unit, factor = readable(one.unit)
+        plain = name.replace("_", " ").replace(".", ", ")
+        shown = plain if unit == "1" else f"{plain} in {unit}"
+        known = f"{_value(factor * one.prior.mean)} ± {_value(factor * one.prior.std, 2)}"
+        cells: list[Cell | str] = [
+            shown + (" (new)" if new else ""),
+            "" if new else known,
+            _estimate(before.get(name)),
+        ]
+        if after:
+            cells.append(_estimate(after.get(name)))
+        cells.append(_moved(before.get(name), after.get(name)) if not new else "")
+        rows.append(tuple(cells))
+    headings = ["parameter", "before the data", "refitted"]
+    headings += ["extended", "distance"] if after else ["distance"]
+    return Table(
+        "Values with their standard deviations",
+        tuple(headings),
+        tuple(rows),
+        "Distance: from the value before the data, in standard deviations of what was known"
+        + (", refitted and extended. True physics lets the others return." if after else "."),
+    )
+
+
+def _estimate(estimate: Estimate | None) -> Cell:
+    if estimate is None:
+        return Cell("")
+    factor = readable(estimate.unit)[1]
+    text = f"{_value(factor * estimate.value, 4)} ± {_value(factor * estimate.std, 2)}"
+    return Cell(text, reason="on its bound" if estimate.on_bound else "")
+
+
+def _value(value: float, digits: int = 3) -> str:
+    if 0.0 < abs(value) < 1e-3:
+        return f"{value:.{digits - 1}e}".replace("-", "−")
+    return number(value, digits)
+
+
+def _moved(before: Estimate | None, after: Estimate | None) -> str:
+    said = [
+        number(abs(e.value - e.prior.mean) / e.prior.std, 2)
+        for e in (before, after)
+        if e is not None and e.prior.std > 0
+    ]
+    return " → ".join(said)
+
+
+def scores_table(title: str, scores: Scores, candidates: Sequence[Candidate]) -> Table:
+    """Build the table of scores, refits and confusion with the best effect.
+
+    Args:
+        title: What the table lists.
+        scores: Scores of the library.
+        candidates: Effects that were refitted.
+    """
+    names = [score.entry.name for score in scores.scores]
+    tried = {c.entry.name: c for c in candidates}
+    reference = candidates[0].entry.name if candidates else (names[0] if names else "")
+    row = names.index(reference) if reference in names else 0
+    listed = [n for n in tried if n in names]
+    listed += [n for n in names if n not in tried][: max(0, _SHOWN_SCORES - len(listed))]
+    rows: list[tuple[Cell | str, ...]] = []
+    for name in listed:
+        i = names.index(name)
+        score, candidate = scores.scores[i], tried.get(name)
+        rows.append(
+            (
+                name.replace("_", " "),
+                ", ".join(dict.fromkeys(score.entry.ports)).replace("_", " "),
+                number(score.gain),
+                f"{number(score.size)} {score.entry.unit}".removesuffix(" 1"),
+                f"{100 * score.absorption:.0f} %",
+                "–" if name == reference else f"{scores.confusion[row, i]:.2f}",
+                _fitted(candidate),
+                _held_out(candidate),
+                _outcome(candidate),
+            )
+        )
+    return Table(
+        title,
+        (
+            "effect",
+            "acts at",
+            "expected gain",
+            "expected size",
+            "absorbed",
+            f"alike {reference.replace('_', ' ')}",
+            "gain when refitted",
+            "gain on held-out recordings",
+            "outcome",
+        ),
+        tuple(rows),
+        "Gains in units of log likelihood."
+        + (f" The other {len(names) - len(rows)} score less." if len(names) > len(rows) else ""),
+    )
+
+
+def _fitted(candidate: Candidate | None) -> str:
+    if candidate is None or not math.isfinite(candidate.gain):
+        return ""
+    return number(round(candidate.gain))
+
+
+def _held_out(candidate: Candidate | None) -> str:
+    if candidate is None or not math.isfinite(candidate.held_out[1]):
+        return ""
+    gain, low, high = (number(round(value)) for value in candidate.held_out)
+    return f"{gain} ({low} … {high})"
+
+
+def _outcome(candidate: Candidate | None) -> Cell:
+    if candidate is None:
+        return Cell("scored only")
+    if candidate.refused:
+        return Cell(candidate.refused)
+    return Cell("accepted")
+
+
+def unseen_table(verdict: Verdict) -> Table:
+    """Build the table of effects that these recordings could not have shown.
+
+    Args:
+        verdict: The verdict.
+    """
+    return Table(
+        "What these recordings could not have shown",
+        ("effect", "why"),
+        tuple((item["effect"].replace("_", " "), item["reason"]) for item in verdict.not_testable),
+        f"Absorbed beyond {100 * ABSORBED:.0f} %, or too small at every plausible size.",
+    )
+
+
+def checks_table(verdict: Verdict) -> Table:
+    """Build the table of checks that did not simply pass.
+
+    Args:
+        verdict: The verdict.
+    """
+    passed = sum(row.get("result") == "pass" for row in verdict.data)
+    rows = tuple(
+        (row["recording"], row["check"], row["result"], row["note"])
+        for row in verdict.data
+        if row.get("result") != "pass"
+    )
+    return Table(
+        "Checks of the recordings",
+        ("recording", "check", "result", "note"),
+        rows,
+        f"{passed} checks passed without remark.",
+    )

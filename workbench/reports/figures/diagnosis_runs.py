@@ -1,0 +1,190 @@
+"""Held-out recordings beside free runs of the refitted and of the extended model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.free_run import FreeRun
+from workbench.reports.figures.diagnosis_units import readable, titled
+from workbench.reports.style import (
+    BAND,
+    FURTHER,
+    MEASURED,
+    REFERENCE,
+    SIMULATED,
+    key,
+    label,
+    new_figure,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Vector = npt.NDArray[np.float64]
+
+BEFORE = FURTHER[1]
+"""Colour of the refitted nominal model."""
+
+AFTER = SIMULATED
+"""Colour of the extended model."""
+
+_POINTS = 1200
+_DASHES = (0, (4, 2))
+_WINDOW_S = 0.2
+
+
+def diagnosis_runs(before: FreeRun, after: FreeRun | None = None) -> Figure:
+    """Draw what was measured and what both models say to the same input, on the same axes.
+
+    Args:
+        before: Free run of the refitted nominal model.
+        after: Free run of the extended model on the same recording; None if nothing was found.
+
+    Returns:
+        The figure: one panel per output over time in s; the last repeats the first output around
+        the time at which the refitted model is farthest off.
+
+    Example:
+        >>> one = np.zeros((2, 1))
+        >>> run = FreeRun("trial", ("angle",), ("rad",), np.arange(2.0), one, one)
+        >>> [axes.get_ylabel() for axes in diagnosis_runs(run).axes]
+        ['angle in °', 'angle in °']
+    """
+    from matplotlib.lines import Line2D
+
+    count = len(before.used)
+    figure, panels = new_figure([1.6] + [1.4] * (count - 1) + [1.7], share_x=False)
+    for i, axes in enumerate(panels[:count]):
+        _curves(axes, before, after, i, np.ones(len(before.time), dtype=bool))
+        if i < count - 1:
+            axes.tick_params(labelbottom=False)
+    label(panels[count - 1], x="time in s")
+    _curves(panels[-1], before, after, 0, _worst(before))
+    label(panels[-1], x="time in s, where the refitted model is farthest off")
+    handles = [
+        Line2D([], [], color=MEASURED.light, linewidth=3.0, alpha=0.45, label="measured"),
+        Line2D([], [], color=BEFORE.light, linewidth=1.2, label="refitted"),
+    ]
+    if after is not None:
+        handles.append(
+            Line2D([], [], color=AFTER.light, linewidth=1.2, linestyle=_DASHES, label="extended")
+        )
+    key(panels[0], columns=3, handles=handles)
+    figure.align_ylabels()
+    return figure
+
+
+def _worst(run: FreeRun) -> npt.NDArray[np.bool_]:
+    """Rows around the largest error of the first output, an eighth of the recording."""
+    width = max(2, len(run.time) // 8)
+    error = np.nan_to_num(np.abs(run.error[:, 0]))
+    middle = int(np.argmax(np.convolve(error**2, np.ones(max(1, width // 8)), "same")))
+    first = int(np.clip(middle - width // 2, 0, max(0, len(run.time) - width)))
+    rows = np.zeros(len(run.time), dtype=bool)
+    rows[first : first + width] = True
+    return rows
+
+
+def _curves(
+    axes: Axes, before: FreeRun, after: FreeRun | None, i: int, rows: npt.NDArray[np.bool_]
+) -> None:
+    factor = readable(before.units[i])[1]
+    time, seen = _thinned(before.time[rows], before.measured[rows, i])
+    axes.plot(time, factor * seen, color=MEASURED.light, linewidth=3.0, alpha=0.45)
+    if before.finite:
+        told = _thinned(before.time[rows], before.simulated[rows, i])[1]
+        axes.plot(time, factor * told, color=BEFORE.light, linewidth=1.2)
+    if after is not None and after.finite:
+        told = _thinned(after.time[rows], after.simulated[rows, i])[1]
+        axes.plot(time, factor * told, color=AFTER.light, linewidth=1.2, linestyle=_DASHES)
+    low, high = np.nanmin(seen) * factor, np.nanmax(seen) * factor
+    room = 0.2 * (high - low) or 1.0
+    axes.set_ylim(low - room, high + room)
+    label(axes, y=titled(before.used[i], before.units[i]))
+
+
+def diagnosis_residuals(
+    before: FreeRun, noise: Mapping[str, float], after: FreeRun | None = None
+) -> Figure:
+    """Draw how far both free runs are from the readings, against the noise of the sensors.
+
+    Args:
+        before: Free run of the refitted nominal model.
+        noise: Noise of each output, in its SI unit.
+        after: Free run of the extended model; None if nothing was found.
+
+    Returns:
+        The figure: root mean square of the error over windows of 0.2 s on a logarithmic axis, one
+        panel per output over time in s; the band is twice the noise.
+
+    Example:
+        >>> one = np.zeros((200, 1))
+        >>> run = FreeRun("trial", ("angle",), ("rad",), 0.01 * np.arange(200.0), one, one + 0.1)
+        >>> diagnosis_residuals(run, {"angle": 0.001}).axes[0].get_yscale()
+        'log'
+    """
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    figure, panels = new_figure([1.4] * len(before.used))
+    for i, axes in enumerate(panels):
+        factor = readable(before.units[i])[1]
+        level = max(factor * noise.get(before.used[i], 0.0), 1e-12)
+        curves = [(before, BEFORE), *([] if after is None else [(after, AFTER)])]
+        smallest, largest = level, 3 * level
+        for run, colour in curves:
+            if run.finite:
+                time, rms = moving_rms(run.time, run.error[:, i])
+                axes.plot(time, factor * rms, color=colour.light, linewidth=1.3)
+                smallest = min(smallest, float(np.nanmin(factor * rms, initial=level)))
+                largest = max(largest, float(np.nanmax(factor * rms, initial=level)))
+        axes.set_yscale("log")
+        axes.set_ylim(0.5 * max(smallest, 1e-3 * level), 2 * largest)
+        axes.axhspan(1e-12, 2 * level, color=BAND.light, zorder=0)
+        axes.axhline(level, color=REFERENCE.light, linewidth=0.9, linestyle=":")
+        axes.minorticks_off()
+        label(axes, y=titled(before.used[i], before.units[i]))
+    label(panels[-1], x="time in s")
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=BEFORE.light, linewidth=1.3, label="refitted")
+    ]
+    if after is not None:
+        handles.append(Line2D([], [], color=AFTER.light, linewidth=1.3, label="extended"))
+    handles.append(Patch(color=BAND.light, label="twice the sensor's noise"))
+    key(panels[0], columns=3, handles=handles)  # type: ignore[arg-type]
+    figure.align_ylabels()
+    return figure
+
+
+def moving_rms(time: Vector, error: Vector, *, window: float = _WINDOW_S) -> tuple[Vector, Vector]:
+    """Return the root mean square of an error over windows of time.
+
+    Args:
+        time: Sample times, shape (n,), in s.
+        error: Errors, shape (n,), in any unit; NaN where there is no reading.
+        window: Length of a window, in s; at least ten samples are taken.
+
+    Returns:
+        Middles of the windows, in s, and the values, in the error's unit.
+
+    Example:
+        >>> moving_rms(0.1 * np.arange(20), np.full(20, 2.0))[1]
+        array([2., 2.])
+    """
+    size = max(10, round(window / (time[1] - time[0])))
+    count = max(1, len(time) // size)
+    used = min(len(time), count * size)
+    squares = np.nan_to_num(error[:used] ** 2).reshape(count, -1)
+    seen = np.isfinite(error[:used]).reshape(count, -1).sum(axis=1)
+    values = np.sqrt(squares.sum(axis=1) / np.maximum(seen, 1))
+    return time[:used].reshape(count, -1).mean(axis=1), np.where(seen > 0, values, np.nan)
+
+
+def _thinned(time: Vector, values: Vector) -> tuple[Vector, Vector]:
+    step = max(1, len(time) // _POINTS)
+    return time[::step], values[::step]
