@@ -1,0 +1,71 @@
+"""The verbs that read recordings: refit, force-map, recording."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.cli.main import run
+from workbench.data_folder import shipped_data
+from workbench.demo.force_map_study import made_up_map
+
+
+@pytest.mark.system
+def test_refit_writes_a_page_with_the_estimates(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["refit", "practice-07", "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert "valve_conductance" in printed
+    assert "at the noise floor" in printed
+    results = json.loads((tmp_path / "results.json").read_text())
+    assert results["reaches_noise_floor"] is True
+    low, high = results["parameters"]["force_gain"]["interval"]
+    assert low < results["parameters"]["force_gain"]["value"] < high
+    page = (tmp_path / "report.html").read_text()
+    assert "valve_conductance" in page
+    assert page.count("<svg") == 2
+    assert (tmp_path / "held-out-practice-07-validate-open.png").stat().st_size > 10_000
+
+
+def test_force_map_compares_the_laws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    points = made_up_map()
+    table = np.column_stack([points.pressure, points.length, points.force])
+    file = tmp_path / "map.csv"
+    np.savetxt(file, table, delimiter=",", header="pressure_Pa,length_m,force_N", comments="")
+    assert run(["force-map", str(file), "--out", str(tmp_path / "out")]) == 0
+    assert "phi is needed" in capsys.readouterr().out
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert results["laws"]["paper_3"]["fitted_rms_N"] < results["laws"]["petrovic"]["fitted_rms_N"]
+
+
+def test_recording_shows_its_checks(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = shipped_data("practice-07") / "validate_open.csv.gz"
+    assert run(["recording", str(file), "--out", str(tmp_path)]) == 0
+    printed = capsys.readouterr().out
+    assert "noise floor" in printed
+    page = (tmp_path / "report.html").read_text()
+    assert "Is it fit to judge a model on?" in page
+    assert (tmp_path / "signals.png").is_file()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["refit", "practice-77"], "neither a folder with a case nor one of"),
+        (["refit", "emps", "--data", "nowhere"], "does not exist"),
+        (["force-map", "nowhere.csv"], "nowhere.csv"),
+        (["recording", "nowhere.csv"], "nowhere.csv"),
+    ],
+)
+def test_mistakes_are_one_sentence(
+    arguments: list[str], words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run([*arguments, "--out", str(tmp_path / "out")]) == 2
+    message = capsys.readouterr().err
+    assert words in message
+    assert message.strip().count("\n") == 0
+    assert not (tmp_path / "out").exists()

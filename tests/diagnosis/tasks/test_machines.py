@@ -1,0 +1,74 @@
+"""Refits of real machines against what others found on the same recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.diagnosis.refit_report import run_refit
+from workbench.diagnosis.tasks import machine_task
+from workbench.recordings.public_data import public_file
+
+
+def _friction(folder: Path, bar: int) -> tuple[float, float]:
+    """Half of push minus pull without what the pressure does, in N, at a speed in m/s."""
+    name = f"zillen-pneumatic-seal-friction/O-ring_{bar}bar.csv"
+    rows = np.loadtxt(public_file(name, data=folder))
+    time, inwards = rows[:, 0] / 1e3, rows[:, 4] / 1e3
+    pressure, force = rows[:, 5] * 1e5, rows[:, 6]
+    even = np.arange(time[0], time[-1], 0.1)
+    speed = np.gradient(np.interp(even, time, inwards), 0.1)
+    net = np.interp(even, time, force - pressure * np.pi * 0.0125**2)
+    push, pull = speed > 5e-3, speed < -5e-3
+    mean_speed = 0.5 * float(speed[push].mean() - speed[pull].mean())
+    return 0.5 * float(net[push].mean() - net[pull].mean()), mean_speed
+
+
+def test_emps_reproduces_the_published_values(external_folder: Path) -> None:
+    report = run_refit(machine_task("emps", data=external_folder))
+    assert report.refit.converged
+    for name, value, published, sigmas in report.differences():
+        # Another method on the same data: closer than the data determine, and within 2 %.
+        assert abs(sigmas) < 1.0, name
+        assert value == pytest.approx(published, rel=0.02), name
+    assert report.refit.estimate("mass").value == pytest.approx(95.1089, rel=2e-3)
+    row = report.row("DATA_EMPS_PULSES", "position")
+    # Free run through two integrations: linear black boxes reach 5.5 mm, networks 2.6 mm.
+    assert row.refitted < 10.0
+    assert row.refitted < 0.1 * row.nominal
+    assert not report.reaches_floor
+
+
+def test_tanks_come_close_to_the_best_published_free_run(external_folder: Path) -> None:
+    report = run_refit(machine_task("tanks", data=external_folder))
+    row = report.row("test", "level")
+    # Published: 0.191 V for the best physical model, 0.306 V for the next, 0.588 V if linear.
+    assert row.refitted < 0.30
+    assert row.refitted < 0.5 * row.nominal
+
+
+def test_friction_of_the_seal_grows_with_pressure(external_folder: Path) -> None:
+    report = run_refit(machine_task("cylinder", data=external_folder))
+    slope = report.refit.estimate("seal_friction.coefficient")
+    low, _ = slope.interval
+    assert low > 0.0
+    dry = report.refit.estimate("coulomb_friction.level").value
+    viscous = report.refit.estimate("viscous_friction.coefficient").value
+    for bar in (1, 3, 5, 7):
+        measured, speed = _friction(external_folder, bar)
+        model = dry + 1e5 * bar * slope.value + speed * viscous
+        assert model == pytest.approx(measured, abs=1.0), bar
+    row = report.row("O-ring_3bar", "force")
+    assert row.refitted < 1.0
+    # The piston of 25 mm has 4.909 cm2.
+    assert report.refit.estimate("area").value == pytest.approx(4.909e-4, rel=0.02)
+
+
+def test_servo_follows_on_the_motion_held_out(external_folder: Path) -> None:
+    report = run_refit(machine_task("pendulum", data=external_folder))
+    for row in report.rows:
+        assert row.refitted < 6.0, row.recording
+        assert row.refitted < 0.3 * row.spread, row.recording
+    assert 0.05 < report.refit.estimate("gear_friction.coefficient").value < 0.4
