@@ -1,20 +1,23 @@
 """Sliding mode over the whole range: boundary layer, integral surface, super-twisting.
 
 With the plan and the estimate of `joint_tracking`, the error x = theta_r - theta and q its
-integral, the surface is (r = 2 without, r = 3 with integral)
+integral, the surface is
 
-    first order, super-twisting:   s = x'' + 2 lambda x' + lambda^2 x
-    integral:                      s = x'' + 3 lambda x' + 3 lambda^2 x + lambda^3 q
+    boundary layer:             s = x'' + 2 lambda x' + lambda^2 x
+    integral, super-twisting:   s = x'' + 3 lambda x' + 3 lambda^2 x + lambda^3 q
 
 The equivalent control keeps ds/dt = 0 on the model of the joint at the measured angle:
 
     J  = j_r + c2 x'' + c1 x' + c0 x + reaching            wanted jerk
     o  = [J + a1 alpha + a0 omega] / (b g) + [e omega + d (dp - dp0)] / g
 
-with (c2, c1, c0) = (2 lambda, lambda^2, 0) or (3 lambda, 3 lambda^2, lambda^3). The reaching part is
+with (c2, c1, c0) = (2 lambda, lambda^2, 0) or (3 lambda, 3 lambda^2, lambda^3). The acceleration
+alpha holds the observer's unexplained part, or a share of it: the integral surface leads to the
+reference without it, and is less sensitive to an inertia that is not the known one. The reaching
+part is
 
-    boundary layer:   rho sat(s / layer)
-    super-twisting:   k1 |s|^(1/2) sat(s / layer) + v,    v[k+1] = v[k] + h k2 sat(s / layer)
+    boundary layer, integral:   rho sat(s / layer)
+    super-twisting:             k1 |s|^(1/2) sat(s / layer) + v,    v[k+1] = v[k] + h k2 sat(s / layer)
 
 with k1 = 1.5 sqrt(L), k2 = 1.1 L for a disturbance whose rate is at most L. A boundary layer turns
 the last sample's chatter into a linear law with the pole rho / layer; s is judged by its rms.
@@ -52,6 +55,7 @@ class ScheduledSlidingMode:
         jerk_bound: Bound rho on the jerk that the model leaves out, in rad/s3.
         layer: Half width of the boundary layer, in rad/s2.
         rate_bound: Bound L on the rate of what the model leaves out, in rad/s4, for super-twisting.
+        compensation: Share of the unexplained acceleration that counts as acceleration, 0..1.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -77,6 +81,7 @@ class ScheduledSlidingMode:
     jerk_bound: float
     layer: float
     rate_bound: float = 5e4
+    compensation: float = 1.0
     sample_time: float = 0.002
     valve: ValveInverse = ValveInverse()
     name: str = "sliding mode"
@@ -147,8 +152,9 @@ class ScheduledSlidingMode:
         q, twist = state[joint_number : joint_number + 2]
         x = look.plan.angle - look.angle
         dx = look.plan.speed - look.speed
-        ddx = look.plan.acceleration - look.acceleration
-        if self.kind == "integral":
+        acceleration = look.acceleration - (1.0 - self.compensation) * look.unexplained
+        ddx = look.plan.acceleration - acceleration
+        if self.kind != "boundary layer":
             c2, c1, c0 = 3.0 * lam, 3.0 * lam * lam, lam * lam * lam
             surface = ddx + c2 * dx + c1 * x + c0 * q
         else:
@@ -162,7 +168,7 @@ class ScheduledSlidingMode:
             reaching = self.jerk_bound * side
         jerk = look.plan.jerk + c2 * ddx + c1 * dx + c0 * x + reaching
         joint = look.joint
-        opening = (jerk + joint.a1 * look.acceleration + joint.a0 * look.speed) / (
+        opening = (jerk + joint.a1 * acceleration + joint.a0 * look.speed) / (
             joint.b * joint.g
         ) + (joint.e * look.speed + joint.d * (look.difference - joint.difference)) / joint.g
         clipped = arithmetic.clip(opening, -1.0, 1.0)
@@ -194,6 +200,7 @@ def design_scheduled_sliding_mode(
     slope: float = 25.0,
     unexplained_share: float = 0.3,
     layer_bandwidth: float = 60.0,
+    compensation: float | None = None,
     observer_bandwidth: float = 80.0,
     jerk_share: float = 0.7,
     sample_time: float = 0.002,
@@ -210,6 +217,8 @@ def design_scheduled_sliding_mode(
         slope: Decay of the error on the surface, in rad/s.
         unexplained_share: Bound on the jerk as a share of the open valve's, 0..1.
         layer_bandwidth: Pole inside the layer, in rad/s; below the spool's bandwidth.
+        compensation: Share of the unexplained acceleration that counts as acceleration, 0..1; by
+            default 0 with an integral surface, which does not need it, and 1 without.
         observer_bandwidth: Poles of the observer, in rad/s.
         jerk_share: Share of the valve's opening that a planned move may use, 0..1.
         sample_time: Time between steps, in s.
@@ -243,6 +252,11 @@ def design_scheduled_sliding_mode(
         jerk_bound=bound,
         layer=bound / layer_bandwidth,
         rate_bound=20.0 * bound,
+        compensation=(
+            float(kind == "boundary layer")
+            if compensation is None
+            else check_range("compensated share", compensation, 0.0, 1.0)
+        ),
         sample_time=sample_time,
         valve=valve or ValveInverse(),
     )
