@@ -52,6 +52,8 @@ class RefitTask:
         start_samples: Samples over which hidden states at the start of a free run are estimated; 0
             to take the start from the first readings.
         starts: Number of starts of the search.
+        in_loop: Further recordings to judge on, each with the model that runs on it: one that has
+            the free parameters too, such as the plant in the loop of its controller.
         published: Values that others identified, by parameter, in SI.
         published_from: Who did.
         notes: What to know when reading the result.
@@ -71,6 +73,7 @@ class RefitTask:
     stages: tuple[float, ...] = ()
     start_samples: int = 0
     starts: int = 1
+    in_loop: tuple[tuple[Model, Observed], ...] = ()
     published: Mapping[str, float] = field(default_factory=dict)
     published_from: str = ""
     notes: tuple[str, ...] = ()
@@ -252,15 +255,17 @@ def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None)
     if progress:
         progress("free runs on held-out recordings")
     nominal, refitted, rows = [], [], []
-    for observed in task.hold_out:
-        before = free_run(task.model, _started(task, task.model, observed))
-        started = _started(task, found.model, observed)
-        after = free_run(found.model, started)
-        limited = noise_limited(found, started)
+    values = {e.name: e.value for e in found.estimates}
+    for model, observed in (*((task.model, seen) for seen in task.hold_out), *task.in_loop):
+        changed = model.with_parameters(values)
+        before = free_run(model, _started(task, model, observed))
+        started = _started(task, changed, observed)
+        after = free_run(changed, started)
+        limited = noise_limited(found, started, model=changed)
         nominal.append(before)
         refitted.append(after)
         for k, name in enumerate(observed.used):
-            unit = task.model.outputs[index_of("output", name, task.model.outputs)].display_unit
+            unit = model.outputs[index_of("output", name, model.outputs)].display_unit
             size = parse_unit(unit).factor
             rows.append(
                 HeldOut(
@@ -278,7 +283,12 @@ def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None)
 
 
 def noise_limited(
-    found: Refit, observed: Observed, *, draws: int = _DRAWS, seed: int = 0
+    found: Refit,
+    observed: Observed,
+    *,
+    model: Model | None = None,
+    draws: int = _DRAWS,
+    seed: int = 0,
 ) -> dict[str, float]:
     """Return the free-run error that noise alone would leave.
 
@@ -288,6 +298,7 @@ def noise_limited(
     Args:
         found: A refit.
         observed: The recording to run on.
+        model: The model to run, with the free parameters; the refitted one by default.
         draws: Number of draws.
         seed: Seed of the draws.
 
@@ -310,12 +321,13 @@ def noise_limited(
     high = np.array([e.prior.upper for e in found.estimates])
     eigenvalues, vectors = np.linalg.eigh(found.covariance)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
-    centre = free_run(found.model, observed)
+    used = found.model if model is None else model
+    centre = free_run(used, observed)
     squares = []
     for _ in range(draws):
         drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
         names = [e.name for e in found.estimates]
-        run = free_run(found.model, observed, values=dict(zip(names, drawn.tolist(), strict=True)))
+        run = free_run(used, observed, values=dict(zip(names, drawn.tolist(), strict=True)))
         if run.finite and centre.finite:
             squares.append(np.mean((run.simulated - centre.simulated) ** 2, axis=0))
     spread = np.mean(squares, axis=0) if squares else np.zeros(len(observed.used))

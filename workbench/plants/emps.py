@@ -6,7 +6,10 @@ System Identification Benchmarks, Eindhoven.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.face import Expression
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
 
@@ -19,10 +22,29 @@ PUBLISHED = {
 """Values that its authors identified by inverse dynamics and least squares, in SI."""
 
 
+GAIN = 35.15065188248547
+"""Motor force over the controller's output, in N/V."""
+
+POSITION_GAIN = 160.18
+"""Speed asked for over position error, in 1/s."""
+
+SPEED_GAIN = 243.45
+"""Controller's output over speed error, in V s/m."""
+
+
 def _equations(m: Scope) -> Equations:
+    return _axis(m, m.u.force)
+
+
+def _in_loop(m: Scope) -> Equations:
+    wanted = POSITION_GAIN * (m.u.goal - m.x.position)
+    return _axis(m, GAIN * (SPEED_GAIN * (wanted - m.x.speed) + m.u.pulse))
+
+
+def _axis(m: Scope, drive: Expression) -> Equations:
     force = m.port(
         "axis.force",
-        m.u.force - m.p.offset,
+        drive - m.p.offset,
         unit="N",
         scale=100.0,
         description="force on the carriage, positive with the position",
@@ -70,5 +92,30 @@ def emps() -> Model:
             unit="N",
             speed_unit="m/s",
             upper=100.0,
+        ),
+    )
+
+
+def emps_in_loop() -> Model:
+    """Build the EMPS axis in the loop of its controller: position and speed, both proportional.
+
+    ``force = gain (speed_gain (position_gain (goal - position) - speed) + pulse)``, the loop that
+    ran during the recordings. In it the position cannot drift, so that a simulation shows what the
+    friction does to the motion.
+
+    Returns:
+        The axis with the inputs ``goal`` (m) and ``pulse`` (V, added to the controller's output).
+
+    Example:
+        >>> [q.name for q in emps_in_loop().inputs]
+        ['goal', 'pulse']
+    """
+    return replace(
+        emps(),
+        name="EMPS axis in its loop",
+        equations=_in_loop,
+        inputs=(
+            Input("goal", "m", 0.1, "position asked for"),
+            Input("pulse", "V", 5.0, "added to the controller's output"),
         ),
     )

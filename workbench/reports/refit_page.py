@@ -65,7 +65,7 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
     return Page(
         f"Refit: {task.title}",
         f"Parameters estimated from {len(task.fit)} recording(s) and judged on"
-        f" {len(task.hold_out)} other(s).",
+        f" {len(task.hold_out) + len(task.in_loop)} other run(s).",
         tuple(sections),
         facts=(
             ("converged", "yes" if found.converged else "no"),
