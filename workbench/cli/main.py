@@ -9,8 +9,10 @@ from collections.abc import Sequence
 import typer
 
 from workbench.cli.demo import demo
+from workbench.cli.diagnose import diagnose
 from workbench.cli.force_map import force_map
 from workbench.cli.linearise import linearise
+from workbench.cli.prove import prove
 from workbench.cli.recording import recording
 from workbench.cli.refit import refit
 from workbench.cli.simulate import simulate
@@ -38,7 +40,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for _verb in (demo, simulate, linearise, verify, recording, refit, force_map):
+for _verb in (demo, simulate, linearise, verify, recording, refit, force_map, diagnose, prove):
     # What follows is for those who call the function, not for those who type the verb.
     app.command(help=inspect.cleandoc(_verb.__doc__ or "").split("\n\nArgs:")[0])(_verb)
 

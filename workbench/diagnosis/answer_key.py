@@ -129,7 +129,8 @@ def _group(port: str, groups: Mapping[str, tuple[str, ...]]) -> str:
     for name, starts in groups.items():
         if port.startswith(tuple(starts)):
             return name
-    return port.split(".")[0]
+    first, _, what = port.partition(".")
+    return f"{first} sensor" if what == "reading" else first
 
 
 def read_key(path: str | Path) -> dict[str, Mapping[str, Any]]:

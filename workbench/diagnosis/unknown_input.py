@@ -95,7 +95,7 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
     problem = _Linearised(model, observed, chosen, every)
     states = _filtered(model, observed, ports)[grid]
     signal = np.zeros((len(grid), len(chosen)))
-    rms = np.array([0.1 * model.ports[i].scale for i in chosen])
+    rms: Vector = np.array([0.1 * model.ports[i].scale for i in chosen])
     for _ in range(_PASSES):
         states, signal, std = _smooth(problem.around(states, signal), rms, states, signal)
         if not np.isfinite(states).all():
@@ -108,7 +108,7 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
         observed.name,
         tuple(ports),
         tuple(model.ports[i].unit for i in chosen),
-        observed.sample_time * grid,
+        observed.sample_time * grid.astype(np.float64),
         signal,
         std,
         states,

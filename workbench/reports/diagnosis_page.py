@@ -156,7 +156,14 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     blocks: list[Block] = []
     before = verdict.location.get("before", {})
     after = verdict.location.get("after", {}) if diagnosis.accepted else {}
-    if before:
+    if before and max(*before.values(), *after.values(), 0.0) < 1.0:
+        blocks.append(
+            Words(
+                "An unknown signal at a single group of equations would not make the recordings"
+                " likelier than small disturbances at all of them do."
+            )
+        )
+    elif before:
         blocks.append(
             Picture(
                 "location",

@@ -82,33 +82,25 @@ def errors_table(errors: Sequence[ErrorRow], extended: bool) -> Table:
         Errors of free runs over all held-out recordings
         output      model           error  of the spread  over noise
         angle in °  refitted        11.5   20.0 %         2.00
-        angle in °  sensor's noise  5.73   10.0 %         1
+        angle in °  sensor's noise  5.73   10.0 %         1.00
         ...
     """
     labels = ("nominal", "refitted", "extended") if extended else ("nominal", "refitted")
     rows: list[tuple[Cell | str, ...]] = []
     for row in errors:
         unit, factor = readable(row.unit)
-        for label in labels:
-            if label in row.rmse:
-                rows.append(
-                    (
-                        f"{row.output.replace('_', ' ')} in {unit}",
-                        label,
-                        number(factor * row.rmse[label]),
-                        f"{number(100 * row.normalised(label))} %",
-                        number(row.over_noise(label)),
-                    )
-                )
-        rows.append(
+        levels = {label: row.rmse[label] for label in labels if label in row.rmse}
+        levels["sensor's noise"] = row.noise
+        rows += [
             (
                 f"{row.output.replace('_', ' ')} in {unit}",
-                "sensor's noise",
-                number(factor * row.noise),
-                f"{number(100 * row.noise / row.spread if row.spread else math.nan)} %",
-                "1",
+                label,
+                number(factor * level),
+                f"{number(100 * level / row.spread if row.spread else math.nan)} %",
+                number(level / row.noise) if row.noise > 0 else "–",
             )
-        )
+            for label, level in levels.items()
+        ]
     return Table(
         "Errors of free runs over all held-out recordings",
         ("output", "model", "error", "of the spread", "over noise"),

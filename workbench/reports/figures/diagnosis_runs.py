@@ -131,7 +131,9 @@ def diagnosis_residuals(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    figure, panels = new_figure([1.4] * len(before.used))
+    figure, panels = new_figure(
+        [(1.9 + 1.4 * len(before.used)) / len(before.used)] * len(before.used)
+    )
     for i, axes in enumerate(panels):
         factor = readable(before.units[i])[1]
         level = max(factor * noise.get(before.used[i], 0.0), 1e-12)
@@ -147,7 +149,7 @@ def diagnosis_residuals(
         axes.set_ylim(0.5 * max(smallest, 1e-3 * level), 2 * largest)
         axes.axhspan(1e-12, 2 * level, color=BAND.light, zorder=0)
         axes.axhline(level, color=REFERENCE.light, linewidth=0.9, linestyle=":")
-        axes.minorticks_off()
+        _decades(axes)
         label(axes, y=titled(before.used[i], before.units[i]))
     label(panels[-1], x="time in s")
     handles: list[Line2D | Patch] = [
@@ -159,6 +161,18 @@ def diagnosis_residuals(
     key(panels[0], columns=3, handles=handles)  # type: ignore[arg-type]
     figure.align_ylabels()
     return figure
+
+
+def _decades(axes: Axes) -> None:
+    """Write plain numbers on a logarithmic axis, three per decade where it spans few of them."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_ylim()
+    within = (1.0, 2.0, 5.0) if high < 100 * low else (1.0,)
+    axes.yaxis.set_major_locator(LogLocator(subs=within, numticks=6))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(which="minor", left=False)
 
 
 def moving_rms(time: Vector, error: Vector, *, window: float = _WINDOW_S) -> tuple[Vector, Vector]:
