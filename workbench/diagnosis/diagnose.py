@@ -194,13 +194,16 @@ def _search(
     for number in range(MOST_FINDINGS):
         current = diagnosis.extended
         excess = max(current.cost - perfect, 0.0)
+        least = max(LEAST_SHARE * excess, LEAST_OF_ALL * first_excess)
+        if number and excess < least:
+            break
         given = library(current.model, outputs=fitting[0].used) if entries is None else entries
         attached = {effect.name for effect in current.model.effects}
         tried = [e for e in given if not e.stiff and e.name not in attached]
         say(f"scoring {len(tried)} effects" + (" on what is left" if number else ""))
         started, judged = _started(fitting, diagnosis), _started(judging, diagnosis)
         scores = score_library(current.model, started, free, tried, share=current.share)
-        chosen = shortlist(scores)
+        chosen = shortlist(scores, most=3 if number else 6, least=0.1 * least)
         candidates = refit_candidates(
             current,
             chosen,
@@ -208,7 +211,7 @@ def _search(
             started,
             judged,
             charge=charge_for(len(tried), samples, 2),
-            least_gain=max(LEAST_SHARE * excess, LEAST_OF_ALL * first_excess),
+            least_gain=least,
             jobs=jobs,
             progress=say,
         )

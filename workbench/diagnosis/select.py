@@ -74,7 +74,7 @@ class Candidate:
         )
 
 
-def shortlist(scores: Scores, *, most: int = 6) -> tuple[Score, ...]:
+def shortlist(scores: Scores, *, most: int = 6, least: float = LEAST_SCORE) -> tuple[Score, ...]:
     """Choose the hypotheses that are worth a full refit.
 
     The best score with its look-alikes, then the best of every other group of ports.
@@ -82,6 +82,7 @@ def shortlist(scores: Scores, *, most: int = 6) -> tuple[Score, ...]:
     Args:
         scores: Scores of the library.
         most: How many at the most.
+        least: Expected gain of log likelihood below which an effect is left out, dimensionless.
 
     Returns:
         Scores to refit, best first.
@@ -102,7 +103,7 @@ def shortlist(scores: Scores, *, most: int = 6) -> tuple[Score, ...]:
         >>> 1 <= len(shortlist(scores, most=3)) <= 3
         True
     """
-    worthy = [s for s in scores.scores if s.gain > LEAST_SCORE and s.testable]
+    worthy = [s for s in scores.scores if s.gain > max(LEAST_SCORE, least) and s.testable]
     if not worthy:
         return ()
     chosen = [worthy[0]]
