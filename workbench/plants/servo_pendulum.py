@@ -31,7 +31,8 @@ def _equations(m: Scope) -> Equations:
         disturbance=0.1,
     )
     # A servo without torque leaves the motor open: no current, so no braking by its own EMF.
-    motor = m.u.enabled * m.p.torque_constant * (voltage - m.p.back_emf * m.x.speed)
+    asked = m.p.torque_constant * (voltage - m.p.back_emf * m.x.speed)
+    motor = m.u.enabled * m.face.clip(asked, -m.p.torque_limit, m.p.torque_limit, 1e-2)
     weight = m.p.load * GRAVITY * m.p.length * ca.sin(m.x.angle)
     torque = m.port(
         "joint.torque",
@@ -56,9 +57,10 @@ def _equations(m: Scope) -> Equations:
 def servo_pendulum(load_kg: float = 0.49, *, length: float = 0.1) -> Model:
     """Build the servo with its pendulum, hanging down at angle zero.
 
-    ``J a = k (V - e w) - m g l sin(angle) - friction``, ``V = supply clip(gain duty (goal -
-    angle))``. Friction: Coulomb, viscous, break-away that fades with speed, and a part proportional
-    to the load of the gear.
+    ``J a = limited(k (V - e w)) - m g l sin(angle) - friction``, ``V = supply clip(gain duty (goal
+    - angle))``; the torque is limited by the servo's largest current. Friction:
+    Coulomb, viscous, break-away that fades with speed, and a part proportional to the load of the
+    gear.
 
     Args:
         load_kg: Mass at the end of the pendulum, in kg, 0 to 5.
@@ -115,6 +117,15 @@ def servo_pendulum(load_kg: float = 0.49, *, length: float = 0.1) -> Model:
                 description="torque over voltage at standstill",
             ),
             Parameter(
+                "torque_limit",
+                "N m",
+                value=0.5,
+                lower=0.1,
+                upper=1.5,
+                fitted=True,
+                description="torque at the current limit",
+            ),
+            Parameter(
                 "back_emf",
                 "V s/rad",
                 value=0.5,
@@ -136,15 +147,15 @@ def servo_pendulum(load_kg: float = 0.49, *, length: float = 0.1) -> Model:
         ),
         description="a position servo with a hanging mass",
     ).with_effect(
-        coulomb_friction(level=0.02, transition_speed=0.03, upper=0.3),
+        coulomb_friction(level=0.02, transition_speed=0.005, upper=0.3),
         viscous_friction(coefficient=0.005, upper=0.2),
         stribeck_friction(
-            break_away=0.02, stribeck_speed=0.5, transition_speed=0.03, upper=0.3, typical=0.02
+            break_away=0.02, stribeck_speed=0.5, transition_speed=0.005, upper=0.3, typical=0.02
         ),
         load_dependent_friction(
             coefficient=0.05,
             loads=("gear_load",),
-            transition_speed=0.03,
+            transition_speed=0.005,
             load_unit="N m",
             upper=0.9,
             typical=0.1,

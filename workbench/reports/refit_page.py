@@ -214,8 +214,8 @@ def _method() -> Method:
             ("nominal, refitted", "the model runs free along the inputs of the recording, from the "
              "start that its first samples show"),
             ("noise-limited", "noise of the readings, and what free runs with parameters drawn "
-             "from their estimates differ by; up to three times this counts as the floor, if the "
-             "filter had next to nothing to take up"),
+             "from their estimates differ by; up to three times this, and five times the noise, "
+             "counts as the floor, if the filter had next to nothing to take up"),
             ("noise", "noise and resolution of the sensor"),
         )
     )  # fmt: skip

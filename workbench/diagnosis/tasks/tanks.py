@@ -52,6 +52,7 @@ def tanks_task(find: Callable[[str], Path]) -> RefitTask:
         hold_out=(seen[1],),
         stages=(1.0, 0.1, 0.01),
         start_samples=50,
+        noise_known=False,
         starts=4,
         notes=(
             "published free runs on the held-out recording: 0.588 V (linear), 0.45, 0.413, 0.396,"
