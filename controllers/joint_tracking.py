@@ -25,9 +25,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from controllers.arithmetic import Arithmetic, Number
 from controllers.joint_model import JointModel
-from controllers.observer import design_joint_observer
+from controllers.observer import design_joint_observer, held
 from controllers.planned_reference import Plan, Planner, PlannerState
 from controllers.scheduled import JointSchedule, ScheduledJoint
 from workbench.errors import check_range
@@ -179,6 +181,7 @@ def joint_tracking(
     schedule: JointSchedule,
     *,
     jerk_share: float = 0.7,
+    jerk_limit: float = 2400.0,
     observer_bandwidth: float = 80.0,
     correction: tuple[float, float, float] | None = None,
     pressure_reserve: float = 2.5e5,
@@ -188,12 +191,15 @@ def joint_tracking(
 ) -> JointTracking:
     """Design planner and observer for a schedule.
 
-    The planned jerk is a share of what the fully open valve does at the slowest angle, the planned
-    acceleration what a reserve of pressure difference does.
+    The planned jerk is a share of what the fully open valve does at the slowest angle, below a limit
+    for light joints; the planned acceleration is what a reserve of pressure difference does.
 
     Args:
         schedule: The joint over angle.
         jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_limit: Largest planned jerk, in rad/s3, whatever the joint could do: what feedforward
+            for a light joint gets wrong if its load is heavier than known must stay within what
+            feedback corrects.
         observer_bandwidth: Poles of the observer, in rad/s.
         correction: Gains of the observer in SI, in place of poles.
         pressure_reserve: Pressure difference for accelerating, in Pa.
@@ -211,13 +217,13 @@ def joint_tracking(
         >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
         >>> front = joint_tracking(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
         >>> round(front.planner.jerk)
-        4032
+        2400
     """
     check_range("share of the opening for a planned move", jerk_share, 0.01, 1.0)
     check_range("pressure reserve", pressure_reserve, 1e3, 1e7, "Pa")
     models = schedule.models(mean_pressure)
     planner = Planner(
-        jerk=jerk_share * min(m.opening_to_jerk for m in models),
+        jerk=min(jerk_limit, jerk_share * min(m.opening_to_jerk for m in models)),
         acceleration=pressure_reserve * min(m.b for m in models),
         speed=jerk_share * min(m.g / m.e for m in models),
         shortest=shortest,
@@ -229,3 +235,55 @@ def joint_tracking(
             free, bandwidth=observer_bandwidth, sample_time=sample_time
         ).correction
     return JointTracking(schedule, planner, correction, sample_time=sample_time)
+
+
+def kalman_correction(
+    *,
+    angle_noise: float = 2e-5,
+    acceleration_noise: float = 0.5,
+    acceleration_walk: float = 100.0,
+    sample_time: float = 0.002,
+) -> tuple[float, float, float]:
+    """Compute the observer's gains as a stationary Kalman filter.
+
+    The joint is a double integrator driven by the acceleration from the pressures, whose noise and
+    whose unexplained part, a random walk, are given.
+
+    Args:
+        angle_noise: Noise rms of the measured angle, in rad.
+        acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
+        acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
+        sample_time: Time between samples, in s.
+
+    Returns:
+        Gains for angle, speed and unexplained acceleration, in SI.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Source:
+        Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, section 6.5.
+
+    Example:
+        >>> m = kalman_correction()
+        >>> 0.0 < m[0] < 1.0
+        True
+    """
+    import control as ct
+
+    h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
+    for name, value, unit in (
+        ("noise of the angle", angle_noise, "rad"),
+        ("noise of the acceleration", acceleration_noise, "rad/s2"),
+        ("walk of the acceleration", acceleration_walk, "rad/s2"),
+    ):
+        check_range(name, value, 1e-12, 1e9, unit)
+    a = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+    phi, gamma = held(a, np.array([[0.0], [1.0], [0.0]]), h)
+    drive = np.hstack([gamma, np.array([[0.0], [0.0], [1.0]])])
+    noise = np.diag([acceleration_noise**2, acceleration_walk**2 * h])
+    c = np.array([[1.0, 0.0, 0.0]])
+    predictor = np.asarray(ct.dlqe(phi, drive, c, noise, [[angle_noise**2]])[0])
+    # The law corrects before it predicts: the predictor's gain is phi times this one.
+    gain = np.linalg.solve(phi, predictor).ravel()
+    return float(gain[0]), float(gain[1]), float(gain[2])

@@ -18,7 +18,7 @@ Source: Rugh and Shamma, Research on gain scheduling, Automatica 36, 2000, secti
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -114,6 +114,31 @@ class JointSchedule:
         rest = arithmetic.between(place, self.low[-1])
         rest = rest + share * (arithmetic.between(place, self.high[-1]) - rest)
         return ScheduledJoint(*found, rest)
+
+    def with_inertia_of(self, heavier: JointSchedule) -> JointSchedule:
+        """Return this schedule with the inertia of another load.
+
+        A feedback that must bear a change of load is best designed for the middle of the loads; the
+        pressures that hold the joint are those of the known load all the same.
+
+        Args:
+            heavier: Schedule on the same grid for the other load.
+
+        Returns:
+            The schedule: accelerations per pressure, damping and stiffness over inertia from the
+            other, the rest from this one.
+
+        Raises:
+            WorkbenchError: If the grids differ.
+        """
+        if len(self.low[0]) != len(heavier.low[0]) or not np.allclose(self.angles, heavier.angles):
+            raise WorkbenchError(
+                f"the schedules have {len(self.low[0])} and {len(heavier.low[0])} angles; make both"
+                " maps on the same angles"
+            )
+        return replace(
+            self, low=heavier.low[:3] + self.low[3:], high=heavier.high[:3] + self.high[3:]
+        )
 
     def models(self, mean: float) -> tuple[JointModel, ...]:
         """Return the joint models on the grid of angles.

@@ -30,7 +30,12 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.arithmetic import FLOATS
-from controllers.joint_tracking import STATE_NAMES, JointTracking, joint_tracking
+from controllers.joint_tracking import (
+    STATE_NAMES,
+    JointTracking,
+    joint_tracking,
+    kalman_correction,
+)
 from controllers.mpc_prediction import Prediction, condense
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program import quadratic_program
@@ -66,7 +71,7 @@ class ScheduledMPC:
     tracking: JointTracking
     predictions: tuple[Prediction, ...]
     pressure_limits: tuple[float, float]
-    compensation: float = 0.0
+    compensation: float = 0.3
     sample_time: float = 0.002
     valve: ValveInverse = field(default_factory=ValveInverse)
     name: str = "linear MPC"
@@ -185,10 +190,11 @@ def design_scheduled_mpc(
     *,
     radius: float = 45.0,
     integral: float = 12.0,
-    move_weight: float = 0.3,
+    move_weight: float = 0.02,
     jerk_share: float = 0.7,
-    compensation: float = 0.0,
-    prediction_time: float = 0.01,
+    jerk_limit: float = 2400.0,
+    compensation: float = 0.3,
+    prediction_time: float = 0.004,
     blocks: tuple[int, ...] = (1, 1, 1, 2, 3, 4, 8),
     rate_limit: float = 200.0,
     pressure_limits: tuple[float, float] = (0.1e5, 5.95e5),
@@ -205,6 +211,7 @@ def design_scheduled_mpc(
         integral: Speed w_i of the integral action, in rad/s.
         move_weight: Weight of a change of the opening against one of the opening, a ratio.
         jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_limit: Largest planned jerk, in rad/s3.
         compensation: Share of the unexplained acceleration that is compensated, 0..1.
         prediction_time: Time T between prediction samples, in s; a multiple of ``sample_time``.
         blocks: Lengths of the blocked moves, in prediction samples; their sum is N.
@@ -265,7 +272,12 @@ def design_scheduled_mpc(
         )
     return ScheduledMPC(
         joint_tracking(
-            schedule, jerk_share=jerk_share, mean_pressure=mean_pressure, sample_time=h
+            schedule,
+            jerk_share=jerk_share,
+            jerk_limit=jerk_limit,
+            correction=kalman_correction(sample_time=h),
+            mean_pressure=mean_pressure,
+            sample_time=h,
         ),
         tuple(predictions),
         (low, high),

@@ -5,14 +5,15 @@ error x = theta_r - theta and gains in units of acceleration, sample k:
 
     D[k] = f D[k-1] + (1 - f) kd (x[k] - x[k-1]) / h                    f = Tf / (Tf + h)
     a[k] = kp(theta) x[k] + I[k] + D[k]
-    dp_w = dp_r + a / b(theta)
+    dp_w = dp_r + (a - c w_hat) / b(theta)
     o[k] = o_r + (omega_inner / g(theta)) (dp_w - dp), clipped to -1..1, then the inverse curve
     I[k+1] = I[k] + h ki x[k] + (h / Tt) b (g / omega_inner) (o_clipped - o)
 
     kp = (1 + 2 a z) w^2 - a0(theta),  kd = (a + 2 z) w - a1(theta),  ki = a w^3
 
-which places the joint's poles at frequency w and damping z and at a w, whatever the angle. The
-integral part is an acceleration: when b moves with the angle or another controller hands over,
+which places the joint's poles at frequency w and damping z and at a w, whatever the angle. A
+share c of what the observer finds unexplained is compensated at once; the integral part does the
+rest. It is an acceleration: when b moves with the angle or another controller hands over,
 what it holds keeps its meaning (bumpless).
 
 Source: Åström and Hägglund, Advanced PID Control, 2006, sections 3.3 to 3.5, 6.4, 9.3 (gain
@@ -24,7 +25,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
-from controllers.joint_tracking import STATE_NAMES, JointTracking, joint_tracking
+from controllers.joint_tracking import (
+    STATE_NAMES,
+    JointTracking,
+    joint_tracking,
+    kalman_correction,
+)
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.scheduled import JointSchedule
 from controllers.valve_inverse import ValveInverse
@@ -43,6 +49,7 @@ class ScheduledPID:
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
         derivative_filter: Time constant Tf, in s.
         tracking_time: Time constant Tt of the anti-windup, in s.
+        compensation: Share c of the unexplained acceleration that is compensated at once, 0..1.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -66,9 +73,10 @@ class ScheduledPID:
     frequency: float = 28.0
     damping: float = 0.8
     real_pole: float = 0.6
-    inner_bandwidth: float = 100.0
+    inner_bandwidth: float = 120.0
     derivative_filter: float = 0.004
     tracking_time: float = 0.06
+    compensation: float = 0.3
     sample_time: float = 0.002
     valve: ValveInverse = ValveInverse()
     name: str = "cascade PID"
@@ -98,7 +106,7 @@ class ScheduledPID:
         """
         front = self.tracking.start(measurement)
         # What the model does not explain is held by the integral part from the start.
-        return (*front, -front[10], 0.0, 0.0)
+        return (*front, -(1.0 - self.compensation) * front[10], 0.0, 0.0)
 
     def step(
         self, state: tuple[float, ...], measurement: Measurement, reference: Reference
@@ -142,7 +150,7 @@ class ScheduledPID:
         kd = arithmetic.largest((a + 2.0 * z) * w - joint.a1, 0.0)
         kp = arithmetic.largest((1.0 + 2.0 * a * z) * w * w - joint.a0, 0.0)
         derivative = fade * derivative + (1.0 - fade) * (x - last) / h
-        acceleration = kp * x + integral + kd * derivative
+        acceleration = kp * x + integral + kd * derivative - self.compensation * look.unexplained
         inner = self.inner_bandwidth / joint.g
         wanted = look.wanted_difference + acceleration / joint.b
         opening = look.opening + inner * (wanted - look.difference)
@@ -170,7 +178,10 @@ def design_scheduled_pid(
     schedule: JointSchedule,
     *,
     jerk_share: float = 0.7,
+    jerk_limit: float = 2400.0,
     frequency: float = 28.0,
+    inner_bandwidth: float = 120.0,
+    compensation: float = 0.3,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> ScheduledPID:
@@ -179,8 +190,10 @@ def design_scheduled_pid(
     Args:
         schedule: The joint over angle and mean pressure, for the known load.
         jerk_share: Share of the valve's opening that a planned move may use, 0..1.
-        frequency: Frequency of the placed pair, in rad/s; raised to 1.1 times the joint's own
-            where that is higher, for below it the proportional gain would be negative.
+        jerk_limit: Largest planned jerk, in rad/s3.
+        frequency: Frequency of the placed pair, in rad/s.
+        inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
+        compensation: Share of the unexplained acceleration that is compensated at once, 0..1.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
 
@@ -196,10 +209,18 @@ def design_scheduled_pid(
         >>> pid.frequency
         28.0
     """
-    tracking = joint_tracking(schedule, jerk_share=jerk_share, sample_time=sample_time)
+    tracking = joint_tracking(
+        schedule,
+        jerk_share=jerk_share,
+        jerk_limit=jerk_limit,
+        correction=kalman_correction(sample_time=sample_time),
+        sample_time=sample_time,
+    )
     return ScheduledPID(
         tracking,
         frequency=frequency,
+        inner_bandwidth=inner_bandwidth,
+        compensation=compensation,
         sample_time=sample_time,
         valve=valve or ValveInverse(),
     )

@@ -34,7 +34,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
-from controllers.joint_tracking import STATE_NAMES, JointTracking, joint_tracking
+from controllers.joint_tracking import (
+    STATE_NAMES,
+    JointTracking,
+    joint_tracking,
+    kalman_correction,
+)
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.scheduled import JointSchedule
 from controllers.valve_inverse import ValveInverse
@@ -196,13 +201,13 @@ class ScheduledSlidingMode:
 def design_scheduled_sliding_mode(
     schedule: JointSchedule,
     *,
-    kind: str = "integral",
-    slope: float = 25.0,
+    kind: str = "super-twisting",
+    slope: float = 22.0,
     unexplained_share: float = 0.3,
     layer_bandwidth: float = 60.0,
     compensation: float | None = None,
-    observer_bandwidth: float = 80.0,
     jerk_share: float = 0.7,
+    jerk_limit: float = 2400.0,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> ScheduledSlidingMode:
@@ -218,9 +223,9 @@ def design_scheduled_sliding_mode(
         unexplained_share: Bound on the jerk as a share of the open valve's, 0..1.
         layer_bandwidth: Pole inside the layer, in rad/s; below the spool's bandwidth.
         compensation: Share of the unexplained acceleration that counts as acceleration, 0..1; by
-            default 0 with an integral surface, which does not need it, and 1 without.
-        observer_bandwidth: Poles of the observer, in rad/s.
+            default all without integral, 0 for ``"integral"`` and 0.3 for ``"super-twisting"``.
         jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_limit: Largest planned jerk, in rad/s3.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
 
@@ -236,12 +241,14 @@ def design_scheduled_sliding_mode(
         >>> round(law.jerk_bound / law.layer)
         60
     """
+    check_choice("kind of sliding mode", kind, KINDS)
     check_range("share of the jerk left out", unexplained_share, 1e-3, 1.0)
     check_range("bandwidth of the layer", layer_bandwidth, 0.1, 1e3, "rad/s")
     tracking = joint_tracking(
         schedule,
         jerk_share=jerk_share,
-        observer_bandwidth=observer_bandwidth,
+        jerk_limit=jerk_limit,
+        correction=kalman_correction(sample_time=sample_time),
         sample_time=sample_time,
     )
     bound = unexplained_share * min(m.opening_to_jerk for m in schedule.models(3.8e5))
@@ -253,7 +260,7 @@ def design_scheduled_sliding_mode(
         layer=bound / layer_bandwidth,
         rate_bound=20.0 * bound,
         compensation=(
-            float(kind == "boundary layer")
+            {"boundary layer": 1.0, "integral": 0.0, "super-twisting": 0.3}[kind]
             if compensation is None
             else check_range("compensated share", compensation, 0.0, 1.0)
         ),
