@@ -137,7 +137,8 @@ def _lsoda(plant: Model, seconds: float) -> float:
     voltage = _sine(seconds)
 
     def rates(_: float, z: Vector, u: float) -> Vector:
-        return np.asarray(function(z * scale, u, values), dtype=float).ravel() / scale
+        result: Vector = np.asarray(function(z * scale, u, values), dtype=float).ravel() / scale
+        return result
 
     def work() -> None:
         z = plant.initial_state() / scale

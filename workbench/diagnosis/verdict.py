@@ -115,7 +115,7 @@ class Verdict:
 
     def as_data(self) -> dict[str, Any]:
         """Return the verdict as plain data; numbers that are not finite become None."""
-        return _plain(
+        data: dict[str, Any] = _plain(
             {
                 "schema": SCHEMA,
                 "verdict": self.kind,
@@ -145,6 +145,7 @@ class Verdict:
                 "seconds": self.seconds,
             }
         )
+        return data
 
     def to_json(self) -> str:
         """Return the verdict as text for ``verdict.json``."""
