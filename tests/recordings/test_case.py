@@ -16,7 +16,11 @@ def folder(tmp_path: Path) -> Path:
 def test_case(folder: Path) -> None:
     case = read_case(folder)
     assert (case.load_kg, case.plane, case.supply_bar, case.sample_rate_Hz) == (
-        3.0, "horizontal", 6.0, 500.0)
+        3.0,
+        "horizontal",
+        6.0,
+        500.0,
+    )
     assert list(case.fit) == ["identify_open", "identify_closed"]
     assert list(case.hold_out) == ["validate_open", "validate_closed"]
     recording = case.recordings["identify_open"]

@@ -137,8 +137,9 @@ def test_text_column(tmp_path: Path) -> None:
     recording = read_recording(path)
     assert recording.names == ("valve", "angle")
     assert recording.mapping is not None
-    assert recording.mapping.unused == (("remark", "holds text in 100 % of its rows (first: 'ok' in"
-                                         " line 2)"),)
+    assert recording.mapping.unused == (
+        ("remark", "holds text in 100 % of its rows (first: 'ok' in line 2)"),
+    )
     with pytest.raises(WorkbenchError, match="needed for 'remark', holds text"):
         read_recording(path, signals=["remark"])
 

@@ -18,10 +18,15 @@ TRIAL = example_recording(seconds=2.0)[:250]
 
 
 def csv(_: Path) -> bytes:
-    table = np.column_stack([
-        TRIAL.time, TRIAL["valve"], np.rad2deg(TRIAL["angle"]), TRIAL["pressure_1"] / 1e5,
-        TRIAL["pressure_2"] / 1e5,
-    ])
+    table = np.column_stack(
+        [
+            TRIAL.time,
+            TRIAL["valve"],
+            np.rad2deg(TRIAL["angle"]),
+            TRIAL["pressure_1"] / 1e5,
+            TRIAL["pressure_2"] / 1e5,
+        ]
+    )
     rows = "\n".join(",".join(f"{v:.4f}" for v in row) for row in table)
     return f"time_s,valve_V,angle_deg,pressure_1_bar,pressure_2_bar\n{rows}\n".encode()
 
@@ -61,17 +66,24 @@ def parquet(folder: Path) -> bytes:
 
 
 def log(_: Path) -> bytes:
-    entries = [{"t": t, "q": q, "on": True} for t, q in zip(
-        TRIAL.time.tolist(), TRIAL["angle"].tolist(), strict=True)]
+    entries = [
+        {"t": t, "q": q, "on": True}
+        for t, q in zip(TRIAL.time.tolist(), TRIAL["angle"].tolist(), strict=True)
+    ]
     return json.dumps({"mass": 0.5, "entries": entries}).encode()
 
 
 @pytest.mark.parametrize(
     ("name", "make", "text"),
     [
-        ("a.csv", csv, True), ("a.csv", german, True), ("a.csv", own, True),
-        ("a.csv.gz", packed, False), ("a.mat", mat_5, False), ("a.mat", mat_73, False),
-        ("a.parquet", parquet, False), ("a.json", log, True),
+        ("a.csv", csv, True),
+        ("a.csv", german, True),
+        ("a.csv", own, True),
+        ("a.csv.gz", packed, False),
+        ("a.mat", mat_5, False),
+        ("a.mat", mat_73, False),
+        ("a.parquet", parquet, False),
+        ("a.json", log, True),
     ],
 )
 def test_damaged_files(

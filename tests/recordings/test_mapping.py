@@ -58,8 +58,11 @@ def test_rule_with_unit_sign_offset_and_factor(trial: Path, tmp_path: Path) -> N
 def test_automatic_mapping_to_a_model(trial: Path) -> None:
     class Arm:
         inputs = (Input("valve", "V"),)
-        outputs = (Output("angle", "rad", display_unit="deg"), Output("pressure_1", "Pa"),
-                   Output("pressure_2", "Pa"))
+        outputs = (
+            Output("angle", "rad", display_unit="deg"),
+            Output("pressure_1", "Pa"),
+            Output("pressure_2", "Pa"),
+        )
 
     recording = read_recording(trial, signals=Arm(), mapping={"time": {"column": "t_ms"}})
     # u is a synonym of valve; q1 is the only angle; pA and pB are synonyms of the pressures.
@@ -68,7 +71,10 @@ def test_automatic_mapping_to_a_model(trial: Path) -> None:
     assert recording["pressure_2"][0] == pytest.approx(2e5)
     assert recording.mapping is not None
     assert {row.signal: row.how for row in recording.mapping} == {
-        "time": "mapping file", "valve": "synonym", "angle": "unit", "pressure_1": "synonym",
+        "time": "mapping file",
+        "valve": "synonym",
+        "angle": "unit",
+        "pressure_1": "synonym",
         "pressure_2": "synonym",
     }
 

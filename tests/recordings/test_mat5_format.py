@@ -41,8 +41,17 @@ def test_same_as_scipy(compressed: bool) -> None:
     ours = parse_mat5(content)
     theirs = loadmat(BytesIO(content), squeeze_me=True)
     assert set(ours) == {k for k in theirs if not k.startswith("__")}
-    for name in ("column", "matrix", "cube", "single", "counts", "signed", "flag", "scalar",
-                 "long_name_of_a_variable"):
+    for name in (
+        "column",
+        "matrix",
+        "cube",
+        "single",
+        "counts",
+        "signed",
+        "flag",
+        "scalar",
+        "long_name_of_a_variable",
+    ):
         assert np.array_equal(ours[name], theirs[name]), name
         assert np.shape(ours[name]) == np.shape(theirs[name]), name
     assert ours["empty"].size == theirs["empty"].size == 0
@@ -69,7 +78,8 @@ def test_big_endian() -> None:
     body = (
         struct.pack(">IIII", 6, 8, 6, 0)
         + struct.pack(">IIii", 5, 8, 2, 1)
-        + struct.pack(">HH", 1, 1) + name
+        + struct.pack(">HH", 1, 1)
+        + name
         + struct.pack(">IIdd", 9, 16, 1.5, -2.5)
     )
     head = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x01\x00" + b"MI"

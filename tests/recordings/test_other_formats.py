@@ -27,8 +27,17 @@ def test_mat_5(tmp_path: Path) -> None:
     from scipy.io import savemat
 
     path = tmp_path / "trial.mat"
-    savemat(path, {"t": TIME.reshape(-1, 1), "qm": POSITION.reshape(1, -1), "vir": VOLTAGE,
-                   "kp": 160.18, "short": np.arange(7.0), "name": "EMPS"})
+    savemat(
+        path,
+        {
+            "t": TIME.reshape(-1, 1),
+            "qm": POSITION.reshape(1, -1),
+            "vir": VOLTAGE,
+            "kp": 160.18,
+            "short": np.arange(7.0),
+            "name": "EMPS",
+        },
+    )
     recording = read_recording(path)
     assert_same(recording)
     assert recording.metadata["name"] == "EMPS"
@@ -43,8 +52,13 @@ def test_mat_5_structs_and_matrices(tmp_path: Path) -> None:
     log[0] = {"Name": "angle_deg", "Data": POSITION}
     log[1] = {"Name": "valve_V", "Data": VOLTAGE}
     savemat(path, {"rec": {"time": TIME, "p": np.column_stack([POSITION, VOLTAGE])}, "Y": log})
-    recording = read_recording(path, mapping={"time": {"column": "rec.time"}, "signals": {
-        "angle": "angle_deg", "valve": "valve_V", "p": "rec.p_2"}})
+    recording = read_recording(
+        path,
+        mapping={
+            "time": {"column": "rec.time"},
+            "signals": {"angle": "angle_deg", "valve": "valve_V", "p": "rec.p_2"},
+        },
+    )
     assert np.allclose(np.rad2deg(recording["angle"]), POSITION, rtol=1e-14)
     assert np.array_equal(recording["p"], VOLTAGE)
 
@@ -93,8 +107,10 @@ def test_parquet_without_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 
 def rows() -> list[dict[str, float]]:
-    return [{"t": t, "qm": q, "vir": v}
-            for t, q, v in zip(TIME.tolist(), POSITION.tolist(), VOLTAGE.tolist(), strict=True)]
+    return [
+        {"t": t, "qm": q, "vir": v}
+        for t, q, v in zip(TIME.tolist(), POSITION.tolist(), VOLTAGE.tolist(), strict=True)
+    ]
 
 
 @pytest.mark.parametrize("form", ["entries", "lists"])
@@ -102,8 +118,12 @@ def test_json(tmp_path: Path, form: str) -> None:
     path = tmp_path / "log.json"
     content: object = {"kp": 160.18, "entries": rows()}
     if form == "lists":
-        content = {"kp": 160.18, "t": TIME.tolist(), "qm": POSITION.tolist(),
-                   "vir": VOLTAGE.tolist()}
+        content = {
+            "kp": 160.18,
+            "t": TIME.tolist(),
+            "qm": POSITION.tolist(),
+            "vir": VOLTAGE.tolist(),
+        }
     path.write_text(json.dumps(content))
     assert_same(read_recording(path))
 

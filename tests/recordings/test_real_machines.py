@@ -144,5 +144,11 @@ def test_force_maps(real: Path) -> None:
 def test_valve_curve(real: Path) -> None:
     table = read_table(real / "festo-mpye-valve-zhu2006" / "valve_data.csv")
     assert [s.kind for s in table.signals] == [
-        "voltage", "length", "area", "mass flow", "volume flow", "volume flow"]
+        "voltage",
+        "length",
+        "area",
+        "mass flow",
+        "volume flow",
+        "volume flow",
+    ]
     assert table["Exp_Vol_flow_rate"].max() == pytest.approx(100 / 60000)

@@ -24,9 +24,7 @@ def test_arrays_cannot_be_changed() -> None:
         ([[0.0], [1.0]], (), "one column"),
     ],
 )
-def test_what_is_no_recording(
-    time: list[float], signals: tuple[Signal, ...], message: str
-) -> None:
+def test_what_is_no_recording(time: list[float], signals: tuple[Signal, ...], message: str) -> None:
     with pytest.raises(WorkbenchError, match=message):
         Recording("r", np.array(time), signals)
 

@@ -14,9 +14,20 @@ def assert_equal(a: Recording, b: Recording) -> None:
     for s, r in zip(a.signals, b.signals, strict=True):
         assert np.array_equal(s.values, r.values, equal_nan=True)
         assert (s.name, s.unit, s.kind, s.role, s.display_unit) == (
-            r.name, r.unit, r.kind, r.role, r.display_unit)
+            r.name,
+            r.unit,
+            r.kind,
+            r.role,
+            r.display_unit,
+        )
     assert (a.name, a.source, a.notes, a.metadata, a.excluded, a.mapping) == (
-        b.name, b.source, b.notes, b.metadata, b.excluded, b.mapping)
+        b.name,
+        b.source,
+        b.notes,
+        b.metadata,
+        b.excluded,
+        b.mapping,
+    )
 
 
 @pytest.mark.parametrize("name", ["trial.csv", "trial.csv.gz"])
@@ -25,7 +36,8 @@ def test_round_trip_keeps_every_bit(tmp_path: Path, name: str, rng: np.random.Ge
     missing = rng.normal(size=n) * 1e-7
     missing[5:9] = np.nan
     recording = Recording(
-        "bench, 2", np.cumsum(rng.uniform(1e-3, 2e-3, n)) + 1.7e9,
+        "bench, 2",
+        np.cumsum(rng.uniform(1e-3, 2e-3, n)) + 1.7e9,
         (
             Signal("valve", rng.normal(size=n), "V", role="command"),
             Signal("angle", missing, "rad", display_unit="deg"),
@@ -33,7 +45,9 @@ def test_round_trip_keeps_every_bit(tmp_path: Path, name: str, rng: np.random.Ge
             Signal("supply_V", rng.normal(size=n), "Pa", kind="gauge pressure"),
             Signal("goal", rng.normal(size=n), role="reference"),
         ),
-        source='logger "A"', notes=("first", "second; µ"), metadata={"load_kg": 3, "plane": "v"},
+        source='logger "A"',
+        notes=("first", "second; µ"),
+        metadata={"load_kg": 3, "plane": "v"},
         excluded=(Span("angle", 0.1, 0.2, "frozen"),),
     )
     again = read_recording(write_recording(recording, tmp_path / name))
@@ -42,8 +56,10 @@ def test_round_trip_keeps_every_bit(tmp_path: Path, name: str, rng: np.random.Ge
 
 def test_round_trip_of_a_file_that_was_read(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("time_ms;angle_deg;p_bar_abs\n" + "".join(
-        f"{2 * k};{k % 9},5;{k / 7:.3f}\n".replace(".", ",") for k in range(40)))
+    path.write_text(
+        "time_ms;angle_deg;p_bar_abs\n"
+        + "".join(f"{2 * k};{k % 9},5;{k / 7:.3f}\n".replace(".", ",") for k in range(40))
+    )
     recording = read_recording(path)
     assert_equal(read_recording(recording.to_csv(tmp_path / "b.csv")), recording)
 
@@ -62,7 +78,8 @@ def test_nothing_is_left_of_a_failed_write(tmp_path: Path) -> None:
 
 def test_description_of_other_columns_is_refused(tmp_path: Path) -> None:
     path = example_recording(seconds=2.0).to_csv(tmp_path / "a.csv")
-    path.write_text(path.read_text().replace("angle_rad", "theta_rad", 1).replace(
-        ",angle_rad", ",theta", 1))
+    path.write_text(
+        path.read_text().replace("angle_rad", "theta_rad", 1).replace(",angle_rad", ",theta", 1)
+    )
     with pytest.raises(WorkbenchError, match="describes another recording"):
         read_recording(path)

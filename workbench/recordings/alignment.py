@@ -57,8 +57,7 @@ def clock_shift(
         n = int(np.floor(recording.duration / dt)) + 1
         if n < 10:
             raise WorkbenchError(f"recording {recording.name!r} is too short to align")
-        even = resample(recording.select([name]),
-                        times=recording.time[0] + dt * np.arange(n))[name]
+        even = resample(recording.select([name]), times=recording.time[0] + dt * np.arange(n))[name]
         if np.ptp(even) == 0:
             raise WorkbenchError(
                 f"signal {name!r} of recording {recording.name!r} is constant; align on one that "
@@ -126,13 +125,14 @@ def align(
     added = resample(moved, times=kept.time)
     spans = tuple(
         replace(span, start=span.start - shift, stop=span.stop - shift)
-        for span in second.excluded if span.signal not in first
+        for span in second.excluded
+        if span.signal not in first
     )
     extra = tuple(s for s in added.signals if s.name not in first)
     note = (
         f"aligned with {second.name!r} on {signal!r}: its clock was {shift:.6g} s ahead "
         f"(correlation {likeness:.3f}); added {', '.join(s.name for s in extra) or 'nothing'}"
     )
-    return replace(
-        kept, signals=(*kept.signals, *extra), excluded=(*kept.excluded, *spans)
-    ).noted(note)
+    return replace(kept, signals=(*kept.signals, *extra), excluded=(*kept.excluded, *spans)).noted(
+        note
+    )

@@ -57,7 +57,9 @@ def header_list(columns: Columns) -> list[Header]:
             unit, reference = read_unit(text)
             problem = "" if unit is not None else f"unit {text!r} is not known"
             headers[i] = replace(
-                headers[i], unit=unit or "", reference=headers[i].reference or reference,
+                headers[i],
+                unit=unit or "",
+                reference=headers[i].reference or reference,
                 problem=problem,
             )
     names = [h.name for h in headers]
@@ -118,8 +120,9 @@ def find_time(headers: Sequence[Header], rules: MappingRules) -> int | None:
     named = [i for i, h in enumerate(headers) if is_time(h)]
     if named:
         return named[0]
-    by_unit = [i for i, h in enumerate(headers)
-               if h.unit and same_dimension(h.unit, "s") and i == 0]
+    by_unit = [
+        i for i, h in enumerate(headers) if h.unit and same_dimension(h.unit, "s") and i == 0
+    ]
     return by_unit[0] if by_unit else None
 
 
@@ -177,8 +180,17 @@ def _signal(
     role = cast("Role", rule.role or want.role or guess_role(rule.signal))
     display = want.display_unit or (unit if unit and parse_unit(unit).factor != 1 else "")
     signal = Signal(rule.signal, values, kind.unit, name, role, display)
-    row = MappedColumn(header.column, rule.signal, unit_shown, kind.unit, how, rule.sign,
-                       rule.factor, rule.offset, note)
+    row = MappedColumn(
+        header.column,
+        rule.signal,
+        unit_shown,
+        kind.unit,
+        how,
+        rule.sign,
+        rule.factor,
+        rule.offset,
+        note,
+    )
     return signal, row
 
 
@@ -199,8 +211,9 @@ def _time(
             raise WorkbenchError(f"the time column {header.column!r} is in {unit!r}; give s or ms")
         raw = rule.sign * rule.factor * columns.values[:, index] + rule.offset
         how = "mapping file" if rules.time is not None else "name"
-        row = MappedColumn(header.column, "time", unit, "s", how, rule.sign, rule.factor,
-                           rule.offset)
+        row = MappedColumn(
+            header.column, "time", unit, "s", how, rule.sign, rule.factor, rule.offset
+        )
         return (to_si(raw, unit) if unit else raw), row, index
     step = rules.sample_time_s
     source = "sample_time_s"
@@ -285,13 +298,15 @@ def assign(
         signals.append(signal)
         rows.append(row)
     notes = list(columns.notes)
-    for index in sorted(taken | {i for i, h in enumerate(headers)
-                                 if h.column in {r.column for r in rows}}):
+    for index in sorted(
+        taken | {i for i, h in enumerate(headers) if h.column in {r.column for r in rows}}
+    ):
         count, example = columns.unreadable.get(columns.headers[index], (0, ""))
         if count:
             notes.append(
                 f"{count} cell(s) of column {columns.headers[index]!r} hold no number (first: "
                 f"{example}); they count as missing"
             )
-    return Assigned(time, tuple(signals), ColumnMapping(tuple(rows), tuple(unused)), tuple(notes),
-                    metadata)
+    return Assigned(
+        time, tuple(signals), ColumnMapping(tuple(rows), tuple(unused)), tuple(notes), metadata
+    )

@@ -53,8 +53,11 @@ class Case:
             if key in self.settings:
                 check_range(f"{key} of case {self.name}", self.settings[key], low, high, unit)  # type: ignore[arg-type]
         if "plane" in self.settings:
-            check_choice(f"plane of case {self.name}", str(self.settings["plane"]),
-                         ("horizontal", "vertical"))
+            check_choice(
+                f"plane of case {self.name}",
+                str(self.settings["plane"]),
+                ("horizontal", "vertical"),
+            )
         if not self.fit:
             raise WorkbenchError(
                 f"case {self.name} has no recording to fit on; it needs a file identify_*.csv"
@@ -98,13 +101,19 @@ class Case:
     def __str__(self) -> str:
         settings = ", ".join(f"{k} = {v}" for k, v in self.settings.items())
         rows = [
-            (role, "fit" if role in self.fit else "hold out", str(len(r)), f"{r.duration:.6g}",
-             ", ".join(r.names))
+            (
+                role,
+                "fit" if role in self.fit else "hold out",
+                str(len(r)),
+                f"{r.duration:.6g}",
+                ", ".join(r.names),
+            )
             for role, r in self.recordings.items()
         ]
         table = aligned_table(("recording", "use", "samples", "seconds", "signals"), rows)
-        return "\n".join([f"case {self.name}: {settings}", table,
-                          *(f"note: {note}" for note in self.notes)])
+        return "\n".join(
+            [f"case {self.name}: {settings}", table, *(f"note: {note}" for note in self.notes)]
+        )
 
 
 def _files(folder: Path) -> dict[str, Path]:
@@ -179,8 +188,9 @@ def read_case(
         mapping = own
     recordings = {}
     for role, file in _files(path).items():
-        recording = read_recording(file, mapping=mapping, signals=signals, max_rows=max_rows,
-                                   name=f"{path.name}/{role}")
+        recording = read_recording(
+            file, mapping=mapping, signals=signals, max_rows=max_rows, name=f"{path.name}/{role}"
+        )
         recordings[role] = _gauge(replace(recording, metadata={**recording.metadata, **flat}))
     standard = [r for r in ROLES if r in recordings]
     notes = [f"{r} is missing" for r in ROLES if r not in recordings] if standard else []

@@ -60,6 +60,4 @@ def without_giants(columns: Columns) -> Columns:
     if not giants.any():
         return columns
     note = f"{int(giants.sum())} number(s) beyond {LARGEST:g} count as missing"
-    return replace(
-        columns, values=np.where(giants, np.nan, values), notes=(*columns.notes, note)
-    )
+    return replace(columns, values=np.where(giants, np.nan, values), notes=(*columns.notes, note))

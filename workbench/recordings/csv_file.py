@@ -150,8 +150,14 @@ def read_csv(
 
 
 def _read_rows(
-    file: Path, first: list[str], blocks: Iterator[list[str]], layout: Layout,
-    columns: Sequence[str], max_rows: int, find_time: FindTime | None, cut: list[str],
+    file: Path,
+    first: list[str],
+    blocks: Iterator[list[str]],
+    layout: Layout,
+    columns: Sequence[str],
+    max_rows: int,
+    find_time: FindTime | None,
+    cut: list[str],
 ) -> Columns:
     headers, named = _headers(layout, columns, file.name)
     units = layout.units or ("",) * layout.width
@@ -184,8 +190,9 @@ def _read_rows(
         notes.append(f"before averaging, the time stood still or ran backwards {backwards} time(s)")
     metadata = dict(layout.metadata)
     values, headers, units, tally_columns = _lift_scalars(values, headers, units, metadata, tally)
-    return Columns(headers, units, values, named, metadata, tuple(notes), tally_columns,
-                   layout.saved)
+    return Columns(
+        headers, units, values, named, metadata, tuple(notes), tally_columns, layout.saved
+    )
 
 
 def _notes(
@@ -213,8 +220,11 @@ def _notes(
 
 
 def _lift_scalars(
-    values: npt.NDArray[np.float64], headers: tuple[str, ...], units: tuple[str, ...],
-    metadata: dict[str, Scalar], tally: _Tally,
+    values: npt.NDArray[np.float64],
+    headers: tuple[str, ...],
+    units: tuple[str, ...],
+    metadata: dict[str, Scalar],
+    tally: _Tally,
 ) -> tuple[npt.NDArray[np.float64], tuple[str, ...], tuple[str, ...], dict[str, tuple[int, str]]]:
     """Take columns with a number in the first row only as settings of the trial."""
     keep = []
@@ -226,5 +236,9 @@ def _lift_scalars(
         elif header or finite.any():
             keep.append(k)
     unreadable = {headers[k]: tally.unreadable[k] for k in keep if k in tally.unreadable}
-    return (values[:, keep], tuple(headers[k] for k in keep), tuple(units[k] for k in keep),
-            unreadable)
+    return (
+        values[:, keep],
+        tuple(headers[k] for k in keep),
+        tuple(units[k] for k in keep),
+        unreadable,
+    )

@@ -145,7 +145,7 @@ def _metadata(lines: Sequence[str]) -> tuple[dict[str, Scalar], dict[str, Any] |
     for line in lines:
         if line.startswith(SAVED_MARK):
             try:
-                content = json.loads(line[len(SAVED_MARK):])
+                content = json.loads(line[len(SAVED_MARK) :])
             except (json.JSONDecodeError, RecursionError):
                 continue
             saved = content if isinstance(content, dict) else None
@@ -203,7 +203,10 @@ def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
 
 
 def _titles(
-    body: Sequence[tuple[int, str]], lines: Sequence[str], start: int, separator: str | None,
+    body: Sequence[tuple[int, str]],
+    lines: Sequence[str],
+    start: int,
+    separator: str | None,
     width: int,
 ) -> tuple[tuple[str, ...], tuple[str, ...], set[int]]:
     """Find the header above the numbers, and a row of units below the header."""
@@ -221,8 +224,11 @@ def _titles(
         for i in range(body[start][0] - 1, -1, -1):
             text = lines[i].lstrip().lstrip("#%/ ").rstrip()
             cells = split_line(text, separator)
-            if is_comment(lines[i]) and len(cells) == width and width > 1 and not (
-                lines[i].startswith(SAVED_MARK)
+            if (
+                is_comment(lines[i])
+                and len(cells) == width
+                and width > 1
+                and not (lines[i].startswith(SAVED_MARK))
             ):
                 return tuple(cells), units, {i}
     if not above:

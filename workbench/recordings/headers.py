@@ -80,7 +80,8 @@ def _pressure_unit(unit: str) -> tuple[str | None, str]:
     """Read ``bara``, ``barg``, ``bar(g)``, ``bar abs``, ``psig``: unit and reference."""
     match = re.fullmatch(
         r"(bar|mbar|kPa|MPa|hPa|Pa|psi)[\s_(]*(abs|absolute|gauge|rel|relative|a|g)\)?",
-        unit.strip(), flags=re.IGNORECASE,
+        unit.strip(),
+        flags=re.IGNORECASE,
     )
     if match is None:
         return None, ""
@@ -128,8 +129,11 @@ def _suffix(column: str) -> tuple[str, str, str] | None:
         name, tail = "_".join(words[:-count]), words[-count:]
         if not all(re.search(r"[A-Za-zµΩ°%]", w) for w in tail):
             continue
-        spellings = [" ".join(tail)] if count == 1 else [
-            "/".join(w for w in tail if w != "per"), " ".join(tail), "_".join(tail)]
+        spellings = (
+            [" ".join(tail)]
+            if count == 1
+            else ["/".join(w for w in tail if w != "per"), " ".join(tail), "_".join(tail)]
+        )
         if count > 1 and "per" not in tail and tail[-1] not in ("s", "s2", "min", "abs", "gauge"):
             spellings = spellings[1:]
         for spelling in spellings:
@@ -177,7 +181,9 @@ def _with_reference(column: str, name: str, unit: str, reference: str) -> Header
     for word in words[1:]:
         if word.lower() in ("abs", "absolute", "gauge", "rel") and len(words) > 1:
             return Header(
-                column, "_".join(w for w in words if w != word), unit,
+                column,
+                "_".join(w for w in words if w != word),
+                unit,
                 reference or _REFERENCES[word.lower()],
             )
     return Header(column, tidy_name(name) or "column", unit, reference)

@@ -48,8 +48,11 @@ def _entries(content: Any) -> tuple[Sequence[Mapping[str, Any]], dict[str, Any]]
         return [e for e in content if isinstance(e, Mapping)], {}
     if not isinstance(content, Mapping):
         return [], {}
-    logs = {k: v for k, v in content.items()
-            if isinstance(v, list) and v and all(isinstance(e, Mapping) for e in v)}
+    logs = {
+        k: v
+        for k, v in content.items()
+        if isinstance(v, list) and v and all(isinstance(e, Mapping) for e in v)
+    }
     if logs:
         longest = max(logs, key=lambda k: len(logs[k]))
         return logs[longest], {k: v for k, v in content.items() if k not in logs}
@@ -108,8 +111,11 @@ def read_json(path: str | Path) -> Columns:
         if all(n is None for n in numbers):
             skipped.append(key)
             continue
-        bad = [i for i, (c, n) in enumerate(zip(cells, numbers, strict=True))
-               if n is None and c is not None]
+        bad = [
+            i
+            for i, (c, n) in enumerate(zip(cells, numbers, strict=True))
+            if n is None and c is not None
+        ]
         if bad:
             unreadable[key] = (len(bad), f"{str(cells[bad[0]])[:30]!r} in entry {bad[0] + 1}")
         columns.append([np.nan if n is None else n for n in numbers])
@@ -121,6 +127,11 @@ def read_json(path: str | Path) -> Columns:
     }
     notes = [f"left out, no numbers: {', '.join(skipped)}"] if skipped else []
     return Columns(
-        tuple(headers), ("",) * len(headers), np.array(columns, dtype=float).T, True, metadata,
-        tuple(notes), unreadable,
+        tuple(headers),
+        ("",) * len(headers),
+        np.array(columns, dtype=float).T,
+        True,
+        metadata,
+        tuple(notes),
+        unreadable,
     )

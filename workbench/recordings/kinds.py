@@ -55,10 +55,12 @@ _BASES = ("m", "kg", "s", "K", "A", "rad")
 
 
 def _composed(unit: Unit) -> Kind:
-    above = [f"{b}{e if e > 1 else ''}" for b, e in zip(_BASES, unit.dimensions, strict=True)
-             if e > 0]
-    below = [f"{b}{-e if e < -1 else ''}" for b, e in zip(_BASES, unit.dimensions, strict=True)
-             if e < 0]
+    above = [
+        f"{b}{e if e > 1 else ''}" for b, e in zip(_BASES, unit.dimensions, strict=True) if e > 0
+    ]
+    below = [
+        f"{b}{-e if e < -1 else ''}" for b, e in zip(_BASES, unit.dimensions, strict=True) if e < 0
+    ]
     text = " ".join(above) or "1"
     if below:
         text += f"/({' '.join(below)})" if len(below) > 1 else f"/{below[0]}"

@@ -136,8 +136,15 @@ class ColumnMapping:
             return f"{text}column" + (f" {r.offset:+g}" if r.offset else "")
 
         body = [
-            (r.column, r.signal, r.unit or "not stated", r.si_unit or "taken as SI", formula(r),
-             r.how, r.note)
+            (
+                r.column,
+                r.signal,
+                r.unit or "not stated",
+                r.si_unit or "taken as SI",
+                formula(r),
+                r.how,
+                r.note,
+            )
             for r in self.rows
         ]
         body += [(column, "-", "", "", "", "left out", why) for column, why in self.unused]
@@ -176,8 +183,13 @@ def rules_from(content: Mapping[str, Any], *, path: str = "the mapping") -> Mapp
         'q1'
     """
     known = ("signals", "time", "columns", "sample_time_s", "metadata")
-    if content and not set(content) & set(known) and all(
-        isinstance(v, str) or (isinstance(v, Mapping) and "column" in v) for v in content.values()
+    if (
+        content
+        and not set(content) & set(known)
+        and all(
+            isinstance(v, str) or (isinstance(v, Mapping) and "column" in v)
+            for v in content.values()
+        )
     ):
         content = {"signals": content}
     for key in content:
@@ -187,13 +199,15 @@ def rules_from(content: Mapping[str, Any], *, path: str = "the mapping") -> Mapp
     metadata = content.get("metadata", {})
     if not isinstance(signals, Mapping) or not isinstance(metadata, Mapping):
         raise WorkbenchError(f"signals and metadata of {path} must be tables, such as [signals]")
-    if isinstance(columns, str) or not isinstance(columns, Sequence) or not all(
-        isinstance(c, str) for c in columns
+    if (
+        isinstance(columns, str)
+        or not isinstance(columns, Sequence)
+        or not all(isinstance(c, str) for c in columns)
     ):
         raise WorkbenchError(f"columns of {path} is {columns!r}; write a list of names")
     time = content.get("time")
     if isinstance(time, Mapping) and "column" not in time:
-        raise WorkbenchError(f"[time] of {path} names no column; write column = \"...\"")
+        raise WorkbenchError(f'[time] of {path} names no column; write column = "..."')
     step = content.get("sample_time_s")
     if step is not None:
         step = check_range(f"sample_time_s of {path}", step, 1e-9, 1e6, "s")
@@ -203,7 +217,9 @@ def rules_from(content: Mapping[str, Any], *, path: str = "the mapping") -> Mapp
     return MappingRules(
         tuple(_rule(str(name), entry, path) for name, entry in signals.items()),
         None if time is None else _rule("time", time, path),
-        tuple(columns), step, dict(metadata),
+        tuple(columns),
+        step,
+        dict(metadata),
     )
 
 

@@ -66,7 +66,7 @@ def _as_float(array: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
 
 
 def _sorted_out(
-    flat: Mapping[str, Any]
+    flat: Mapping[str, Any],
 ) -> tuple[dict[str, npt.NDArray[np.float64]], dict[str, Scalar], list[str]]:
     vectors: dict[str, npt.NDArray[np.float64]] = {}
     scalars: dict[str, Scalar] = {}
@@ -144,7 +144,8 @@ def read_mat(path: str | Path) -> Columns:
     headers = tuple(name for name, v in vectors.items() if len(v) == length)
     notes = [
         f"variable {name!r} has {len(v)} samples instead of {length} and was left out"
-        for name, v in vectors.items() if len(v) != length
+        for name, v in vectors.items()
+        if len(v) != length
     ]
     if odd:
         notes.append(f"left out, not columns of numbers: {', '.join(odd)}")

@@ -68,8 +68,13 @@ class Table:
 
     def __str__(self) -> str:
         rows = [
-            (s.name, s.kind, s.unit or "?", f"{np.nanmin(s.values):.6g}",
-             f"{np.nanmax(s.values):.6g}")
+            (
+                s.name,
+                s.kind,
+                s.unit or "?",
+                f"{np.nanmin(s.values):.6g}",
+                f"{np.nanmax(s.values):.6g}",
+            )
             for s in self.signals
         ]
         n = len(self.signals[0].values) if self.signals else 0
@@ -78,8 +83,9 @@ class Table:
         return "\n".join([head, body, *(f"note: {note}" for note in self.notes)])
 
 
-def rules_of(mapping: MappingLike, columns: Sequence[str], sample_time_s: float | None
-             ) -> MappingRules:
+def rules_of(
+    mapping: MappingLike, columns: Sequence[str], sample_time_s: float | None
+) -> MappingRules:
     """Return the rules of a mapping in any of its forms, with the caller's additions.
 
     Args:
@@ -107,8 +113,9 @@ def rules_of(mapping: MappingLike, columns: Sequence[str], sample_time_s: float 
     if columns:
         rules = replace(rules, columns=tuple(str(c) for c in columns))
     if sample_time_s is not None:
-        rules = replace(rules, sample_time_s=check_range("sample_time_s", sample_time_s, 1e-9, 1e6,
-                                                         "s"))
+        rules = replace(
+            rules, sample_time_s=check_range("sample_time_s", sample_time_s, 1e-9, 1e6, "s")
+        )
     return rules
 
 
@@ -162,7 +169,9 @@ def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_R
     suffix = suffix_of(file)
     if suffix in TEXT_SUFFIXES:
         return read_csv(
-            file, columns=rules.columns, max_rows=max_rows,
+            file,
+            columns=rules.columns,
+            max_rows=max_rows,
             find_time=lambda empty: find_time(header_list(empty), rules),
         )
     if suffix == ".mat":
@@ -181,7 +190,7 @@ def _named(columns: Columns, path: Path, rules: MappingRules) -> None:
     if not columns.named and not rules.signals:
         count = len(columns.headers)
         raise WorkbenchError(
-            f"{path.name} has no header; name its {count} columns: columns = [\"time_s\", ...] in "
+            f'{path.name} has no header; name its {count} columns: columns = ["time_s", ...] in '
             "a mapping file, or the option columns"
         )
 
@@ -252,10 +261,20 @@ def read_recording(
         raise WorkbenchError(
             f"{file.name} has {np.count_nonzero(rows)} row(s) with a time; a recording needs two"
         )
-    recording = Recording(title, np.where(rows, assigned.time, 0.0), assigned.signals, file.name,
-                          assigned.notes, assigned.metadata, (), assigned.mapping)
-    return recording if rows.all() else recording.take(rows).noted(
-        f"{np.count_nonzero(~rows)} row(s) without a time left out"
+    recording = Recording(
+        title,
+        np.where(rows, assigned.time, 0.0),
+        assigned.signals,
+        file.name,
+        assigned.notes,
+        assigned.metadata,
+        (),
+        assigned.mapping,
+    )
+    return (
+        recording
+        if rows.all()
+        else recording.take(rows).noted(f"{np.count_nonzero(~rows)} row(s) without a time left out")
     )
 
 
@@ -309,8 +328,14 @@ def read_table(
     signals_ = assigned.signals
     if assigned.time is not None:
         signals_ = (Signal("time", assigned.time, "s"), *signals_)
-    return Table(name or file.name.removesuffix(".gz").rsplit(".", 1)[0], signals_, file.name,
-                 assigned.notes, assigned.metadata, assigned.mapping)
+    return Table(
+        name or file.name.removesuffix(".gz").rsplit(".", 1)[0],
+        signals_,
+        file.name,
+        assigned.notes,
+        assigned.metadata,
+        assigned.mapping,
+    )
 
 
 def read_settings(path: Path) -> dict[str, Any]:

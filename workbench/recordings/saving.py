@@ -25,8 +25,10 @@ _VERSION = 1
 def _description(recording: Recording, columns: list[str]) -> str:
     mapping = None
     if recording.mapping is not None:
-        mapping = {"rows": [asdict(r) for r in recording.mapping.rows],
-                   "unused": recording.mapping.unused}
+        mapping = {
+            "rows": [asdict(r) for r in recording.mapping.rows],
+            "unused": recording.mapping.unused,
+        }
     content = {
         "version": _VERSION,
         "name": recording.name,
@@ -36,8 +38,14 @@ def _description(recording: Recording, columns: list[str]) -> str:
         "excluded": [asdict(span) for span in recording.excluded],
         "mapping": mapping,
         "signals": [
-            {"column": column, "name": s.name, "unit": s.unit, "kind": s.kind, "role": s.role,
-             "display_unit": s.display_unit}
+            {
+                "column": column,
+                "name": s.name,
+                "unit": s.unit,
+                "kind": s.kind,
+                "role": s.role,
+                "display_unit": s.display_unit,
+            }
             for column, s in zip(columns, recording.signals, strict=True)
         ],
     }
@@ -137,15 +145,23 @@ def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
             str(saved["name"]),
             columns.values[:, index["time_s"]],
             tuple(
-                Signal(s["name"], columns.values[:, index[s["column"]]], s["unit"], s["kind"],
-                       s["role"], s["display_unit"])
+                Signal(
+                    s["name"],
+                    columns.values[:, index[s["column"]]],
+                    s["unit"],
+                    s["kind"],
+                    s["role"],
+                    s["display_unit"],
+                )
                 for s in saved["signals"]
             ),
             str(saved["source"]),
             (*saved["notes"], *columns.notes),
             dict(saved["metadata"]),
             tuple(Span(**span) for span in saved["excluded"]),
-            None if mapping is None else ColumnMapping(
+            None
+            if mapping is None
+            else ColumnMapping(
                 tuple(MappedColumn(**row) for row in mapping["rows"]),
                 tuple((column, why) for column, why in mapping["unused"]),
             ),

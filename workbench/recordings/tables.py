@@ -6,9 +6,7 @@ import textwrap
 from collections.abc import Sequence
 
 
-def aligned_table(
-    header: Sequence[str], rows: Sequence[Sequence[str]], *, width: int = 100
-) -> str:
+def aligned_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, width: int = 100) -> str:
     """Return a table with aligned columns; the last column wraps.
 
     Args:

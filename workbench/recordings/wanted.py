@@ -66,8 +66,10 @@ def wanted_signals(signals: Any) -> tuple[Wanted, ...]:
     if hasattr(signals, "inputs") and hasattr(signals, "outputs"):
         return (
             *(Wanted(q.name, q.unit, "command") for q in signals.inputs),
-            *(Wanted(q.name, q.unit, "measurement", getattr(q, "display_unit", ""))
-              for q in signals.outputs),
+            *(
+                Wanted(q.name, q.unit, "measurement", getattr(q, "display_unit", ""))
+                for q in signals.outputs
+            ),
         )
     if isinstance(signals, Mapping):
         for unit in signals.values():
@@ -121,10 +123,13 @@ def _same(wanted: Wanted, header: Header) -> int:
     if _plain(wanted.name) in (_plain(header.name), _plain(header.column)):
         return 2
     plain = _plain(header.name)
-    return int(any(
-        _plain(wanted.name) in {_plain(s) for s in group} and plain in {_plain(s) for s in group}
-        for group in _SYNONYMS
-    ))
+    return int(
+        any(
+            _plain(wanted.name) in {_plain(s) for s in group}
+            and plain in {_plain(s) for s in group}
+            for group in _SYNONYMS
+        )
+    )
 
 
 def _units_agree(wanted: Wanted, header: Header) -> bool:
@@ -158,8 +163,9 @@ def match_wanted(
         for want in wanted:
             if want.name in found:
                 continue
-            named = [i for i, h in enumerate(headers)
-                     if i not in used and _same(want, h) == quality]
+            named = [
+                i for i, h in enumerate(headers) if i not in used and _same(want, h) == quality
+            ]
             fitting = [i for i in named if _units_agree(want, headers[i])]
             if named and not fitting and quality == 2:
                 bad = headers[named[0]]
@@ -173,10 +179,16 @@ def match_wanted(
     for want in wanted:
         if want.name in found or not want.unit:
             continue
-        rivals = [w for w in wanted if w.name not in found and w.unit
-                  and same_dimension(w.unit, want.unit)]
-        left = [i for i, h in enumerate(headers) if i not in used and h.unit
-                and same_dimension(h.unit, want.unit)]
+        rivals = [
+            w
+            for w in wanted
+            if w.name not in found and w.unit and same_dimension(w.unit, want.unit)
+        ]
+        left = [
+            i
+            for i, h in enumerate(headers)
+            if i not in used and h.unit and same_dimension(h.unit, want.unit)
+        ]
         if len(left) == 1 and len(rivals) == 1:
             found[want.name] = (left[0], "unit")
             used.add(left[0])

@@ -15,7 +15,8 @@ def directions_of(values: np.ndarray) -> tuple[float, float, float, int]:
 def test_directions() -> None:
     noise = 1e-5 * np.random.default_rng(1).normal(size=5000)
     forward, backward, resting, reversals = directions_of(
-        np.interp(TIME, [0, 4, 6, 8, 10], [0, 1, 1, 0.5, 0.5]) + noise)
+        np.interp(TIME, [0, 4, 6, 8, 10], [0, 1, 1, 0.5, 0.5]) + noise
+    )
     assert forward == pytest.approx(0.4, abs=0.02)
     assert backward == pytest.approx(0.2, abs=0.02)
     assert resting == pytest.approx(0.4, abs=0.03)

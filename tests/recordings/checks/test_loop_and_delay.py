@@ -46,8 +46,11 @@ def test_smooth_command_without_feedback_is_unknown() -> None:
     u = np.sin(3 * time) + np.sin(7.3 * time)
     y = np.sin(3 * time - 0.4) + np.sin(7.3 * time - 0.9)
     rng = np.random.default_rng(0)
-    trial = Recording("sines", time, (
-        Signal("u", u, "V", role="command"), Signal("y", y + 1e-3 * rng.normal(size=6000), "m")))
+    trial = Recording(
+        "sines",
+        time,
+        (Signal("u", u, "V", role="command"), Signal("y", y + 1e-3 * rng.normal(size=6000), "m")),
+    )
     assert check_recording(trial).loop == "unknown"
 
 

@@ -71,9 +71,12 @@ def test_constant_signal(name: str) -> None:
     check = report.check("constant signals")
     assert (check.result, name in check.note) == ("unfit", True)
     others = [n for n in TRIAL.names if n != name]
-    assert check_recording(
-        with_values(name, np.full(len(TRIAL), TRIAL[name][0])), required=others
-    ).check("constant signals").result == "pass"
+    assert (
+        check_recording(with_values(name, np.full(len(TRIAL), TRIAL[name][0])), required=others)
+        .check("constant signals")
+        .result
+        == "pass"
+    )
 
 
 def test_angle_in_degrees_called_radians() -> None:
@@ -131,7 +134,8 @@ def test_exchanged_pressures() -> None:
     trial = example_recording(seconds=8.0)
     one, two = trial.signal("pressure_1"), trial.signal("pressure_2")
     exchanged = trial.with_signal(replace(one, values=two.values)).with_signal(
-        replace(two, values=one.values))
+        replace(two, values=one.values)
+    )
     check = check_recording(exchanged).check("signs")
     assert (check.result, "exchanged" in check.note) == ("unfit", True)
 
@@ -143,7 +147,6 @@ def test_few_converter_steps() -> None:
 
 
 def test_still_machine() -> None:
-    quiet = with_values(
-        "angle", 1e-3 * np.random.default_rng(0).normal(size=len(TRIAL)))
+    quiet = with_values("angle", 1e-3 * np.random.default_rng(0).normal(size=len(TRIAL)))
     check = check_recording(quiet).check("noise floor")
     assert (check.result, "no more than its noise" in check.note) == ("unfit", True)

@@ -60,7 +60,10 @@ class Outcome:
 
 
 def unchanged(
-    recording: Recording, name: str, result: Result, note: str,
+    recording: Recording,
+    name: str,
+    result: Result,
+    note: str,
     values: Mapping[str, Any] | None = None,
 ) -> Outcome:
     """Return the outcome of a check that leaves the recording as it is.

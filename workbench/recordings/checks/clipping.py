@@ -108,7 +108,10 @@ def check_clipping(recording: Recording, expected: Expected) -> Outcome:
         ).replace("  ", " ")
         if share > MAX_EXCLUDED and signal.name in expected.required:
             return unchanged(
-                recording, _NAME, "unfit", f"{text}; use a sensor of wider range",
+                recording,
+                _NAME,
+                "unfit",
+                f"{text}; use a sensor of wider range",
                 {"limits": limits},
             )
         spans = tuple(

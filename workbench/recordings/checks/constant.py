@@ -34,8 +34,11 @@ def check_constant(recording: Recording, expected: Expected) -> Outcome:
     for signal in still:
         if signal.name in expected.required:
             value = f"{signal.displayed()[0]:g} {signal.display_unit}".strip()
-            why = ("nothing was commanded" if signal.role == "command"
-                   else "the sensor is disconnected or its channel wrong")
+            why = (
+                "nothing was commanded"
+                if signal.role == "command"
+                else "the sensor is disconnected or its channel wrong"
+            )
             problems.append(f"{signal.name} reads {value} throughout: {why}")
     if measured and measured <= set(names):
         problems = problems or ["no measured signal changes"]

@@ -37,7 +37,11 @@ class Delay:
 
 
 def response_correlation(
-    recording: Recording, command: str, response: str, *, max_delay: float = 0.2,
+    recording: Recording,
+    command: str,
+    response: str,
+    *,
+    max_delay: float = 0.2,
     closed_loop: bool = False,
 ) -> Vector:
     """Return the correlation of a response with what is new in a command, in sigmas, by lag.
@@ -134,8 +138,10 @@ def check_delay(recording: Recording, expected: Expected) -> Outcome:
     closed = check_loop(recording, expected).check.values["loop"] == "closed"
     delays = tuple(
         estimate_delay(recording, c, m, closed_loop=closed)
-        for c in recording.commands if np.ptp(recording[c]) > 0
-        for m in recording.measurements if np.ptp(recording[m]) > 0
+        for c in recording.commands
+        if np.ptp(recording[c]) > 0
+        for m in recording.measurements
+        if np.ptp(recording[m]) > 0
     )
     seen = [d for d in delays if np.isfinite(d.onset)]
     if not delays:
@@ -145,6 +151,7 @@ def check_delay(recording: Recording, expected: Expected) -> Outcome:
     else:
         note = "; ".join(
             f"{d.command} shows in {d.response} after {1e3 * d.onset:.3g} ms (most after "
-            f"{1e3 * d.peak:.3g} ms)" for d in seen
+            f"{1e3 * d.peak:.3g} ms)"
+            for d in seen
         )
     return unchanged(recording, _NAME, "pass", note, {"delays": delays})

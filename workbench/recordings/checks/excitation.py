@@ -99,8 +99,12 @@ def directions(signal: Signal, sample_time: float) -> Directions:
     sign = np.where(np.abs(speed) > limit, np.sign(speed), 0.0)
     moving = sign[sign != 0]
     return Directions(
-        signal.name, float(np.mean(sign > 0)), float(np.mean(sign < 0)), float(np.mean(sign == 0)),
-        int(np.count_nonzero(np.diff(moving))), float(np.quantile(np.abs(speed), 0.995)),
+        signal.name,
+        float(np.mean(sign > 0)),
+        float(np.mean(sign < 0)),
+        float(np.mean(sign == 0)),
+        int(np.count_nonzero(np.diff(moving))),
+        float(np.quantile(np.abs(speed), 0.995)),
     )
 
 
@@ -146,6 +150,9 @@ def check_excitation(recording: Recording, expected: Expected) -> Outcome:
     if asked and not any(s.name in asked for s in moving):
         return unchanged(recording, _NAME, "unfit", "no required measurement moves")
     return unchanged(
-        recording, _NAME, "pass", "; ".join(notes) or "nothing moves",
+        recording,
+        _NAME,
+        "pass",
+        "; ".join(notes) or "nothing moves",
         {"occupancy": where, "directions": turns},
     )

@@ -158,7 +158,9 @@ def check_gaps(recording: Recording, expected: Expected) -> Outcome:
         limit = 0.01 if signal.held else MAX_EXCLUDED
         if share > limit and signal.name in expected.required:
             return unchanged(
-                recording, _NAME, "unfit",
+                recording,
+                _NAME,
+                "unfit",
                 f"{signal.name} is missing in {100 * share:.3g} % of the rows; at most "
                 f"{100 * limit:g} % can be bridged",
             )

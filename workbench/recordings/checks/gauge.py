@@ -58,19 +58,26 @@ def check_gauge(recording: Recording, expected: Expected) -> Outcome:
             changed = changed.with_signal(
                 replace(signal, values=signal.values - AMBIENT_PA, kind="gauge pressure")
             )
-        why = "never below ambient" + (", resting there" if vented else "") + (
-            ", above the supply" if above else ""
+        why = (
+            "never below ambient"
+            + (", resting there" if vented else "")
+            + (", above the supply" if above else "")
         )
         return corrected(
-            changed, _NAME,
-            f"{', '.join(names)} look absolute ({why}); 1.01325 bar subtracted", values,
+            changed,
+            _NAME,
+            f"{', '.join(names)} look absolute ({why}); 1.01325 bar subtracted",
+            values,
         )
     if above and supply is not None:
         worst = max(high, key=lambda n: high[n])
         return unchanged(
-            recording, _NAME, "unfit",
+            recording,
+            _NAME,
+            "unfit",
             f"{worst} reaches {high[worst] / 1e5:.4g} bar but the supply is {supply / 1e5:.4g} "
-            "bar gauge; correct the unit, the offset or the supply in the notes", values,
+            "bar gauge; correct the unit, the offset or the supply in the notes",
+            values,
         )
     if min(low.values()) < 0.5 * AMBIENT_PA:
         note = f"falls to {min(low.values()) / 1e5:.3g} bar, so gauge"

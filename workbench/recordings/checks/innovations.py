@@ -39,7 +39,8 @@ def innovations(target: Vector, past: Sequence[Vector], *, memory: int = MEMORY)
     scale = float(np.std(target)) or 1.0
     columns = [
         (signal[memory - k : n - k] - signal.mean()) / (float(np.std(signal)) or 1.0)
-        for signal in past for k in range(1, memory + 1)
+        for signal in past
+        for k in range(1, memory + 1)
     ]
     regressors = np.column_stack([*columns, np.ones(n - memory)])
     wanted = (target[memory:] - target.mean()) / scale
@@ -80,8 +81,9 @@ def surprises(
     if key not in kept:
         past = [recording[n][:MAX_SAMPLES] for n in (name, *given)]
         # Shifted by one sample, the present stands where the past is looked for.
-        present = [np.append(recording[n][1:MAX_SAMPLES], recording[n][:MAX_SAMPLES][-1])
-                   for n in now]
+        present = [
+            np.append(recording[n][1:MAX_SAMPLES], recording[n][:MAX_SAMPLES][-1]) for n in now
+        ]
         kept[key] = innovations(past[0], [*past, *present])
     return kept[key]
 
@@ -109,6 +111,6 @@ def correlation(first: Vector, second: Vector, lags: npt.ArrayLike) -> Vector:
     lags_ = np.asarray(list(lags) if isinstance(lags, range) else lags, dtype=int)
     if size == 0.0:
         return np.zeros(len(lags_))
-    return np.array([
-        float(np.sum(second[k:] * first[: n - k])) / (size * np.sqrt(n)) for k in lags_
-    ])
+    return np.array(
+        [float(np.sum(second[k:] * first[: n - k])) / (size * np.sqrt(n)) for k in lags_]
+    )

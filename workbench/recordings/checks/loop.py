@@ -101,17 +101,20 @@ def check_loop(recording: Recording, expected: Expected) -> Outcome:
     measured = [m for m in recording.measurements if np.ptp(recording[m]) > 0]
     if not moving or not measured or len(recording) < 10 * MEMORY:
         return unchanged(
-            recording, _NAME, "pass", "cannot tell: no command that moves among the signals",
+            recording,
+            _NAME,
+            "pass",
+            "cannot tell: no command that moves among the signals",
             {"loop": "unknown"},
         )
-    strengths = {
-        (c, m): feedback_strength(recording, c, m) for c in moving for m in measured
-    }
+    strengths = {(c, m): feedback_strength(recording, c, m) for c in moving for m in measured}
     (command, measurement), (strength, lag) = max(strengths.items(), key=lambda kv: kv[1][0])
     values = {"strength": {f"{c}<-{m}": s for (c, m), (s, _) in strengths.items()}}
     if strength > _THRESHOLD:
         return unchanged(
-            recording, _NAME, "pass",
+            recording,
+            _NAME,
+            "pass",
             f"closed: {command} answers to the surprises of {measurement} after "
             f"{1e3 * lag * recording.sample_time:.3g} ms ({strength:.1f} sigma); feedback hides "
             "part of a mismatch",
@@ -122,6 +125,9 @@ def check_loop(recording: Recording, expected: Expected) -> Outcome:
         note = f"open: {answer}, and every command stands still while the machine moves"
         return unchanged(recording, _NAME, "pass", note, {"loop": "open", **values})
     return unchanged(
-        recording, _NAME, "pass", f"cannot tell: {answer}, but the command moves all the time",
+        recording,
+        _NAME,
+        "pass",
+        f"cannot tell: {answer}, but the command moves all the time",
         {"loop": "unknown", **values},
     )

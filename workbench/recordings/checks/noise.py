@@ -169,8 +169,13 @@ def noise_of(
     variance = total**2 - step**2 / 12
     noise = sqrt(variance) if variance > (step / 3) ** 2 else float("nan")
     return NoiseFloor(
-        name, total, step, noise, _rest_rms(values, rest, window),
-        float(rest.sum() * window * recording.sample_time), bound,
+        name,
+        total,
+        step,
+        noise,
+        _rest_rms(values, rest, window),
+        float(rest.sum() * window * recording.sample_time),
+        bound,
     )
 
 
@@ -212,15 +217,19 @@ def check_noise(recording: Recording, expected: Expected) -> Outcome:
         signal = recording.signal(name)
         floors[name] = noise_of(recording, name, rest, window)
         low, high = np.quantile(signal.values, [0.01, 0.99])
-        if name in expected.required and not floors[name].upper_bound and (
-            0 < high - low < 6 * floors[name].floor
+        if (
+            name in expected.required
+            and not floors[name].upper_bound
+            and (0 < high - low < 6 * floors[name].floor)
         ):
             problems.append(
                 f"{name} moves by {high - low:.3g} {signal.unit}, no more than its noise of "
                 f"{floors[name].floor:.3g} {signal.unit} rms"
             )
-    values: Mapping[str, object] = {"floors": floors, "rest_seconds": float(
-        rest.sum() * window * recording.sample_time)}
+    values: Mapping[str, object] = {
+        "floors": floors,
+        "rest_seconds": float(rest.sum() * window * recording.sample_time),
+    }
     if problems:
         return unchanged(recording, _NAME, "unfit", "; ".join(problems), values)
     note = "; ".join(_phrase(recording.signal(n), f) for n, f in floors.items())

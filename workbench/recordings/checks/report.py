@@ -119,9 +119,7 @@ class CheckReport:
         """
         for check in self.checks:
             if check.result == "unfit":
-                raise WorkbenchError(
-                    f"recording {self.name} is unfit ({check.name}): {check.note}"
-                )
+                raise WorkbenchError(f"recording {self.name} is unfit ({check.name}): {check.note}")
         return self.recording
 
     def as_data(self) -> list[dict[str, str]]:

@@ -75,9 +75,7 @@ def stuck_samples(values: Vector) -> npt.NDArray[np.bool_]:
     chance = float(np.mean(equal[free])) if free.any() else 1.0
     noisy = white_rms(values) > 0.5 * step and chance < 0.5
     # n p^(L-1) < 1e-6: no such run by chance.
-    longest = (
-        1 + log(1e-6 / len(values)) / log(max(chance, 1e-3)) if noisy else float("inf")
-    )
+    longest = 1 + log(1e-6 / len(values)) / log(max(chance, 1e-3)) if noisy else float("inf")
     for a, b in found:
         if (
             b - a + 1 > max(longest, _MIN_RUN)
@@ -121,7 +119,10 @@ def check_stuck(recording: Recording, expected: Expected) -> Outcome:
         )
         if share > MAX_EXCLUDED and name in expected.required:
             return unchanged(
-                recording, _NAME, "unfit", f"{text}; {100 * share:.3g} % of it is lost",
+                recording,
+                _NAME,
+                "unfit",
+                f"{text}; {100 * share:.3g} % of it is lost",
                 {"share": {name: share}},
             )
         changed = filled(changed, name, bad, "frozen reading")

@@ -112,7 +112,9 @@ def check_time_base(recording: Recording, expected: Expected) -> Outcome:
     """
     if len(recording) < _MIN_SAMPLES:
         return unchanged(
-            recording, _NAME, "unfit",
+            recording,
+            _NAME,
+            "unfit",
             f"{len(recording)} samples; a judgement needs {_MIN_SAMPLES} or more",
         )
     if np.ptp(recording.time) == 0:

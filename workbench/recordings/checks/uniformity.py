@@ -59,13 +59,16 @@ def check_uniformity(recording: Recording, expected: Expected) -> Outcome:
         rms < 0.5 * _TOLERANCE and spread[1] - spread[0] < _TOLERANCE * step
     ):
         return unchanged(
-            recording, _NAME, "pass",
+            recording,
+            _NAME,
+            "pass",
             f"even steps of {1e3 * step:.6g} ms (jitter {max(100 * rms, 0.001):.2g} % of a step)",
             values,
         )
     even = np.linspace(time[0], time[-1], len(time))
     return corrected(
-        resample(recording, times=even), _NAME,
+        resample(recording, times=even),
+        _NAME,
         f"the steps vary from {1e3 * spread[0]:.4g} to {1e3 * spread[1]:.4g} ms ({100 * rms:.3g} % "
         f"rms); interpolated to {1 / step:.6g} Hz",
         values,

@@ -94,9 +94,11 @@ def check_units(recording: Recording, expected: Expected) -> Outcome:
         >>> print(check_units(trial, Expected()).check)
         units: pass (plausible sizes)
     """
-    stated = {} if recording.mapping is None else {
-        row.signal: row.unit for row in recording.mapping.rows
-    }
+    stated = (
+        {}
+        if recording.mapping is None
+        else {row.signal: row.unit for row in recording.mapping.rows}
+    )
     problems, remarks = [], []
     for signal in recording.signals:
         problem = _problem(signal, stated.get(signal.name, signal.unit), expected)
