@@ -1,0 +1,259 @@
+"""The functions that a nonlinear MPC evaluates: one stage of its prediction, one of its observer.
+
+Both integrate dx/dt = f(x, u) + E w with the classical Runge-Kutta method in a fixed number of
+steps, together with its derivatives (the variational equations of the same method, so that they are
+those of the discrete map and not of another one). A stage is built once and mapped over the
+horizon: the code stays small however long the horizon is.
+
+States are counted in their scales, z = x / scale. States that settle at once, such as a spool much
+faster than a stage, are left out of the prediction: with rates linear in them they are replaced by
+the value at which they rest.
+
+Source: Diehl et al., Real-time optimization and nonlinear model predictive control of processes
+governed by differential-algebraic equations, Journal of Process Control 12, 2002 (multiple
+shooting, derivatives of the discrete map).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import WorkbenchError, check_choice
+from workbench.model import Model
+
+Matrix = npt.NDArray[np.float64]
+Compile = Callable[[ca.Function], ca.Function]
+"""Turns a CasADi function into a faster one with the same results."""
+
+
+@dataclass(frozen=True, eq=False)
+class Called:
+    """A CasADi function of vectors and matrices, called through buffers.
+
+    Args:
+        function: The function.
+
+    Example:
+        >>> x = ca.SX.sym("x", 2)
+        >>> Called(ca.Function("f", [x], [2 * x, ca.sum1(x)]))(np.array([1.0, 2.0]))[0].ravel()
+        array([2., 4.])
+    """
+
+    function: ca.Function
+
+    def __getstate__(self) -> dict[str, object]:
+        """Leave the buffers out: another process makes its own."""
+        return {"function": self.function}
+
+    @cached_property
+    def _buffers(self) -> tuple[object, Callable[[], None], list[Matrix], list[Matrix]]:
+        f = self.function
+        buffer, call = f.buffer()
+        inputs = [np.zeros(f.size_in(i), order="F") for i in range(f.n_in())]
+        outputs = [np.zeros(f.size_out(i), order="F") for i in range(f.n_out())]
+        for i, array in enumerate(inputs):
+            buffer.set_arg(i, array.reshape(-1, order="F").data)
+        for i, array in enumerate(outputs):
+            buffer.set_res(i, array.reshape(-1, order="F").data)
+        return buffer, call, inputs, outputs
+
+    def __call__(self, *values: npt.ArrayLike) -> list[Matrix]:
+        """Evaluate the function.
+
+        Args:
+            values: Arguments in the function's units; vectors of shape (n,) stand for columns.
+
+        Returns:
+            The outputs, each of its shape, in the function's units; the next call overwrites them.
+        """
+        _, call, inputs, outputs = self._buffers
+        for array, value in zip(inputs, values, strict=True):
+            array[:] = np.reshape(value, array.shape, order="F")
+        call()
+        return outputs
+
+
+@dataclass(frozen=True, eq=False)
+class Dynamics:
+    """Rates of a model in scaled states, with derivatives.
+
+    Args:
+        function: (z, u, w) -> (dz/dt, its derivatives by z, by u and by w).
+        names: Names of the states z.
+        scale: Scales of the states, shape (n,), in SI.
+        disturbances: Number of disturbances w.
+
+    Example:
+        >>> "names" in Dynamics.__dataclass_fields__
+        True
+    """
+
+    function: ca.Function
+    names: tuple[str, ...]
+    scale: Matrix
+    disturbances: int
+
+
+def dynamics(
+    model: Model, disturbed: tuple[str, ...], *, resting: tuple[str, ...] = ()
+) -> Dynamics:
+    """Write down the smooth rates of a model with its parameters put in.
+
+    Args:
+        model: The prediction model.
+        disturbed: Names of the states whose rates are disturbed; w is in scales per second.
+        resting: Names of states that are replaced by the value at which they rest.
+
+    Returns:
+        The rates with their derivatives.
+
+    Raises:
+        WorkbenchError: If a name is unknown, or the rates of the resting states are not linear in
+            them.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> dynamics(servo_axis(), ("speed",)).names
+        ('position', 'speed')
+    """
+    traced = model.smooth
+    names = [q.name for q in model.states]
+    for name in (*disturbed, *resting):
+        check_choice("state of the prediction model", name, names)
+    size = np.array([q.scale for q in model.states])
+    z = ca.SX.sym("z", len(names))
+    rates = ca.substitute(
+        traced.rates / size,
+        ca.vertcat(traced.x, traced.p),
+        ca.vertcat(z * size, ca.DM(model.values)),
+    )
+    fast = [names.index(name) for name in resting]
+    slow = [i for i in range(len(names)) if i not in fast]
+    if fast:
+        at_rest = _solved(rates[fast], z[fast])
+        rates = ca.substitute(rates[slow], z[fast], at_rest)
+    kept = tuple(names[i] for i in slow)
+    E = np.zeros((len(slow), len(disturbed)))
+    for i, name in enumerate(disturbed):
+        check_choice("disturbed state", name, kept)
+        E[kept.index(name), i] = 1.0
+    w = ca.SX.sym("w", len(disturbed))
+    rates = rates + ca.DM(E) @ w
+    outputs = [
+        rates,
+        *(ca.densify(ca.jacobian(rates, by)) for by in (z[slow], traced.u, w)),
+    ]
+    function = ca.Function("dynamics", [z[slow], traced.u, w], ca.cse(outputs))
+    return Dynamics(function, kept, size[slow], len(disturbed))
+
+
+def _solved(rates: ca.SX, states: ca.SX) -> ca.SX:
+    slope = ca.jacobian(rates, states)
+    if ca.depends_on(slope, states):
+        raise WorkbenchError(
+            "the rates of the states that are taken to rest are not linear in them; predict them"
+            " like the others"
+        )
+    return -ca.solve(slope, ca.substitute(rates, states, ca.SX.zeros(states.numel())))
+
+
+def discrete(rates: Dynamics, duration: float, steps: int, name: str) -> ca.Function:
+    """Build the map over one stage and its derivatives.
+
+    Args:
+        rates: Rates with derivatives.
+        duration: Length of the stage, in s.
+        steps: Number of Runge-Kutta steps.
+        name: Name of the function.
+
+    Returns:
+        Function (z, u, w) -> (z at the end, its derivatives by z, by u and by w).
+
+    Source:
+        Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.1.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> stage = discrete(dynamics(servo_axis(), ()), 0.01, 2, "stage")
+        >>> [stage.size_out(i) for i in range(3)]
+        [(2, 1), (2, 2), (2, 1)]
+    """
+    f = rates.function
+    n, n_u, n_w = len(rates.names), f.size1_in(1), rates.disturbances
+    z, u, w = ca.MX.sym("z", n), ca.MX.sym("u", n_u), ca.MX.sym("w", n_w)
+    h = duration / steps
+    at = z
+    # Derivatives by (z, u, w) side by side; u and w enter every rate directly as well.
+    slope = ca.horzcat(ca.MX.eye(n), ca.MX.zeros(n, n_u + n_w))
+    slope = ca.densify(slope)
+    for _ in range(steps):
+        rate, turn = ca.MX.zeros(n), ca.MX.zeros(n, n + n_u + n_w)
+        k, d = ca.MX.zeros(n), ca.MX.zeros(n, n + n_u + n_w)
+        for ahead, weight in ((0.0, 1.0), (0.5, 2.0), (0.5, 2.0), (1.0, 1.0)):
+            moved = slope + (ahead * h) * d
+            k, by_z, by_u, by_w = f(at + (ahead * h) * k, u, w)
+            d = by_z @ moved + ca.horzcat(ca.MX.zeros(n, n), by_u, by_w)
+            rate, turn = rate + weight * k, turn + weight * d
+        at, slope = at + (h / 6.0) * rate, slope + (h / 6.0) * turn
+    parts = ca.horzsplit(slope, [0, n, n + n_u, n + n_u + n_w])
+    return ca.Function(name, [z, u, w], [at, *parts])
+
+
+def shooting(stage: ca.Function, stages: int) -> ca.Function:
+    """Map a stage over a horizon, with the same disturbance everywhere.
+
+    Args:
+        stage: What `discrete` returns.
+        stages: Number N of stages.
+
+    Returns:
+        Function (Z, U, w) of matrices with one column per stage -> the results side by side.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> stage = discrete(dynamics(servo_axis(), ()), 0.01, 2, "stage")
+        >>> shooting(stage, 5).size_out(1)
+        (2, 10)
+    """
+    n, n_u, n_w = (stage.size1_in(i) for i in range(3))
+    Z, U, w = ca.MX.sym("Z", n, stages), ca.MX.sym("U", n_u, stages), ca.MX.sym("w", n_w)
+    result = stage.map(stages)(Z, U, ca.repmat(w, 1, stages))
+    return ca.Function("shooting", [Z, U, w], list(result[:3]))
+
+
+def readings(model: Model, sensors: tuple[str, ...]) -> ca.Function:
+    """Build the smooth readings of some sensors in scaled states, with their derivatives.
+
+    Args:
+        model: The prediction model.
+        sensors: Names of the outputs.
+
+    Returns:
+        Function (z, u) -> (readings in SI, their derivatives by z).
+
+    Raises:
+        WorkbenchError: If a name is unknown.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> readings(servo_axis(), ("position",)).size_out(1)
+        (1, 2)
+    """
+    outputs = [q.name for q in model.outputs]
+    for name in sensors:
+        check_choice("sensor", name, outputs)
+    traced = model.smooth
+    size = np.array([q.scale for q in model.states])
+    z = ca.SX.sym("z", len(size))
+    y = ca.substitute(
+        traced.outputs[[outputs.index(name) for name in sensors]],
+        ca.vertcat(traced.x, traced.p),
+        ca.vertcat(z * size, ca.DM(model.values)),
+    )
+    return ca.Function("readings", [z, traced.u], [y, ca.densify(ca.jacobian(y, z))])

@@ -1,0 +1,74 @@
+"""What a nonlinear MPC is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from workbench.errors import check_range
+
+
+@dataclass(frozen=True)
+class NonlinearMPCSpecification:
+    """What a `NonlinearMPC` is designed for.
+
+    Args:
+        angle_scale: Angle error that weighs 1, in rad.
+        speed_scale: Error of the speed that weighs 1, in rad/s.
+        move_scale: Change of the opening from stage to stage that weighs 1, a fraction.
+        stages: Number N of stages of the horizon.
+        stage_time: Length of a stage, in s.
+        steps: Runge-Kutta steps per stage.
+        opening_limit: Largest opening, a fraction.
+        pressure_limits: Lowest and highest gauge pressure, in Pa.
+        softness: Cost of a pressure 1 bar out of its limits (dimensionless).
+        disturbances: States whose rates are disturbed, each with its random walk over one second,
+            in the state's SI unit per second. As many as sensors: no offset.
+        sensor_noise: Noise rms of angle (rad) and pressures (Pa).
+        state_noise: Random walk of every state over one second, as a fraction of its scale.
+        reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
+        preview: Whether the future reference over the horizon is used.
+        sample_time: Time between steps, in s.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> NonlinearMPCSpecification().stages
+        20
+    """
+
+    angle_scale: float = 0.01
+    speed_scale: float = 0.3
+    move_scale: float = 0.15
+    stages: int = 20
+    stage_time: float = 0.02
+    steps: int = 4
+    opening_limit: float = 1.0
+    pressure_limits: tuple[float, float] = (0.1e5, 5.9e5)
+    softness: float = 1e4
+    disturbances: Mapping[str, float] = field(
+        default_factory=lambda: {"speed": 30.0, "pressure_1": 1e7, "pressure_2": 1e7}
+    )
+    sensor_noise: tuple[float, ...] = (2e-5, 600.0, 600.0)
+    state_noise: float = 0.1
+    reference_speed: float = 40.0
+    preview: bool = False
+    sample_time: float = 0.002
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        h = check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
+        check_range("stage time", self.stage_time, h, 10.0, "s")
+        check_range("number of stages", self.stages, 2, 200)
+        check_range("Runge-Kutta steps per stage", self.steps, 1, 1000)
+        check_range("opening limit", self.opening_limit, 1e-3, 1.0)
+        for name in ("angle_scale", "speed_scale", "move_scale", "softness", "reference_speed"):
+            check_range(name.replace("_", " "), getattr(self, name), 1e-9, 1e9)
+        low, high = self.pressure_limits
+        check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")
+
+    @property
+    def stride(self) -> int:
+        """Samples per stage."""
+        return max(1, round(self.stage_time / self.sample_time))
