@@ -91,3 +91,17 @@ def test_volumes_and_conductances_cannot_be_told_apart(rig_case: Path) -> None:
     named = [text for text in found.unidentifiable if "volume_gain" in text]
     assert len(named) == 1
     assert "valve_conductance" in named[0]
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("number", range(1, 7))
+def test_a_case_with_hidden_physics_stays_above_the_floor(
+    number: int, external_folder: Path
+) -> None:
+    folder = external_folder / "practice" / f"practice-{number:02d}"
+    if not folder.is_dir():
+        pytest.skip(f"the data folder holds no {folder.name}")
+    report = run_refit(arm_case(read_case(folder)))
+    assert not report.reaches_floor
+    # Ten steps of the encoder: no refit of the nominal plant hides what these cases hide.
+    assert max(row.refitted for row in report.rows if row.output == "angle") > 0.02
