@@ -181,7 +181,7 @@ def joint_tracking(
     schedule: JointSchedule,
     *,
     jerk_share: float = 0.7,
-    jerk_limit: float = 2400.0,
+    jerk_limit: float = 1800.0,
     observer_bandwidth: float = 80.0,
     correction: tuple[float, float, float] | None = None,
     pressure_reserve: float = 2.5e5,
@@ -217,7 +217,7 @@ def joint_tracking(
         >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
         >>> front = joint_tracking(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
         >>> round(front.planner.jerk)
-        2400
+        1800
     """
     check_range("share of the opening for a planned move", jerk_share, 0.01, 1.0)
     check_range("pressure reserve", pressure_reserve, 1e3, 1e7, "Pa")

@@ -8,10 +8,10 @@ controller minimises over blocked moves u (deviations of the opening from o_r) a
     sum_j w^6 (x_j + w_i q_j)^2 + (b g u_j)^2 + S (u_j - u_{j-1})^2 + |z_N|^2_P
         + softness (eps + eps^2)
     subject to   -1 <= o_r + u_j <= 1,  |u_j - u_{j-1}| <= rate T                     (hard)
-                 |dp_j| <= 2 min(p_max - pm, pm - p_min) + eps                        (soft)
+                 |dp_j| <= p_max - p_min + eps                                        (soft)
 
-P is the cost to go of the unconstrained regulator. The last condition keeps both pressures within
-p_min..p_max while the mean pm, which one valve does not command, stays. The integral in the
+P is the cost to go of the unconstrained regulator. One valve commands the difference only, and the
+mean drifts while the difference moves; the last condition holds for any mean. The integral in the
 followed output leads to the reference without offset, whatever the plant does at rest. The matrices
 are condensed at every angle of the schedule and interpolated between them. If the solver fails, the
 unconstrained regulator u = -K z, clipped, takes its place (fallback "regulator").
@@ -127,7 +127,7 @@ class ScheduledMPC:
         gradient = between(low.g_estimate, high.g_estimate) @ z + low.g_before * before
         pressures = between(low.rows_estimate, high.rows_estimate) @ z
         n_u = low.size[0] - 1
-        room = 2.0 * min(self.pressure_limits[1] - look.mean, look.mean - self.pressure_limits[0])
+        room = self.pressure_limits[1] - self.pressure_limits[0]
         bias = look.wanted_difference - self.compensation * look.unexplained / b
         lower_a, upper_a = low.lower_a.copy(), low.upper_a.copy()
         limited = (len(lower_a) - n_u) // 2
@@ -192,7 +192,7 @@ def design_scheduled_mpc(
     integral: float = 12.0,
     move_weight: float = 0.02,
     jerk_share: float = 0.7,
-    jerk_limit: float = 2400.0,
+    jerk_limit: float = 1800.0,
     compensation: float = 0.3,
     prediction_time: float = 0.004,
     blocks: tuple[int, ...] = (1, 1, 1, 2, 3, 4, 8),

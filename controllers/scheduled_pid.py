@@ -178,7 +178,7 @@ def design_scheduled_pid(
     schedule: JointSchedule,
     *,
     jerk_share: float = 0.7,
-    jerk_limit: float = 2400.0,
+    jerk_limit: float = 1800.0,
     frequency: float = 28.0,
     inner_bandwidth: float = 120.0,
     compensation: float = 0.3,

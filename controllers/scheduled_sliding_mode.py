@@ -207,7 +207,7 @@ def design_scheduled_sliding_mode(
     layer_bandwidth: float = 60.0,
     compensation: float | None = None,
     jerk_share: float = 0.7,
-    jerk_limit: float = 2400.0,
+    jerk_limit: float = 1800.0,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> ScheduledSlidingMode:

@@ -159,7 +159,7 @@ def design_scheduled_state_feedback(
     radius: float = 45.0,
     integral: float = 15.0,
     jerk_share: float = 0.7,
-    jerk_limit: float = 2400.0,
+    jerk_limit: float = 1800.0,
     angle_noise: float = 2e-5,
     acceleration_walk: float = 100.0,
     acceleration_noise: float = 0.5,
