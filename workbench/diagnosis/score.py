@@ -55,7 +55,8 @@ class Score:
     @property
     def testable(self) -> bool:
         """Whether these data can show the effect at all."""
-        return self.absorption < ABSORBED and self.smallest < self.entry.largest_size
+        seen = abs(self.sigma) > 2.0 or self.smallest < self.entry.largest_size
+        return self.absorption < ABSORBED and seen
 
 
 @dataclass(frozen=True)

@@ -261,14 +261,24 @@ def _candidate(
     entry = score.entry
     model = base.model.with_effect(entry.at_size(1.0) if entry.replaces else entry.effect)
     own, start = entry_priors(score)
-    start |= start_values(base.refit, priors) if earlier is None else {}
-    if earlier is not None:
-        start |= {e.name: e.value for e in earlier.refit.estimates}
     fit_on_ = [extended_start(r, base.model, model) for r in fit_on]
     held_out = (0.0, -math.inf, math.inf)
+    if earlier is not None:
+        begins = [start | {e.name: e.value for e in earlier.refit.estimates}]
+    else:
+        # The size of a law that is either there or not says nothing of its shape: try several.
+        start |= start_values(base.refit, priors)
+        shapes = entry.shapes if entry.replaces else entry.shapes[:1]
+        begins = [start | {f"{entry.name}.{k}": v for k, v in s.items()} for s in shapes]
     try:
-        fit = fit_likely(
-            model, fit_on_, (*priors, *own), start=start, share=base.share, follow=follow
+        fit = min(
+            (
+                fit_likely(
+                    model, fit_on_, (*priors, *own), start=begin, share=base.share, follow=follow
+                )
+                for begin in begins
+            ),
+            key=lambda found: found.cost,
         )
         if follow and hold_out:
             hold_out_ = [extended_start(r, base.model, model) for r in hold_out]

@@ -102,6 +102,87 @@ def supply_droop(
     )
 
 
+def reservoir_droop(
+    port: str = "supply.pressure",
+    *,
+    volume: float = 5e-4,
+    gain: float = 5e-9,
+    share: float = 1.0,
+    name: str = "reservoir_droop",
+) -> Effect:
+    """Build a reservoir that a proportional regulator refills.
+
+    ``dp/dt = R T (gain (p_0 - p) - flow_drawn) / volume``: the regulator opens in proportion to
+    the pressure that is missing; the large reservoir stays at the temperature of its wall.
+
+    Args:
+        port: Port of the supply pressure, with the local signal ``temperature``; the model must
+            publish ``supply.flow``.
+        volume: Reservoir volume, in m^3.
+        gain: Refilling flow per missing pressure, in kg/(s Pa).
+        share: Share of the law, a fraction: 1 is the law, 0 its absence.
+        name: Name of the effect.
+
+    Returns:
+        Effect replacing the constant pressure by that of the reservoir.
+
+    Raises:
+        WorkbenchError: If a value is outside its bounds.
+
+    Example:
+        >>> reservoir_droop(gain=1e-8).parameters[1].unit
+        'kg/(s Pa)'
+    """
+
+    def transform(at: PortView) -> Expression:
+        return at.value + at.p.share * (at.x.pressure - at.value)
+
+    def rates(effect: EffectView) -> Mapping[str, Expression]:
+        at = effect.at[port]
+        refill = effect.p.gain * (at.value - effect.x.pressure)
+        stiffness = AIR.gas_constant * at.signals.temperature / effect.p.volume
+        return {"pressure": stiffness * (refill - effect.values["supply.flow"])}
+
+    def start(effect: EffectView) -> Mapping[str, Expression]:
+        return {"pressure": effect.at[port].value}
+
+    return Effect(
+        name,
+        (port,),
+        transform,
+        parameters=(
+            Parameter(
+                "volume",
+                "m3",
+                value=volume,
+                lower=1e-5,
+                upper=0.1,
+                fitted=True,
+                description="reservoir volume",
+            ),
+            Parameter(
+                "gain",
+                "kg/(s Pa)",
+                value=gain,
+                lower=1e-11,
+                upper=1e-6,
+                fitted=True,
+                description="refilling flow per missing pressure",
+            ),
+            Parameter("share", "1", 1.0, "share of the law; 0 is its absence", share, 0.0, 1.0),
+        ),
+        states=(State("pressure", "Pa", 1e5, "pressure of the reservoir", initial=7e5, lower=0.0),),
+        rates=rates,
+        start=start,
+        about=About(
+            "dp/dt = R T (gain (p_0 - p) - flow_drawn) / V",
+            "lumped reservoir behind a proportional regulator",
+            look_alikes=("supply_droop", "regulator_droop"),
+            separated_by="fill both muscles in quick succession, then hold",
+        ),
+    )
+
+
 def regulator_droop(
     port: str = "supply.pressure",
     *,

@@ -11,7 +11,7 @@ from workbench.physics.leakage import chamber_leakage, cross_leakage
 from workbench.physics.line import line, silencer
 from workbench.physics.polytropic import extra_heat_exchange, polytropic_exchange
 from workbench.physics.shared import shared
-from workbench.physics.supply import regulator_droop, supply_droop
+from workbench.physics.supply import regulator_droop, reservoir_droop, supply_droop
 
 _GAS_SIGNALS = {"pressure", "temperature", "ambient_pressure", "ambient_temperature"}
 
@@ -57,6 +57,13 @@ def entries(model: Model) -> Iterator[Entry]:
             1.0,
             0.5,
             shapes=({"conductance": 1e-8}, {"conductance": 3e-9}),
+        )
+        yield Entry(
+            reservoir_droop(share=0.0),
+            "share",
+            1.0,
+            0.5,
+            shapes=({"gain": 5e-9}, {"gain": 3e-8}),
         )
         yield Entry(
             regulator_droop(resistance=0.0),
