@@ -195,7 +195,8 @@ def _of_recordings(
             "a recording is given twice; what a model is judged on must not be fitted on"
         )
     read = {
-        path: read_recording(path, mapping=mapping, name=title) for path, title in names.items()
+        path: _commanded(read_recording(path, mapping=mapping, name=title), model)
+        for path, title in names.items()
     }
     files = " ".join(
         [*(f"--fit {path}" for path in fit), *(f"--hold-out {path}" for path in hold_out)]
@@ -207,6 +208,12 @@ def _of_recordings(
         tuple(read[path] for path in hold_out),
         f"workbench diagnose {files} --plant {plant}",
     )
+
+
+def _commanded(recording: Recording, model: Model) -> Recording:
+    """Mark inputs of the model as commands, which may stand still without being stuck."""
+    inputs = [q.name for q in model.inputs if q.name in recording]
+    return recording.with_roles(dict.fromkeys(inputs, "command"))
 
 
 def _titles(paths: Sequence[Path]) -> list[str]:

@@ -21,10 +21,10 @@ METHODS: tuple[tuple[str, str], ...] = (
         " show; no reading corrects it later",
     ),
     (
-        "over noise",
-        "root mean square of the error over that of the sensor's noise and quantisation; the"
-        " integral of small unmeasured disturbances keeps a perfect model of a moving machine"
-        " above 1",
+        "of the spread, × noise",
+        "root mean square of the error over the standard deviation of the readings, and over that"
+        " of the sensor's noise and quantisation; small unmeasured disturbances add up over a free"
+        " run and keep even the true model of a moving machine above 1",
     ),
     (
         "refitted",
@@ -80,30 +80,28 @@ def errors_table(errors: Sequence[ErrorRow], extended: bool) -> Table:
     Example:
         >>> print(errors_table([ErrorRow("angle", "rad", 1.0, 0.1, {"refitted": 0.2})], False))
         Errors of free runs over all held-out recordings
-        output      model           error  of the spread  over noise
-        angle in °  refitted        11.5   20.0 %         2.00
-        angle in °  sensor's noise  5.73   10.0 %         1.00
+        output      refitted  sensor's noise
+        angle in °  11.5      5.73
         ...
     """
-    labels = ("nominal", "refitted", "extended") if extended else ("nominal", "refitted")
+    wanted = ("nominal", "refitted", "extended") if extended else ("nominal", "refitted")
+    labels = [label for label in wanted if any(label in row.rmse for row in errors)]
     rows: list[tuple[Cell | str, ...]] = []
     for row in errors:
         unit, factor = readable(row.unit)
-        levels = {label: row.rmse[label] for label in labels if label in row.rmse}
-        levels["sensor's noise"] = row.noise
-        rows += [
-            (
-                f"{row.output.replace('_', ' ')} in {unit}",
-                label,
-                number(factor * level),
-                f"{number(100 * level / row.spread if row.spread else math.nan)} %",
-                number(level / row.noise) if row.noise > 0 else "–",
+        cells = [
+            Cell(
+                number(factor * row.rmse[label]),
+                reason=f"{number(100 * row.normalised(label))} % of the spread,"
+                f" {number(row.over_noise(label))} × noise",
             )
-            for label, level in levels.items()
+            for label in labels
         ]
+        name = f"{row.output.replace('_', ' ')} in {unit}"
+        rows.append((name, *cells, number(factor * row.noise)))
     return Table(
         "Errors of free runs over all held-out recordings",
-        ("output", "model", "error", "of the spread", "over noise"),
+        ("output", *labels, "sensor's noise"),
         tuple(rows),
         "Root mean square; nominal: before any fit; refitted: nominal equations, fitted"
         " parameters" + ("; extended: with what was found." if extended else "."),

@@ -1,0 +1,145 @@
+"""The verbs diagnose and prove."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.axis_case import recording
+from workbench.cli.main import INTERRUPTED, WRONG_USE, run
+from workbench.diagnosis import diagnose as engine
+
+
+def _write(folder: Path, seed: int, *, hidden: bool) -> Path:
+    seen = recording(seed, hidden=hidden)
+    path = folder / f"run-{seed}.csv"
+    table = np.column_stack([seen.time, seen["force"], seen["position"]])
+    np.savetxt(path, table, delimiter=",", header="time_s,force_N,position_m", comments="")
+    return path
+
+
+@pytest.fixture(scope="module")
+def axis_options(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
+    """Options that name recordings of an axis with hidden friction."""
+    folder = tmp_path_factory.mktemp("axis")
+    files = [_write(folder, seed, hidden=True) for seed in (1, 2, 3)]
+    options = ["--plant", "servo-axis", "--jobs", "1"]
+    return [
+        *options,
+        *("--fit", str(files[0]), "--fit", str(files[1])),
+        *("--hold-out", str(files[2])),
+    ]
+
+
+def test_diagnose_writes_verdict_page_and_pictures(
+    axis_options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert run(["diagnose", *axis_options, "--out", str(out)]) == 0
+    said = capsys.readouterr()
+    assert "refitting the nominal model" in said.err and "stribeck friction" in said.out
+    data = json.loads((out / "verdict.json").read_text())
+    assert data["schema"] == "workbench.verdict/1" and data["verdict"].startswith("named")
+    assert data["findings"][0]["effect"] == "stribeck_friction"
+    assert "interrupted" not in data
+    page = (out / "report.html").read_text()
+    assert "stribeck friction" in page and "workbench diagnose --fit" in page
+    assert {path.name for path in (out / "figures").glob("law-1.*")} == {"law-1.png", "law-1.svg"}
+    # The verdict scores as it should.
+    key = tmp_path / "key.json"
+    key.write_text('{"one": {"truth": [{"effect": "stribeck"}]}}')
+    names = tmp_path / "names.toml"
+    names.write_text(
+        '[effects.stribeck]\nlibrary = ["stribeck_friction"]\nports = ["axis.force"]\n'
+    )
+    verdicts = tmp_path / "verdicts"
+    verdicts.mkdir()
+    (verdicts / "one.json").write_bytes((out / "verdict.json").read_bytes())
+    score = tmp_path / "score.json"
+    options = ["--key", str(key), "--names", str(names), "--out", str(score)]
+    assert run(["prove", str(verdicts), *options]) == 0
+    assert json.loads(score.read_text())["points"] in (3, 6)
+    assert "right" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("found", [False, True])
+def test_an_interruption_keeps_what_was_found(
+    axis_options: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    found: bool,
+) -> None:
+    def stop(*_: Any, **__: Any) -> Any:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(engine, "free_run" if found else "locate", stop)
+    out = tmp_path / "out"
+    assert run(["diagnose", *axis_options, "--out", str(out)]) == INTERRUPTED
+    assert "interrupted" in capsys.readouterr().err
+    assert [path.name for path in out.iterdir()] == ["verdict.json"]
+    data = json.loads((out / "verdict.json").read_text())
+    assert data["interrupted"] is True and data["sentence"].startswith("Interrupted while")
+    # Before the search the parameters are known, after it the effect too.
+    assert data["parameters"]["mass"]["value"] > 0
+    names = [finding["effect"] for finding in data["findings"]]
+    assert names == (["stribeck_friction"] if found else [])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "there is nothing to diagnose"),
+        (["nowhere"], "there is no case folder nowhere"),
+        (["--fit", "a.csv"], "are both needed"),
+        (["practice-07", "--fit", "a.csv"], "keep one of them"),
+        (["--fit", "a.csv", "--hold-out", "b.csv", "--plant", "robot"], "plant is 'robot'"),
+        (["--fit", "a.csv", "--hold-out", "b.csv", "--plant", "emps", "--load", "3"], "the arm"),
+        (["--fit", "a.csv", "--hold-out", "a.csv"], "given twice"),
+        (["--fit", "a.csv", "--hold-out", "b.csv"], "a.csv"),
+        (["practice-07", "--jobs", "0"], "number of processes is 0"),
+        (["practice-07", "--load", "3V"], "does not measure it"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    arguments: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["diagnose", *arguments, "--out", "out"]) == WRONG_USE
+    text = capsys.readouterr().err
+    assert message in text and text.count("\n") == 1 and "Traceback" not in text
+    assert not (tmp_path / "out").exists()
+
+
+def test_output_that_is_a_file_is_refused_before_the_work(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").write_text("mine")
+    assert run(["diagnose", "practice-07", "--out", str(tmp_path / "out")]) == WRONG_USE
+    assert "is a file" in capsys.readouterr().err
+    assert (tmp_path / "out").read_text() == "mine"
+
+
+def test_prove_refuses_what_is_not_there(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key = tmp_path / "key.json"
+    key.write_text('{"one": {"truth": []}}')
+    assert run(["prove", str(tmp_path / "none"), "--key", str(key)]) == WRONG_USE
+    assert "there is no folder" in capsys.readouterr().err
+    assert run(["prove", str(tmp_path), "--key", str(tmp_path / "no.json")]) == WRONG_USE
+    assert "cannot be read" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("verb", ["diagnose", "prove"])
+def test_help_says_what_the_verbs_do(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([verb, "--help"]) == 0
+    assert "--out" in capsys.readouterr().out

@@ -1,0 +1,117 @@
+"""The page of a diagnosis: one sentence, the proof, the numbers of the diagnosis itself."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.axis_case import diagnosed, held_out
+from workbench.diagnosis.diagnose import Diagnosis
+from workbench.diagnosis.likely import LikelyFit
+from workbench.diagnosis.proof import Proof, proof_of
+from workbench.diagnosis.verdict import Verdict
+from workbench.plants.servo_axis import servo_axis
+from workbench.reports.diagnosis_page import diagnosis_page
+from workbench.reports.figures.diagnosis_location import diagnosis_location
+from workbench.reports.figures.diagnosis_runs import moving_rms
+from workbench.reports.page import Page, html
+from workbench.reports.tables import Table
+
+
+@lru_cache(maxsize=2)
+def _page(hidden: bool) -> Page:
+    found = diagnosed(hidden)
+    return diagnosis_page(found, proof_of(found, held_out(hidden)), name="axis")
+
+
+def _table(page: Page, title: str) -> Table:
+    tables = [b for s in page.sections for b in s.blocks if isinstance(b, Table)]
+    return next(table for table in tables if table.title.startswith(title))
+
+
+def test_the_verdict_stands_on_top_with_what_it_is_worth() -> None:
+    lead = _page(True).lead
+    assert lead.startswith("Missing: stribeck friction at axis.force")
+    errors = diagnosed(True).verdict
+    assert errors is not None
+    before, after = (1e3 * errors.fit[label]["position"] for label in ("refitted", "extended"))
+    told = re.search(r"position from ([\d.]+) to ([\d.]+) mm", lead)
+    assert told is not None
+    assert float(told[1]) == pytest.approx(before, rel=0.01)
+    assert float(told[2]) == pytest.approx(after, rel=0.01)
+
+
+def test_measured_and_both_models_share_their_axes() -> None:
+    figure = next(p for p in _page(True).pictures if p.name == "runs-1").figure
+    for axes in figure.axes:
+        assert len(axes.lines) == 3
+    run = diagnosed(True).runs["extended"]["axis-3"]
+    drawn = np.asarray(figure.axes[0].lines[0].get_ydata(), dtype=float)
+    assert drawn.max() == pytest.approx(1e3 * run.measured.max(), rel=0.02)
+
+
+def test_the_page_has_every_part_of_the_proof() -> None:
+    page = _page(True)
+    assert [p.name for p in page.pictures] == [
+        "runs-1",
+        "residuals-1",
+        "location",
+        "law-1",
+        "signal-1",
+    ]
+    for title in ("Errors of free runs", "Values with", "What else it could be"):
+        assert _table(page, title).rows
+    text = html(page)
+    assert "<script" not in text and "http" not in text.replace("http://www.w3.org", "")
+    for word in ("nominal", "refitted", "extended", "absorbed", "break away", "accepted"):
+        assert word in text
+
+
+def test_parameters_stand_with_their_intervals() -> None:
+    table = _table(_page(True), "Values with")
+    assert table.headings == ("parameter", "before the data", "refitted", "extended", "distance")
+    rows = {row[0].text: row for row in table.cells}
+    found = diagnosed(True)
+    size = found.extended.refit.estimate("stribeck_friction.break_away")
+    text = rows["stribeck friction, break away in N (new)"][3].text
+    assert float(text.split("±")[0]) == pytest.approx(size.value, rel=0.01)
+    assert float(text.split("±")[1]) == pytest.approx(size.std, rel=0.1)
+
+
+def test_a_page_without_findings_claims_none() -> None:
+    page = _page(False)
+    assert page.lead.startswith("Nothing is missing")
+    assert "law-1" not in {p.name for p in page.pictures}
+    assert _table(page, "Errors of").headings == ("output", "nominal", "refitted", "sensor's noise")
+    # What the data could not have shown is the price of every silence.
+    assert "constant force" in {row[0].text for row in _table(page, "What these").cells}
+
+
+def test_a_page_of_unfit_recordings_says_so_and_no_more() -> None:
+    model = servo_axis()
+    unfit = LikelyFit.__new__(LikelyFit)
+    row = {"recording": "one", "check": "gaps", "result": "unfit", "note": "half is missing"}
+    verdict = Verdict("data_unfit", "Recording one cannot be judged.", model, data=(row,))
+    found = Diagnosis(model, unfit, unfit, verdict=verdict)
+    page = diagnosis_page(found, Proof((), ()), name="one")
+    assert [section.name for section in page.sections] == ["recordings"]
+    assert "half is missing" in html(page)
+
+
+def test_bars_are_as_long_as_the_gains() -> None:
+    axes = diagnosis_location({"joint": 900.0, "chamber": 20.0}, {"joint": 3.0}).axes[0]
+    widths = sorted(patch.get_width() for patch in axes.patches)  # type: ignore[attr-defined]
+    assert widths == [0.0, 3.0, 20.0, 900.0]
+
+
+def test_moving_error_leaves_out_samples_without_reading() -> None:
+    time = 0.01 * np.arange(100)
+    error = np.full(100, 3.0)
+    error[10:15] = np.nan
+    error[40:60] = np.nan
+    middle, rms = moving_rms(time, error)
+    assert len(middle) == 5 and rms[0] == pytest.approx(3.0)
+    assert np.isnan(rms[2])
