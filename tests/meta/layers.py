@@ -16,6 +16,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("workbench.linearisation",),
     ("controllers",),
     ("workbench.verification",),
+    ("workbench.study",),
     ("workbench.recordings",),
     ("workbench.diagnosis",),
     ("workbench.reports",),

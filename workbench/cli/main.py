@@ -8,6 +8,8 @@ from collections.abc import Sequence
 
 import typer
 
+from workbench.cli.bless import bless
+from workbench.cli.compare import compare
 from workbench.cli.demo import demo
 from workbench.cli.diagnose import diagnose
 from workbench.cli.force_map import force_map
@@ -15,6 +17,7 @@ from workbench.cli.linearise import linearise
 from workbench.cli.prove import prove
 from workbench.cli.recording import recording
 from workbench.cli.refit import refit
+from workbench.cli.report import report
 from workbench.cli.simulate import simulate
 from workbench.cli.verify import verify
 from workbench.errors import WorkbenchError
@@ -40,7 +43,20 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for _verb in (demo, simulate, linearise, verify, recording, refit, force_map, diagnose, prove):
+for _verb in (
+    demo,
+    simulate,
+    linearise,
+    verify,
+    recording,
+    refit,
+    force_map,
+    diagnose,
+    prove,
+    compare,
+    bless,
+    report,
+):
     # What follows is for those who call the function, not for those who type the verb.
     app.command(help=inspect.cleandoc(_verb.__doc__ or "").split("\n\nArgs:")[0])(_verb)
 

@@ -1,0 +1,110 @@
+"""The verb ``compare``."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def compare(
+    study: Annotated[
+        Path, typer.Argument(help="Study file (TOML), or the name of a shipped one such as arm.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder for the results.", metavar="DIR")],
+    baseline: Annotated[
+        Path | None,
+        typer.Option(help="Stored results; anything worse fails.", metavar="FILE"),
+    ] = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option(help="Number of processes; by default one per core.", metavar="N"),
+    ] = None,
+    dask: Annotated[
+        str | None,
+        typer.Option(
+            help="Let a Dask cluster do the runs: address of its scheduler, such as "
+            "tcp://host:8786.",
+            metavar="ADDRESS",
+        ),
+    ] = None,
+    fresh: Annotated[
+        bool, typer.Option("--fresh", help="Do all runs again, also finished ones.")
+    ] = False,
+) -> int:
+    """Run a study: every controller on every plant in every scenario, judged and compared.
+
+    Writes results.json, summary.md (for a pull request), junit.xml and report.html with its
+    pictures. A study that was stopped goes on where it was. Exit status 1 if a run failed, a hard
+    requirement is missed or something is worse than the baseline.
+
+    Example: 'workbench compare arm --out comparison'.
+
+    Args:
+        study: Study file, or the name of a shipped study.
+        out: Folder for the results.
+        baseline: Stored results to compare with, or None.
+        jobs: Number of processes, or None for one per core.
+        dask: Address of a Dask scheduler, or None.
+        fresh: Whether finished runs are done again.
+
+    Returns:
+        Exit status: 1 if the study does not pass.
+
+    Example:
+        >>> compare(Path("nowhere.toml"), Path("out"))
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: study 'nowhere.toml' cannot be read: no such file ...
+    """
+    from workbench.cli.counter import Counter
+    from workbench.reports.study_files import write_study_files
+    from workbench.study.outcome import run_study
+    from workbench.study.schema import load_study
+    from workbench.study.summary import plain_summary
+
+    wanted = load_study(study_file(study))
+    typer.echo(str(wanted), err=True)
+    counter = Counter()
+    try:
+        outcome = run_study(
+            wanted,
+            out,
+            baseline=baseline,
+            jobs=jobs or os.cpu_count() or 1,
+            dask=dask,
+            fresh=fresh,
+            progress=counter,
+        )
+    finally:
+        counter.close()
+    typer.echo("writing the report ...", err=True)
+    written = write_study_files(outcome, out)
+    typer.echo(plain_summary(outcome))
+    typer.echo(f"written to {out}: {', '.join(path.name for path in written)}")
+    return 0 if outcome.passed else 1
+
+
+def study_file(given: Path) -> Path:
+    """Return the file of a study that was named by its path or as a shipped one.
+
+    Args:
+        given: Path of a file, or a name without a folder or suffix.
+
+    Returns:
+        Path of the file.
+
+    Raises:
+        WorkbenchError: If no shipped study has that name.
+
+    Example:
+        >>> study_file(Path("arm")).name
+        'arm.toml'
+    """
+    from workbench.study.shipped import shipped_study
+
+    if given.exists() or given.suffix or len(given.parts) > 1:
+        return given
+    return shipped_study(str(given))

@@ -1,0 +1,56 @@
+"""Progress of many runs, as one line that counts."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+
+class Counter:
+    """Counts finished runs on the error stream: a bar on a screen, a line per tenth in a log.
+
+    Example:
+        >>> counter = Counter()
+        >>> counter("runs", 1, 2, "pid / nominal / step")
+        >>> counter.close()
+    """
+
+    def __init__(self) -> None:
+        self._bar: Any = None
+        self._part = ""
+
+    def __call__(self, part: str, done: int, total: int, what: str) -> None:
+        """Show what is finished.
+
+        Args:
+            part: Part of the study.
+            done: Number of finished runs.
+            total: Number of all runs.
+            what: What was finished last.
+        """
+        from tqdm import tqdm
+
+        if self._bar is None or part != self._part or total != self._bar.total:
+            self.close()
+            self._part = part
+            screen = sys.stderr.isatty()
+            # A log keeps every line: there, one per tenth is enough.
+            self._bar = tqdm(
+                total=total,
+                desc=part,
+                unit="run",
+                file=sys.stderr,
+                miniters=1 if screen else max(1, total // 10),
+                mininterval=0.1 if screen else 0.0,
+                maxinterval=1e9,
+                leave=True,
+            )
+        self._bar.update(done - self._bar.n)
+        if sys.stderr.isatty():
+            self._bar.set_postfix_str(what, refresh=False)
+
+    def close(self) -> None:
+        """End the line."""
+        if self._bar is not None:
+            self._bar.close()
+        self._bar = None

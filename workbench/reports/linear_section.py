@@ -1,0 +1,188 @@
+"""Linear analysis of controllers: Bode, Nyquist and margins at several operating points."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from controllers.joint_model import frequency_response
+from workbench.reports.figures.bode import bode
+from workbench.reports.figures.nyquist import nyquist
+from workbench.reports.page import Block, Section, Words
+from workbench.reports.pictures import Picture
+from workbench.reports.tables import Cell, Table, number
+from workbench.study.linear_loop import LoopAnalysis, by_controller
+from workbench.study.study import Study
+
+LINEAR_METHODS: tuple[tuple[str, str], ...] = (
+    (
+        "loop gain",
+        "the controller's own step, linearised around rest by differences, on the linear model "
+        "with held inputs: filters, inner loops, observers and sampling count. Opened once at the "
+        "angle (inner loops stay closed) and once at the command (everything opens)",
+    ),
+    (
+        "Ms, Mt",
+        "peaks of 1/(1 + L) and L/(1 + L) over 600 frequencies up to the Nyquist frequency",
+    ),
+    (
+        "disk margin",
+        "1 / max |(S - T)/2|: gain and phase may change together inside a disk of that size; the "
+        "factor and the angle follow from it (Seiler, Packard and Gahinet, 2020)",
+    ),
+    ("delay margin", "phase down to -180° at a crossover over its frequency; the smallest"),
+)
+"""How the numbers of the linear analysis were computed."""
+
+
+def linear_section(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Section]:
+    """Build the section of the linear analysis.
+
+    Args:
+        study: The study.
+        loops: Its opened loops.
+
+    Returns:
+        One section; none if there are no loops.
+
+    Example:
+        >>> linear_section.__name__
+        'linear_section'
+    """
+    if not loops:
+        return []
+    blocks: list[Block] = [
+        Words(
+            "The same controller objects on linear models at several operating points, each loop "
+            "opened at the measured output. The shaded disk is the one of the smallest disk margin."
+        ),
+        *plant_picture(study),
+    ]
+    for index, (name, own) in enumerate(by_controller(loops).items(), start=1):
+        outer = [a for a in own if a.opened and a.opened != _command(own)]
+        if not outer:
+            continue
+        curves = {a.where: a.response for a in outer}
+        margins = [a.disk_margin for a in outer if a.stable]
+        blocks += [
+            Picture(
+                f"bode-{index}",
+                bode(outer[0].frequency_Hz, curves, unit="1"),
+                f"{name}: loop gain, opened at the {outer[0].opened}.",
+                f"Bode plot of the loop gain of {name}",
+            ),
+            Picture(
+                f"nyquist-{index}",
+                nyquist(curves, disk_margin=min(margins, default=None)),
+                f"{name}: the same in the complex plane; dotted the unit circle, + the point -1.",
+                f"Nyquist plot of the loop gain of {name}",
+            ),
+        ]
+    blocks.append(margin_table(loops))
+    return [Section("linear", "Linear analysis at every operating point", tuple(blocks))]
+
+
+def _command(own: list[LoopAnalysis]) -> str:
+    opened = list(dict.fromkeys(a.opened for a in own if a.opened))
+    return opened[1] if len(opened) > 1 else ""
+
+
+def plant_picture(study: Study) -> list[Picture]:
+    """Draw the plant's own frequency response at the operating points of a study.
+
+    Args:
+        study: The study.
+
+    Returns:
+        One picture; none if the plant has several inputs or cannot be drawn.
+
+    Example:
+        >>> plant_picture.__name__
+        'plant_picture'
+    """
+    recipe = next(iter(study.controllers.values()))
+    follows = next(iter(next(iter(study.scenarios.values())).references))
+    curves, frequency = {}, np.zeros(0)
+    for point in study.angles:
+        linear = recipe.linear(point)
+        if len(linear.input_names) != 1 or follows not in linear.output_names:
+            return []
+        response, w = frequency_response(linear, (follows,), linear.input_names[0], (0.05, 50.0))
+        where = ", ".join(
+            f"{math.degrees(v):g}°" if n == "angle" else f"{n} {v:g}" for n, v in point
+        )
+        curves[where] = np.degrees(1.0) * response[0] if follows == "angle" else response[0]
+        frequency = w / (2 * np.pi)
+    unit = "°/V" if follows == "angle" else "SI"
+    return [
+        Picture(
+            "plant-bode",
+            bode(frequency, curves, unit=unit),
+            f"The plant alone: from the command to the {follows}, at every operating point.",
+            "Bode plot of the plant",
+        )
+    ]
+
+
+def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
+    """List the margins of all loops.
+
+    Args:
+        loops: Opened loops.
+
+    Returns:
+        The table.
+
+    Example:
+        >>> margin_table(()).headings[0]
+        'controller'
+    """
+    rows: list[tuple[Cell | str, ...]] = []
+    for a in loops:
+        if a.reason:
+            rows.append(
+                (
+                    a.controller,
+                    a.where,
+                    a.opened or "–",
+                    Cell("none", "missed", a.reason),
+                    *([""] * 6),
+                )
+            )
+            continue
+        down = f" ({number(a.gain_margin_down, 2)})" if a.gain_margin_down > 0 else ""
+        disk = (
+            f"{number(a.disk_margin, 2)}: × {number(a.disk_gain_margin, 2)}, "
+            f"{number(math.degrees(a.disk_phase_margin), 2)}°"
+        )
+        rows.append(
+            (
+                a.controller,
+                a.where,
+                a.opened,
+                number(a.crossover_Hz, 2, unit="Hz"),
+                number(a.gain_margin, 3) + down,
+                number(math.degrees(a.phase_margin), 2) + "°",
+                number(1e3 * a.delay_margin, 2, unit="ms"),
+                number(a.sensitivity),
+                number(a.complementary),
+                disk,
+            )
+        )
+    return Table(
+        "Margins",
+        (
+            "controller",
+            "at",
+            "opened at",
+            "crossover",
+            "gain (down)",
+            "phase",
+            "delay",
+            "Ms",
+            "Mt",
+            "disk: gain, phase",
+        ),
+        tuple(rows),
+    )

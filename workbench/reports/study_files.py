@@ -1,0 +1,100 @@
+"""The files of a study: results, summary, JUnit tests and the page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from workbench.files import write_whole
+from workbench.reports.linear_section import LINEAR_METHODS, linear_section
+from workbench.reports.page import Commands, Method, Page, html
+from workbench.reports.pictures import save
+from workbench.reports.results import json_text
+from workbench.reports.study_page import study_page
+from workbench.study.junit import junit
+from workbench.study.linear_loop import LoopAnalysis
+from workbench.study.outcome import Outcome, installed_version
+from workbench.study.study import Study
+from workbench.study.summary import summary
+
+
+def write_study_files(outcome: Outcome, folder: str | Path) -> tuple[Path, ...]:
+    """Write what a study found.
+
+    Args:
+        outcome: What it found.
+        folder: Folder of results.
+
+    Returns:
+        ``results.json``, ``summary.md``, ``junit.xml`` and ``report.html``, each complete.
+
+    Raises:
+        WorkbenchError: If a file cannot be written.
+
+    Example:
+        >>> write_study_files.__name__
+        'write_study_files'
+    """
+    place = Path(folder)
+    texts = {
+        "results.json": json_text(outcome.table()),
+        "summary.md": summary(outcome),
+        "junit.xml": junit(outcome),
+        "report.html": html(study_page(outcome)),
+    }
+    # All are made before the first is written: a mistake in one leaves the earlier results.
+    return tuple(write_whole(place / name, text) for name, text in texts.items())
+
+
+def linear_page(study: Study, loops: tuple[LoopAnalysis, ...]) -> Page:
+    """Build the page of the linear analysis alone.
+
+    Args:
+        study: The study.
+        loops: Its opened loops.
+
+    Returns:
+        The page.
+
+    Example:
+        >>> linear_page.__name__
+        'linear_page'
+    """
+    (section,) = linear_section(study, loops)
+    worst = min((a.disk_margin for a in loops if a.stable), default=float("nan"))
+    lead = (
+        f"{len(study.controllers)} controllers at {len(study.angles)} operating points; the "
+        f"smallest disk margin is {worst:.2g}. No run was made."
+    )
+    section = type(section)(
+        section.name,
+        section.title,
+        (
+            *section.blocks,
+            Method(LINEAR_METHODS),
+            Commands((f"workbench report {study.path.name} --bode --out DIR",)),
+        ),
+    )
+    facts = (("workbench", installed_version()),)
+    return Page(f"Linear analysis of study {study.name}", lead, (section,), facts=facts)
+
+
+def write_pictures(page: Page, folder: str | Path) -> int:
+    """Write every picture of a page as PNG and SVG.
+
+    Args:
+        page: The page.
+        folder: Where to write ``pictures/NAME.png`` and ``pictures/NAME.svg``.
+
+    Returns:
+        Number of pictures.
+
+    Raises:
+        WorkbenchError: If a file cannot be written.
+
+    Example:
+        >>> write_pictures(Page("Arm", "Short.", ()), ".")
+        0
+    """
+    for picture in page.pictures:
+        save(picture, Path(folder) / "pictures")
+    return len(page.pictures)

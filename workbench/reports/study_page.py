@@ -1,0 +1,458 @@
+"""The page of a study: what is met, how the controllers differ, and why."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from workbench.model.units import from_si
+from workbench.reports.linear_section import LINEAR_METHODS, linear_section
+from workbench.reports.metrics_table import METRIC_METHODS, metrics_table
+from workbench.reports.page import Block, Commands, Method, Page, Section, Words
+from workbench.reports.study_pictures import (
+    box_picture,
+    pressure_picture,
+    sliding_pictures,
+    solver_picture,
+    tracking_picture,
+)
+from workbench.reports.tables import Cell, Mark, Table, number
+from workbench.study.outcome import Outcome, installed_version
+from workbench.study.study import NOMINAL, Demand
+from workbench.study.summary import score_text
+from workbench.study.verdicts import Judgement
+from workbench.verification import Metrics
+
+COLUMNS = (
+    "settling_time",
+    "overshoot",
+    "steady_error",
+    "oscillation",
+    "stop_impacts",
+    "rmse",
+    "chatter",
+    "air",
+    "solve_time_p99",
+    "fallbacks",
+)
+
+STUDY_METHODS: tuple[tuple[str, str], ...] = (
+    (
+        "score",
+        "metric over limit, or limit over metric where it must be at least that; of a controller, "
+        "the worst over all hard requirements, scenarios, variations and seeds",
+    ),
+    (
+        "mean score",
+        "mean over all requirements, hard and soft, of each one's worst score (at most 10), by the "
+        "weights of the study",
+    ),
+    (
+        "worse than the baseline",
+        "a metric of a run moved the wrong way by more than its tolerance, absolute plus relative, "
+        "as results.json lists it; of a sliding mode only the invariants count: rms and peak of s "
+        "over its layer, time outside the layer, stop impacts",
+    ),
+    (
+        "solve times",
+        "measured, differ from machine to machine, and never fail a study by a baseline",
+    ),
+    (
+        "probability of meeting a requirement",
+        "share of the plants drawn uniformly from the box (scrambled Sobol sequence), with the "
+        "exact 95 % interval of Clopper and Pearson",
+    ),
+    (
+        "worst plant",
+        "the worst of the draws and of a local search that starts there: first the corner to which "
+        "a straight line through all scores points, then one parameter at a time",
+    ),
+    (
+        "hurts most",
+        "slope of the straight line fitted to the scores of the draws, from the lowest to the "
+        "highest value of the parameter; R² says how much of the scores the line explains",
+    ),
+)
+"""How the numbers that only a study has were computed."""
+
+
+def study_page(outcome: Outcome) -> Page:
+    """Build the page of a study.
+
+    Args:
+        outcome: What the study found.
+
+    Returns:
+        The page.
+
+    Example:
+        >>> study_page.__name__
+        'study_page'
+    """
+    study = outcome.study
+    sections = [
+        _verdict(outcome),
+        *([_baseline(outcome)] if outcome.baseline is not None else []),
+        *(_scenario(outcome, name, i + 1) for i, name in enumerate(study.scenarios)),
+        *_controllers(outcome),
+        *linear_section(study, outcome.loops),
+        *_box(outcome),
+        _requirements(outcome),
+        _how(outcome),
+    ]
+    word = "passed" if outcome.passed else "failed"
+    lead = f"{study.description} ".lstrip() + f"The study {word}: {outcome.headline()}."
+    return Page(
+        f"Study {study.name}: {word}",
+        lead,
+        tuple(sections),
+        facts=(
+            ("runs", str(len(outcome.records))),
+            ("controllers", str(len(study.controllers))),
+            ("plants", str(len(study.variations))),
+            ("seeds", ", ".join(str(s) for s in study.seeds)),
+            ("workbench", installed_version()),
+        ),
+    )
+
+
+def _score_cell(value: float, *, capped: bool = False) -> Cell:
+    return Cell(score_text(value, capped=capped), "met" if value <= 1.0 else "missed")
+
+
+def _where(j: Judgement | None) -> str:
+    return f"{j.demand.requirement.metric}, {j.scenario}, {j.variation}" if j else "–"
+
+
+def _verdict(outcome: Outcome) -> Section:
+    boxes = {r.controller: r for r in outcome.robustness}
+    head = ["controller", "score", "mean score", "worst requirement, scenario, plant"]
+    if boxes:
+        head.append("score at the worst plant of the box")
+    rows: list[tuple[Cell | str, ...]] = []
+    for s in outcome.scores:
+        row: list[Cell | str] = [
+            s.controller,
+            _score_cell(s.worst),
+            f"{s.mean:.2f}",
+            _where(s.judgement),
+        ]
+        if boxes:
+            box = boxes.get(s.controller)
+            row.append(_score_cell(box.worst_score, capped=True) if box else "–")
+        rows.append(tuple(row))
+    blocks: list[Block] = [
+        Table(
+            "Scores",
+            tuple(head),
+            tuple(rows),
+            "At most 1 means that every hard requirement is "
+            "met on every plant, in every scenario, with every seed.",
+        )
+    ]
+    if outcome.missed:
+        blocks.append(_list("Hard requirements missed", outcome.missed))
+    if outcome.missed_softly:
+        blocks.append(_list("Soft requirements missed", outcome.missed_softly))
+    if outcome.failed:
+        blocks.append(
+            Table(
+                "Failed runs",
+                ("controller", "scenario", "plant", "reason"),
+                tuple((r.controller, r.scenario, r.variation, r.reason) for r in outcome.failed),
+            )
+        )
+    return Section("verdict", "What is met", tuple(blocks))
+
+
+def _list(title: str, found: Sequence[Judgement]) -> Table:
+    most = 30
+    rows: list[tuple[Cell | str, ...]] = [
+        (
+            j.controller,
+            j.scenario,
+            j.variation,
+            j.demand.requirement.metric,
+            Cell(j.excess(), "missed" if j.hard else "open"),
+        )
+        for j in found[:most]
+    ]
+    note = f"The worst {most} of {len(found)}." if len(found) > most else ""
+    return Table(title, ("controller", "scenario", "plant", "metric", "how far"), tuple(rows), note)
+
+
+def _baseline(outcome: Outcome) -> Section:
+    assert outcome.baseline is not None
+    order = {"worse": 0, "gone": 0, "better": 1}
+    found = sorted(outcome.changes, key=lambda c: (not c.fails, order.get(c.way, 2)))
+    if not found:
+        text = "Nothing differs from the baseline by more than its tolerance."
+        return Section("baseline", "Against the baseline", (Words(text),))
+    most = 40
+    rows: list[tuple[Cell | str, ...]] = [
+        (
+            c.key[0],
+            c.key[2],
+            c.key[1],
+            c.metric or "run",
+            c.numbers().replace("->", "→") if c.metric else c.reason,
+            Cell(c.way, "missed" if c.fails else "met" if c.way == "better" else "open"),
+        )
+        for c in found[:most]
+    ]
+    note = f"The first {most} of {len(found)}; results.json has all." if len(found) > most else ""
+    head = ("controller", "scenario", "plant", "metric", "baseline → now", "way")
+    table = Table("Differences beyond their tolerance", head, tuple(rows), note)
+    command = Commands((f"workbench bless DIR --baseline {outcome.baseline.path.name}",))
+    words = Words("If the changes are intended, this command shows and accepts them.")
+    return Section("baseline", "Against the baseline", (table, words, command))
+
+
+def _scenario(outcome: Outcome, name: str, index: int) -> Section:
+    study = outcome.study
+    records = {c: outcome.record(c, name) for c in study.controllers}
+    measured: dict[tuple[str, ...], Metrics] = {
+        (c,): r.metrics for c, r in records.items() if r is not None and r.metrics is not None
+    }
+    blocks: list[Block] = [
+        *tracking_picture(outcome, name, index),
+        *pressure_picture(outcome, name, index),
+    ]
+    if measured:
+        limits = [
+            d.requirement
+            for d in study.demands
+            if d.requirement.scenario in ("", name)
+            and not d.controllers
+            and d.applies(next(iter(study.controllers)), NOMINAL, name)
+            and any(d.requirement.metric in m for m in measured.values())
+        ]
+        applicable = [
+            r
+            for r in limits
+            if any(not math.isnan(m[r.metric].value) for m in measured.values() if r.metric in m)
+        ]
+        columns = [
+            c
+            for c in COLUMNS
+            if any(c in m and not math.isnan(m[c].value) for m in measured.values())
+        ]
+        blocks.append(
+            metrics_table(
+                f"{name} on the nominal plant",
+                ("controller",),
+                measured,
+                columns,
+                [r for r in applicable if r.hard],
+            )
+        )
+    if len(study.variations) > 1:
+        blocks.append(_variations(outcome, name))
+    return Section(f"scenario-{index}", f"Scenario {name}", tuple(blocks))
+
+
+def _variations(outcome: Outcome, scenario: str) -> Table:
+    rows: list[tuple[Cell | str, ...]] = []
+    for variation in outcome.study.variations:
+        row: list[Cell | str] = [variation]
+        for controller in outcome.study.controllers:
+            own = [
+                j
+                for j in outcome.judgements
+                if (j.controller, j.variation, j.scenario) == (controller, variation, scenario)
+                and j.hard
+            ]
+            worst = max(own, key=lambda j: j.score, default=None)
+            if worst is None:
+                row.append("–")
+            else:
+                mark: Mark = "met" if worst.met else "missed"
+                metric = worst.demand.requirement.metric.replace("_", " ")
+                row.append(Cell(score_text(worst.score), mark, metric))
+        rows.append(tuple(row))
+    return Table(
+        "Score on every plant, and the requirement that decides it",
+        ("plant", *outcome.study.controllers),
+        tuple(rows),
+    )
+
+
+def _controllers(outcome: Outcome) -> list[Section]:
+    found = []
+    pictures = sliding_pictures(outcome)
+    if pictures:
+        words = Words(
+            "Errors decay along the dashed direction once the surface is reached. The invariants "
+            "that a baseline holds this controller to are the rms and the peak of s, and the time "
+            "outside the boundary layer."
+        )
+        found.append(Section("sliding", "Sliding mode", (words, *pictures)))
+    picture, table = solver_picture(outcome)
+    if picture is not None and table is not None:
+        found.append(Section("solver", "Optimisation at every sample", (picture, table)))
+    return found
+
+
+def _box(outcome: Outcome) -> list[Section]:
+    if not outcome.robustness or outcome.study.box is None:
+        return []
+    units = {q.name: q.unit for q in outcome.study.plant.build().parameters}
+
+    def shown(name: str, value: float) -> str:
+        unit = "bar" if units[name] == "Pa" else units[name]
+        return number(float(from_si(value, unit)), unit="" if unit == "1" else unit)
+
+    names = list(outcome.study.box.ranges)
+    ends = ", ".join(
+        f"{n} {shown(n, low)} to {shown(n, high)}"
+        for n, (low, high) in outcome.study.box.ranges.items()
+    )
+    box = outcome.study.box
+    scenarios = ", ".join(box.scenarios)
+    words = Words(
+        f"{box.draws} plants drawn from the box ({ends}) run {scenarios}; the worst is then "
+        "searched. Dots are draws, crosses the search, the ring is the worst plant."
+        + ("" if box.hard else " In this study the box informs and does not fail it.")
+    )
+    worst = Table(
+        "Worst plant found",
+        ("controller", "score", *names, "because"),
+        tuple(
+            (
+                r.controller,
+                _score_cell(r.worst_score, capped=True),
+                *(shown(n, r.worst[n]) for n in names),
+                f"{r.judgement.demand.requirement.metric} {r.judgement.excess()}"
+                if r.judgement
+                else "–",
+            )
+            for r in outcome.robustness
+        ),
+    )
+    hurts = Table(
+        "Change of the score from the lowest to the highest value of a parameter",
+        ("controller", *names, "R²"),
+        tuple(
+            (r.controller, *(number(r.effects[n], 2) for n in names), number(r.explained, 2))
+            for r in outcome.robustness
+        ),
+    )
+    demands = dict.fromkeys(p.requirement for r in outcome.robustness for p in r.probabilities)
+    by = {r.controller: {p.requirement: p for p in r.probabilities} for r in outcome.robustness}
+    rows: list[tuple[Cell | str, ...]] = []
+    for text in demands:
+        row: list[Cell | str] = [text]
+        for own in by.values():
+            p = own.get(text)
+            if p is None:
+                row.append("–")
+                continue
+            share = f"{100 * p.share:.0f} %"
+            row.append(Cell(share, "", f"{100 * p.low:.0f} to {100 * p.high:.0f} %"))
+        rows.append(tuple(row))
+    chances = Table(
+        "Probability of meeting each requirement over the box",
+        ("requirement", *by),
+        tuple(rows),
+        "Below each number: its 95 % interval.",
+    )
+    blocks: tuple[Block, ...] = (words, box_picture(outcome), worst, hurts, chances)
+    return [Section("robustness", "Robustness over a box of plants", blocks)]
+
+
+def _requirements(outcome: Outcome) -> Section:
+    study = outcome.study
+    rows: list[tuple[Cell | str, ...]] = []
+    for demand in study.demands:
+        name = f"{demand}" + ("" if demand.requirement.hard else " (soft)")
+        row: list[Cell | str] = [name, demand.requirement.scenario or "all"]
+        row += [_worst_cell(outcome, demand, c) for c in study.controllers]
+        rows.append(tuple(row))
+    return Section(
+        "requirements",
+        "Every requirement at its worst",
+        (
+            Table(
+                "Worst value over scenarios, plants and seeds, and where",
+                ("requirement", "scenario", *study.controllers),
+                tuple(rows),
+            ),
+        ),
+    )
+
+
+def _worst_cell(outcome: Outcome, demand: Demand, controller: str) -> Cell:
+    own = [j for j in outcome.judgements if j.demand is demand and j.controller == controller]
+    if not own:
+        return Cell("–")
+    worst = max(own, key=lambda j: j.score)
+    unit = "" if demand.requirement.unit in ("", "1") else demand.requirement.unit
+    text = number(worst.value, unit=unit).replace(" deg", "°")
+    if worst.value == 0:
+        text = "0"
+    hard = demand.requirement.hard
+    place = (
+        ""
+        if worst.value == 0
+        else ", ".join(
+            p for p in ("" if demand.requirement.scenario else worst.scenario, worst.variation) if p
+        )
+    )
+    return Cell(text, "met" if worst.met else "missed" if hard else "open", place)
+
+
+def _how(outcome: Outcome) -> Section:
+    study = outcome.study
+    plants = Table(
+        "Plants",
+        ("plant", "differs from the nominal one by"),
+        tuple((name, _difference(outcome, name)) for name in study.variations),
+    )
+    designs = Table(
+        "Controllers",
+        ("controller", "design", "designed at", "specification"),
+        tuple(
+            (
+                name,
+                c.design,
+                ", ".join(
+                    f"{math.degrees(v):g}°" if n == "angle" else f"{n} {v:g}" for n, v in c.at
+                ),
+                ", ".join(
+                    f"{k} = {v:g}" if isinstance(v, float) else f"{k} = {v}"
+                    for k, v in c.specification
+                )
+                or "as it comes",
+            )
+            for name, c in study.controllers.items()
+        ),
+    )
+    return Section(
+        "how",
+        "How it was done",
+        (
+            plants,
+            designs,
+            Method((*METRIC_METHODS, *STUDY_METHODS, *LINEAR_METHODS)),
+            Commands((f"workbench compare {study.path.name} --out DIR",)),
+        ),
+    )
+
+
+def _difference(outcome: Outcome, name: str) -> str:
+    study = outcome.study
+    plant, nominal = study.variations[name], study.plant
+    if name == NOMINAL:
+        return "–"
+    units = {q.name: q.unit for q in plant.build().parameters}
+    said = [f"effect {e}" for e in plant.effects if e not in nominal.effects]
+    said += [f"without {e}" for e in plant.without if e not in nominal.without]
+    before = dict(nominal.parameters)
+    for key, value in plant.parameters:
+        if before.get(key) != value:
+            unit = "bar" if units[key] == "Pa" else units[key]
+            text = number(float(from_si(value, unit)), unit="" if unit == "1" else unit)
+            said.append(f"{key} {text}")
+    if plant.noise != nominal.noise:
+        said.append(f"noise x {plant.noise / nominal.noise:g}")
+    return ", ".join(said)

@@ -1,0 +1,293 @@
+"""Comparison with a stored baseline: what changed beyond its tolerance, and which way."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from workbench.errors import WorkbenchError
+from workbench.files import write_whole
+from workbench.study.figures_of_merit import INVARIANTS, Rule
+from workbench.study.tasks import Record, record_from_table
+
+BASELINE_SCHEMA = 1
+KIND = "workbench baseline"
+
+Way = Literal["worse", "better", "changed", "new", "gone"]
+Key = tuple[str, str, str, int]
+
+
+@dataclass(frozen=True)
+class Change:
+    """A metric of a run that differs from the baseline by more than its tolerance.
+
+    Args:
+        key: Controller, variation, scenario and seed of the run.
+        metric: Name of the metric; empty if the whole run is meant.
+        before: Value of the baseline, in ``unit``; NaN if there was none.
+        after: Value now, in ``unit``; NaN if there is none.
+        unit: Unit in which people read it.
+        way: ``"worse"``, ``"better"``, ``"changed"`` where neither direction is better, ``"new"``
+            or ``"gone"``.
+        gates: Whether a worse value fails the study.
+        tolerance: Difference that would not have counted, in ``unit``.
+        reason: Why there is no value.
+
+    Example:
+        >>> key = ("pid", "nominal", "step", 1)
+        >>> print(Change(key, "rise_time", 0.2, 0.3, "s", "worse", True, 0.004))
+        pid, step, nominal: rise_time 0.2 -> 0.3 s, worse (tolerance 0.004 s)
+    """
+
+    key: Key
+    metric: str
+    before: float
+    after: float
+    unit: str
+    way: Way
+    gates: bool
+    tolerance: float = 0.0
+    reason: str = ""
+
+    @property
+    def fails(self) -> bool:
+        """Whether the change fails the study."""
+        return self.gates and self.way in ("worse", "gone")
+
+    def numbers(self) -> str:
+        """Return both values with their unit."""
+        unit = "" if self.unit == "1" else "°" if self.unit == "deg" else f" {self.unit}"
+        old, new = ("none" if math.isnan(v) else f"{v:.4g}" for v in (self.before, self.after))
+        return f"{old} -> {new}{unit}"
+
+    def __str__(self) -> str:
+        """Return one line."""
+        controller, variation, scenario, _ = self.key
+        where = f"{controller}, {scenario}, {variation}"
+        tail = f" ({self.reason})" if self.reason else ""
+        if not self.metric:
+            return f"{where}: run is {self.way}{tail}"
+        unit = "" if self.unit == "1" else "°" if self.unit == "deg" else f" {self.unit}"
+        if not tail:
+            tail = f" (tolerance {self.tolerance:.2g}{unit})"
+        if self.way == "worse" and not self.gates:
+            tail += ", which does not count against it"
+        return f"{where}: {self.metric} {self.numbers()}, {self.way}{tail}"
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """Stored runs.
+
+    Args:
+        records: Records by controller, variation, scenario and seed.
+        study: Name of the study.
+        path: File it was read from.
+
+    Example:
+        >>> Baseline({}, "arm", Path("arm.baseline.json")).study
+        'arm'
+    """
+
+    records: Mapping[Key, Record]
+    study: str
+    path: Path
+
+
+def read_baseline(path: str | Path) -> Baseline:
+    """Read a baseline, or the ``results.json`` of a study.
+
+    Args:
+        path: The file.
+
+    Returns:
+        The baseline.
+
+    Raises:
+        WorkbenchError: If it cannot be read or is neither.
+
+    Example:
+        >>> read_baseline("nowhere.json")
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: baseline 'nowhere.json' cannot be read: no such file ...
+    """
+    place = Path(path)
+    try:
+        table = json.loads(place.read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise WorkbenchError(
+            f"baseline {str(place)!r} cannot be read: {reason}; write one with 'workbench bless"
+            f" DIR --baseline {place}'"
+        ) from None
+    except ValueError as error:
+        raise WorkbenchError(f"baseline {str(place)!r} is no JSON: {error}") from None
+    fix = "write it with 'workbench bless'"
+    if not isinstance(table, dict) or "runs" not in table or "schema" not in table:
+        raise WorkbenchError(f"{str(place)!r} is neither a baseline nor results; {fix}")
+    if table["schema"] != BASELINE_SCHEMA:
+        raise WorkbenchError(
+            f"baseline {str(place)!r} has schema {table['schema']!r}; this version reads"
+            f" {BASELINE_SCHEMA}; {fix}"
+        )
+    try:
+        records = [record_from_table(row) for row in table["runs"]]
+    except (KeyError, TypeError, ValueError, AttributeError):
+        raise WorkbenchError(f"baseline {str(place)!r} is incomplete; {fix}") from None
+    return Baseline({r.key: r for r in records}, str(table.get("study", "")), place)
+
+
+def baseline_text(study: str, records: Iterable[Record]) -> str:
+    """Return a baseline as text that changes only where numbers do.
+
+    Args:
+        study: Name of the study.
+        records: Its runs.
+
+    Returns:
+        JSON with one run per entry, sorted, numbers to 9 digits, nothing that differs from machine
+        to machine.
+
+    Example:
+        >>> json.loads(baseline_text("arm", []))["runs"]
+        []
+    """
+    rows = []
+    for record in sorted(records, key=lambda r: r.key):
+        table = record.table()
+        metrics = {}
+        for name, metric in table.pop("metrics").items():
+            if name.startswith("solve_time"):
+                continue
+            if metric["value"] is not None:
+                metric["value"] = float(f"{metric['value']:.9g}")
+            metrics[name] = {key: word for key, word in metric.items() if word != ""}
+        del table["seconds"]
+        head = json.dumps(table, ensure_ascii=False)[:-1]
+        body = ",\n".join(
+            f"    {json.dumps(name)}: {json.dumps(metric, ensure_ascii=False)}"
+            for name, metric in metrics.items()
+        )
+        rows.append(
+            f'  {head}, "metrics": {{\n{body}\n  }}}}' if body else f'  {head}, "metrics": {{}}}}'
+        )
+    top = json.dumps({"kind": KIND, "schema": BASELINE_SCHEMA, "study": study}, ensure_ascii=False)
+    return f'{top[:-1]}, "runs": [' + ",\n".join(["", *rows])[1:] + "\n]}\n"
+
+
+def write_baseline(path: str | Path, study: str, records: Iterable[Record]) -> Path:
+    """Write a baseline.
+
+    Args:
+        path: The file.
+        study: Name of the study.
+        records: Its runs.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        WorkbenchError: If it cannot be written.
+
+    Example:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as place:
+        ...     write_baseline(Path(place) / "b.json", "arm", []).name
+        'b.json'
+    """
+    return write_whole(path, baseline_text(study, records))
+
+
+def changes(
+    rules: Mapping[str, Rule], records: Iterable[Record], baseline: Baseline
+) -> tuple[Change, ...]:
+    """Compare runs with a baseline.
+
+    Of a run with a sliding surface only the invariants fail a study: when the surface is crossed
+    depends on rounding, how far the course strays from it does not.
+
+    Args:
+        rules: How each metric is compared.
+        records: The runs.
+        baseline: What they are compared with.
+
+    Returns:
+        Every difference beyond its tolerance, and runs that are new or gone.
+
+    Example:
+        >>> from pathlib import Path
+        >>> now = Record("pid", "nominal", "step", 1, "diverged")
+        >>> [c.way for c in changes({}, [now], Baseline({}, "arm", Path("b")))]
+        ['new']
+    """
+    found: list[Change] = []
+    seen = set()
+    for record in records:
+        seen.add(record.key)
+        before = baseline.records.get(record.key)
+        if before is None:
+            found.append(_whole(record.key, "new", "the baseline has no such run"))
+        elif record.failed and not before.failed:
+            found.append(_whole(record.key, "worse", f"it failed: {record.reason}"))
+        elif before.failed and not record.failed:
+            found.append(_whole(record.key, "better", "it failed in the baseline"))
+        elif not record.failed:
+            found += _metrics(rules, before, record)
+    found += [
+        _whole(key, "gone", "the baseline has it, the study has not")
+        for key in baseline.records
+        if key not in seen
+    ]
+    return tuple(found)
+
+
+def _whole(key: Key, way: Way, reason: str) -> Change:
+    return Change(key, "", math.nan, math.nan, "1", way, way in ("worse", "gone"), 0.0, reason)
+
+
+def _metrics(rules: Mapping[str, Rule], before: Record, after: Record) -> list[Change]:
+    assert before.metrics is not None and after.metrics is not None
+    sliding = any(name in after.metrics for name in INVARIANTS[:1])
+    found = []
+    for name in (*after.metrics, *(n for n in before.metrics if n not in after.metrics)):
+        own = rules[name]
+        if not own.repeats:
+            continue
+        kept = name.split(".")[-1] in INVARIANTS
+        gates = own.gates and (kept or not sliding)
+        old = before.metrics[name].value if name in before.metrics else math.nan
+        metric = after.metrics[name] if name in after.metrics else before.metrics[name]
+        new = metric.value if name in after.metrics else math.nan
+        if math.isnan(old) and math.isnan(new):
+            continue
+        tolerance = own.absolute + own.relative * (abs(old) if not math.isnan(old) else 0.0)
+        way: Way
+        if math.isnan(new):
+            way = "worse"
+        elif math.isnan(old):
+            way = "better" if name in before.metrics else "new"
+        elif abs(new - old) <= tolerance:
+            continue
+        elif own.better == "neither":
+            way = "changed"
+        else:
+            way = "worse" if (new > old) == (own.better == "less") else "better"
+        shown = [_shown(metric, value) for value in (old, new, tolerance)]
+        unit = metric.display_unit or metric.unit
+        reason = metric.reason if math.isnan(new) else ""
+        found.append(
+            Change(after.key, name, shown[0], shown[1], unit, way, gates, shown[2], reason)
+        )
+    return found
+
+
+def _shown(metric: Any, value: float) -> float:
+    from dataclasses import replace
+
+    number, _ = replace(metric, value=value).shown()
+    return float(number)

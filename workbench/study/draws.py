@@ -1,0 +1,112 @@
+"""Draws from a parameter box, and what can be read from their scores.
+
+A scrambled Sobol sequence covers the box more evenly than independent draws, so the interval of a
+probability, which is exact for independent ones, is on the safe side.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.study.study import Box
+
+Vector = npt.NDArray[np.float64]
+
+CONFIDENCE = 0.95
+"""Probability that an interval covers."""
+
+
+def unit_draws(parameters: int, draws: int, seed: int) -> Vector:
+    """Draw points of the unit cube by a scrambled Sobol sequence.
+
+    Args:
+        parameters: Number of dimensions.
+        draws: Number of points.
+        seed: Seed of the scrambling.
+
+    Returns:
+        Points, shape (draws, parameters), dimensionless.
+
+    Example:
+        >>> unit_draws(2, 5, 1).shape
+        (5, 2)
+    """
+    from scipy.stats import qmc
+
+    sampler = qmc.Sobol(parameters, scramble=True, rng=np.random.default_rng(seed))
+    whole = sampler.random_base2(max(1, math.ceil(math.log2(draws))))
+    return np.asarray(whole[:draws], dtype=float)
+
+
+def scaled(box: Box, unit: Vector) -> Vector:
+    """Return points of the box for points of the unit cube.
+
+    Args:
+        box: The box.
+        unit: Points, shape (n, n_parameters), 0 to 1.
+
+    Returns:
+        Points, shape (n, n_parameters), in SI; 9 digits, so that a stored run is found again.
+
+    Example:
+        >>> scaled(Box({"load": (2.0, 4.0)}, ("step",)), np.array([[0.5]])).tolist()
+        [[3.0]]
+    """
+    ends = np.array(list(box.ranges.values()))
+    values = ends[:, 0] + unit * (ends[:, 1] - ends[:, 0])
+    return np.array([[float(f"{v:.9g}") for v in row] for row in values]).reshape(np.shape(unit))
+
+
+def interval(met: int, draws: int, confidence: float = CONFIDENCE) -> tuple[float, float]:
+    """Return the exact interval of a probability of which some draws were seen.
+
+    Args:
+        met: Draws that met the requirement.
+        draws: Number of draws.
+        confidence: Probability that the interval covers, a ratio.
+
+    Returns:
+        Lower and upper end, ratios.
+
+    Source:
+        Clopper and Pearson, Biometrika 26, 1934.
+
+    Example:
+        >>> [round(end, 3) for end in interval(20, 20)]
+        [0.832, 1.0]
+    """
+    from scipy.stats import beta
+
+    tail = (1.0 - confidence) / 2.0
+    low = float(beta.ppf(tail, met, draws - met + 1)) if met else 0.0
+    high = float(beta.ppf(1.0 - tail, met + 1, draws - met)) if met < draws else 1.0
+    return low, high
+
+
+def straight_line(unit: Vector, values: Vector) -> tuple[float, Vector, float]:
+    """Fit a straight line to scores over the unit cube.
+
+    Args:
+        unit: Points, shape (n, n_parameters), 0 to 1.
+        values: Scores, shape (n,).
+
+    Returns:
+        Constant, change over the whole range of each parameter, shape (n_parameters,), and the
+        share of the variance that is explained.
+
+    Example:
+        >>> points = unit_draws(2, 8, 1)
+        >>> [round(v, 6) for v in straight_line(points, 1.0 + 3.0 * points[:, 1])[1].tolist()]
+        [0.0, 3.0]
+    """
+    matrix = np.column_stack([np.ones(len(unit)), unit - 0.5])
+    solution, *_ = np.linalg.lstsq(matrix, values, rcond=None)
+    spread = float(np.sum((values - values.mean()) ** 2))
+    rest = float(np.sum((values - matrix @ solution) ** 2))
+    # Equal scores leave nothing to explain.
+    explained = 1.0 - rest / spread if spread > 1e-12 else 0.0
+    changes = np.asarray(solution[1:], dtype=float) if spread > 1e-12 else np.zeros(unit.shape[1])
+    return float(solution[0]), changes, explained

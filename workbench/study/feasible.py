@@ -1,0 +1,134 @@
+"""Requirements that no controller can meet are mistakes, found before anything runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from workbench.errors import WorkbenchError
+from workbench.model.units import convert, same_dimension
+from workbench.study.designs import ControllerRecipe, slides, solves
+from workbench.study.figures_of_merit import AT_REST, MAY_BE_ZERO, SOLVER, STEP_ONLY, SURFACE
+from workbench.study.study import Demand
+from workbench.verification import Scenario, Steps
+
+
+def check_demand(
+    demand: Demand,
+    units: Mapping[str, str],
+    scenarios: Mapping[str, Scenario],
+    controllers: Mapping[str, ControllerRecipe],
+) -> None:
+    """Check that a requirement can be judged and met.
+
+    Args:
+        demand: The requirement.
+        units: SI unit of each metric by name.
+        scenarios: Scenarios by name.
+        controllers: Controllers by name.
+
+    Raises:
+        WorkbenchError: If its unit does not fit, or nothing can meet it.
+
+    Example:
+        >>> from workbench.verification import Requirement, step_scenario
+        >>> steps = {"up": step_scenario(from_deg=15, to_deg=30)}
+        >>> check_demand(Demand(Requirement("rmse", 1.0, "bar")), {"rmse": "rad"}, steps, {})
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: unit of the limit on rmse is 'bar'; rmse is in 'rad'
+    """
+    wanted = demand.requirement
+    unit = units[wanted.metric]
+    given = wanted.unit or unit
+    if not same_dimension(given, unit):
+        raise WorkbenchError(
+            f"unit of the limit on {wanted.metric} is {given!r}; {wanted.metric} is in {unit!r}"
+        )
+    limit = float(convert(wanted.limit, given, unit))
+    base = wanted.metric.split(".")[-1]
+    if limit == 0.0 and wanted.kind == "at_most" and base not in MAY_BE_ZERO:
+        raise WorkbenchError(
+            f"{wanted.metric} at most 0 is impossible: it is above zero in every run; give a"
+            " positive limit"
+        )
+    chosen = [s for name, s in scenarios.items() if wanted.scenario in ("", name)]
+    judged = [s for s in chosen if can_have(base, s)]
+    if not judged:
+        where = f"scenario {wanted.scenario!r}" if wanted.scenario else "any scenario"
+        what = "a step" if base in STEP_ONLY else "a reference that rests"
+        raise WorkbenchError(
+            f"a requirement on {wanted.metric} is impossible: {where} has no reference with {what};"
+            " name another metric or scenario"
+        )
+    shortest = min(s.sample_time for s in judged)
+    if base in ("settling_time", "rise_time") and wanted.kind == "at_most" and limit < shortest:
+        raise WorkbenchError(
+            f"{wanted.metric} at most {limit:g} s is impossible: a sample lasts {shortest:g} s"
+        )
+    own = [c for name, c in controllers.items() if name in (demand.controllers or controllers)]
+    for names, can, what in (
+        (SOLVER, solves, "solves an optimisation"),
+        (SURFACE, slides, "has a sliding surface"),
+    ):
+        if base in names and not any(can(c.design) for c in own):
+            raise WorkbenchError(
+                f"a requirement on {wanted.metric} is impossible: no controller it applies"
+                f" to {what}"
+            )
+
+
+def check_demands(demands: Sequence[Demand]) -> None:
+    """Check that the last requirement does not contradict one before it.
+
+    Args:
+        demands: Requirements, the one to check last.
+
+    Raises:
+        WorkbenchError: If no value can meet both.
+
+    Example:
+        >>> check_demands([])
+    """
+    if not demands:
+        return
+    last = demands[-1].requirement
+    for other in demands[:-1]:
+        before = other.requirement
+        same = before.metric == last.metric and before.kind != last.kind
+        if not same or not (
+            "" in (before.scenario, last.scenario) or before.scenario == last.scenario
+        ):
+            continue
+        most, least = (before, last) if before.kind == "at_most" else (last, before)
+        unit = most.unit or least.unit
+        low = float(convert(least.limit, least.unit, unit)) if least.unit and unit else least.limit
+        high = float(convert(most.limit, most.unit, unit)) if most.unit and unit else most.limit
+        if low > high:
+            raise WorkbenchError(
+                f"{last.metric} at least {least.limit:g} {least.unit} and at most {most.limit:g}"
+                f" {most.unit} is impossible; change one of the limits"
+            )
+
+
+def can_have(metric: str, scenario: Scenario) -> bool:
+    """Tell whether a scenario can give a metric a value.
+
+    Args:
+        metric: Name of the metric, with or without its output.
+        scenario: The scenario.
+
+    Returns:
+        Whether it can: the settling time of a sine does not exist.
+
+    Example:
+        >>> from workbench.verification import step_scenario
+        >>> can_have("settling_time", step_scenario(from_deg=15, to_deg=30))
+        True
+    """
+    base = metric.split(".")[-1]
+    signals = scenario.references.values()
+    if base in STEP_ONLY:
+        return any(s.changes for s in signals)
+    if base in AT_REST:
+        return any(isinstance(s, Steps) for s in signals)
+    return True

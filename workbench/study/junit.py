@@ -1,0 +1,82 @@
+"""The outcome of a study as JUnit XML, one test per requirement, run and comparison."""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+
+from workbench.study.outcome import Outcome
+
+_NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+
+
+def junit(outcome: Outcome) -> str:
+    """Write the outcome as JUnit XML.
+
+    Args:
+        outcome: What a study found.
+
+    Returns:
+        One suite per controller. A test per requirement, scenario and variation fails if a hard
+        one is missed, and is skipped, with the reason, if a soft one is; a test per run is an error
+        if the run failed; a test per run fails if it is worse than the baseline.
+
+    Example:
+        >>> junit.__name__
+        'junit'
+    """
+    root = ET.Element("testsuites", name=_clean(outcome.study.name))
+    suites = {}
+    for controller in dict.fromkeys(
+        [*outcome.study.controllers, *(c.key[0] for c in outcome.changes)]
+    ):
+        suites[controller] = ET.SubElement(root, "testsuite", name=_clean(controller))
+
+    def case(controller: str, group: str, name: str, seconds: float = 0.0) -> ET.Element:
+        return ET.SubElement(
+            suites[controller],
+            "testcase",
+            classname=_clean(f"{outcome.study.name}.{controller}.{group}"),
+            name=_clean(name),
+            time=f"{seconds:.3f}",
+        )
+
+    for record in outcome.records:
+        name = f"runs, {record.variation}, seed {record.seed}"
+        test = case(record.controller, record.scenario, name, record.seconds)
+        if record.failed:
+            ET.SubElement(test, "error", message=_clean(record.reason))
+    for j in outcome.judgements:
+        test = case(j.controller, j.scenario, f"{j.demand}, {j.variation}")
+        if j.met:
+            continue
+        kind, tail = ("failure", "") if j.hard else ("skipped", " (soft)")
+        message = f"{j.demand.requirement.metric} {j.excess()}{tail}"
+        ET.SubElement(test, kind, message=_clean(message))
+    for r in outcome.robustness:
+        if outcome.study.box is not None and outcome.study.box.hard:
+            test = case(r.controller, "robustness", "worst plant of the box")
+            if r.worst_score > 1.0:
+                message = f"score {r.worst_score:.3g} at {dict(r.worst)}: {r.judgement}"
+                ET.SubElement(test, "failure", message=_clean(message))
+    if outcome.baseline is not None:
+        for key in dict.fromkeys([*(r.key for r in outcome.records), *outcome.baseline.records]):
+            if key[0] not in suites:
+                continue
+            test = case(key[0], key[2], f"no worse than the baseline, {key[1]}, seed {key[3]}")
+            own = [str(c) for c in outcome.worse if c.key == key]
+            if own:
+                ET.SubElement(test, "failure", message=_clean("; ".join(own)))
+    for element in (*suites.values(), root):
+        tests = list(element.iter("testcase"))
+        element.set("tests", str(len(tests)))
+        for kind, count in (("failure", "failures"), ("error", "errors"), ("skipped", "skipped")):
+            if kind != "skipped" or element is not root:
+                element.set(count, str(sum(t.find(kind) is not None for t in tests)))
+        element.set("time", f"{sum(float(t.get('time', 0)) for t in tests):.3f}")
+    ET.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
+
+
+def _clean(text: str) -> str:
+    return _NOT_XML.sub("?", text)

@@ -1,0 +1,316 @@
+"""Loops of linear controllers on linear models: responses, margins and disk margins.
+
+The controller is linearised around rest by differences of its own step, on the linear model by the
+valve's voltage or opening that is sampled with held inputs, so that filters, inner loops, the
+observer and the delay of sampling all count. An MPC is its unconstrained law there, a sliding mode
+the law inside its boundary layer.
+
+Disk margin alpha: the largest disk of simultaneous changes of gain and phase that cannot make the
+loop unstable, ``alpha = 1 / max |(S - T) / 2|``; gain margin ``(1 + alpha/2) / (1 - alpha/2)`` both
+ways, phase margin ``2 atan(alpha / 2)``. Source: Seiler, Packard and Gahinet, An Introduction to
+Disk Margins, IEEE Control Systems 40(5), 2020.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from controllers.protocol import Command, Controller, Measurement, Reference
+from controllers.sensitivity import loop_matrices
+from workbench.errors import WorkbenchError
+from workbench.linearisation import LinearModel
+from workbench.study.study import Study
+
+Vector = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class LoopAnalysis:
+    """An opened loop at one operating point.
+
+    Args:
+        controller: Name of the controller.
+        point: Given values of the operating point, by name, in SI.
+        opened: Where the loop is opened: at the reading of the angle, or at the command.
+        frequency_Hz: Frequencies, shape (n,), in Hz.
+        response: Loop gain L, shape (n,), dimensionless; negative feedback is L / (1 + L).
+        stable: Whether the closed loop is stable.
+        gain_margin: Smallest factor above 1 that makes it unstable; infinite if none does.
+        gain_margin_down: Largest factor below 1 that makes it unstable; 0 if none does.
+        phase_margin: In rad; infinite if the gain never crosses 1.
+        crossover_Hz: Frequency of the phase margin, in Hz; NaN if there is none.
+        delay_margin: Delay that makes it unstable, in s.
+        sensitivity: Ms, the peak of ``1 / (1 + L)``.
+        complementary: Mt, the peak of ``L / (1 + L)``.
+        disk_margin: Disk margin alpha, dimensionless.
+        reason: Why there is no analysis.
+
+    Example:
+        >>> sorted(LoopAnalysis.__dataclass_fields__)[:2]
+        ['complementary', 'controller']
+    """
+
+    controller: str
+    point: tuple[tuple[str, float], ...]
+    opened: str
+    frequency_Hz: Vector
+    response: Complex
+    stable: bool
+    gain_margin: float = math.nan
+    gain_margin_down: float = math.nan
+    phase_margin: float = math.nan
+    crossover_Hz: float = math.nan
+    delay_margin: float = math.nan
+    sensitivity: float = math.nan
+    complementary: float = math.nan
+    disk_margin: float = math.nan
+    reason: str = ""
+
+    @property
+    def disk_gain_margin(self) -> float:
+        """Factor by which the gain may rise or fall while the phase moves too."""
+        half = self.disk_margin / 2
+        return (1 + half) / (1 - half) if half < 1 else math.inf
+
+    @property
+    def disk_phase_margin(self) -> float:
+        """Angle in rad by which the phase may move while the gain moves too."""
+        return 2 * math.atan(self.disk_margin / 2)
+
+    @property
+    def where(self) -> str:
+        """The operating point in words."""
+        return ", ".join(
+            f"{math.degrees(v):g}°" if name == "angle" else f"{name} {v:g}"
+            for name, v in self.point
+        )
+
+    def table(self) -> dict[str, Any]:
+        """Return the figures as plain numbers, with units in their names."""
+        return {
+            "controller": self.controller,
+            "point": dict(self.point),
+            "opened": self.opened,
+            "stable": self.stable,
+            "gain_margin": self.gain_margin,
+            "gain_margin_down": self.gain_margin_down,
+            "phase_margin_rad": self.phase_margin,
+            "crossover_Hz": self.crossover_Hz,
+            "delay_margin_s": self.delay_margin,
+            "maximum_sensitivity": self.sensitivity,
+            "maximum_complementary": self.complementary,
+            "disk_margin": self.disk_margin,
+            "reason": self.reason,
+        }
+
+
+class _Flattened:
+    """A controller whose state is a tuple of floats, whatever its own state holds."""
+
+    def __init__(self, controller: Controller, at_rest: Measurement) -> None:
+        self.controller = controller
+        self._example = controller.initial_state(at_rest)
+        for name in ("name", "sample_time", "sensors", "follows", "actuators", "preview", "valve"):
+            if hasattr(controller, name):
+                setattr(self, name, getattr(controller, name))
+
+    def initial_state(self, measurement: Measurement) -> tuple[float, ...]:
+        return self._pack(self.controller.initial_state(measurement))
+
+    def step(self, state: Any, measurement: Measurement, reference: Reference) -> Any:
+        command, following, info = self.controller.step(self._unpack(state), measurement, reference)
+        return command, self._pack(following), info
+
+    def linear_command(self, command: Command) -> Command:
+        return self.controller.linear_command(command)
+
+    def _pack(self, state: Any) -> tuple[float, ...]:
+        return tuple(float(v) for part in state for v in np.ravel(part))
+
+    def _unpack(self, flat: tuple[float, ...]) -> Any:
+        parts, at = [], 0
+        for example in self._example:
+            size = int(np.size(example))
+            piece = np.array(flat[at : at + size])
+            parts.append(piece.reshape(np.shape(example)) if np.ndim(example) else float(piece[0]))
+            at += size
+        kind = type(self._example)
+        return kind(*parts) if hasattr(kind, "_fields") else tuple(parts)
+
+
+def analyse_loop(
+    controller: Controller,
+    linear: LinearModel,
+    point: tuple[tuple[str, float], ...] = (),
+    *,
+    points: int = 600,
+) -> tuple[LoopAnalysis, ...]:
+    """Open the loop at the first sensor and at the command, and compute its margins.
+
+    Args:
+        controller: The controller, with one actuator.
+        linear: Linear model with its sensors and actuator.
+        point: Given values of the operating point, by name, in SI, for the record.
+        points: Number of frequencies between 0.05 Hz and 0.98 of the Nyquist frequency.
+
+    Returns:
+        Two analyses; with a reason instead of numbers where the law has no linear form.
+
+    Raises:
+        WorkbenchError: If the linear model lacks a sensor or an actuator.
+
+    Example:
+        >>> from controllers.pid import design_pid
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.arm import arm
+        >>> linear = linearise(operating_point(arm(3), {"angle": 0.5236}), verdict=False)
+        >>> outer, command = analyse_loop(design_pid(linear), linear)
+        >>> outer.stable, 1.0 < outer.sensitivity <= 2.01
+        (True, True)
+    """
+    values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
+    at_rest = tuple(values.get(name, 0.0) for name in controller.sensors)
+    flat: Any = _Flattened(controller, at_rest)
+    A, B, C, F, G, H, J = loop_matrices(flat, linear)
+    n, m = len(A), len(F)
+    closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
+    h = controller.sample_time
+    angle = np.geomspace(2 * np.pi * 0.05 * h, 0.98 * np.pi, points)
+    z = np.exp(1j * angle)
+    stable = bool(np.max(np.abs(np.linalg.eigvals(closed))) < 1.0)
+    first = np.zeros((len(C), 1))
+    first[0] = 1.0
+    rest = np.diag([0.0, *np.ones(len(C) - 1)]) @ C
+    sensor = (
+        np.block([[A + B @ J @ rest, B @ H], [G @ rest, F]]),
+        np.vstack([B @ J @ first, G @ first]),
+        np.hstack([C[:1], np.zeros((1, m))]),
+        np.zeros((1, 1)),
+    )
+    command = (
+        np.block([[A, np.zeros((n, m))], [G @ C, F]]),
+        np.vstack([B, np.zeros((m, B.shape[1]))]),
+        np.hstack([J @ C, H]),
+        np.zeros((1, 1)),
+    )
+    found = []
+    for opened, matrices in ((controller.sensors[0], sensor), (controller.actuators[0], command)):
+        a, b, c, _ = matrices
+        loop = -np.array(
+            [(c @ np.linalg.solve(zi * np.eye(n + m) - a, b))[0, 0] for zi in z], dtype=complex
+        )
+        found.append(
+            _margins(controller.name, point, opened, angle / (2 * np.pi * h), loop, stable)
+        )
+    return tuple(found)
+
+
+def _margins(
+    name: str,
+    point: tuple[tuple[str, float], ...],
+    opened: str,
+    frequency: Vector,
+    loop: Complex,
+    stable: bool,
+) -> LoopAnalysis:
+    if not stable:
+        reason = "the closed loop is unstable"
+        return LoopAnalysis(name, point, opened, frequency, loop, False, reason=reason)
+    s = 1.0 / (1.0 + loop)
+    t = loop * s
+    size = np.abs(loop)
+    cross = [i for i in range(len(loop) - 1) if (size[i] - 1) * (size[i + 1] - 1) < 0]
+    phase, at, late = math.inf, math.nan, math.inf
+    for i in cross:
+        f, value = _between(np.log(size), 0.0, i, frequency, loop)
+        own = abs(math.remainder(float(np.angle(value)) - math.pi, 2 * math.pi))
+        if own < phase:
+            phase, at = own, f
+        # A delay turns backwards: what it needs is the angle down to -180 degrees.
+        late = min(late, float((np.angle(value) + math.pi) % (2 * math.pi)) / (2 * math.pi * f))
+    up, down = math.inf, 0.0
+    for i in range(len(loop) - 1):
+        if loop[i].imag * loop[i + 1].imag < 0 and loop[i].real + loop[i + 1].real < 0:
+            share = loop[i].imag / (loop[i].imag - loop[i + 1].imag)
+            real = float(loop[i].real + share * (loop[i + 1].real - loop[i].real))
+            factor = -1.0 / real
+            up = min(up, factor) if factor > 1 else up
+            down = max(down, factor) if factor < 1 else down
+    return LoopAnalysis(
+        name,
+        point,
+        opened,
+        frequency,
+        loop,
+        True,
+        gain_margin=up,
+        gain_margin_down=down,
+        phase_margin=phase,
+        crossover_Hz=at,
+        delay_margin=late,
+        sensitivity=float(np.max(np.abs(s))),
+        complementary=float(np.max(np.abs(t))),
+        disk_margin=float(1.0 / np.max(np.abs((s - t) / 2.0))),
+    )
+
+
+def _between(
+    levels: Vector, wanted: float, i: int, frequency: Vector, loop: Complex
+) -> tuple[float, complex]:
+    """Interpolate frequency and response where a level is crossed between two samples."""
+    share = float((wanted - levels[i]) / (levels[i + 1] - levels[i]))
+    f = float(np.exp(np.log(frequency[i]) + share * np.log(frequency[i + 1] / frequency[i])))
+    return f, complex(loop[i] + share * (loop[i + 1] - loop[i]))
+
+
+def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
+    """Open the loops of every controller of a study at its operating points.
+
+    Args:
+        study: The study.
+
+    Returns:
+        Two analyses per controller and point; one with a reason where there is none.
+
+    Example:
+        >>> analyse_study.__name__
+        'analyse_study'
+    """
+    found: list[LoopAnalysis] = []
+    for recipe in study.controllers.values():
+        for point in study.angles:
+            try:
+                found += analyse_loop(recipe.build(), recipe.linear(point), point)
+            # Own controllers may have any state; what cannot be linearised is told, not fatal.
+            except (WorkbenchError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+                reason = " ".join(str(error).split())
+                nothing = (np.zeros(0), np.zeros(0, dtype=complex), False)
+                found.append(LoopAnalysis(recipe.name, point, "", *nothing, reason=reason))
+    return tuple(found)
+
+
+def by_controller(found: tuple[LoopAnalysis, ...]) -> Mapping[str, list[LoopAnalysis]]:
+    """Group analyses by their controller.
+
+    Args:
+        found: Analyses.
+
+    Returns:
+        Analyses by the name of the controller, in their order.
+
+    Example:
+        >>> dict(by_controller(()))
+        {}
+    """
+    groups: dict[str, list[LoopAnalysis]] = {}
+    for one in found:
+        groups.setdefault(one.controller, []).append(one)
+    return groups

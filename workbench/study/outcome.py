@@ -1,0 +1,282 @@
+"""What a study found, and whether it passes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from workbench.study.baseline import Baseline, Change, changes, read_baseline
+from workbench.study.linear_loop import LoopAnalysis, analyse_study
+from workbench.study.robustness import Robustness, robustness
+from workbench.study.run import own_paths, run_tasks, store_of
+from workbench.study.study import NOMINAL, Study
+from workbench.study.tasks import Record, tasks
+from workbench.study.verdicts import Judgement, Score, judge_records, scores
+
+RESULTS_SCHEMA = 1
+"""Version of ``results.json``; a change of meaning or a removed entry raises it."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Everything a study found.
+
+    Args:
+        study: The study.
+        records: Its runs.
+        judgements: Requirements judged on them.
+        scores: One score per controller.
+        robustness: Results of the parameter box.
+        loops: Opened loops on linear models.
+        baseline: What was compared with, or None.
+        changes: Differences from the baseline.
+        seconds: Time the study took, in s.
+
+    Example:
+        >>> "judgements" in Outcome.__dataclass_fields__
+        True
+    """
+
+    study: Study
+    records: tuple[Record, ...]
+    judgements: tuple[Judgement, ...]
+    scores: tuple[Score, ...]
+    robustness: tuple[Robustness, ...]
+    loops: tuple[LoopAnalysis, ...]
+    baseline: Baseline | None
+    changes: tuple[Change, ...]
+    seconds: float
+
+    @property
+    def failed(self) -> tuple[Record, ...]:
+        """Runs that gave no metrics."""
+        return tuple(r for r in self.records if r.failed)
+
+    @property
+    def missed(self) -> tuple[Judgement, ...]:
+        """Hard requirements that are missed, the worst first."""
+        found = [j for j in self.judgements if j.hard and not j.met]
+        return tuple(sorted(found, key=lambda j: -j.score))
+
+    @property
+    def missed_softly(self) -> tuple[Judgement, ...]:
+        """Soft requirements that are missed, the worst first."""
+        found = [j for j in self.judgements if not j.hard and not j.met]
+        return tuple(sorted(found, key=lambda j: -j.score))
+
+    @property
+    def worse(self) -> tuple[Change, ...]:
+        """Differences from the baseline that fail the study."""
+        return tuple(c for c in self.changes if c.fails)
+
+    @property
+    def better(self) -> tuple[Change, ...]:
+        """Differences from the baseline for the better."""
+        return tuple(c for c in self.changes if c.way == "better")
+
+    @property
+    def fragile(self) -> tuple[Robustness, ...]:
+        """Controllers whose worst plant misses a hard requirement, where that fails the study."""
+        hard = self.study.box is not None and self.study.box.hard
+        return tuple(r for r in self.robustness if r.worst_score > 1.0) if hard else ()
+
+    @property
+    def passed(self) -> bool:
+        """Whether nothing failed, nothing hard is missed and nothing is worse."""
+        return not (self.failed or self.missed or self.worse or self.fragile)
+
+    def headline(self) -> str:
+        """Return in one line what was found."""
+        hard = [j for j in self.judgements if j.hard]
+        said = [f"{sum(j.met for j in hard)} of {len(hard)} hard requirements met"]
+        soft = len(self.missed_softly)
+        if soft:
+            said.append(f"{soft} soft missed")
+        if self.failed:
+            said.append(f"{len(self.failed)} of {len(self.records)} runs failed")
+        if self.fragile:
+            said.append(f"{len(self.fragile)} controllers miss one at their worst plant")
+        if self.baseline is not None:
+            said.append(f"{len(self.worse)} worse and {len(self.better)} better than the baseline")
+        return ", ".join(said)
+
+    def table(self) -> dict[str, Any]:
+        """Return everything as plain numbers and words, for ``results.json``."""
+        return {
+            "kind": "workbench results",
+            "schema": RESULTS_SCHEMA,
+            "workbench": installed_version(),
+            "study": self.study.name,
+            "study_file": self.study.path.name,
+            "passed": self.passed,
+            "headline": self.headline(),
+            "scores": [
+                {
+                    "controller": s.controller,
+                    "worst": s.worst,
+                    "weighted_mean": s.mean,
+                    "worst_requirement": str(s.judgement) if s.judgement else "",
+                }
+                for s in self.scores
+            ],
+            "requirements": [
+                {
+                    "requirement": str(j.demand),
+                    "metric": j.demand.requirement.metric,
+                    "hard": j.hard,
+                    "weight": j.demand.weight,
+                    "controller": j.controller,
+                    "variation": j.variation,
+                    "scenario": j.scenario,
+                    "seed": j.seed,
+                    "value": j.value,
+                    "unit": j.demand.requirement.unit,
+                    "score": j.score,
+                    "met": j.met,
+                    "reason": j.reason,
+                }
+                for j in self.judgements
+            ],
+            "tolerances": {
+                name: {
+                    "better": rule.better,
+                    "absolute": rule.absolute,
+                    "relative": rule.relative,
+                    "gates": rule.gates,
+                    "repeats": rule.repeats,
+                }
+                for name, rule in self.rules().items()
+            },
+            "runs": [r.table() for r in self.records],
+            "changes": [
+                {
+                    "controller": c.key[0],
+                    "variation": c.key[1],
+                    "scenario": c.key[2],
+                    "seed": c.key[3],
+                    "metric": c.metric,
+                    "before": c.before,
+                    "after": c.after,
+                    "unit": c.unit,
+                    "way": c.way,
+                    "fails": c.fails,
+                    "reason": c.reason,
+                }
+                for c in self.changes
+            ],
+            "robustness": [r.table() for r in self.robustness],
+            "linear": [a.table() for a in self.loops],
+        }
+
+    def rules(self) -> dict[str, Any]:
+        """Return the rule of comparison of every metric of the runs and the baseline."""
+        known = list(self.records)
+        known += list(self.baseline.records.values()) if self.baseline else []
+        names = dict.fromkeys(name for r in known if r.metrics for name in r.metrics)
+        return {name: self.study.rule(name) for name in names}
+
+    def record(self, controller: str, scenario: str) -> Record | None:
+        """Return the run on the nominal plant with the first seed.
+
+        Args:
+            controller: Name of the controller.
+            scenario: Name of the scenario.
+
+        Returns:
+            The record, or None if there is none.
+        """
+        key = (controller, NOMINAL, scenario, self.study.seeds[0])
+        return next((r for r in self.records if r.key == key), None)
+
+
+def installed_version() -> str:
+    """Return the version of the package.
+
+    Returns:
+        The version, or ``unknown`` in a checkout that is not installed.
+
+    Example:
+        >>> installed_version() != ""
+        True
+    """
+    try:
+        return version("muscle-arm-workbench")
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def run_study(
+    study: Study,
+    out: str | Path,
+    *,
+    baseline: str | Path | None = None,
+    jobs: int = 1,
+    dask: str | None = None,
+    fresh: bool = False,
+    progress: Callable[[str, int, int, str], None] | None = None,
+) -> Outcome:
+    """Run a study, judge it, and compare it with a baseline.
+
+    Finished runs are kept in ``runs`` below the folder of results, so that a study that was stopped
+    goes on where it was.
+
+    Args:
+        study: The study.
+        out: Folder of results.
+        baseline: File to compare with, or None.
+        jobs: Number of local processes.
+        dask: Address of a Dask scheduler that does the runs instead, or None.
+        fresh: Whether finished runs are done again.
+        progress: Told the part of the study, finished and all runs of it, and what was finished.
+
+    Returns:
+        The outcome.
+
+    Raises:
+        WorkbenchError: If the baseline or the cluster is not there, or the folder not writable.
+
+    Example:
+        >>> run_study.__name__
+        'run_study'
+    """
+    begin = time.perf_counter()
+    # Wrong use is told before an hour of runs, not after.
+    before = read_baseline(baseline) if baseline is not None else None
+    store = store_of(study, Path(out))
+    if fresh:
+        store.prune()
+
+    def part(name: str) -> Callable[[int, int, str], None] | None:
+        if progress is None:
+            return None
+        return lambda done, total, what: progress(name, done, total, what)
+
+    records = run_tasks(
+        tasks(study),
+        store,
+        paths=own_paths(study),
+        jobs=jobs,
+        dask=dask,
+        progress=part("runs"),
+    )
+    found = robustness(study, store, jobs=jobs, dask=dask, progress=part("parameter box"))
+    loops = analyse_study(study)
+    store.prune()
+    judged = judge_records(study, records)
+    outcome = Outcome(study, records, judged, scores(study, judged), found, loops, before, (), 0.0)
+    differences = changes(outcome.rules(), records, before) if before is not None else ()
+    return Outcome(
+        study,
+        records,
+        judged,
+        outcome.scores,
+        found,
+        loops,
+        before,
+        differences,
+        time.perf_counter() - begin,
+    )

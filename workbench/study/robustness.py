@@ -1,0 +1,365 @@
+"""Robustness over a parameter box: draws, worst case, probabilities, and what hurts most.
+
+The draws are the same for every controller. The share of draws that meet a requirement estimates
+its probability, with an exact interval. The worst draw is where a local search begins: it first
+tries the corner to which a straight line through all scores points, then moves one parameter at a
+time, with steps that shrink when nothing gets worse (compass search; Kolda, Lewis and Torczon,
+SIAM Review 45, 2003). The same straight line tells how much each parameter changes the score from
+its lowest to its highest value.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.study.designs import ControllerRecipe
+from workbench.study.draws import interval, scaled, straight_line, unit_draws
+from workbench.study.run import Progress, own_paths, parallel, run_tasks
+from workbench.study.store import Store
+from workbench.study.study import NOMINAL, Study
+from workbench.study.tasks import Record, Task, execute, record_from_table
+from workbench.study.verdicts import LARGEST, Judgement, judge_records, worst_score
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Probability:
+    """How often a requirement was met over the box.
+
+    Args:
+        requirement: The requirement in words.
+        hard: Whether missing it fails a study.
+        met: Number of draws that met it.
+        draws: Number of draws.
+        low: Lower end of the 95 % interval of the probability (a ratio).
+        high: Upper end of the interval (a ratio).
+        worst: Worst value of the metric over draws and search, in the unit of the limit; NaN if a
+            run had none.
+
+    Example:
+        >>> Probability("rmse at most 1°", True, 3, 4, 0.19, 0.99, 1.2).share
+        0.75
+    """
+
+    requirement: str
+    hard: bool
+    met: int
+    draws: int
+    low: float
+    high: float
+    worst: float
+
+    @property
+    def share(self) -> float:
+        """Share of the draws that met it."""
+        return self.met / self.draws if self.draws else math.nan
+
+
+@dataclass(frozen=True)
+class Robustness:
+    """What a parameter box does to a controller.
+
+    Args:
+        controller: Name of the controller.
+        points: Drawn plants and those of the search, shape (n, n_parameters), in SI.
+        scores: Worst score of the hard requirements at each point, shape (n,), at most 10.
+        drawn: Number of leading points that were drawn; the rest were searched.
+        probabilities: One per requirement.
+        effects: Change of the score from lowest to highest value by parameter, hardest first.
+        explained: Share of the scores' variance that the straight line explains (R squared).
+        worst: Values of the worst plant by parameter, in SI.
+        judgement: The requirement that gives the worst score there, or None.
+        failed: Reasons of failed runs.
+
+    Example:
+        >>> "effects" in Robustness.__dataclass_fields__
+        True
+    """
+
+    controller: str
+    points: Vector
+    scores: Vector
+    drawn: int
+    probabilities: tuple[Probability, ...]
+    effects: Mapping[str, float]
+    explained: float
+    worst: Mapping[str, float]
+    judgement: Judgement | None
+    failed: tuple[str, ...] = field(default=())
+
+    @property
+    def worst_score(self) -> float:
+        """Worst score of the hard requirements that was found; 10 stands for 10 and above."""
+        return float(self.scores.max())
+
+    def table(self) -> dict[str, Any]:
+        """Return the figures as plain numbers and words."""
+        return {
+            "controller": self.controller,
+            "draws": self.drawn,
+            "searched": len(self.points) - self.drawn,
+            "worst_score": self.worst_score,
+            "worst_plant": dict(self.worst),
+            "worst_requirement": str(self.judgement) if self.judgement else "",
+            "effects_on_score": dict(self.effects),
+            "explained": self.explained,
+            "requirements": [
+                {
+                    "requirement": p.requirement,
+                    "hard": p.hard,
+                    "met": p.met,
+                    "draws": p.draws,
+                    "probability": p.share,
+                    "interval_95": [p.low, p.high],
+                    "worst": p.worst,
+                }
+                for p in self.probabilities
+            ],
+            "failed": list(self.failed),
+        }
+
+
+def robustness(
+    study: Study,
+    store: Store,
+    *,
+    jobs: int = 1,
+    dask: str | None = None,
+    progress: Progress | None = None,
+) -> tuple[Robustness, ...]:
+    """Search the parameter box of a study.
+
+    Args:
+        study: The study.
+        store: Where finished runs are kept.
+        jobs: Number of processes.
+        dask: Address of a Dask scheduler, or None.
+        progress: Told after each run.
+
+    Returns:
+        One result per controller of the box; none if the study has no box.
+
+    Example:
+        >>> robustness.__name__
+        'robustness'
+    """
+    box = study.box
+    if box is None:
+        return ()
+    unit = unit_draws(len(box.ranges), box.draws, box.seed)
+    points = scaled(box, unit)
+    chosen = [study.controllers[name] for name in box.controllers or study.controllers]
+    wanted = [task for c in chosen for i, p in enumerate(points) for task in _tasks(study, c, p, i)]
+    paths = own_paths(study)
+    records = run_tasks(wanted, store, paths=paths, jobs=jobs, dask=dask, progress=progress)
+    each = box.draws * len(box.scenarios)
+    groups = {
+        c.name: [
+            records[k * each + i * len(box.scenarios) : k * each + (i + 1) * len(box.scenarios)]
+            for i in range(box.draws)
+        ]
+        for k, c in enumerate(chosen)
+    }
+    found = _searches(study, store, chosen, unit, groups, jobs, dask, progress)
+    return tuple(_result(study, c.name, unit, groups[c.name], found[c.name]) for c in chosen)
+
+
+def _tasks(study: Study, controller: ControllerRecipe, point: Vector, i: int) -> list[Task]:
+    assert study.box is not None
+    values = zip(study.box.ranges, (float(v) for v in point), strict=True)
+    plant = study.plant.varied(parameters=values)
+    label = f"draw {i + 1}" if i < study.box.draws else f"search {i + 1 - study.box.draws}"
+    return [
+        Task(controller, label, plant, name, study.scenarios[name], study.seeds[0])
+        for name in study.box.scenarios
+    ]
+
+
+def _score(study: Study, records: Sequence[Record]) -> float:
+    return min(worst_score(_judgements(study, records)), LARGEST)
+
+
+def _judgements(study: Study, records: Sequence[Record]) -> tuple[Judgement, ...]:
+    """Judge drawn plants by the requirements on the nominal one."""
+    labels = {r.variation for r in records}
+    judged = judge_records(study, [replace(r, variation=NOMINAL) for r in records])
+    return tuple(replace(j, variation=next(iter(labels))) for j in judged)
+
+
+@dataclass(frozen=True)
+class Search:
+    """A local search that is to be done.
+
+    Args:
+        tasks: Runs at the point where it begins: one per scenario.
+        study: The study, for its box and requirements.
+        start: Point of the unit cube where it begins.
+        corner: Point of the unit cube that is tried first.
+        start_score: Score at the start.
+
+    Example:
+        >>> list(Search.__dataclass_fields__)[0]
+        'tasks'
+    """
+
+    tasks: tuple[Task, ...]
+    study: Study
+    start: tuple[float, ...]
+    corner: tuple[float, ...]
+    start_score: float
+
+
+def search(
+    wanted: Search, paths: tuple[str, ...] = ()
+) -> list[tuple[tuple[float, ...], list[Any]]]:
+    """Move from a bad point of the box to a worse one.
+
+    Args:
+        wanted: Where to begin.
+        paths: Folders of plants and designs of one's own.
+
+    Returns:
+        Points of the unit cube that were tried, with the tables of their records.
+
+    Example:
+        >>> search.__name__
+        'search'
+    """
+    sys.path += [path for path in paths if path not in sys.path]
+    study, box = wanted.study, wanted.study.box
+    assert box is not None
+    controller = wanted.tasks[0].controller
+    tried: dict[tuple[float, ...], list[Any]] = {}
+
+    def at(point: tuple[float, ...]) -> float:
+        values = scaled(box, np.array([point]))[0]
+        records = [execute(t) for t in _tasks(study, controller, values, box.draws + len(tried))]
+        tried[point] = [r.table() for r in records]
+        return _score(study, records)
+
+    best, worst = wanted.start, wanted.start_score
+    if box.search and wanted.corner != best:
+        value = at(wanted.corner)
+        if value > worst:
+            best, worst = wanted.corner, value
+    step = 0.25
+    while len(tried) < box.search and step > 0.02 and worst < LARGEST:
+        moved = False
+        for i in range(len(best)):
+            for sign in (1.0, -1.0):
+                other = list(best)
+                other[i] = round(min(max(other[i] + sign * step, 0.0), 1.0), 9)
+                point = tuple(other)
+                if point in tried or point == wanted.start or len(tried) >= box.search:
+                    continue
+                value = at(point)
+                if value > worst:
+                    best, worst, moved = point, value, True
+                    break
+        if not moved:
+            step /= 2.0
+    return list(tried.items())
+
+
+def _searches(
+    study: Study,
+    store: Store,
+    chosen: Sequence[ControllerRecipe],
+    unit: Vector,
+    groups: Mapping[str, Sequence[Sequence[Record]]],
+    jobs: int,
+    dask: str | None,
+    progress: Progress | None,
+) -> dict[str, list[tuple[tuple[float, ...], list[Record]]]]:
+    assert study.box is not None
+    tables: dict[str, Any] = {}
+    open_searches: list[tuple[str, str, Search]] = []
+    for c in chosen:
+        values = np.array([_score(study, r) for r in groups[c.name]])
+        worst = int(np.argmax(values))
+        _, slopes, _ = straight_line(unit, values)
+        wanted = Search(
+            tuple(_tasks(study, c, scaled(study.box, unit)[worst], worst)),
+            study,
+            tuple(float(v) for v in unit[worst]),
+            tuple(1.0 if s > 0 else 0.0 for s in slopes),
+            float(values[worst]),
+        )
+        key = store.key(
+            ("search", wanted.tasks, study.box, study.demands, wanted.start, wanted.corner)
+        )
+        stored = store.get(key)
+        if stored is None:
+            open_searches.append((c.name, key, wanted))
+        else:
+            tables[c.name] = stored["tried"]
+    calls = [(_named_search, (name, key, w, own_paths(study))) for name, key, w in open_searches]
+    done = len(tables)
+    for name, key, tried in parallel(calls, jobs=jobs, dask=dask):
+        tables[name] = tried
+        store.put(key, {"tried": tried})
+        done += 1
+        if progress:
+            progress(done, len(chosen), f"{name} / worst plant")
+    return {
+        name: [(tuple(point), [record_from_table(r) for r in rows]) for point, rows in tried]
+        for name, tried in tables.items()
+    }
+
+
+def _named_search(
+    name: str, key: str, wanted: Search, paths: tuple[str, ...]
+) -> tuple[str, str, list[tuple[tuple[float, ...], list[Any]]]]:
+    return name, key, search(wanted, paths)
+
+
+def _result(
+    study: Study,
+    name: str,
+    unit: Vector,
+    drawn: Sequence[Sequence[Record]],
+    searched: Sequence[tuple[tuple[float, ...], list[Record]]],
+) -> Robustness:
+    assert study.box is not None
+    groups = [*drawn, *(records for _, records in searched)]
+    everywhere = np.vstack([unit, *(np.array([p]) for p, _ in searched)])
+    judged = [_judgements(study, records) for records in groups]
+    values = np.array([min(worst_score(j), LARGEST) for j in judged])
+    _, slopes, explained = straight_line(unit, values[: len(unit)])
+    order = np.argsort(-np.abs(slopes), kind="stable")
+    names = list(study.box.ranges)
+    points = scaled(study.box, everywhere)
+    worst = int(np.argmax(values))
+    hard = [j for j in judged[worst] if j.hard]
+    probabilities = []
+    for demand in study.demands:
+        own = [[j for j in found if j.demand is demand] for found in judged]
+        if not any(own):
+            continue
+        met = sum(all(j.met for j in found) for found in own[: len(unit)])
+        low, high = interval(met, len(unit))
+        most = max((j for found in own for j in found), key=lambda j: j.score)
+        probabilities.append(
+            Probability(str(demand), demand.requirement.hard, met, len(unit), low, high, most.value)
+        )
+    failed = tuple(dict.fromkeys(r.reason for records in groups for r in records if r.failed))
+    return Robustness(
+        name,
+        points,
+        values,
+        len(unit),
+        tuple(probabilities),
+        {names[i]: float(slopes[i]) for i in order},
+        explained,
+        dict(zip(names, points[worst].tolist(), strict=True)),
+        max(hard, key=lambda j: j.score, default=None),
+        failed,
+    )

@@ -1,0 +1,175 @@
+"""Runs a study: in parallel, with progress, and so that a stopped study goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any, TypeVar
+
+from workbench.errors import WorkbenchError, check_range
+from workbench.study.store import Store, code_digest
+from workbench.study.study import Study
+from workbench.study.tasks import Record, Task, execute
+
+T = TypeVar("T")
+Progress = Callable[[int, int, str], None]
+"""Called with the number of finished runs, of all runs, and what was finished."""
+
+
+def run_tasks(
+    wanted: Sequence[Task],
+    store: Store,
+    *,
+    paths: tuple[str, ...] = (),
+    jobs: int = 1,
+    dask: str | None = None,
+    progress: Progress | None = None,
+) -> tuple[Record, ...]:
+    """Do runs that are not finished yet, and keep each as soon as it is.
+
+    Args:
+        wanted: The runs.
+        store: Where finished runs are kept.
+        paths: Folders of plants and designs of one's own.
+        jobs: Number of processes.
+        dask: Address of a Dask scheduler that does the work, instead of local processes.
+        progress: Told after each run.
+
+    Returns:
+        Records in the order of the runs.
+
+    Raises:
+        WorkbenchError: If the number of processes is outside its range or there is no cluster.
+
+    Example:
+        >>> run_tasks([], Store(Path("nowhere"), "0"))
+        ()
+    """
+    found: dict[int, Record] = {}
+    for i, task in enumerate(wanted):
+        record = store.record(task)
+        if record is not None:
+            found[i] = record
+    open_tasks = [i for i in range(len(wanted)) if i not in found]
+    if progress and found:
+        progress(len(found), len(wanted), "finished before")
+
+    def call(i: int) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return _numbered, (i, wanted[i], paths)
+
+    for i, record in parallel([call(i) for i in open_tasks], jobs=jobs, dask=dask):
+        found[i] = record
+        store.keep(wanted[i], record)
+        if progress:
+            progress(len(found), len(wanted), " / ".join(str(part) for part in record.key))
+    return tuple(found[i] for i in range(len(wanted)))
+
+
+def _numbered(number: int, task: Task, paths: tuple[str, ...]) -> tuple[int, Record]:
+    return number, execute(task, paths)
+
+
+def parallel(
+    calls: Sequence[tuple[Callable[..., T], tuple[Any, ...]]],
+    *,
+    jobs: int = 1,
+    dask: str | None = None,
+) -> Iterator[T]:
+    """Yield the results of calls as they come, from this process, others, or a cluster.
+
+    Args:
+        calls: Functions of modules with their arguments.
+        jobs: Number of processes; 1 stays in this one.
+        dask: Address of a Dask scheduler such as ``tcp://host:8786``, or None.
+
+    Yields:
+        What the calls return, in the order in which they finish.
+
+    Raises:
+        WorkbenchError: If the number of processes is outside its range, or Dask is not installed or
+            its scheduler not there.
+
+    Example:
+        >>> sorted(parallel([(max, (1, 2)), (min, (1, 2))]))
+        [1, 2]
+    """
+    count = int(check_range("number of processes", jobs, 1, 1024))
+    if not calls:
+        return
+    if dask is None and (count == 1 or len(calls) == 1):
+        for function, arguments in calls:
+            yield function(*arguments)
+        return
+    import joblib
+
+    with ExitStack() as stack:
+        if dask is None:
+            # Threads inside a process would only compete with the other processes.
+            settings: dict[str, Any] = {"backend": "loky", "inner_max_num_threads": 1}
+        else:
+            client = stack.enter_context(_client(dask))
+            workers = sum(client.nthreads().values())
+            count = max(1, workers)
+            settings = {"backend": "dask"}
+        stack.enter_context(joblib.parallel_config(**settings))
+        workers_pool = joblib.Parallel(
+            n_jobs=count, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
+        )
+        yield from workers_pool(joblib.delayed(function)(*given) for function, given in calls)
+
+
+def _client(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise WorkbenchError(
+            "a Dask cluster needs the package 'distributed'; install it with the extra 'cluster',"
+            ' as in pip install "muscle-arm-workbench[cluster]"'
+        ) from None
+    try:
+        return Client(address, timeout=10)
+    except (OSError, ValueError, TypeError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise WorkbenchError(
+            f"there is no Dask scheduler at {address!r} ({reason}); start one with 'dask scheduler'"
+            " and give its address, such as tcp://127.0.0.1:8786"
+        ) from None
+
+
+def own_paths(study: Study) -> tuple[str, ...]:
+    """Return the folders of a study's own plants and designs.
+
+    Args:
+        study: The study.
+
+    Returns:
+        The folder of the study file if the study uses functions of its own, else nothing.
+
+    Example:
+        >>> from workbench.study.schema import load_study
+        >>> from workbench.study.shipped import shipped_study
+        >>> own_paths(load_study(shipped_study("arm")))
+        ()
+    """
+    places = [study.plant.kind, *(c.design for c in study.controllers.values())]
+    return (str(study.path.resolve().parent),) if any(":" in p for p in places) else ()
+
+
+def store_of(study: Study, folder: Path) -> Store:
+    """Return the store of a study's runs in its folder of results.
+
+    Args:
+        study: The study.
+        folder: Folder of results.
+
+    Returns:
+        The store, in ``runs`` below the folder.
+
+    Example:
+        >>> from workbench.study.schema import load_study
+        >>> from workbench.study.shipped import shipped_study
+        >>> store_of(load_study(shipped_study("arm")), Path("out")).folder.name
+        'runs'
+    """
+    return Store(Path(folder) / "runs", code_digest(*own_paths(study)))

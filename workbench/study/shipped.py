@@ -1,0 +1,29 @@
+"""Studies that ship with the package."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from workbench.data_folder import shipped_folder
+from workbench.errors import check_choice
+
+
+def shipped_study(name: str) -> Path:
+    """Return the file of a shipped study.
+
+    Args:
+        name: Name of the study.
+
+    Returns:
+        Path of its TOML file; its baseline stands beside it as ``NAME.baseline.json``.
+
+    Raises:
+        WorkbenchError: If no study of that name ships.
+
+    Example:
+        >>> shipped_study("arm").name
+        'arm.toml'
+    """
+    folder = shipped_folder() / "studies"
+    check_choice("shipped study", name, sorted(path.stem for path in folder.glob("*.toml")))
+    return folder / f"{name}.toml"

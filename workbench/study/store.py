@@ -1,0 +1,144 @@
+"""Finished runs on disk, so that a study that was stopped goes on where it was."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from workbench.files import write_whole
+from workbench.study.tasks import Record, Task, record_from_table
+
+
+class Store:
+    """A folder with one file per finished run, named by what the run depends on.
+
+    A run is found again only if plant, controller, scenario, seed and the code are the same.
+
+    Args:
+        folder: The folder; made when the first run is kept.
+        code: Digest of the code that the runs depend on.
+
+    Example:
+        >>> Store(Path("nowhere"), "0").get("1") is None
+        True
+    """
+
+    def __init__(self, folder: Path, code: str) -> None:
+        self.folder = folder
+        self.code = code
+        self.touched: set[str] = set()
+
+    def key(self, task: Any) -> str:
+        """Return the name under which a task's result is kept.
+
+        Args:
+            task: A frozen task, whose representation says all it depends on.
+
+        Returns:
+            Hexadecimal digits.
+        """
+        return hashlib.sha256(f"{self.code}\0{task!r}".encode()).hexdigest()[:32]
+
+    def get(self, key: str) -> dict[str, Any] | None:
+        """Return what was kept under a key, or None.
+
+        Args:
+            key: What `key` returned.
+
+        Returns:
+            The table; None if there is none, or only a damaged one.
+        """
+        self.touched.add(f"{key}.json")
+        try:
+            found = json.loads((self.folder / f"{key}.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return found if isinstance(found, dict) else None
+
+    def put(self, key: str, table: dict[str, Any]) -> None:
+        """Keep a table.
+
+        Args:
+            key: What `key` returned.
+            table: Plain numbers, words, lists and mappings; arrays become lists.
+
+        Raises:
+            WorkbenchError: If the folder cannot be written.
+        """
+        self.touched.add(f"{key}.json")
+        write_whole(self.folder / f"{key}.json", json.dumps(table, default=_plain))
+
+    def record(self, task: Task) -> Record | None:
+        """Return the finished run of a task, or None.
+
+        Args:
+            task: The run.
+
+        Returns:
+            The record, if it was kept whole.
+        """
+        table = self.get(self.key(task))
+        if table is None:
+            return None
+        try:
+            record = record_from_table(table)
+        except (KeyError, TypeError, ValueError):
+            return None
+        return record if record.key == task.key else None
+
+    def keep(self, task: Task, record: Record) -> None:
+        """Keep a finished run.
+
+        Args:
+            task: The run.
+            record: What came of it.
+
+        Raises:
+            WorkbenchError: If the folder cannot be written.
+        """
+        self.put(self.key(task), {**record.table(), "traces": dict(record.traces)})
+
+    def prune(self) -> None:
+        """Remove the files of runs that the finished study no longer has."""
+        for path in self.folder.glob("*.json"):
+            if path.name not in self.touched:
+                path.unlink(missing_ok=True)
+
+
+@lru_cache(maxsize=4)
+def code_digest(*own: str) -> str:
+    """Return a digest of the code that the numbers of a study depend on.
+
+    Args:
+        own: Folders with plants and designs of one's own, whose modules count too.
+
+    Returns:
+        Hexadecimal digits.
+
+    Example:
+        >>> len(code_digest())
+        64
+    """
+    import casadi as ca
+    import numpy as np
+
+    package = Path(__file__).resolve().parents[1]
+    paths = [
+        path
+        for root in (package, package.parent / "controllers")
+        for path in sorted(root.rglob("*.py"))
+        if not {"reports", "cli", "demo", "benchmarks", "_data"} & set(path.relative_to(root).parts)
+    ]
+    paths += [path for folder in own for path in sorted(Path(folder).glob("*.py"))]
+    digest = hashlib.sha256(f"{ca.CasadiMeta.version()} {np.__version__}".encode())
+    for path in paths:
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    return value.tolist()

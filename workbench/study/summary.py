@@ -1,0 +1,245 @@
+"""The outcome of a study as Markdown that reads well in a pull request."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from workbench.study.baseline import Change
+from workbench.study.outcome import Outcome
+from workbench.study.study import NOMINAL
+from workbench.study.tasks import Record
+from workbench.verification import Metric
+
+MOST = 20
+"""Entries of a list that are written out; a pull request is read, not searched."""
+
+SHOWN = (
+    "settling_time",
+    "overshoot",
+    "steady_error",
+    "oscillation",
+    "rmse",
+    "chatter",
+    "air",
+    "solve_time_p99",
+)
+
+
+def summary(outcome: Outcome) -> str:
+    """Write the outcome as Markdown.
+
+    Args:
+        outcome: What a study found.
+
+    Returns:
+        A headline, what is missed or worse, one table of metrics per scenario with the change
+        against the baseline, and the robustness.
+
+    Example:
+        >>> summary.__name__
+        'summary'
+    """
+    study = outcome.study
+    mark = "✅" if outcome.passed else "❌"
+    lines = [f"## {mark} {study.name}: {outcome.headline()}", ""]
+    lines += _scores(outcome)
+    lines += _list(
+        "Missed", [f"**{j.controller}**{str(j)[len(j.controller) :]}" for j in outcome.missed]
+    )
+    lines += _list("Failed runs", [_failed(r) for r in outcome.failed])
+    if outcome.baseline is not None:
+        lines += _list("Worse than the baseline", [_bold(c) for c in outcome.worse])
+        lines += _list("Better than the baseline", [_bold(c) for c in outcome.better], fold=True)
+        rest = [c for c in outcome.changes if not c.fails and c.way != "better"]
+        lines += _list("Other changes, which do not count", [_bold(c) for c in rest], fold=True)
+    soft = [str(j) for j in outcome.missed_softly]
+    lines += _list("Soft requirements missed", soft, fold=True)
+    for scenario in study.scenarios:
+        lines += _metrics(outcome, scenario)
+    lines += _robustness(outcome)
+    if outcome.baseline is not None and outcome.changes:
+        lines += [
+            "Intended? `workbench bless DIR --baseline FILE` shows these changes and accepts them.",
+            "",
+        ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def plain_summary(outcome: Outcome) -> str:
+    """Write the outcome as a few lines for a terminal.
+
+    Args:
+        outcome: What a study found.
+
+    Returns:
+        A score per controller, then what is missed, failed or worse.
+
+    Example:
+        >>> plain_summary.__name__
+        'plain_summary'
+    """
+    lines = []
+    for s in outcome.scores:
+        state = "met" if s.met else "MISSED"
+        tail = f"  ({s.judgement})" if s.judgement else ""
+        lines.append(f"{s.controller:<20} score {score_text(s.worst):>8}  {state}{tail}")
+    for title, entries in (
+        ("missed", [str(j) for j in outcome.missed]),
+        ("failed", [_failed(r).replace("*", "") for r in outcome.failed]),
+        ("worse", [str(c) for c in outcome.worse]),
+    ):
+        lines += [f"{title}: {entry}" for entry in entries[:MOST]]
+        if len(entries) > MOST:
+            lines.append(f"{title}: and {len(entries) - MOST} more in results.json")
+    word = "passed" if outcome.passed else "FAILED"
+    return "\n".join([*lines, f"{outcome.study.name} {word}: {outcome.headline()}"])
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    body = ["| " + " | ".join(_cell(c) for c in row) + " |" for row in (head, *rows)]
+    rule = "|" + "|".join(" --- " if i == 0 else " ---: " for i in range(len(head))) + "|"
+    return [body[0], rule, *body[1:], ""]
+
+
+def _scores(outcome: Outcome) -> list[str]:
+    rows = []
+    for s in outcome.scores:
+        j = s.judgement
+        where = f"{j.demand.requirement.metric}, {j.scenario}, {j.variation}" if j else "–"
+        box = next((r for r in outcome.robustness if r.controller == s.controller), None)
+        rows.append(
+            [
+                f"{'✅' if s.met else '❌'} {s.controller}",
+                score_text(s.worst),
+                f"{s.mean:.2f}",
+                where,
+                score_text(box.worst_score, capped=True) if box else "–",
+            ]
+        )
+    head = [
+        "controller",
+        "score",
+        "mean score",
+        "worst requirement, scenario, variation",
+        "score at the worst plant of the box",
+    ]
+    note = "Score: metric over limit, the worst of all hard requirements; at most 1 means met."
+    return [*_table(head, rows), note, ""]
+
+
+def score_text(value: float, *, capped: bool = False) -> str:
+    """Write a score.
+
+    Args:
+        value: The score, a ratio.
+        capped: Whether 10 stands for 10 and above.
+
+    Returns:
+        Two digits behind the point, or words where there is no number.
+
+    Example:
+        >>> score_text(0.8123), score_text(float("inf")), score_text(10.0, capped=True)
+        ('0.81', 'no value', '≥ 10')
+    """
+    if math.isinf(value) or math.isnan(value):
+        return "no value"
+    return "≥ 10" if capped and value >= 10.0 else f"{value:.2f}"
+
+
+def _bold(change: Change) -> str:
+    text = str(change)
+    return f"**{change.key[0]}**{text[len(change.key[0]) :]}".replace("->", "→")
+
+
+def _failed(r: Record) -> str:
+    return f"**{r.controller}**, {r.scenario}, {r.variation}, seed {r.seed}: {r.reason}"
+
+
+def _list(title: str, entries: Sequence[str], *, fold: bool = False) -> list[str]:
+    if not entries:
+        return []
+    items = [f"- {_cell(entry)}" for entry in entries[:MOST]]
+    if len(entries) > MOST:
+        items.append(f"- and {len(entries) - MOST} more in `results.json`")
+    heading = f"{title} ({len(entries)})"
+    if fold:
+        return ["<details>", f"<summary>{heading}</summary>", "", *items, "", "</details>", ""]
+    return [f"### {heading}", "", *items, ""]
+
+
+def _metrics(outcome: Outcome, scenario: str) -> list[str]:
+    study = outcome.study
+    records = {c: outcome.record(c, scenario) for c in study.controllers}
+    done = {c: r.metrics for c, r in records.items() if r is not None and r.metrics is not None}
+    names = [n for n in SHOWN if any(n in m and not math.isnan(m[n].value) for m in done.values())]
+    rows = []
+    for controller in study.controllers:
+        found = done.get(controller)
+        cells = [
+            _value(outcome, controller, scenario, found[name]) if found and name in found else ""
+            for name in names
+        ]
+        own = [
+            j
+            for j in outcome.judgements
+            if j.controller == controller and j.scenario == scenario and j.hard
+        ]
+        worst = max(own, key=lambda j: j.score, default=None)
+        tail = f"{worst.variation} ({score_text(worst.score)})" if worst else "–"
+        rows.append([controller, *cells, tail])
+    head = ["controller", *(n.replace("_", " ") for n in names), "worst variation (score)"]
+    return [f"### {scenario}, {NOMINAL} plant", "", *_table(head, rows)]
+
+
+def _value(outcome: Outcome, controller: str, scenario: str, metric: Metric) -> str:
+    value, unit = metric.shown()
+    suffix = "" if unit == "1" else "°" if unit == "deg" else f" {unit}"
+    if math.isnan(value):
+        return "none"
+    text = f"{value:.3g}{suffix}"
+    key = (controller, NOMINAL, scenario, outcome.study.seeds[0])
+    for change in outcome.changes:
+        if change.key == key and change.metric == metric.name:
+            arrow = {"worse": "🔺", "better": "🔽"}.get(change.way, "")
+            if math.isnan(change.before):
+                return f"{text} {arrow} (none before)"
+            return f"{text} {arrow} ({change.after - change.before:+.2g})".replace("  ", " ")
+    return text
+
+
+def _robustness(outcome: Outcome) -> list[str]:
+    if not outcome.robustness:
+        return []
+    rows = []
+    for r in outcome.robustness:
+        hard = [p for p in r.probabilities if p.hard]
+        weakest = min(hard, key=lambda p: p.share, default=None)
+        plant = ", ".join(f"{name} {value:.3g}" for name, value in r.worst.items())
+        hurts = next(iter(r.effects.items()), ("", 0.0))
+        rows.append(
+            [
+                r.controller,
+                score_text(r.worst_score, capped=True),
+                plant,
+                f"{weakest.requirement}: {100 * weakest.share:.0f} %"
+                f" ({100 * weakest.low:.0f} to {100 * weakest.high:.0f} %)"
+                if weakest
+                else "–",
+                f"{hurts[0]} ({hurts[1]:+.2f})" if hurts[1] else "–",
+            ]
+        )
+    draws = outcome.robustness[0].drawn
+    head = [
+        "controller",
+        "worst score",
+        "at",
+        "least likely requirement (95 % interval)",
+        "hurts most (change of score over its range)",
+    ]
+    title = f"### Robustness: {draws} plants drawn from the box, then the worst searched"
+    return [title, "", *_table(head, rows)]

@@ -1,0 +1,200 @@
+"""Requirements judged over all runs of a study."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from workbench.study.feasible import can_have
+from workbench.study.figures_of_merit import SOLVER, SURFACE
+from workbench.study.study import Demand, Study
+from workbench.study.tasks import Record
+from workbench.verification import judge
+
+LARGEST = 10.0
+"""Score that counts in a mean where a requirement was missed by more, or could not be judged."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A requirement on one controller, variation and scenario: the worst seed counts.
+
+    Args:
+        demand: The requirement.
+        controller: Name of the controller.
+        variation: Name of the variation.
+        scenario: Name of the scenario.
+        seed: Seed of the worst run.
+        value: Its metric, in the unit of the limit; NaN if there is none.
+        score: Value over limit (or limit over value), a ratio: at most 1 means met.
+        reason: Why there is no value.
+
+    Example:
+        >>> from workbench.verification import Requirement
+        >>> demand = Demand(Requirement("rmse", 1.0, "deg"))
+        >>> print(Judgement(demand, "pid", "nominal", "step", 1, 1.5, 1.5))
+        pid, step, nominal: rmse is 1.5°, 50 % over the limit of 1°
+    """
+
+    demand: Demand
+    controller: str
+    variation: str
+    scenario: str
+    seed: int
+    value: float
+    score: float
+    reason: str = ""
+
+    @property
+    def met(self) -> bool:
+        """Whether the requirement is met."""
+        return self.score <= 1.0
+
+    @property
+    def hard(self) -> bool:
+        """Whether missing it fails the study."""
+        return self.demand.requirement.hard
+
+    def excess(self) -> str:
+        """Return in words by how much the requirement is missed or met."""
+        wanted = self.demand.requirement
+        unit = "" if wanted.unit in ("", "1") else f" {wanted.unit}".replace(" deg", "°")
+        limit = f"the limit of {wanted.limit:.4g}{unit}"
+        if math.isnan(self.value):
+            return f"has no value ({self.reason}); {limit} is not met"
+        if wanted.limit == 0.0:
+            share = f"{self.value:.4g}{unit} above" if self.value > 0 else "at"
+            return f"is {self.value:.4g}{unit}, {share} {limit}"
+        ratio = self.value / wanted.limit - 1.0
+        where = "over" if ratio > 0 else "under"
+        return f"is {self.value:.4g}{unit}, {abs(100 * ratio):.3g} % {where} {limit}"
+
+    def __str__(self) -> str:
+        """Return one sentence."""
+        metric = self.demand.requirement.metric
+        return f"{self.controller}, {self.scenario}, {self.variation}: {metric} {self.excess()}"
+
+
+@dataclass(frozen=True)
+class Score:
+    """One number for a controller.
+
+    Args:
+        controller: Name of the controller.
+        worst: Worst score of the hard requirements over all runs; at most 1 means all are met.
+        mean: Weighted mean over all requirements of their worst scores, each at most 10.
+        judgement: The requirement, scenario and variation that the worst score comes from, or None.
+
+    Example:
+        >>> Score("pid", 0.8, 0.5, None).met
+        True
+    """
+
+    controller: str
+    worst: float
+    mean: float
+    judgement: Judgement | None
+
+    @property
+    def met(self) -> bool:
+        """Whether all hard requirements are met."""
+        return self.worst <= 1.0
+
+
+def judge_records(study: Study, records: Iterable[Record]) -> tuple[Judgement, ...]:
+    """Judge every requirement on every run it applies to.
+
+    Args:
+        study: The study.
+        records: Runs; a failed one meets no requirement.
+
+    Returns:
+        One judgement per requirement, controller, variation and scenario.
+
+    Raises:
+        WorkbenchError: If a unit does not fit.
+
+    Example:
+        >>> judge_records.__name__
+        'judge_records'
+    """
+    worst: dict[tuple[int, str, str, str], Judgement] = {}
+    for record in records:
+        for i, demand in enumerate(study.demands):
+            if not _judged(study, demand, record):
+                continue
+            found = _judgement(demand, record)
+            key = (i, record.controller, record.variation, record.scenario)
+            if key not in worst or found.score > worst[key].score:
+                worst[key] = found
+    return tuple(worst[key] for key in sorted(worst, key=lambda key: key[0]))
+
+
+def _judged(study: Study, demand: Demand, record: Record) -> bool:
+    metric = demand.requirement.metric
+    if not demand.applies(record.controller, record.variation, record.scenario):
+        return False
+    scenario = study.scenarios.get(record.scenario)
+    if scenario is not None and not can_have(metric, scenario):
+        return False
+    # A PID neither solves nor slides; a failed run is judged by what it would have had.
+    optional = metric.split(".")[-1] in (*SOLVER, *SURFACE)
+    if optional:
+        return record.metrics is not None and metric in record.metrics
+    return True
+
+
+def _judgement(demand: Demand, record: Record) -> Judgement:
+    identity = (demand, record.controller, record.variation, record.scenario, record.seed)
+    if record.metrics is None:
+        return Judgement(*identity, math.nan, math.inf, f"the run failed: {record.reason}")
+    verdict = judge(demand.requirement, record.metrics)
+    return Judgement(*identity, verdict.value, verdict.score, verdict.reason)
+
+
+def worst_score(judgements: Sequence[Judgement]) -> float:
+    """Return the worst score of the hard requirements.
+
+    Args:
+        judgements: Judged requirements.
+
+    Returns:
+        A ratio, at most 1 if all are met; 0 if none is hard.
+
+    Example:
+        >>> worst_score([])
+        0.0
+    """
+    return max((j.score for j in judgements if j.hard), default=0.0)
+
+
+def scores(study: Study, judgements: Sequence[Judgement]) -> tuple[Score, ...]:
+    """Return one score per controller.
+
+    Args:
+        study: The study.
+        judgements: Judged requirements.
+
+    Returns:
+        Scores in the order of the study's controllers.
+
+    Example:
+        >>> scores.__name__
+        'scores'
+    """
+    found = []
+    for name in study.controllers:
+        own = [j for j in judgements if j.controller == name]
+        hard = [j for j in own if j.hard]
+        by_demand: dict[int, float] = {}
+        for j in own:
+            key = study.demands.index(j.demand)
+            by_demand[key] = max(by_demand.get(key, 0.0), min(j.score, LARGEST))
+        weight = sum(study.demands[key].weight for key in by_demand)
+        mean = sum(study.demands[key].weight * value for key, value in by_demand.items())
+        worst = max(hard, key=lambda j: j.score, default=None)
+        found.append(
+            Score(name, worst.score if worst else 0.0, mean / weight if weight else 0.0, worst)
+        )
+    return tuple(found)
