@@ -203,7 +203,9 @@ def _search(
         say(f"scoring {len(tried)} effects" + (" on what is left" if number else ""))
         started, judged = _started(fitting, diagnosis), _started(judging, diagnosis)
         scores = score_library(current.model, started, free, tried, share=current.share)
-        chosen = shortlist(scores, most=3 if number else 6, least=0.1 * least)
+        # A score tells little of the gain of a large effect, such as a lag of many samples: only
+        # what is left after another effect is asked for a share of the gain beforehand.
+        chosen = shortlist(scores, most=3, least=0.05 * least) if number else shortlist(scores)
         candidates = refit_candidates(
             current,
             chosen,
