@@ -83,7 +83,7 @@ class NonlinearMPCState(NamedTuple):
 
 
 class Step(NamedTuple):
-    """One Gauss-Newton step of the optimal-control problem.
+    """One Gauss-Newton step.
 
     Args:
         plan: New openings, shape (N,), fractions.
@@ -280,7 +280,7 @@ class NonlinearMPC:
             [
                 moves[:, angle] * (size[angle] / want.angle_scale),
                 moves[:, speed] * (size[speed] / want.speed_scale),
-                self._differences() / want.move_scale,
+                (np.eye(N) - np.eye(N, k=-1)) / want.move_scale,
             ]
         )
         pace = np.diff(path) / want.stage_time
@@ -331,10 +331,6 @@ class NonlinearMPC:
         names = self.prediction.names
         wanted = (self.sensors[0], "speed", *self.sensors[1:])
         return [names.index(name) for name in wanted]
-
-    def _differences(self) -> Matrix:
-        N = self.specification.stages
-        return np.eye(N) - np.eye(N, k=-1)
 
     def _path(self, filtered: float, target: float, reference: float) -> Matrix:
         """Continue the reference's lags over the horizon, exactly."""
@@ -388,7 +384,8 @@ def design_nonlinear_mpc(
         The controller.
 
     Raises:
-        WorkbenchError: If the model lacks one of these states.
+        WorkbenchError: If the model lacks one of these states or the port ``joint.inertia``, or
+            there are not as many disturbances as sensors.
 
     Source:
         Diehl, Bock, Schloeder 2005.
@@ -406,13 +403,15 @@ def design_nonlinear_mpc(
     names = [q.name for q in model.states]
     for name in ("angle", "speed", "pressure_1", "pressure_2", *resting):
         check_choice("state of the prediction model", name, names)
-    if len(want.disturbances) != len(want.sensor_noise):
+    check_choice("port of the prediction model", "joint.inertia", [q.name for q in model.ports])
+    walk = {"speed": 0.0, **want.disturbances}
+    if len(walk) != len(want.sensor_noise):
         raise WorkbenchError(
-            f"{len(want.disturbances)} disturbances are estimated from {len(want.sensor_noise)}"
+            f"{len(walk)} disturbances are estimated from {len(want.sensor_noise)}"
             " sensors; give as many disturbances as sensors, so that no offset is left"
         )
     sensors = ("angle", "pressure_1", "pressure_2")
-    disturbed = tuple(want.disturbances)
+    disturbed = tuple(walk)
     softened = _with_soft_stops(model)
     ahead = dynamics(opening_plant(softened), disturbed, resting=resting)
     behind = dynamics(model, disturbed)
@@ -420,9 +419,8 @@ def design_nonlinear_mpc(
     ambient = {q.name: q.value for q in model.parameters}.get("ambient_pressure", 0.0)
     low, high = want.pressure_limits
     start = model.initial_state() if rest is None else np.asarray(rest, dtype=float)
-    walks = [
-        walk / behind.scale[behind.names.index(name)] for name, walk in want.disturbances.items()
-    ]
+    walk["speed"] = want.torque_walk / model.signals(start, model.nominal_input)["joint.inertia"]
+    walks = [size / behind.scale[behind.names.index(name)] for name, size in walk.items()]
     observer = ExtendedKalmanFilter(
         rates=behind,
         sample=Called(build(discrete(behind, want.sample_time, 2, "nmpc_observer"))),

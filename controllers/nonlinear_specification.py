@@ -22,8 +22,10 @@ class NonlinearMPCSpecification:
         opening_limit: Largest opening, a fraction.
         pressure_limits: Lowest and highest gauge pressure, in Pa.
         softness: Cost of a pressure 1 bar out of its limits (dimensionless).
-        disturbances: States whose rates are disturbed, each with its random walk over one second,
-            in the state's SI unit per second. As many as sensors: no offset.
+        torque_walk: Random walk of the disturbing torque on the joint over one second, in N m.
+        disturbances: Other states whose rates are disturbed, each with its random walk over one
+            second, in the state's SI unit per second. With the torque as many as sensors: no
+            offset.
         sensor_noise: Noise rms of angle (rad) and pressures (Pa).
         state_noise: Random walk of every state over one second, as a fraction of its scale.
         reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
@@ -47,8 +49,9 @@ class NonlinearMPCSpecification:
     opening_limit: float = 1.0
     pressure_limits: tuple[float, float] = (0.1e5, 5.9e5)
     softness: float = 1e4
+    torque_walk: float = 40.0
     disturbances: Mapping[str, float] = field(
-        default_factory=lambda: {"speed": 30.0, "pressure_1": 1e7, "pressure_2": 1e7}
+        default_factory=lambda: {"pressure_1": 1e7, "pressure_2": 1e7}
     )
     sensor_noise: tuple[float, ...] = (2e-5, 600.0, 600.0)
     state_noise: float = 0.1
@@ -63,7 +66,14 @@ class NonlinearMPCSpecification:
         check_range("number of stages", self.stages, 2, 200)
         check_range("Runge-Kutta steps per stage", self.steps, 1, 1000)
         check_range("opening limit", self.opening_limit, 1e-3, 1.0)
-        for name in ("angle_scale", "speed_scale", "move_scale", "softness", "reference_speed"):
+        for name in (
+            "angle_scale",
+            "speed_scale",
+            "move_scale",
+            "softness",
+            "torque_walk",
+            "reference_speed",
+        ):
             check_range(name.replace("_", " "), getattr(self, name), 1e-9, 1e9)
         low, high = self.pressure_limits
         check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")

@@ -195,6 +195,6 @@ def test_preview_moves_before_the_step(plant: Model) -> None:
 
 def test_wrong_specifications_are_named(plant: Model) -> None:
     with pytest.raises(WorkbenchError, match="as many disturbances as sensors"):
-        design_nonlinear_mpc(plant, NonlinearMPCSpecification(disturbances={"speed": 1.0}))
+        design_nonlinear_mpc(plant, NonlinearMPCSpecification(disturbances={"pressure_1": 1.0}))
     with pytest.raises(WorkbenchError, match="highest pressure"):
         NonlinearMPCSpecification(pressure_limits=(5e5, 1e5))
