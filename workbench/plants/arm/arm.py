@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -22,7 +23,7 @@ from workbench.plants.arm.joint import STATES as JOINT_STATES
 from workbench.plants.arm.joint import damper_and_bearing, gravity, joint
 from workbench.plants.arm.muscle import PARAMETERS as MUSCLE_PARAMETERS
 from workbench.plants.arm.muscle import MuscleLaws, muscle, muscle_laws, muscle_states
-from workbench.plants.arm.servovalve import COMMAND, valve
+from workbench.plants.arm.servovalve import COMMAND, ValveFlows, valve
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
 from workbench.plants.arm.servovalve import STATES as VALVE_STATES
 
@@ -80,18 +81,31 @@ OUTPUTS = (
 
 
 @dataclass(frozen=True)
-class _Plant:
-    """The fixed choices of an arm, kept together so that its equations can be pickled."""
+class ArmEquations:
+    """The fixed choices of an arm, kept together so that its equations can be pickled.
+
+    Args:
+        laws: Laws of both muscles.
+        geometry: Lengths and lever arms.
+        body: Masses of arm and plates.
+        curve: Opening over spool voltage.
+        valves: Writes down the valve or valves, like `valve`.
+
+    Example:
+        >>> ArmEquations.__name__
+        'ArmEquations'
+    """
 
     laws: MuscleLaws
     geometry: ArmGeometry
     body: ArmBody
     curve: ValveCurve
+    valves: Callable[..., ValveFlows] = valve
 
     def __call__(self, m: Scope) -> Equations:
         """Write down the equations."""
         x = m.x
-        flows = valve(
+        flows = self.valves(
             m,
             pressures=(x.pressure_1, x.pressure_2),
             temperatures=(x.temperature_1, x.temperature_2),
@@ -207,7 +221,7 @@ def arm(
     values = {"load": load, "supply_pressure": supply * 1e5}
     return Model(
         "arm",
-        _Plant(
+        ArmEquations(
             laws,
             ArmGeometry(printing=variant),
             ArmBody(),

@@ -151,84 +151,167 @@ def valve(
         >>> bool(flows.flow_1 > 0.0), bool(flows.flow_2 < 0.0)
         (True, True)
     """
-    x, p = m.x, m.p
-    ambient = p.ambient_temperature
-    command = m.port(
-        "valve.command",
-        m.u.valve,
-        unit="V",
-        description="voltage that reaches the valve",
-        signals={"centre": p.valve_centre, "spool": x.spool},
-    )
-    frequency = p.spool_frequency
-    acceleration = frequency * frequency * (command - p.valve_centre - x.spool) - (
-        2 * p.spool_damping * frequency * x.spool_speed
-    )
-    spool = m.port(
-        "valve.spool",
-        x.spool,
-        unit="V",
-        description="spool position that meters, as a voltage from the centre",
-        signals={"speed": x.spool_speed, "command": command},
-    )
+    spool, rates = spool_position(m)
     positive = opening(spool, curve=curve, face=m.face)
     negative = opening(-spool, curve=curve, face=m.face)
-    supply = m.port(
-        "supply.pressure",
-        p.supply_pressure + p.ambient_pressure,
-        unit="Pa",
-        scale=1e5,
-        description="absolute pressure at the valve's inlet",
-        signals={"temperature": ambient},
-    )
+    supply = inlet_pressure(m)
     net, drawn = [], 0.0
     for number, fill, vent in ((1, positive, negative), (2, negative, positive)):
         pressure, temperature = pressures[number - 1], temperatures[number - 1]
-        signals = {"spool": spool}
-        share_fill = m.port(
-            f"valve.supply_{number}",
-            fill,
-            unit="1",
-            scale=0.1,
-            description=f"opening from supply to {number}, of full conductance",
-            signals=signals,
+        filling, venting = metered_flows(
+            m,
+            number,
+            openings=(fill, vent),
+            spool=spool,
+            supply=supply,
+            pressure=pressure,
+            temperature=temperature,
         )
-        share_vent = m.port(
-            f"valve.exhaust_{number}",
-            vent,
-            unit="1",
-            scale=0.1,
-            description=f"opening from {number} to exhaust, of full conductance",
-            signals=signals,
-        )
-        exhaust = m.port(
-            f"exhaust_{number}.pressure",
-            p.ambient_pressure,
-            unit="Pa",
-            scale=1e5,
-            description="absolute pressure behind the exhausting edge",
-            signals={"temperature": ambient},
-        )
-        seen = m.port(
-            f"line_{number}.pressure",
-            pressure,
-            unit="Pa",
-            scale=1e5,
-            description="absolute pressure that the valve sees",
-            signals={"temperature": temperature},
-        )
-        conductance, ratio = p.valve_conductance, p.critical_ratio
-        filling = orifice_flow(
-            supply, seen, ambient, temperature, share_fill * conductance, ratio, face=m.face
-        )
-        venting = orifice_flow(
-            seen, exhaust, temperature, ambient, share_vent * conductance, ratio, face=m.face
-        )
-        m.publish(f"exhaust_{number}.flow", venting, unit="kg/s")
         drawn = drawn + filling
         net.append(filling - venting)
     m.publish("supply.flow", drawn, unit="kg/s")
-    return ValveFlows(net[0], net[1], {"spool": x.spool_speed, "spool_speed": acceleration})
+    return ValveFlows(net[0], net[1], rates)
+
+
+def spool_position(m: Scope, suffix: str = "") -> tuple[Expression, dict[str, Expression]]:
+    """Write down the spool of a valve, of second order on the command from the centre.
+
+    Args:
+        m: Scope with the names of `STATES`, `COMMAND` and `PARAMETERS`.
+        suffix: Ending of the names of states, input and ports, such as ``_1``.
+
+    Returns:
+        Position that meters, as a voltage from the centre in V, and the rates of the states by
+        name, in SI per second.
+
+    Source:
+        Manufacturer's bandwidth.
+
+    Example:
+        >>> spool_position.__name__
+        'spool_position'
+    """
+    p = m.p
+    position, speed = m.x[f"spool{suffix}"], m.x[f"spool_speed{suffix}"]
+    command = m.port(
+        f"valve{suffix}.command",
+        m.u[f"valve{suffix}"],
+        unit="V",
+        description="voltage that reaches the valve",
+        signals={"centre": p.valve_centre, "spool": position},
+    )
+    frequency = p.spool_frequency
+    acceleration = frequency * frequency * (command - p.valve_centre - position) - (
+        2 * p.spool_damping * frequency * speed
+    )
+    spool = m.port(
+        f"valve{suffix}.spool",
+        position,
+        unit="V",
+        description="spool position that meters, as a voltage from the centre",
+        signals={"speed": speed, "command": command},
+    )
+    return spool, {f"spool{suffix}": speed, f"spool_speed{suffix}": acceleration}
+
+
+def inlet_pressure(m: Scope) -> Expression:
+    """Write down the pressure of the supply.
+
+    Args:
+        m: Scope with the names of `PARAMETERS`.
+
+    Returns:
+        Absolute pressure at the valves' inlet, in Pa.
+
+    Example:
+        >>> inlet_pressure.__name__
+        'inlet_pressure'
+    """
+    return m.port(
+        "supply.pressure",
+        m.p.supply_pressure + m.p.ambient_pressure,
+        unit="Pa",
+        scale=1e5,
+        description="absolute pressure at the valve's inlet",
+        signals={"temperature": m.p.ambient_temperature},
+    )
+
+
+def metered_flows(
+    m: Scope,
+    number: int,
+    *,
+    openings: tuple[Expression, Expression],
+    spool: Expression,
+    supply: Expression,
+    pressure: Expression,
+    temperature: Expression,
+) -> tuple[Expression, Expression]:
+    """Write down the two metering edges of one chamber, as ISO 6358 restrictions.
+
+    Args:
+        m: Scope with the names of `PARAMETERS`.
+        number: Number of the chamber.
+        openings: Openings from supply and to exhaust, as fractions of full conductance.
+        spool: Position of the spool, as a voltage from the centre, in V.
+        supply: Absolute pressure at the inlet, in Pa.
+        pressure: Absolute pressure that the valve sees, in Pa.
+        temperature: Temperature of the gas there, in K.
+
+    Returns:
+        Mass flows from supply and to exhaust, in kg/s.
+
+    Source:
+        ISO 6358-1; manufacturer's flow curve.
+
+    Example:
+        >>> metered_flows.__name__
+        'metered_flows'
+    """
+    p = m.p
+    ambient = p.ambient_temperature
+    signals = {"spool": spool}
+    share_fill = m.port(
+        f"valve.supply_{number}",
+        openings[0],
+        unit="1",
+        scale=0.1,
+        description=f"opening from supply to {number}, of full conductance",
+        signals=signals,
+    )
+    share_vent = m.port(
+        f"valve.exhaust_{number}",
+        openings[1],
+        unit="1",
+        scale=0.1,
+        description=f"opening from {number} to exhaust, of full conductance",
+        signals=signals,
+    )
+    exhaust = m.port(
+        f"exhaust_{number}.pressure",
+        p.ambient_pressure,
+        unit="Pa",
+        scale=1e5,
+        description="absolute pressure behind the exhausting edge",
+        signals={"temperature": ambient},
+    )
+    seen = m.port(
+        f"line_{number}.pressure",
+        pressure,
+        unit="Pa",
+        scale=1e5,
+        description="absolute pressure that the valve sees",
+        signals={"temperature": temperature},
+    )
+    conductance, ratio = p.valve_conductance, p.critical_ratio
+    filling = orifice_flow(
+        supply, seen, ambient, temperature, share_fill * conductance, ratio, face=m.face
+    )
+    venting = orifice_flow(
+        seen, exhaust, temperature, ambient, share_vent * conductance, ratio, face=m.face
+    )
+    m.publish(f"exhaust_{number}.flow", venting, unit="kg/s")
+    return filling, venting
 
 
 def _alone(m: Scope) -> Equations:

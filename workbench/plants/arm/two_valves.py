@@ -1,0 +1,167 @@
+"""The arm with one valve per muscle, on which angle and stiffness are controlled together.
+
+A single 5/3 valve fills one muscle while it vents the other: it commands the difference of the
+pressures, and their mean drifts with the leaks. Here each muscle has a valve of the same type of
+its own, used as a 3/2 valve with its second outlet plugged: a positive spool fills the muscle, a
+negative one vents it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from workbench.model import Input, Model, Output, Scope, State
+from workbench.model.face import Expression
+from workbench.model.trace import Equations
+from workbench.physics.valve_curve import MPYE, ValveCurve, opening
+from workbench.plants.arm.arm import ArmEquations, arm
+from workbench.plants.arm.inertia import Plane
+from workbench.plants.arm.servovalve import (
+    COMMAND,
+    STATES,
+    ValveFlows,
+    inlet_pressure,
+    metered_flows,
+    spool_position,
+)
+
+MEAN_PRESSURE = Output(
+    "mean_pressure",
+    "Pa",
+    1e5,
+    "mean of the two gauge pressure sensors, which sets the stiffness",
+    noise_rms=600.0 / 2**0.5,
+    display_unit="bar",
+)
+
+
+def two_valves(
+    m: Scope,
+    *,
+    pressures: tuple[Expression, Expression],
+    temperatures: tuple[Expression, Expression],
+    curve: ValveCurve = MPYE,
+) -> ValveFlows:
+    """Write down the equations of one valve per muscle.
+
+    Args:
+        m: Scope with the inputs ``valve_1`` and ``valve_2``, the states ``spool_1``,
+            ``spool_speed_1``, ``spool_2``, ``spool_speed_2`` and the valve's parameters, which are
+            those of both valves.
+        pressures: Absolute pressures in the lines to muscle 1 and 2, in Pa.
+        temperatures: Temperatures of the gas in the lines, in K.
+        curve: Opening over spool voltage.
+
+    Returns:
+        The flows and the rates of both spools.
+
+    Source:
+        Manufacturer's flow curve and bandwidth.
+
+    Example:
+        >>> two_valves.__name__
+        'two_valves'
+    """
+    supply = inlet_pressure(m)
+    rates: dict[str, Expression] = {}
+    net, drawn = [], 0.0
+    for number in (1, 2):
+        spool, moving = spool_position(m, f"_{number}")
+        filling, venting = metered_flows(
+            m,
+            number,
+            openings=(
+                opening(spool, curve=curve, face=m.face),
+                opening(-spool, curve=curve, face=m.face),
+            ),
+            spool=spool,
+            supply=supply,
+            pressure=pressures[number - 1],
+            temperature=temperatures[number - 1],
+        )
+        drawn = drawn + filling
+        net.append(filling - venting)
+        rates |= moving
+    m.publish("supply.flow", drawn, unit="kg/s")
+    return ValveFlows(net[0], net[1], rates)
+
+
+@dataclass(frozen=True)
+class _Plant:
+    """The arm's equations with the mean pressure as one more reading."""
+
+    equations: ArmEquations
+
+    def __call__(self, m: Scope) -> Equations:
+        """Write down the equations."""
+        rates, outputs = self.equations(m)
+        mean = 0.5 * (outputs["pressure_1"] + outputs["pressure_2"])
+        return rates, {**outputs, MEAN_PRESSURE.name: mean}
+
+
+def two_valve_arm(
+    load_kg: float = 0.0,
+    *,
+    plane: Plane = "horizontal",
+    supply_bar: float = 6.0,
+    silencers: bool = False,
+    line_volumes: bool = False,
+) -> Model:
+    """Build the arm with one valve per muscle.
+
+    Everything but the valves is that of `arm`, and so are the names of ports and effects.
+
+    Args:
+        load_kg: Mass of the plates, 0 to 8 kg.
+        plane: Plane of the motion, ``"horizontal"`` (no weight) or ``"vertical"``.
+        supply_bar: Supply pressure, 2 to 10 bar gauge.
+        silencers: Whether the exhausts blow through silencers.
+        line_volumes: Whether the tubes between valves and muscles have volume and resistance.
+
+    Returns:
+        Model with the inputs ``valve_1`` and ``valve_2`` (V; above the centre fills) and the
+        outputs of `arm` and ``mean_pressure`` (Pa, gauge).
+
+    Raises:
+        WorkbenchError: If an argument is outside its range.
+
+    Example:
+        >>> from workbench.operating_point import operating_point
+        >>> plant = two_valve_arm(3)
+        >>> point = operating_point(plant, {"angle": 0.5, "mean_pressure": 3e5})
+        >>> round(point["pressure_1"] + point["pressure_2"]), point.is_equilibrium
+        (600000, True)
+    """
+    base = arm(
+        load_kg,
+        plane=plane,
+        supply_bar=supply_bar,
+        silencers=silencers,
+        line_volumes=line_volumes,
+    )
+    assert isinstance(base.equations, ArmEquations)
+    spools = tuple(_named(q, number) for number in (1, 2) for q in STATES)
+    commands = tuple(
+        replace(
+            _command(number),
+            description=f"voltage of valve {number}; above the centre fills muscle {number}",
+        )
+        for number in (1, 2)
+    )
+    return replace(
+        base,
+        name="two-valve arm",
+        equations=_Plant(replace(base.equations, valves=two_valves)),
+        states=(*spools, *base.states[len(STATES) :]),
+        inputs=commands,
+        outputs=(*base.outputs, MEAN_PRESSURE),
+        description=f"{base.description}, one valve per muscle",
+    )
+
+
+def _named(quantity: State, number: int) -> State:
+    return replace(quantity, name=f"{quantity.name}_{number}")
+
+
+def _command(number: int) -> Input:
+    return replace(COMMAND, name=f"{COMMAND.name}_{number}")
