@@ -13,7 +13,8 @@ from tests.diagnosis.axis_case import (
     positions,
     stribeck,
 )
-from workbench.diagnosis.proof import correlation_ratio, error_rows, located_ports, proof_of
+from workbench.diagnosis.located import correlation_ratio
+from workbench.diagnosis.proof import error_rows, located_ports, proof_of
 from workbench.diagnosis.unknown_input import unknown_input
 from workbench.errors import WorkbenchError
 from workbench.plants.servo_axis import servo_axis

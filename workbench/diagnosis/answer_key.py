@@ -144,6 +144,14 @@ def read_key(path: str | Path) -> dict[str, Mapping[str, Any]]:
 
     Raises:
         WorkbenchError: If the file cannot be read or has another form.
+
+    Example:
+        >>> import tempfile
+        >>> with tempfile.TemporaryDirectory() as place:
+        ...     file = Path(place) / "key.json"
+        ...     _ = file.write_text('{"one": {"truth": [{"effect": "tilt"}]}}')
+        ...     words_of(read_key(file)["one"])
+        ['tilt']
     """
     content = read_json(path, "key")
     for case, answer in content.items():
@@ -204,6 +212,15 @@ def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) ->
 
     Raises:
         WorkbenchError: If the file cannot be read, or an answer was not committed or differs.
+
+    Example:
+        >>> import tempfile
+        >>> answer = {"truth": [{"effect": "tilt"}], "salt": "3f"}
+        >>> with tempfile.TemporaryDirectory() as place:
+        ...     file = Path(place) / "commitments.txt"
+        ...     _ = file.write_text(f"one {commitments(answer)[0]}")
+        ...     check_commitments({"one": answer}, file)
+        1
     """
     try:
         text = Path(path).read_text(encoding="utf-8")
@@ -237,6 +254,12 @@ def read_json(path: str | Path, what: str) -> dict[str, Any]:
 
     Raises:
         WorkbenchError: If it cannot be read or is no object.
+
+    Example:
+        >>> read_json("no such file", "key")
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: key 'no such file' cannot be read: no such file or ...
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))

@@ -10,7 +10,7 @@ group that improves the held-out recordings, -6 for a wrong name.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from pathlib import Path
@@ -20,15 +20,13 @@ import numpy as np
 
 from workbench.diagnosis.answer_key import (
     NOTHING,
-    Names,
     Truth,
     check_commitments,
-    read_json,
     read_key,
     read_names,
     words_of,
 )
-from workbench.diagnosis.verdict import SCHEMA
+from workbench.diagnosis.claims import Answer, read_answer
 from workbench.errors import WorkbenchError
 
 RIGHT, CLASS, GROUP, SIDE, NONE, WRONG = 6, 3, 2, 1, 0, -6
@@ -52,36 +50,6 @@ _DRAWS = 20_000
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What one verdict claims.
-
-    Args:
-        case: Name of the case.
-        kind: The verdict in one word.
-        findings: Pairs of the class of names (the named one first; empty without a name) and the
-            groups of ports, the most likely first.
-        improves: Whether the extended model is better than the refitted one on held-out recordings.
-        over_noise: Error of the extended model over the sensors' noise, root mean square over the
-            outputs; NaN if it was not given.
-
-    Example:
-        >>> Answer("one", "named", ((("tilt_gravity",), ("motion",)),), True, 1.2).names
-        1
-    """
-
-    case: str
-    kind: str
-    findings: tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]
-    improves: bool
-    over_noise: float = math.nan
-
-    @property
-    def names(self) -> int:
-        """How many effects it names."""
-        return sum(bool(names) for names, _ in self.findings)
-
-
-@dataclass(frozen=True)
 class Line:
     """The score of one case.
 
@@ -94,7 +62,7 @@ class Line:
         remark: The points in words, effect by effect.
         located: Whether each hidden effect was put into the right group.
         named: Whether each hidden effect was named, rightly or within a class.
-        over_noise: Error of the extended model over the sensors' noise.
+        over_noise: Error of the extended model over the sensors' noise, dimensionless.
 
     Example:
         >>> Line("one", "tilt", "tilt_gravity", 6, 6, "right", (True,), (True,), 1.1).points
@@ -119,7 +87,7 @@ class Round:
     Args:
         lines: One per case.
         p_value: Probability that verdicts dealt out to the cases at random score as much.
-        chance: Mean points of such verdicts.
+        chance: Mean points of such verdicts, dimensionless.
         committed: Number of answers checked against their commitments; None if none were given.
         false_alarms: Cases that hide nothing and got a name, and how many hide nothing.
 
@@ -247,6 +215,16 @@ def prove(
     Raises:
         WorkbenchError: If a file cannot be read, a verdict is missing, a word of the key has no
             meaning, or an answer is not the one committed.
+
+    Example:
+        >>> import tempfile
+        >>> said = '{"schema": "workbench.verdict/1", "verdict": "nothing_missing"}'
+        >>> with tempfile.TemporaryDirectory() as place:
+        ...     folder, key = Path(place), Path(place) / "key.json"
+        ...     _ = (folder / "one.json").write_text(said)
+        ...     _ = key.write_text('{"one": {"truth": [{"effect": "none"}]}}')
+        ...     prove(folder, key).points
+        6
     """
     answers = read_key(key)
     table = read_names(names)
@@ -384,54 +362,6 @@ def _said(answer: Answer) -> str:
         " or ".join(names) if names else f"something at {groups[0] if groups else 'no place'}"
         for names, groups in answer.findings
     )
-
-
-def read_answer(path: str | Path, case: str, names: Names) -> Answer:
-    """Read what a ``verdict.json`` claims.
-
-    Args:
-        path: The file.
-        case: Name of the case.
-        names: Groups of ports.
-
-    Returns:
-        The claims.
-
-    Raises:
-        WorkbenchError: If the file cannot be read or is no verdict.
-    """
-    data = read_json(path, "verdict")
-    if data.get("schema") != SCHEMA or not isinstance(data.get("verdict"), str):
-        raise WorkbenchError(
-            f"verdict {str(path)!r} has the schema {data.get('schema')!r}; it must be {SCHEMA!r}"
-        )
-    findings = []
-    for finding in data.get("findings") or ():
-        effect = finding.get("effect")
-        named = bool(effect) and effect != "free_form"
-        alike = tuple(finding.get("class") or ()) if named else ()
-        members = tuple(dict.fromkeys((effect, *alike))) if named else ()
-        groups = tuple(dict.fromkeys(names.group(port) for port in finding.get("where") or ()))
-        findings.append((members, groups))
-    held_out = (data.get("fit") or {}).get("held_out") or {}
-    after, noise = _level(held_out, "extended"), _level(held_out, "noise_floor")
-    return Answer(
-        case,
-        data["verdict"],
-        tuple(findings),
-        _ratio(after, _level(held_out, "refitted")) < 1.0,
-        _ratio(after, noise),
-    )
-
-
-def _level(held_out: Mapping[str, Any], label: str) -> dict[str, float]:
-    values = held_out.get(label) or {}
-    return {k: float(v) for k, v in values.items() if isinstance(v, (int, float)) and v > 0}
-
-
-def _ratio(above: Mapping[str, float], below: Mapping[str, float]) -> float:
-    ratios = [above[name] / below[name] for name in above if name in below]
-    return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else math.nan
 
 
 def _find(folder: Path, case: str) -> Path:

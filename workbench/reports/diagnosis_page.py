@@ -7,7 +7,8 @@ from collections.abc import Sequence
 
 from workbench.diagnosis.diagnose import Diagnosis
 from workbench.diagnosis.free_run import FreeRun
-from workbench.diagnosis.proof import Located, Proof
+from workbench.diagnosis.located import Located
+from workbench.diagnosis.proof import Proof
 from workbench.diagnosis.verdict import Verdict
 from workbench.reports.diagnosis_tables import (
     METHODS,
@@ -55,6 +56,14 @@ def diagnosis_page(
 
     Raises:
         ValueError: If the diagnosis has no verdict.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> from workbench.diagnosis.proof import proof_of
+        >>> found, hold_out = example_diagnosis()
+        >>> page = diagnosis_page(found, proof_of(found, hold_out), name="axis")
+        >>> [section.name for section in page.sections]
+        ['held-out', 'where', 'parameters', 'alternatives', 'limits', 'recordings']
     """
     verdict = diagnosis.verdict
     if verdict is None:

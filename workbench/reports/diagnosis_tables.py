@@ -113,6 +113,12 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
 
     Args:
         diagnosis: A finished diagnosis.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> found, _ = example_diagnosis()
+        >>> [row[0] for row in parameters_table(found).rows][:2]
+        ['coulomb friction, level in N (new)', 'mass in kg']
     """
     before = {e.name: e for e in diagnosis.base.refit.estimates}
     after = {e.name: e for e in diagnosis.extended.refit.estimates} if diagnosis.accepted else {}
@@ -174,6 +180,12 @@ def scores_table(title: str, scores: Scores, candidates: Sequence[Candidate]) ->
         title: What the table lists.
         scores: Scores of the library.
         candidates: Effects that were refitted.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> found, _ = example_diagnosis()
+        >>> [row[0] for row in scores_table("Round", *found.rounds[0]).rows]
+        ['coulomb friction', 'linear spring']
     """
     names = [score.entry.name for score in scores.scores]
     tried = {c.entry.name: c for c in candidates}
@@ -243,6 +255,13 @@ def unseen_table(verdict: Verdict) -> Table:
 
     Args:
         verdict: The verdict.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> row = {"effect": "ripple", "reason": "the axis did not move"}
+        >>> unseen = Verdict("nothing_missing", "", servo_axis(), not_testable=(row,))
+        >>> unseen_table(unseen).rows
+        (('ripple', 'the axis did not move'),)
     """
     return Table(
         "What these recordings could not have shown",
@@ -257,6 +276,12 @@ def checks_table(verdict: Verdict) -> Table:
 
     Args:
         verdict: The verdict.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> row = {"recording": "one", "check": "gaps", "result": "pass", "note": ""}
+        >>> checks_table(Verdict("nothing_missing", "", servo_axis(), data=(row,))).note
+        '1 checks passed without remark.'
     """
     passed = sum(row.get("result") == "pass" for row in verdict.data)
     rows = tuple(

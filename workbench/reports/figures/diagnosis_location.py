@@ -21,7 +21,7 @@ def diagnosis_location(
 
     Args:
         before: Log likelihood gained by group in the refitted nominal model, dimensionless.
-        after: The same in the extended model; None if nothing was found.
+        after: The same in the extended model, dimensionless; None if nothing was found.
 
     Returns:
         The figure: bars on an axis that is linear up to ten and logarithmic beyond.

@@ -1,0 +1,35 @@
+"""A small diagnosis for examples: a servo axis whose model lacks its dry friction."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from workbench.diagnosis.diagnose import Diagnosis, diagnose
+from workbench.diagnosis.example import made_up_recording, pushes
+from workbench.physics.library import library
+from workbench.plants.servo_axis import servo_axis
+from workbench.recordings.recording import Recording
+
+
+@cache
+def example_diagnosis() -> tuple[Diagnosis, tuple[Recording, ...]]:
+    """Diagnose an axis without dry friction on recordings of one that has it.
+
+    Returns:
+        The diagnosis, and the held-out recordings.
+
+    Example:
+        >>> found, hold_out = example_diagnosis()
+        >>> found.verdict.findings[0].where, len(hold_out)
+        (('axis.force',), 1)
+    """
+    truth = servo_axis()
+    model = truth.without("coulomb_friction")
+    runs = [
+        made_up_recording(
+            truth, pushes(600, largest=200.0, seed=seed), sample_time=0.01, name=f"axis {seed}"
+        )
+        for seed in (1, 2)
+    ]
+    few = [e for e in library(model) if e.law in ("coulomb_friction", "linear_spring")]
+    return diagnose(model, runs[:1], runs[1:], entries=few, jobs=1), tuple(runs[1:])
