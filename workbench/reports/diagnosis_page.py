@@ -211,7 +211,8 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
                 f"located signal at {located.port} over time",
             ),
         ]
-    return Section("where", "Where it acts and what it looks like", tuple(blocks))
+    title = "Where it acts and what it looks like" if diagnosis.accepted else "Is anything left?"
+    return Section("where", title, tuple(blocks))
 
 
 def _law_caption(located: Located) -> str:
@@ -237,7 +238,7 @@ def _numbers(diagnosis: Diagnosis) -> Section:
 def _alternatives(diagnosis: Diagnosis) -> Section:
     blocks: list[Block] = []
     for i, (scores, candidates) in enumerate(diagnosis.rounds):
-        title = "What else it could be" if i == 0 else "What is left after that"
+        title = _round_title(i, len(diagnosis.accepted))
         blocks.append(scores_table(title, scores, candidates))
     if blocks:
         charged = len(diagnosis.rounds[0][0].scores)
@@ -250,6 +251,12 @@ def _alternatives(diagnosis: Diagnosis) -> Section:
             ),
         )
     return Section("alternatives", "Alternatives", tuple(blocks))
+
+
+def _round_title(number: int, found: int) -> str:
+    if number < found:
+        return "What else it could be" if number == 0 else "What else the next could be"
+    return "What is left after that" if found else "What the library would explain"
 
 
 def _limits(diagnosis: Diagnosis, verdict: Verdict) -> Section:

@@ -202,7 +202,7 @@ def scores_table(title: str, scores: Scores, candidates: Sequence[Candidate]) ->
                 name.replace("_", " "),
                 ", ".join(dict.fromkeys(score.entry.ports)).replace("_", " "),
                 number(score.gain),
-                f"{number(score.size)} {score.entry.unit}".removesuffix(" 1"),
+                _size(score.size, score.entry.unit),
                 f"{100 * score.absorption:.0f} %",
                 "–" if name == reference else f"{scores.confusion[row, i]:.2f}",
                 _fitted(candidate),
@@ -210,23 +210,31 @@ def scores_table(title: str, scores: Scores, candidates: Sequence[Candidate]) ->
                 _outcome(candidate),
             )
         )
+    headings = (
+        "effect",
+        "acts at",
+        "expected gain",
+        "expected size",
+        "absorbed",
+        f"alike {reference.replace('_', ' ')}",
+        "gain when refitted",
+        "gain on held-out recordings",
+        "outcome",
+    )
+    # Without a refit there is nothing to compare with, and no outcome.
+    kept = len(headings) if candidates else headings.index("absorbed") + 1
     return Table(
         title,
-        (
-            "effect",
-            "acts at",
-            "expected gain",
-            "expected size",
-            "absorbed",
-            f"alike {reference.replace('_', ' ')}",
-            "gain when refitted",
-            "gain on held-out recordings",
-            "outcome",
-        ),
-        tuple(rows),
+        headings[:kept],
+        tuple(row[:kept] for row in rows),
         "Gains in units of log likelihood."
         + (f" The other {len(names) - len(rows)} score less." if len(names) > len(rows) else ""),
     )
+
+
+def _size(value: float, unit: str) -> str:
+    shown, factor = readable(unit)
+    return f"{_value(factor * value)} {shown}".removesuffix(" 1")
 
 
 def _fitted(candidate: Candidate | None) -> str:
