@@ -256,13 +256,22 @@ def _divided(difference: Vector, direction: Vector) -> Vector:
 
 
 def _arguments(model: Model, parts: Sequence[UnknownInput]) -> list[tuple[str, str, Vector]]:
-    """States and inputs, by which a law may be told."""
+    """States, inputs and rates of states, by which a law may be told."""
     states = np.concatenate([part.states for part in parts])
     inputs = np.concatenate([part.inputs for part in parts])
+    rates = np.concatenate([np.gradient(part.states, part.time, axis=0) for part in parts])
     return [
         *((q.name, q.unit, states[:, i]) for i, q in enumerate(model.states)),
         *((q.name, q.unit, inputs[:, i]) for i, q in enumerate(model.inputs)),
+        *(
+            (f"rate of {q.name}", _per_second(q.unit), rates[:, i])
+            for i, q in enumerate(model.states)
+        ),
     ]
+
+
+def _per_second(unit: str) -> str:
+    return f"{unit.removesuffix('/s')}/s2" if unit.endswith("/s") else f"{unit}/s"
 
 
 def _argument(

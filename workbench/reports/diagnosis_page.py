@@ -183,6 +183,15 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
                 "gain of an unknown input by group of ports",
             )
         )
+    if diagnosis.accepted and any(c.entry.group == "sensor" for c, _ in diagnosis.accepted):
+        blocks.append(
+            Words(
+                "Sensors have no bar of their own: what a sensor does wrong looks like an unknown"
+                " signal at the equations that its readings correct. Only the refits below tell"
+                " them apart.",
+                "note",
+            )
+        )
     if proof.located:
         blocks.append(
             Words(

@@ -46,7 +46,8 @@ METHODS: tuple[tuple[str, str], ...] = (
     ),
     (
         "argument of the law",
-        "the state or input of which most of the law's variance is a function (correlation ratio)",
+        "the state, its rate, or the input of which most of the effect's variance is a function"
+        " (correlation ratio)",
     ),
     (
         "expected gain and size",

@@ -74,6 +74,9 @@ def diagnosis_law(located: Located) -> Figure:
         y=f"{located.port.replace('_', ' ')} in {unit}" if unit != "1" else located.port,
     )
     key(axes, columns=2)
+    legend = axes.get_legend()
+    for handle in legend.legend_handles if legend is not None else ():
+        handle.set_markersize(8.0)  # type: ignore[union-attr]
     return figure
 
 

@@ -10,6 +10,7 @@ _READABLE: dict[str, tuple[str, float]] = {
     "Pa": ("bar", 1e-5),
     "kg/s": ("g/s", 1e3),
     "m3": ("cm³", 1e6),
+    "Pa/s": ("bar/s", 1e-5),
     "m": ("mm", 1e3),
     "m/s": ("mm/s", 1e3),
 }
