@@ -1,0 +1,390 @@
+"""Angle and stiffness together, on an arm with one valve per muscle.
+
+The torque follows from the difference of the two pressures, the stiffness from their mean. The
+outer loop of the cascaded PID decides the difference; the mean is a second reference. Sample k,
+with the PID's wanted difference u, the wanted mean m and the filtered pressures p_i:
+
+    f[k]   = m[k] passed through two lags of speed omega_m
+    f[k]   is clipped so that f +- u / 2 lie in [p_min, p_max]
+    a[k]   = f + (G - 1) (f - mean of p)
+    w_1[k] = a + u / 2,  w_2[k] = a - u / 2
+    o_i[k] = K (w_i[k] - p_i[k]) (V_i / V_0) (q_0 / q_i)     openings, then the inverse valve curve
+
+Where difference and mean cannot be had together the mean gives way: the angle comes first. G lets
+the mean, which no joint swings with, answer faster than the difference.
+K = 2 K_inner places the pole of each pressure where the PID's inner loop places that of the
+difference, because one valve moves its own pressure only. The mean stays while the difference
+moves if both pressures move at the same speed. Filling is faster than venting and a short muscle
+holds more gas, so each error is weighed with the muscle's volume V_i and the flow q_i of a fully
+open edge at its pressure, over their values at the point of design; and where one opening is at
+its limit both are reduced alike.
+
+    q = p_s psi(p / p_s) while filling, p psi(p_a / p) while venting     (ISO 6358)
+    V_i = V_0 (1 +- c (angle - angle_0))
+
+Source: the cascade is that of `controllers.pid`; Tondu and Lopez, Modeling and control of McKibben
+artificial muscle robot actuators, IEEE Control Systems 20, 2000 (torque by the difference,
+stiffness by the sum of the pressures).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.joint_model import joint_model
+from controllers.pid import CascadePID, PIDSpecification, PIDState, design_pid
+from controllers.protocol import Command, Info, Measurement, Reference
+from workbench.errors import WorkbenchError, check_choice, check_range
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+
+POLYTROPIC = 1.2
+"""Exponent of the gas at the speed of the joint."""
+
+
+SPECIFICATION = PIDSpecification(inner_bandwidth=150.0, reference_speed=20.0)
+"""A reference slow enough that no valve is at its limit, where the mean would move."""
+
+
+class AngleStiffnessState(NamedTuple):
+    """What an `AngleStiffness` remembers.
+
+    Args:
+        outer: State of the PID on the angle.
+        pressure_1: Filtered gauge pressure of muscle 1, in Pa.
+        pressure_2: Filtered gauge pressure of muscle 2, in Pa.
+        filtered: Wanted mean after the first lag, in Pa.
+        mean: Wanted mean after the second lag, in Pa.
+    """
+
+    outer: PIDState
+    pressure_1: Number
+    pressure_2: Number
+    filtered: Number
+    mean: Number
+
+
+@dataclass(frozen=True)
+class Air:
+    """Flows through the valves and volumes of the muscles, relative to a point of design.
+
+    Args:
+        pressure: Mean gauge pressure of the design, in Pa.
+        angle: Angle of the design, in rad.
+        volume_slope: Relative growth c of muscle 1's volume with the angle, per rad; that of
+            muscle 2 shrinks as much.
+        supply: Supply pressure, gauge, in Pa.
+        ambient: Ambient pressure, absolute, in Pa.
+        critical_ratio: Critical pressure ratio of the valve, dimensionless.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> air = Air()
+        >>> filling, venting = air.weights(3e5, 0.5236, 1.0, FLOATS)
+        >>> filling < 1.0 < venting
+        True
+    """
+
+    pressure: float = 3e5
+    angle: float = math.radians(30.0)
+    volume_slope: float = 0.0
+    supply: float = 6e5
+    ambient: float = 1.01325e5
+    critical_ratio: float = 0.23
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range("design pressure", self.pressure, 0.0, self.supply, "Pa")
+        check_range("relative growth of the volume", self.volume_slope, -5.0, 5.0, "per rad")
+        check_range("critical ratio", self.critical_ratio, 0.0, 0.9)
+
+    def weights(
+        self, pressure: Number, angle: Number, side: float, arithmetic: Arithmetic
+    ) -> tuple[Number, Number]:
+        """Return (V / V_0) (q_0 / q) of a muscle for filling and for venting.
+
+        Args:
+            pressure: Gauge pressure, in Pa.
+            angle: Angle, in rad.
+            side: 1 for the muscle that shortens with the angle, -1 for the other;
+                dimensionless.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            Both weights, dimensionless.
+
+        Source:
+            ISO 6358-1.
+        """
+        usual = 0.5 * sum(self._flows(self.pressure, arithmetic))
+        filling, venting = self._flows(pressure, arithmetic)
+        grown = 1.0 + side * self.volume_slope * (angle - self.angle)
+        volume = arithmetic.clip(grown, 0.3, 3.0)
+        return volume * usual / filling, volume * usual / venting
+
+    def _flows(self, pressure: Number, arithmetic: Arithmetic) -> tuple[Number, Number]:
+        inside = arithmetic.clip(pressure, 0.0, self.supply) + self.ambient
+        supply = self.supply + self.ambient
+        return (
+            supply * self._psi(inside / supply, arithmetic),
+            inside * self._psi(self.ambient / inside, arithmetic),
+        )
+
+    def _psi(self, ratio: Number, arithmetic: Arithmetic) -> Number:
+        z = arithmetic.clip((ratio - self.critical_ratio) / (1.0 - self.critical_ratio), 0.0, 1.0)
+        # Kept from 0, where no opening would move the pressure.
+        return arithmetic.clip(1.0 - z * z, 0.04, 1.0) ** 0.5
+
+
+@dataclass(frozen=True)
+class AngleStiffness:
+    """Cascaded control of angle and mean pressure with two valves.
+
+    Args:
+        outer: Cascaded PID of the angle; its inner gain sets that of both pressures.
+        air: What is known of flows and volumes.
+        mean_speed: Speed omega_m of the lags on the wanted mean, in rad/s.
+        mean_gain: Gain G on the error of the mean, relative to that on the difference.
+        pressure_limits: Lowest and highest wanted gauge pressure, in Pa.
+        name: Name under which results are reported.
+        sensors: Names of the angle and the two pressures.
+        follows: Names of the angle and the mean pressure.
+        actuators: Names of the two commands.
+        preview: No future references are used.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> both = AngleStiffness(CascadePID(6e5, 2e6, 1e5, inner=2e-6))
+        >>> at_rest = (0.5, 3e5, 3e5)
+        >>> command, state, info = both.step(both.initial_state(at_rest), at_rest, (0.5, 3e5))
+        >>> command
+        (5.0, 5.0)
+    """
+
+    outer: CascadePID
+    air: Air = Air()
+    mean_speed: float = 15.0
+    mean_gain: float = 2.0
+    pressure_limits: tuple[float, float] = (0.2e5, 5.8e5)
+    name: str = "angle and stiffness"
+    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
+    follows: tuple[str, ...] = ("angle", "mean_pressure")
+    actuators: tuple[str, ...] = ("valve_1", "valve_2")
+    preview: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        fastest = 1.0 / self.sample_time
+        check_range(f"mean speed of {self.name}", self.mean_speed, 1e-3, fastest, "rad/s")
+        low, high = self.pressure_limits
+        check_range(f"highest pressure of {self.name}", high, low, 1e8, "Pa")
+
+    @property
+    def sample_time(self) -> float:
+        """Time between steps, in s."""
+        return self.outer.sample_time
+
+    def initial_state(self, measurement: Measurement) -> AngleStiffnessState:
+        """Return the state that holds the measured pressures at the measured angle.
+
+        Args:
+            measurement: Angle in rad and the two gauge pressures in Pa.
+        """
+        _, p1, p2 = measurement
+        mean = 0.5 * (p1 + p2)
+        return AngleStiffnessState(self.outer.initial_state(measurement), p1, p2, mean, mean)
+
+    def step(
+        self, state: AngleStiffnessState, measurement: Measurement, reference: Reference
+    ) -> tuple[Command, AngleStiffnessState, Info]:
+        """Compute both voltages of one sample.
+
+        Args:
+            state: State of the step before.
+            measurement: Angle in rad and the two gauge pressures in Pa.
+            reference: Wanted angle in rad and wanted mean gauge pressure in Pa.
+
+        Returns:
+            Voltages in V, next state, and both openings (fractions), the wanted difference and
+            the wanted mean that the limits left (Pa).
+        """
+        return self.law(state, measurement, reference, FLOATS)
+
+    def law(
+        self,
+        state: AngleStiffnessState,
+        measurement: tuple[Number, ...],
+        reference: tuple[Number, ...],
+        arithmetic: Arithmetic,
+    ) -> tuple[tuple[Number, ...], AngleStiffnessState, dict[str, Number]]:
+        """Compute one sample on floats or on symbols.
+
+        Args:
+            state: State of the step before.
+            measurement: Angle in rad and the two gauge pressures in Pa.
+            reference: Wanted angle in rad and wanted mean gauge pressure in Pa.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            Voltages in V, next state, and both openings (fractions), the wanted difference and
+            the wanted mean that the limits left (Pa).
+        """
+        outer, p1, p2, filtered, mean = state
+        _, outer, told = self.outer.law(outer, measurement, reference[:1], arithmetic)
+        half = 0.5 * told["wanted_difference"]
+        fresh = self.mean_speed * self.sample_time
+        filtered = filtered + fresh * (reference[1] - filtered)
+        mean = mean + fresh * (filtered - mean)
+        # Both wanted pressures inside the limits: the mean gives way, not the difference.
+        low, high = self.pressure_limits
+        size = arithmetic.clip(half, 0.0, 1e12) - arithmetic.clip(half, -1e12, 0.0)
+        kept = arithmetic.clip(mean, low + size, high - size)
+        share = self.sample_time / (self.outer.pressure_filter + self.sample_time)
+        p1 = p1 + share * (measurement[1] - p1)
+        p2 = p2 + share * (measurement[2] - p2)
+        aim = kept + (self.mean_gain - 1.0) * (kept - 0.5 * (p1 + p2))
+        openings = [
+            self._opening(wanted - p, p, measurement[0], side, arithmetic)
+            for wanted, p, side in ((aim + half, p1, 1.0), (aim - half, p2, -1.0))
+        ]
+        sizes = [arithmetic.clip(o, 0.0, 1e12) - arithmetic.clip(o, -1e12, 0.0) for o in openings]
+        largest = sizes[0] + arithmetic.clip(sizes[1] - sizes[0], 0.0, 1e12)
+        reduction = arithmetic.clip(largest, 1.0, 1e12)
+        openings = [o / reduction for o in openings]
+        commands = tuple(self.outer.valve.command(o, arithmetic) for o in openings)
+        following = AngleStiffnessState(outer, p1, p2, filtered, mean)
+        return (
+            commands,
+            following,
+            {
+                "opening_1": openings[0],
+                "opening_2": openings[1],
+                "wanted_difference": 2.0 * half,
+                "wanted_mean": kept,
+            },
+        )
+
+    def _opening(
+        self, error: Number, pressure: Number, angle: Number, side: float, arithmetic: Arithmetic
+    ) -> Number:
+        filling, venting = self.air.weights(pressure, angle, side, arithmetic)
+        return (2.0 * self.outer.inner) * (
+            arithmetic.clip(error, 0.0, 1e12) * filling
+            + arithmetic.clip(error, -1e12, 0.0) * venting
+        )
+
+    def linear_command(self, command: Command) -> Command:
+        """Return the commands that give a linear model the same openings.
+
+        Args:
+            command: Voltages on the plant, V.
+
+        Returns:
+            Voltages for a linear model, V.
+        """
+        return tuple(self.outer.valve.linear_command(voltage) for voltage in command)
+
+
+def design_angle_stiffness(
+    linear: LinearModel,
+    specification: PIDSpecification | None = None,
+    *,
+    mean_speed: float = 15.0,
+    pressure_limits: tuple[float, float] = (0.2e5, 5.8e5),
+) -> AngleStiffness:
+    """Design the controller from a linear model of the arm with two valves.
+
+    The two valves driven in opposite directions are one valve for both muscles: the cascaded PID
+    is designed on that model.
+
+    Args:
+        linear: Linear model from the voltages ``valve_1`` and ``valve_2`` to the sensors.
+        specification: What the angle's loop is to reach; `SPECIFICATION` by default.
+        mean_speed: Speed of the lags on the wanted mean, in rad/s.
+        pressure_limits: Lowest and highest wanted gauge pressure, in Pa.
+
+    Returns:
+        The controller.
+
+    Raises:
+        WorkbenchError: If the linear model lacks a signal, or no bandwidth meets the limits.
+
+    Source:
+        `controllers.pid.design_pid`.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.arm.two_valves import two_valve_arm
+        >>> point = operating_point(two_valve_arm(3), {"angle": 0.5236, "mean_pressure": 3e5})
+        >>> design_angle_stiffness(linearise(point, verdict=False)).outer.inner > 0.0
+        True
+    """
+    one = opposed(linear)
+    outer = design_pid(one, specification or SPECIFICATION)
+    span = pressure_limits[1] - pressure_limits[0]
+    outer = replace(outer, difference_limit=min(outer.difference_limit, span))
+    joint = joint_model(one)
+    readings = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
+    mean = 0.5 * (readings["pressure_1"] + readings["pressure_2"])
+    known = {q.name: q.value for q in linear.operating_point.model.parameters}
+    ambient = known.get("ambient_pressure", Air.ambient)
+    air = Air(
+        pressure=mean,
+        angle=readings["angle"],
+        # Both pressures answer a speed by p' = -+ n p V'/V, between isothermal and adiabatic.
+        volume_slope=joint.e / (2.0 * POLYTROPIC * (mean + ambient)),
+        supply=known.get("supply_pressure", Air.supply),
+        ambient=ambient,
+    )
+    return AngleStiffness(outer, air, mean_speed, pressure_limits=pressure_limits)
+
+
+def opposed(
+    linear: LinearModel, actuators: tuple[str, str] = ("valve_1", "valve_2"), name: str = "valve"
+) -> LinearModel:
+    """Return a linear model whose one input drives two inputs in opposite directions.
+
+    Args:
+        linear: Linear model with two inputs that rest at the same value.
+        actuators: Names of the inputs that move with and against the new one.
+        name: Name of the new input.
+
+    Returns:
+        The same model with one input.
+
+    Raises:
+        WorkbenchError: If an input is unknown or the two rest at different values.
+
+    Example:
+        >>> opposed.__name__
+        'opposed'
+    """
+    for actuator in actuators:
+        check_choice("actuator of the linear model", actuator, linear.input_names)
+    one, two = (linear.input_names.index(actuator) for actuator in actuators)
+    rest = float(linear.u0[one])
+    if abs(rest - float(linear.u0[two])) > 0.2:
+        raise WorkbenchError(
+            f"the inputs rest at {rest:g} and {linear.u0[two]:g}, at different slopes of the valve;"
+            " linearise at an angle and a mean pressure that both nearly shut valves hold"
+        )
+    return replace(
+        linear,
+        B=np.asarray(linear.B)[:, [one]] - np.asarray(linear.B)[:, [two]],
+        D=np.asarray(linear.D)[:, [one]] - np.asarray(linear.D)[:, [two]],
+        input_names=(name,),
+        u0=np.array([rest]),
+        verdict=None,
+    )

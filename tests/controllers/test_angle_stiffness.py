@@ -1,0 +1,143 @@
+"""Angle and mean pressure at once on the arm with one valve per muscle."""
+
+from __future__ import annotations
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from controllers.angle_stiffness import Air, AngleStiffness, design_angle_stiffness
+from controllers.arithmetic import FLOATS, SYMBOLS
+from workbench.errors import WorkbenchError
+from workbench.linearisation import LinearModel, linearise
+from workbench.model import Model
+from workbench.operating_point import operating_point
+from workbench.physics.flow import orifice_flow
+from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.plants.arm.two_valves import two_valve_arm
+from workbench.verification import Run, Scenario, Steps, metrics, verify
+
+
+@pytest.fixture(scope="module")
+def two_valves() -> Model:
+    return two_valve_arm(3)
+
+
+@pytest.fixture(scope="module")
+def linear_two(two_valves: Model) -> LinearModel:
+    point = operating_point(two_valves, {"angle": math.radians(30), "mean_pressure": 3e5})
+    return linearise(point, verdict=False)
+
+
+@pytest.fixture(scope="module")
+def both(linear_two: LinearModel) -> AngleStiffness:
+    return design_angle_stiffness(linear_two)
+
+
+def run(
+    controller: AngleStiffness, plant: Model, angles: tuple[float, ...], means: tuple[float, ...]
+) -> Run:
+    times = (0.0, 0.3, 1.5)
+    scenario = Scenario(
+        "angle and mean",
+        {
+            "angle": Steps(times, tuple(math.radians(a) for a in angles)),
+            "mean_pressure": Steps(times, tuple(1e5 * m for m in means)),
+        },
+        duration=2.7,
+    )
+    return verify(controller, plant, scenario)
+
+
+@pytest.mark.parametrize("hysteresis", [False, True], ids=["nominal", "hysteresis"])
+def test_the_mean_stays_while_the_angle_steps(
+    both: AngleStiffness, two_valves: Model, hysteresis: bool
+) -> None:
+    plant = two_valves
+    if hysteresis:
+        plant = plant.with_effect(bouc_wen_hysteresis(level=10.0, level_per_pressure=7e-5))
+    done = run(both, plant, (20.0, 35.0, 20.0), (3.0, 3.0, 3.0))
+    assert np.abs(done["mean_pressure"] - 3e5).max() < 0.1e5
+    found = metrics(done)
+    assert found["angle.settling_time"].value < 0.5
+    assert found["angle.steady_error"].value < math.radians(0.05)
+    assert found["angle.overshoot"].value < 0.05
+
+
+def test_the_angle_stays_while_the_mean_steps(both: AngleStiffness, two_valves: Model) -> None:
+    done = run(both, two_valves, (20.0, 20.0, 20.0), (2.5, 4.0, 3.0))
+    assert np.abs(done["angle"] - math.radians(20.0)).max() < math.radians(0.5)
+    found = metrics(done)
+    assert found["mean_pressure.settling_time"].value < 0.6
+    assert found["mean_pressure.steady_error"].value < 0.02e5
+
+
+def test_stiffness_follows_the_mean(both: AngleStiffness, two_valves: Model) -> None:
+    done = run(both, two_valves, (30.0, 30.0, 30.0), (2.5, 4.0, 4.0))
+    found = metrics(done)
+    # Stiffness of the paper's law is linear in the pressures: D'(q) p and phi'(q).
+    assert found["stiffness_highest"].value > 1.3 * found["stiffness_lowest"].value
+
+
+def test_where_both_cannot_be_had_the_angle_comes_first(
+    both: AngleStiffness, two_valves: Model
+) -> None:
+    # 50 degrees needs a difference of some 3 bar: not with a mean of 5.5 bar below 5.8 bar.
+    done = run(both, two_valves, (30.0, 50.0, 50.0), (3.0, 5.5, 5.5))
+    assert metrics(done)["angle.steady_error"].value < math.radians(0.05)
+    assert done["mean_pressure"][-1] < 5.2e5
+
+
+def test_weights_are_those_of_iso_6358() -> None:
+    air = Air(pressure=3e5, volume_slope=0.5)
+    ambient, supply = air.ambient, air.supply + air.ambient
+
+    def flows(gauge: float) -> tuple[float, float]:
+        p = gauge + ambient
+        one = orifice_flow(supply, p, 293.15, 293.15, 1e-8, air.critical_ratio)
+        return float(one), float(orifice_flow(p, ambient, 293.15, 293.15, 1e-8, 0.23))
+
+    usual = 0.5 * sum(flows(3e5))
+    for gauge in (1e5, 2.7e5, 5e5):
+        filling, venting = flows(gauge)
+        got = air.weights(gauge, air.angle + 0.2, -1.0, FLOATS)
+        np.testing.assert_allclose(got, (0.9 * usual / filling, 0.9 * usual / venting), rtol=1e-9)
+
+
+def test_the_law_is_the_same_on_symbols(both: AngleStiffness) -> None:
+    rng = np.random.default_rng(5)
+    state = both.initial_state((0.4, 2.5e5, 3.5e5))
+    symbols = ca.SX.sym("s", 5)
+    outer = state.outer
+    commands, _, _ = both.law(
+        state, tuple(ca.vertsplit(symbols[:3])), tuple(ca.vertsplit(symbols[3:])), SYMBOLS
+    )
+    function = ca.Function("law", [symbols], [ca.vertcat(*commands)])
+    assert outer is state.outer
+    for _ in range(50):
+        y = (0.4 + 0.3 * rng.standard_normal(), *(3e5 + 1e5 * rng.standard_normal(2)))
+        r = (0.6, 3e5 + 1e5 * rng.standard_normal())
+        expected, _, _ = both.step(state, y, r)
+        got = np.asarray(function(np.array([*y, *r]))).ravel()
+        np.testing.assert_allclose(got, expected, rtol=1e-9)
+
+
+def test_it_runs_on_the_linear_model(both: AngleStiffness, linear_two: LinearModel) -> None:
+    scenario = Scenario(
+        "small",
+        {
+            "angle": Steps((0.0, 0.1), (math.radians(30), math.radians(31))),
+            "mean_pressure": Steps((0.0, 0.1), (3e5, 3.1e5)),
+        },
+        duration=1.2,
+    ).without_imperfections()
+    done = verify(both, linear_two, scenario)
+    assert metrics(done)["angle.steady_error"].value < math.radians(0.02)
+    assert metrics(done)["mean_pressure.steady_error"].value < 0.02e5
+
+
+def test_a_model_with_one_valve_is_refused(linear: LinearModel) -> None:
+    with pytest.raises(WorkbenchError, match="valve_1"):
+        design_angle_stiffness(linear)
