@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -25,7 +24,7 @@ BINS = 24
 
 @dataclass(frozen=True)
 class Located:
-    """The signal that the refitted nominal model lacks at a port, on held-out recordings.
+    """The signal that a model lacks at a port, on recordings that it was not fitted on.
 
     Args:
         port: Name of the port.
@@ -33,10 +32,9 @@ class Located:
         time: Times, recordings one after the other, shape (n,), in s.
         signal: Smoothed unknown input, shape (n,), in ``unit``.
         std: Its standard deviation, shape (n,), in ``unit``.
-        law: What the extended model adds there, moved parameters included, shape (n,), in
-            ``unit``; None if nothing was found.
-        own: The part of it that is the effect alone, shape (n,), in ``unit``; None likewise.
-        argument: Name of the quantity that the effect depends on most.
+        law: What the effect that was found adds there, shape (n,), in ``unit``; None if nothing
+            was found.
+        argument: Name of the quantity that the law depends on most.
         argument_unit: Its SI unit.
         argument_values: Its values, shape (n,), in ``argument_unit``.
         explained: Share of the mean square of the signal that the law takes away where the
@@ -45,7 +43,7 @@ class Located:
 
     Example:
         >>> one = np.ones(2)
-        >>> Located("axis.force", "N", one, one, one, one, one, "speed", "m/s", one).law is None
+        >>> Located("axis.force", "N", one, one, one, one, "speed", "m/s", one).law is None
         False
     """
 
@@ -55,22 +53,11 @@ class Located:
     signal: Vector
     std: Vector
     law: Vector | None
-    own: Vector | None
     argument: str
     argument_unit: str
     argument_values: Vector
     explained: float = math.nan
     recordings: tuple[str, ...] = ()
-
-    @property
-    def component(self) -> Vector:
-        """The signal less what the moved parameters account for, shape (n,), in ``unit``.
-
-        What is left if the effect alone was missing: its component plus the residual.
-        """
-        if self.law is None or self.own is None:
-            return self.signal
-        return np.asarray(self.signal - self.law + self.own)
 
     @property
     def known(self) -> npt.NDArray[np.bool_]:
@@ -81,7 +68,12 @@ class Located:
 def located_signal(
     diagnosis: Diagnosis, recordings: Sequence[Observed], ports: Sequence[str]
 ) -> tuple[Located, ...]:
-    """Estimate what the refitted nominal model lacks at some ports, and what was found to be there.
+    """Estimate what is missing at some ports, and what was found to be missing there.
+
+    If something was found, the first effect is taken out of the extended model again and the
+    recordings tell what signal is then missing at its place. The other parameters are those fitted
+    with the effect: the refitted nominal model hides part of what it lacks in wrong values of
+    them. If nothing was found, the signal is what the refitted nominal model lacks.
 
     Args:
         diagnosis: A finished diagnosis.
@@ -92,37 +84,41 @@ def located_signal(
         One signal per port.
 
     Raises:
-        NumericalError: If the refitted model cannot follow the recordings at all.
+        NumericalError: If the model without the effect cannot follow the recordings at all.
 
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> found, hold_out = example_diagnosis()
         >>> from workbench.diagnosis.observe import observe
+        >>> found, hold_out = example_diagnosis()
         >>> seen = [observe(found.nominal, recording) for recording in hold_out]
         >>> located_signal(found, seen, ["axis.force"])[0].explained > 0.5
         True
     """
-    base = diagnosis.base.model
-    shared = tuple(port for port in ports if port in {q.name for q in base.ports})
-    parts = [unknown_input(base, seen, shared) for seen in recordings]
-    laws: list[tuple[Vector, Vector]] | None = None
+    model, laws = diagnosis.base.model, None
+    if diagnosis.accepted:
+        entry = diagnosis.accepted[0][0].entry
+        extended = diagnosis.extended.model
+        model = extended.without(entry.effect.name)
+        absent = {f"{entry.effect.name}.{entry.size_parameter}": 0.0}
+    started = [extended_start(seen, diagnosis.nominal, model) for seen in recordings]
+    parts = [unknown_input(model, seen, ports) for seen in started]
     if diagnosis.accepted:
         laws = [
-            added_at_ports(base, diagnosis.extended.model, _absent(diagnosis), seen, part)
+            added_at_ports(
+                extended, absent, extended_start(seen, diagnosis.nominal, extended), model, part
+            )
             for seen, part in zip(recordings, parts, strict=True)
         ]
     starts = np.cumsum([0.0, *(part.time[-1] for part in parts[:-1])])
     time = np.concatenate([part.time + s for part, s in zip(parts, starts, strict=True)])
-    arguments = _arguments(base, parts)
+    arguments = _arguments(model, parts)
     found = []
-    for i, port in enumerate(shared):
+    for i, port in enumerate(ports):
         signal = np.concatenate([part.signal[:, i] for part in parts])
         std = np.concatenate([part.std[:, i] for part in parts])
-        law = None if laws is None else np.concatenate([both[0][:, i] for both in laws])
-        own = None if laws is None else np.concatenate([both[1][:, i] for both in laws])
-        known = _known(signal, std)
-        chosen = _argument(signal if own is None else own, arguments, known)
-        name, unit, values = chosen
+        law = None if laws is None else np.concatenate([values[:, i] for values in laws])
+        rows = _known(signal, std)
+        name, unit, values = _argument(signal if law is None else law, arguments, rows)
         found.append(
             Located(
                 port,
@@ -131,7 +127,6 @@ def located_signal(
                 signal,
                 std,
                 law,
-                own,
                 name,
                 unit,
                 values,
@@ -142,86 +137,46 @@ def located_signal(
     return tuple(found)
 
 
-def _absent(diagnosis: Diagnosis) -> dict[str, float]:
-    """Sizes of zero by parameter: the extended model without what was found."""
-    entries = [candidate.entry for candidate, _ in diagnosis.accepted]
-    return {f"{entry.effect.name}.{entry.size_parameter}": 0.0 for entry in entries}
-
-
 def added_at_ports(
-    base: Model,
     extended: Model,
     absent: Mapping[str, float],
     observed: Observed,
+    model: Model,
     missing: UnknownInput,
-) -> tuple[Vector, Vector]:
-    """Return what an extended model adds at some ports of the model it extends.
-
-    The difference of the rates (or, at a sensor, of the readings) of both models at the same
-    states, divided by the effect of a unit signal at the port. Changed parameters count as well:
-    the sum is what the unknown input of the base model has to be.
+) -> Vector:
+    """Return what an effect adds to the signals of some ports along a recording.
 
     Args:
-        base: The refitted nominal model.
-        extended: The extended model.
-        absent: Parameter values of the extended model at which its new effects are absent, in SI.
-        observed: A recording with a start for the base model.
-        missing: The unknown input of the base model on it, for ports and times.
+        extended: The model with the effect.
+        absent: Parameter values at which the effect is absent, in SI.
+        observed: A recording with a start for the extended model.
+        model: The same without the effect.
+        missing: The unknown input of the model without it, whose smoothed states are used where
+            both models have them.
 
     Returns:
-        Signals, shape (n, n_ports), in each port's unit; and the part of them that the new effects
-        add themselves.
+        What the effect adds, shape (n, n_ports), in each port's unit.
 
     Raises:
         NumericalError: If the filter cannot follow the recording.
 
     Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> found, hold_out = example_diagnosis()
-        >>> base, extended = found.base.model, found.extended.model
-        >>> from workbench.diagnosis.observe import observe
-        >>> seen = observe(found.nominal, hold_out[0])
-        >>> missing = unknown_input(base, seen, ["axis.force"])
-        >>> law, own = added_at_ports(base, extended, {}, seen, missing)
-        >>> law.shape == missing.signal.shape
-        True
+        >>> from workbench.diagnosis.example import made_up_axis
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis, seen = servo_axis(), made_up_axis(samples=50)
+        >>> bare = axis.without("coulomb_friction")
+        >>> missing = unknown_input(bare, seen, ["axis.force"])
+        >>> gone = {"coulomb_friction.level": 0.0}
+        >>> added_at_ports(axis, gone, seen, bare, missing).shape
+        (50, 1)
     """
-    started = extended_start(observed, base, extended)
     rms = {q.name: q.disturbance for q in extended.ports if q.disturbance > 0}
     filter_ = PredictionError(extended, observed.sample_time, observed.used, (), rms)
     every = round((missing.time[1] - missing.time[0]) / observed.sample_time)
-    states = filter_.run(started, extended.values).states[::every][: len(missing.time)]
-    own = [index_of("state", q.name, extended.states) for q in base.states]
-    # Where both models know a state, the smoothed one is better than the filtered one.
-    states[:, own] = missing.states
-    rows = [index_of("output", name, base.outputs) for name in observed.used]
-    there = [[q.name for q in base.ports].index(name) for name in missing.ports]
-    trace = base.exact
-    slopes = trace.function(
-        "slopes",
-        ca.densify(trace.rates_by_port[:, there]),
-        ca.densify(trace.outputs_by_port[rows, there]),
-    )
-    one, both = _both(base, missing.states, missing.inputs), _both(extended, states, missing.inputs)
-    rates = (both[0][own] - one[0]).T / np.array([q.scale for q in base.states])
-    reads = (both[1][rows] - one[1][rows]).T / np.array([base.outputs[i].scale for i in rows])
-    n = len(missing.time)
-    p = np.tile(base.values[:, None], (1, n))
-    by_rate, by_read = (
-        np.asarray(result).reshape(len(result), n, -1).transpose(1, 0, 2)
-        for result in map(np.asarray, slopes.map(n)(missing.states.T, missing.inputs.T, p))
-    )
-    by_rate = by_rate / np.array([q.scale for q in base.states])[:, None]
-    by_read = by_read / np.array([base.outputs[i].scale for i in rows])[:, None]
-    law = np.column_stack(
-        [
-            _divided(rates, by_rate[:, :, i])
-            if np.any(by_rate[:, :, i])
-            else _divided(reads, by_read[:, :, i])
-            for i in range(len(there))
-        ]
-    )
-    return law, _own(extended, absent, states, missing)
+    states = filter_.run(observed, extended.values).states[::every][: len(missing.time)]
+    shared = [index_of("state", q.name, extended.states) for q in model.states]
+    states[:, shared] = missing.states
+    return _own(extended, absent, states, missing)
 
 
 def _own(
@@ -237,22 +192,6 @@ def _own(
         for p in values
     )
     return np.asarray((there - gone).T)
-
-
-def _both(model: Model, states: Vector, inputs: Vector) -> tuple[Vector, Vector]:
-    n = len(states)
-    p = np.tile(model.values[:, None], (1, n))
-    function = model.exact.function("both", model.exact.rates, model.exact.outputs)
-    rates, outputs = function.map(n)(states.T, inputs.T, p)
-    return np.asarray(rates), np.asarray(outputs)
-
-
-def _divided(difference: Vector, direction: Vector) -> Vector:
-    """Project a difference on the direction of a port, sample by sample."""
-    square = np.sum(direction**2, axis=1)
-    # Where the port acts on nothing, nothing can be said of its signal.
-    least = 1e-6 * float(np.mean(square)) or 1.0
-    return np.asarray(np.sum(difference * direction, axis=1) / np.maximum(square, least))
 
 
 def _arguments(model: Model, parts: Sequence[UnknownInput]) -> list[tuple[str, str, Vector]]:

@@ -63,7 +63,8 @@ class Proof:
     """What the page of a diagnosis shows beyond the diagnosis itself.
 
     Args:
-        located: The located signal at each port of the first finding, or of the located group.
+        located: The signal that is missing at each port of the first finding, or of the located
+            group.
         errors: Errors of the free runs by output.
         note: Why there is no located signal; empty if there is one.
 
@@ -80,8 +81,8 @@ class Proof:
 def proof_of(diagnosis: Diagnosis, hold_out: Sequence[Recording]) -> Proof:
     """Compute what the proof page shows.
 
-    The unknown input is estimated on the held-out recordings with the refitted nominal model; the
-    law was fitted on the others. The two are therefore independent.
+    The located signal is estimated from the held-out recordings; the law beside it was fitted to
+    the others.
 
     Args:
         diagnosis: A finished diagnosis.

@@ -195,10 +195,9 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     if proof.located:
         blocks.append(
             Words(
-                "Below is what the refitted nominal model lacks at that place: a signal estimated"
-                " from the held-out recordings alone, without assuming any law. Beside it, at the"
-                " same times, stands what the extended model adds, whose law was fitted to the"
-                " other recordings."
+                "Below, the effect is taken out of the extended model again, and the held-out"
+                " recordings tell what signal is then missing at its place; no law is assumed for"
+                " that. Beside it stands the effect, whose law was fitted to the other recordings."
                 if diagnosis.accepted
                 else "Below is what the refitted nominal model lacks at that place: a signal"
                 " estimated from the held-out recordings, without assuming any law."
@@ -231,12 +230,11 @@ def _law_caption(located: Located) -> str:
     )
     if located.law is None:
         return f"{what}."
-    what += ", less what the parameters that moved account for; and the effect alone."
     if not located.explained > 0:
-        return what
+        return f"{what}; and the effect that was found."
     return (
-        f"{what} Together they take away {100 * located.explained:.0f} % of the signal's mean"
-        " square."
+        f"{what}; and the effect that was found, which takes away"
+        f" {100 * located.explained:.0f} % of the signal's mean square."
     )
 
 

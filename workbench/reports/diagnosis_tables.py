@@ -38,11 +38,9 @@ METHODS: tuple[tuple[str, str], ...] = (
     ),
     (
         "located signal",
-        "iterated extended Kalman smoother of the refitted nominal model with an unknown"
-        " signal, correlated over 0.05 s, at the port; its size is estimated with it. The law"
-        " beside it is the difference of both models' rates at the same states, divided by the"
-        " effect of a unit signal at the port: it contains the new effect and the parameters that"
-        " moved back",
+        "iterated extended Kalman smoother of the extended model without its first effect (of the"
+        " refitted nominal model where nothing was found) with an unknown signal, correlated over"
+        " 0.05 s, at the port; its size is estimated with it",
     ),
     (
         "argument of the law",

@@ -25,12 +25,12 @@ def diagnosis_law(located: Located) -> Figure:
         located: The signal.
 
     Returns:
-        The figure: a dot per time at which the readings determine the signal, less what the
-        moved parameters account for, and what the effect adds at the same times.
+        The figure: a dot per time at which the readings determine the signal, and what the effect
+        adds at the same times.
 
     Example:
         >>> x = np.linspace(-1.0, 1.0, 50)
-        >>> seen = Located("axis.force", "N", x, x, 0 * x, x, x, "speed", "rad/s", x)
+        >>> seen = Located("axis.force", "N", x, x, 0 * x, x, "speed", "rad/s", x)
         >>> diagnosis_law(seen).axes[0].get_xlabel()
         'speed in °/s'
     """
@@ -39,7 +39,7 @@ def diagnosis_law(located: Located) -> Figure:
     rows = rows[:: max(1, len(rows) // _POINTS)]
     unit, factor = readable(located.unit)
     x = located.argument_values[rows] * readable(located.argument_unit)[1]
-    y = factor * located.component[rows]
+    y = factor * located.signal[rows]
     axes.plot(
         x,
         y,
@@ -52,8 +52,8 @@ def diagnosis_law(located: Located) -> Figure:
         zorder=2,
     )
     shown = [y]
-    if located.own is not None:
-        law = factor * located.own[rows]
+    if located.law is not None:
+        law = factor * located.law[rows]
         axes.plot(
             x,
             law,
@@ -91,7 +91,7 @@ def diagnosis_signal(located: Located) -> Figure:
 
     Example:
         >>> x = np.linspace(-1.0, 1.0, 50)
-        >>> seen = Located("axis.force", "N", x + 1.0, x, 0 * x, None, None, "speed", "m/s", x)
+        >>> seen = Located("axis.force", "N", x + 1.0, x, 0 * x, None, "speed", "m/s", x)
         >>> diagnosis_signal(seen).axes[0].get_ylabel()
         'axis.force in N'
     """
@@ -108,7 +108,7 @@ def diagnosis_signal(located: Located) -> Figure:
     axes.plot(time, signal, color=MEASURED.light, linewidth=1.2, label="from the readings")
     if located.law is not None:
         law = factor * located.law[rows]
-        axes.plot(time, law, color=AFTER.light, linewidth=1.0, label="added by the extended model")
+        axes.plot(time, law, color=AFTER.light, linewidth=1.0, label="the effect that was found")
         signal = np.concatenate([signal, law])
     _limit(axes, signal)
     name = located.port.replace("_", " ")
