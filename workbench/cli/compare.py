@@ -73,7 +73,7 @@ def compare(
             wanted,
             out,
             baseline=baseline,
-            jobs=jobs or os.cpu_count() or 1,
+            jobs=(os.cpu_count() or 1) if jobs is None else jobs,
             dask=dask,
             fresh=fresh,
             progress=counter,

@@ -102,7 +102,7 @@ def report(
     else:
         counter = Counter()
         try:
-            outcome = run_study(wanted, out, jobs=jobs or os.cpu_count() or 1, progress=counter)
+            outcome = run_study(wanted, out, jobs=(os.cpu_count() or 1) if jobs is None else jobs, progress=counter)
         finally:
             counter.close()
         page = study_page(outcome)

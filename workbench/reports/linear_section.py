@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from controllers.joint_model import frequency_response
 from workbench.reports.figures.bode import bode
 from workbench.reports.figures.nyquist import nyquist
 from workbench.reports.page import Block, Section, Words
@@ -65,10 +64,13 @@ def linear_section(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Sectio
             continue
         curves = {a.where: a.response for a in outer}
         margins = [a.disk_margin for a in outer if a.stable]
+        loop_gain = bode(outer[0].frequency_Hz, curves, unit="1")
+        loop_gain.axes[0].set_ylabel("loop gain")
         blocks += [
+            Words(_sentence(name, own)),
             Picture(
                 f"bode-{index}",
-                bode(outer[0].frequency_Hz, curves, unit="1"),
+                loop_gain,
                 f"{name}: loop gain, opened at the {outer[0].opened}.",
                 f"Bode plot of the loop gain of {name}",
             ),
@@ -81,6 +83,20 @@ def linear_section(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Sectio
         ]
     blocks.append(margin_table(loops))
     return [Section("linear", "Linear analysis at every operating point", tuple(blocks))]
+
+
+def _sentence(name: str, own: list[LoopAnalysis]) -> str:
+    stable = [a for a in own if a.stable]
+    if len(stable) < len(own):
+        where = ", ".join(dict.fromkeys(a.where for a in own if not a.stable))
+        return f"{name}: no margins at {where}; the table says why."
+    least = min(stable, key=lambda a: a.disk_margin)
+    late = min(stable, key=lambda a: a.delay_margin)
+    return (
+        f"{name}: the smallest disk margin is {number(least.disk_margin, 2)} at {least.where}, "
+        f"opened at the {least.opened}; the smallest delay margin is "
+        f"{number(1e3 * late.delay_margin, 2)} ms at {late.where}, opened at the {late.opened}."
+    )
 
 
 def _command(own: list[LoopAnalysis]) -> str:
@@ -108,12 +124,20 @@ def plant_picture(study: Study) -> list[Picture]:
         linear = recipe.linear(point)
         if len(linear.input_names) != 1 or follows not in linear.output_names:
             return []
-        response, w = frequency_response(linear, (follows,), linear.input_names[0], (0.05, 50.0))
+        frequency = np.geomspace(0.05, 50.0, 400)
+        row = linear.output_names.index(follows)
+        eye = np.eye(len(linear.A))
+        response = np.array(
+            [
+                (linear.C[row] @ np.linalg.solve(2j * np.pi * f * eye - linear.A, linear.B))[0]
+                + linear.D[row, 0]
+                for f in frequency
+            ]
+        )
         where = ", ".join(
             f"{math.degrees(v):g}°" if n == "angle" else f"{n} {v:g}" for n, v in point
         )
-        curves[where] = np.degrees(1.0) * response[0] if follows == "angle" else response[0]
-        frequency = w / (2 * np.pi)
+        curves[where] = np.degrees(1.0) * response if follows == "angle" else response
     unit = "°/V" if follows == "angle" else "SI"
     return [
         Picture(

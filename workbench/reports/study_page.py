@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from workbench.model.units import from_si
 from workbench.reports.linear_section import LINEAR_METHODS, linear_section
 from workbench.reports.metrics_table import METRIC_METHODS, metrics_table
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words
@@ -19,7 +18,7 @@ from workbench.reports.study_pictures import (
 from workbench.reports.tables import Cell, Mark, Table, number
 from workbench.study.outcome import Outcome, installed_version
 from workbench.study.study import NOMINAL, Demand
-from workbench.study.summary import score_text
+from workbench.study.summary import parameter_text, score_text
 from workbench.study.verdicts import Judgement
 from workbench.verification import Metrics
 
@@ -173,7 +172,7 @@ def _list(title: str, found: Sequence[Judgement]) -> Table:
             j.scenario,
             j.variation,
             j.demand.requirement.metric,
-            Cell(j.excess(), "missed" if j.hard else "open"),
+            Cell(j.excess(), "missed" if j.hard else ""),
         )
         for j in found[:most]
     ]
@@ -196,7 +195,7 @@ def _baseline(outcome: Outcome) -> Section:
             c.key[1],
             c.metric or "run",
             c.numbers().replace("->", "→") if c.metric else c.reason,
-            Cell(c.way, "missed" if c.fails else "met" if c.way == "better" else "open"),
+            Cell(c.way, "missed" if c.fails else "met" if c.way == "better" else ""),
         )
         for c in found[:most]
     ]
@@ -299,8 +298,7 @@ def _box(outcome: Outcome) -> list[Section]:
     units = {q.name: q.unit for q in outcome.study.plant.build().parameters}
 
     def shown(name: str, value: float) -> str:
-        unit = "bar" if units[name] == "Pa" else units[name]
-        return number(float(from_si(value, unit)), unit="" if unit == "1" else unit)
+        return parameter_text(value, units[name])
 
     names = list(outcome.study.box.ranges)
     ends = ", ".join(
@@ -398,7 +396,7 @@ def _worst_cell(outcome: Outcome, demand: Demand, controller: str) -> Cell:
             p for p in ("" if demand.requirement.scenario else worst.scenario, worst.variation) if p
         )
     )
-    return Cell(text, "met" if worst.met else "missed" if hard else "open", place)
+    return Cell(text, "met" if worst.met else "missed" if hard else "", place)
 
 
 def _how(outcome: Outcome) -> Section:
@@ -450,9 +448,7 @@ def _difference(outcome: Outcome, name: str) -> str:
     before = dict(nominal.parameters)
     for key, value in plant.parameters:
         if before.get(key) != value:
-            unit = "bar" if units[key] == "Pa" else units[key]
-            text = number(float(from_si(value, unit)), unit="" if unit == "1" else unit)
-            said.append(f"{key} {text}")
+            said.append(f"{key} {parameter_text(value, units[key])}")
     if plant.noise != nominal.noise:
         said.append(f"noise x {plant.noise / nominal.noise:g}")
     return ", ".join(said)

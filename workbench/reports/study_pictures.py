@@ -207,7 +207,7 @@ def solver_picture(outcome: Outcome) -> tuple[Picture | None, Table | None]:
         "solver",
         figure,
         f"{scenario}: longest solve time among the samples that one point stands for, measured on "
-        "the machine that ran the study, and iterations.",
+        "the machine that ran the study.",
         "solve time and iterations over time",
     )
     rows = []

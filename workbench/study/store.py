@@ -63,13 +63,13 @@ class Store:
 
         Args:
             key: What `key` returned.
-            table: Plain numbers, words, lists and mappings; arrays become lists.
+            table: Plain numbers, words, lists and mappings.
 
         Raises:
             WorkbenchError: If the folder cannot be written.
         """
         self.touched.add(f"{key}.json")
-        write_whole(self.folder / f"{key}.json", json.dumps(table, default=_plain))
+        write_whole(self.folder / f"{key}.json", json.dumps(table))
 
     def record(self, task: Task) -> Record | None:
         """Return the finished run of a task, or None.
@@ -138,7 +138,3 @@ def code_digest(*own: str) -> str:
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-def _plain(value: Any) -> Any:
-    return value.tolist()

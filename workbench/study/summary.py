@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from workbench.model.units import from_si
 from workbench.study.baseline import Change
 from workbench.study.outcome import Outcome
 from workbench.study.study import NOMINAL
@@ -151,6 +152,25 @@ def score_text(value: float, *, capped: bool = False) -> str:
     return "≥ 10" if capped and value >= 10.0 else f"{value:.2f}"
 
 
+def parameter_text(value: float, unit: str) -> str:
+    """Write the value of a parameter as people read it.
+
+    Args:
+        value: The value, in ``unit``.
+        unit: Its SI unit.
+
+    Returns:
+        Three digits and a unit; pressures in bar.
+
+    Example:
+        >>> parameter_text(4.5e5, "Pa"), parameter_text(0.25, "1")
+        ('4.5 bar', '0.25')
+    """
+    shown = "bar" if unit == "Pa" else unit
+    number = float(from_si(value, shown))
+    return f"{number:.3g}" if shown == "1" else f"{number:.3g} {shown}"
+
+
 def _bold(change: Change) -> str:
     text = str(change)
     return f"**{change.key[0]}**{text[len(change.key[0]) :]}".replace("->", "→")
@@ -215,11 +235,12 @@ def _value(outcome: Outcome, controller: str, scenario: str, metric: Metric) -> 
 def _robustness(outcome: Outcome) -> list[str]:
     if not outcome.robustness:
         return []
+    units = {q.name: q.unit for q in outcome.study.plant.build().parameters}
     rows = []
     for r in outcome.robustness:
         hard = [p for p in r.probabilities if p.hard]
         weakest = min(hard, key=lambda p: p.share, default=None)
-        plant = ", ".join(f"{name} {value:.3g}" for name, value in r.worst.items())
+        plant = ", ".join(f"{n} {parameter_text(v, units[n])}" for n, v in r.worst.items())
         hurts = next(iter(r.effects.items()), ("", 0.0))
         rows.append(
             [

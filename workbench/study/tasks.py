@@ -263,9 +263,8 @@ def _traces(run: Run, controller: Controller, task: Task) -> dict[str, Any]:
         else:
             for name in run.follows:
                 found[f"linear.{name}"] = linear[name][::stride]
+    # Six digits draw any picture, and files stay small.
     return {
-        name: np.array([float(f"{v:.6g}") for v in value])
-        if isinstance(value, np.ndarray)
-        else value
+        name: [float(f"{v:.6g}") for v in value] if isinstance(value, np.ndarray) else value
         for name, value in found.items()
     }

@@ -20,7 +20,8 @@ def solver(courses: Mapping[str, tuple[Vector, Vector, Vector]], *, deadline: fl
     """Draw solve times and iterations over time.
 
     Args:
-        courses: Times in s, solve times in s and iterations, shape (n,) each, by controller.
+        courses: Times in s, solve times in s and iterations, shape (n,) each, by controller;
+            iterations that no solver tells are NaN and not drawn.
         deadline: Sample time, in s.
 
     Returns:
@@ -32,17 +33,24 @@ def solver(courses: Mapping[str, tuple[Vector, Vector, Vector]], *, deadline: fl
         >>> [axes.get_ylabel() for axes in figure.axes]
         ['solve time in ms', 'iterations']
     """
-    figure, (times, iterations) = new_figure([1.6, 1.1])
+    counted = any(
+        np.isfinite(np.asarray(count, dtype=float)).any() for _, _, count in courses.values()
+    )
+    figure, panels = new_figure([1.8, 1.1] if counted else [2.4])
+    times = panels[0]
     shades = colours(courses)
     for name, (time, seconds, count) in courses.items():
         shade = shades[name].light
         times.semilogy(time, 1e3 * np.asarray(seconds), color=shade, linewidth=1.0, label=name)
-        iterations.step(time, count, where="post", color=shade, linewidth=1.0)
+        if counted:
+            panels[1].step(time, count, where="post", color=shade, linewidth=1.0)
     times.axhline(
         1e3 * deadline, color=REFERENCE.light, linewidth=1.0, linestyle="--", label="sample time"
     )
     label(times, y="solve time in ms")
-    label(iterations, x="time in s", y="iterations")
+    if counted:
+        label(panels[1], y="iterations")
+    label(panels[-1], x="time in s")
     key(times)
     figure.align_ylabels()
     return figure

@@ -1,0 +1,124 @@
+"""``compare``, ``bless`` and ``report``: what turns red, what accepts it, what is written."""
+
+from __future__ import annotations
+
+import json
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+
+from tests.study.small_study import WORSE, small_study
+from workbench.cli.main import REQUIREMENTS_MISSED, WRONG_USE, run
+
+FILES = {"results.json", "summary.md", "junit.xml", "report.html"}
+
+
+def compare(study: Path, out: Path, *more: str) -> int:
+    return run(["compare", str(study), "--out", str(out), "--jobs", "1", *more])
+
+
+@pytest.mark.system
+def test_a_worse_controller_is_red_and_says_why_then_an_improved_one_is_blessed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    study, out, baseline = small_study(tmp_path), tmp_path / "out", tmp_path / "b.json"
+    assert compare(study, out) == 0
+    assert {p.name for p in out.iterdir()} == FILES | {"runs"}
+    assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
+    assert "2 runs of study small as the first baseline" in capsys.readouterr().out
+    assert compare(study, out, "--baseline", str(baseline)) == 0
+
+    # Deliberately slower: hard requirement and baseline both say so.
+    worse = small_study(tmp_path, WORSE)
+    assert compare(worse, out, "--baseline", str(baseline)) == REQUIREMENTS_MISSED
+    said = capsys.readouterr().out
+    summary = (out / "summary.md").read_text(encoding="utf-8")
+    results = json.loads((out / "results.json").read_text(encoding="utf-8"))
+    missed = [r for r in results["requirements"] if r["hard"] and not r["met"]]
+    assert {r["variation"] for r in missed} == {"nominal", "4 kg"}
+    first = next(line for line in summary.splitlines() if line.startswith("- **pid**"))
+    worst = max(missed, key=lambda r: r["score"] if r["score"] is not None else 1e9)
+    assert f"step, {worst['variation']}: settling_time" in first
+    if worst["value"] is not None:
+        assert f"{100 * (worst['value'] / 0.6 - 1):.3g} % over the limit of 0.6 s" in first
+    assert "### Worse than the baseline" in summary and "small FAILED" in said
+    root = ET.parse(out / "junit.xml").getroot()
+    failures = root.findall(".//failure")
+    assert len(failures) == int(root.get("failures", "0")) >= 3
+
+    # It also fails where only the baseline is worse.
+    loose = small_study(tmp_path, WORSE, ("limit = 0.6", "limit = 60"))
+    assert compare(loose, out, "--baseline", str(baseline)) == REQUIREMENTS_MISSED
+    # Accepting it is one command, which shows what it accepts; then all is green.
+    capsys.readouterr()
+    assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
+    said = capsys.readouterr().out
+    assert "settling_time" in said and "worse" in said and "0 better" not in said.split(":")[0]
+    assert compare(loose, out, "--baseline", str(baseline)) == 0
+    # An improvement does not fail, and is blessed by the same command. Being faster costs air and
+    # overshoot, which this study says it does not mind.
+    given_up = "".join(
+        f"[tolerances.{m}]\ngates = false\n" for m in ("overshoot", "chatter", "air")
+    )
+    better = small_study(
+        tmp_path, ("limit = 0.6", "limit = 60"), ("hard = false\n", f"hard = false\n{given_up}")
+    )
+    assert compare(better, out, "--baseline", str(baseline)) == 0
+    assert "Better than the baseline" in (out / "summary.md").read_text(encoding="utf-8")
+    assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
+    assert "better" in capsys.readouterr().out
+
+
+@pytest.mark.system
+def test_linear_analysis_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    study, out = small_study(tmp_path), tmp_path / "margins"
+    arguments = ["report", str(study), "--bode", "--angle", "20deg", "--angle", "40deg"]
+    assert run([*arguments, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert said.count("disk margin") == 4 and "20°" in said and "40°" in said
+    names = {p.name for p in (out / "pictures").iterdir()}
+    assert {"bode-1.png", "bode-1.svg", "nyquist-1.png", "nyquist-1.svg"} <= names
+    assert not (out / "runs").exists() and "Nyquist" in (out / "report.html").read_text("utf-8")
+
+
+CASES = {
+    "no study": (["compare", "nowhere.toml", "--out", "out"], "cannot be read"),
+    "unknown shipped study": (["compare", "arms", "--out", "out"], "did you mean 'arm'"),
+    "no baseline": (
+        ["compare", "STUDY", "--out", "out", "--baseline", "b.json"],
+        "workbench bless",
+    ),
+    "no processes": (["compare", "STUDY", "--out", "out", "--jobs", "0"], "number of processes"),
+    "no results": (["bless", "nowhere", "--baseline", "b.json"], "workbench compare"),
+    "unknown controller": (["report", "STUDY", "--bode", "-c", "pd", "--out", "out"], "'pd'"),
+    "angle outside": (["report", "STUDY", "--bode", "--angle", "95deg", "--out", "out"], "95 deg"),
+    "controller without bode": (["report", "STUDY", "-c", "pid", "--out", "out"], "add --bode"),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_wrong_use(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words, sentence = CASES[name]
+    study = small_study(tmp_path)
+    assert run([str(study) if word == "STUDY" else word for word in words]) == WRONG_USE
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert error.startswith("workbench: ") and sentence in error
+    assert not (tmp_path / "out").exists() and not (tmp_path / "b.json").exists()
+
+
+def test_a_baseline_of_another_study_is_not_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, baseline = tmp_path / "out", tmp_path / "b.json"
+    assert compare(small_study(tmp_path), out) == 0
+    assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
+    before = baseline.read_text(encoding="utf-8")
+    other = small_study(tmp_path, ('name = "small"', 'name = "other"'))
+    assert compare(other, out) == 0
+    assert run(["bless", str(out), "--baseline", str(baseline)]) == WRONG_USE
+    assert "is the baseline of study 'small'" in capsys.readouterr().err
+    assert baseline.read_text(encoding="utf-8") == before

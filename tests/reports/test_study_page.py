@@ -1,0 +1,147 @@
+"""The page of a study in a real browser: nothing overflows, overlaps or is missing."""
+
+from __future__ import annotations
+
+import html as entities
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from workbench.reports.page import Page, html
+from workbench.reports.style import PAPER
+from workbench.reports.study_page import study_page
+from workbench.study.outcome import Outcome, run_study
+from workbench.study.schema import load_study
+from workbench.study.shipped import shipped_study
+
+BROWSER = next(
+    (p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None
+)
+
+MEASURE = """
+<script>
+addEventListener("load", () => {
+  const inner = document.querySelector("iframe").contentDocument;
+  const width = inner.documentElement.clientWidth;
+  const name = e => e.tagName + ": " + e.textContent.trim().slice(0, 40);
+  const outside = [...inner.querySelectorAll("body *")].filter(e => {
+    const box = e.getBoundingClientRect();
+    return !e.closest("svg *") && box.width > 0 && (box.right > width + 1 || box.left < -1);
+  }).map(name);
+  const cells = [...inner.querySelectorAll("td, th, p, pre, h1, h2, figcaption")].filter(
+    e => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== "inline").map(name);
+  const share = (a, b) => {
+    const w = Math.min(a.right, b.right) - Math.max(a.left, b.left);
+    const h = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
+    if (w <= 0 || h <= 0) return 0;
+    return w * h / Math.min(a.width * a.height, b.width * b.height);
+  };
+  const overlaps = (elements, limit) => {
+    const found = [];
+    const boxes = elements.map(e => e.getBoundingClientRect());
+    for (let i = 0; i < boxes.length; i++) for (let j = 0; j < i; j++)
+      if (share(boxes[i], boxes[j]) > limit) found.push(name(elements[j]) + " | " + name(elements[i]));
+    return found;
+  };
+  let overlap = overlaps([...inner.querySelectorAll("section")], 0);
+  for (const section of inner.querySelectorAll("section"))
+    overlap = overlap.concat(overlaps([...section.querySelectorAll("figure, table, p, pre")], 0));
+  // Boxes of text are a little larger than its letters.
+  for (const svg of inner.querySelectorAll("svg"))
+    overlap = overlap.concat(overlaps([...svg.querySelectorAll("text")], 0.25));
+  const empty = [...inner.querySelectorAll("svg")].filter(
+    e => e.getBoundingClientRect().height < 80 || e.querySelectorAll("path").length < 5).length;
+  const texts = [...inner.querySelectorAll("svg text")].map(e => e.getBoundingClientRect().height);
+  document.body.textContent = JSON.stringify({
+    width, content: inner.documentElement.scrollWidth, outside, cells, overlap, empty,
+    pictures: inner.querySelectorAll("svg").length, text: Math.min(...texts),
+    ground: getComputedStyle(inner.querySelector("section")).backgroundColor,
+  });
+});
+</script>
+"""
+
+
+@pytest.fixture(scope="module")
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+    """The shipped study with fewer runs, one of which fails, and one requirement that is missed."""
+    place = tmp_path_factory.mktemp("study")
+    text = shipped_study("arm").read_text(encoding="utf-8")
+    text = re.sub(r'\[variations\."(?:4\.5 bar|late angle, noise x 2)"\]\n(?:.+\n)+', "", text)
+    text = re.sub(r"\[scenarios\.sine[^\0]*?(?=\[scenarios\.disturbed\])", "", text)
+    text = text.replace('scenario = "sine"\n', "").replace("draws = 16", "draws = 4")
+    text = text.replace("search = 8", "search = 1").replace("limit = 0.8", "limit = 0.29")
+    broken = '[controllers.broken]\ndesign = "tests.study.own_designs:fails"\n\n[scenarios.st'
+    text = text.replace("[scenarios.st", broken, 1)
+    path = place / "arm.toml"
+    path.write_text(text, encoding="utf-8")
+    baseline = shipped_study("arm").with_name("arm.baseline.json")
+    return run_study(load_study(path), place / "out", baseline=baseline)
+
+
+@pytest.fixture(scope="module")
+def page(outcome: Outcome) -> Page:
+    return study_page(outcome)
+
+
+@pytest.mark.system
+def test_every_part_is_there(outcome: Outcome, page: Page) -> None:
+    names = [section.name for section in page.sections]
+    assert names == ["verdict", "baseline", "scenario-1", "scenario-2", "sliding", "solver",
+                     "linear", "robustness", "requirements", "how"]  # fmt: skip
+    pictures = {picture.name for picture in page.pictures}
+    assert {"tracking-1", "pressures-1", "portrait-2", "surface-2", "solver", "plant-bode",
+            "bode-1", "nyquist-3", "box-scores"} <= pictures  # fmt: skip
+    text = html(page)
+    assert "ZeroDivisionError: gain is zero" in text and "✗" in text
+    assert page.marks["missed"] > 0 and not outcome.passed
+    assert "src=" not in text and "http" not in text.replace("http-equiv", "")
+
+
+def measured(page: Page, width: int, folder: Path, *, dark: bool = False) -> dict[str, object]:
+    frame = (
+        f'<iframe style="width:{width}px;height:900px;border:0"'
+        f' srcdoc="{entities.escape(html(page))}"></iframe>'
+    )
+    path = folder / "frame.html"
+    path.write_text(f"<!doctype html><body>{frame}{MEASURE}</body>", encoding="utf-8")
+    assert BROWSER is not None
+    done = subprocess.run(
+        [
+            BROWSER,
+            "--headless",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--window-size=1600,1000",
+            f"--user-data-dir={folder / 'profile'}",
+            f"--blink-settings=preferredColorScheme={0 if dark else 1}",
+            "--dump-dom",
+            path.as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=True,
+    )
+    found = re.search(r"<body>(\{.*\})</body>", done.stdout, re.DOTALL)
+    assert found, done.stdout[-500:]
+    return dict(json.loads(entities.unescape(found[1])))
+
+
+@pytest.mark.system
+@pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
+@pytest.mark.parametrize(("width", "dark"), [(390, True), (1280, False)])
+def test_in_a_browser(page: Page, width: int, dark: bool, tmp_path: Path) -> None:
+    found = measured(page, width, tmp_path, dark=dark)
+    assert found["content"] == found["width"]
+    assert found["outside"] == [] and found["cells"] == [] and found["overlap"] == []
+    assert found["pictures"] == len(page.pictures) and found["empty"] == 0
+    # The smallest text of a picture, exponents of ten, on a phone.
+    assert float(str(found["text"])) > 6.0
+    ground = PAPER.dark if dark else PAPER.light
+    channels = [int(ground[i : i + 2], 16) for i in (1, 3, 5)]
+    assert found["ground"] == f"rgb({channels[0]}, {channels[1]}, {channels[2]})"

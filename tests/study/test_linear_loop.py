@@ -1,0 +1,84 @@
+"""Margins of opened loops against python-control and against changed loops."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import control as ct
+import numpy as np
+import pytest
+
+from controllers.mpc import design_mpc
+from controllers.pid import CascadePID, design_pid
+from controllers.sensitivity import loop_matrices, peak_sensitivities
+from controllers.sliding_mode import design_sliding_mode
+from workbench.linearisation import LinearModel, linearise
+from workbench.operating_point import operating_point
+from workbench.plants.arm import arm
+from workbench.study.linear_loop import analyse_loop
+
+
+@pytest.fixture(scope="module")
+def linear() -> LinearModel:
+    plant = arm(3).without("bearing_friction")
+    return linearise(operating_point(plant, {"angle": math.radians(30)}), verdict=False)
+
+
+def opened_at_the_command(controller: Any, linear: LinearModel) -> ct.StateSpace:
+    """Return plant and controller in series, built by python-control."""
+    A, B, C, F, G, H, J = loop_matrices(controller, linear)
+    h = controller.sample_time
+    plant = ct.ss(A, B, C, np.zeros((len(C), 1)), h)
+    law = ct.ss(F, G, H, J, h)
+    return -(law * plant)
+
+
+def test_margins_agree_with_python_control(linear: LinearModel) -> None:
+    pid = design_pid(linear)
+    found = analyse_loop(pid, linear, points=4000)[1]
+    loop = opened_at_the_command(pid, linear)
+    omega = np.geomspace(0.3, 0.98 * math.pi / pid.sample_time, 4000)
+    response = loop(np.exp(1j * omega * pid.sample_time))
+    gain, phase = ct.stability_margins(ct.FRD(response, omega, smooth=True))[:2]
+    assert found.gain_margin == pytest.approx(gain, rel=2e-3)
+    assert math.degrees(found.phase_margin) == pytest.approx(phase, abs=0.05)
+    disk, disk_gain_dB, disk_phase = ct.disk_margins(loop, omega)
+    assert found.disk_margin == pytest.approx(disk, rel=2e-3)
+    assert 20 * math.log10(found.disk_gain_margin) == pytest.approx(disk_gain_dB, rel=3e-3)
+    assert math.degrees(found.disk_phase_margin) == pytest.approx(disk_phase, rel=3e-3)
+
+
+@pytest.mark.parametrize("design", [design_pid, design_sliding_mode])
+def test_peaks_agree_with_the_design(design: Any, linear: LinearModel) -> None:
+    controller = design(linear)
+    outer = analyse_loop(controller, linear)[0]
+    ms, mt = peak_sensitivities(controller, linear)
+    # The grids have 600 and 300 frequencies.
+    assert outer.sensitivity == pytest.approx(ms, rel=5e-3)
+    assert outer.complementary == pytest.approx(mt, rel=5e-3)
+
+
+def test_an_mpc_has_margins_too(linear: LinearModel) -> None:
+    outer, command = analyse_loop(design_mpc(linear), linear)
+    assert outer.stable and command.stable
+    assert 1.0 < command.sensitivity < 3.0 and command.delay_margin > 0.002
+
+
+def test_the_gain_margin_is_where_the_loop_becomes_unstable(linear: LinearModel) -> None:
+    pid = design_pid(linear)
+    margin = analyse_loop(pid, linear, points=4000)[0].gain_margin
+
+    def scaled(factor: float) -> CascadePID:
+        # All outer gains act on the angle alone.
+        return replace(
+            pid,
+            proportional=factor * pid.proportional,
+            integral=factor * pid.integral,
+            derivative=factor * pid.derivative,
+        )
+
+    assert analyse_loop(scaled(0.99 * margin), linear)[0].stable
+    unstable = analyse_loop(scaled(1.01 * margin), linear)[0]
+    assert not unstable.stable and "unstable" in unstable.reason
