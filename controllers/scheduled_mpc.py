@@ -189,7 +189,7 @@ def design_scheduled_mpc(
     schedule: JointSchedule,
     *,
     radius: float = 45.0,
-    integral: float = 12.0,
+    integral: float = 0.27,
     move_weight: float = 0.02,
     jerk_share: float = 0.7,
     jerk_limit: float = 1800.0,
@@ -208,7 +208,7 @@ def design_scheduled_mpc(
     Args:
         schedule: The joint over angle and mean pressure, for the known load.
         radius: Radius w of the unconstrained closed-loop poles, in rad/s.
-        integral: Speed w_i of the integral action, in rad/s.
+        integral: Speed w_i of the integral action as a fraction of the radius.
         move_weight: Weight of a change of the opening against one of the opening, a ratio.
         jerk_share: Share of the valve's opening that a planned move may use, 0..1.
         jerk_limit: Largest planned jerk, in rad/s3.
@@ -237,7 +237,7 @@ def design_scheduled_mpc(
     """
     h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
     w = check_range("radius of the poles", radius, 0.1, 0.5 / h, "rad/s")
-    check_range("speed of the integral action", integral, 1e-3, w, "rad/s")
+    speed = w * check_range("speed of the integral action", integral, 1e-3, 1.0)
     check_range("prediction time", prediction_time, h, 10.0, "s")
     low, high = pressure_limits
     check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")
@@ -253,7 +253,7 @@ def design_scheduled_mpc(
             ]
         )
         # The limited output is the pressure difference's error, in Pa.
-        C = np.array([[1.0, 0.0, 0.0, integral], [0.0, 0.0, 1.0 / joint.b, 0.0]])
+        C = np.array([[1.0, 0.0, 0.0, speed], [0.0, 0.0, 1.0 / joint.b, 0.0]])
         predictions.append(
             condense(
                 A,

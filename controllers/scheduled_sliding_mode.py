@@ -178,11 +178,9 @@ class ScheduledSlidingMode:
         ) + (joint.e * look.speed + joint.d * (look.difference - joint.difference)) / joint.g
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
-        following = (
-            *front,
-            q + free * h * x,
-            twist + free * h * 1.1 * self.rate_bound * side,
-        )
+        twisted = 1.1 * self.rate_bound * side if self.kind == "super-twisting" else 0.0
+        summed = 0.0 if self.kind == "boundary layer" else x
+        following = (*front, q + free * h * summed, twist + free * h * twisted)
         info = {"opening": clipped, "surface": surface, "plan": look.plan.angle}
         return (self.valve.command(clipped, arithmetic),), following, info
 

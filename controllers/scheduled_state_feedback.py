@@ -157,7 +157,7 @@ def design_scheduled_state_feedback(
     schedule: JointSchedule,
     *,
     radius: float = 45.0,
-    integral: float = 15.0,
+    integral: float = 0.33,
     jerk_share: float = 0.7,
     jerk_limit: float = 1800.0,
     angle_noise: float = 2e-5,
@@ -173,7 +173,7 @@ def design_scheduled_state_feedback(
     Args:
         schedule: The joint over angle and mean pressure, for the known load.
         radius: Radius w of the closed-loop poles, in rad/s.
-        integral: Speed w_i of the integral action, in rad/s.
+        integral: Speed w_i of the integral action as a fraction of the radius.
         jerk_share: Share of the valve's opening that a planned move may use, 0..1.
         jerk_limit: Largest planned jerk, in rad/s3.
         angle_noise: Noise rms of the measured angle, in rad.
@@ -200,7 +200,7 @@ def design_scheduled_state_feedback(
 
     h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
     w = check_range("radius of the poles", radius, 0.1, 0.5 / h, "rad/s")
-    check_range("speed of the integral action", integral, 0.0, w, "rad/s")
+    speed = w * check_range("speed of the integral action", integral, 1e-3, 1.0)
     columns = []
     for joint in schedule.models(mean_pressure):
         # Pressure difference in units of the acceleration it makes: every state of similar size.
@@ -214,7 +214,7 @@ def design_scheduled_state_feedback(
         )
         b = np.array([[0.0], [0.0], [-joint.opening_to_jerk], [0.0]])
         phi, gamma = held(a, b, h)
-        weight = np.diag([w**6, 0.0, 0.0, (integral * w**3) ** 2])
+        weight = np.diag([w**6, 0.0, 0.0, (speed * w**3) ** 2])
         gain = np.asarray(ct.dlqr(phi, gamma, weight, [[joint.opening_to_jerk**2]])[0]).ravel()
         gain[2] *= joint.b
         columns.append(gain)

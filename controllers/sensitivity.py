@@ -160,4 +160,19 @@ def loop_matrices(
     at_rest = tuple(values[name] for name in controller.sensors)
     wanted = tuple(values[name] for name in controller.follows)
     F, G, H, J = controller_matrices(controller, at_rest, wanted * (1 + controller.preview))
-    return A, B, C[rows], F, G, H, J
+    moved = _moved_by_measurement(F, G)
+    return A, B, C[rows], F[np.ix_(moved, moved)], G[moved], H[:, moved], J
+
+
+def _moved_by_measurement(F: Matrix, G: Matrix) -> npt.NDArray[np.int64]:
+    """Return the states that measurements reach.
+
+    A planner of the reference may hold or integrate on its own; it is no part of the loop, and its
+    eigenvalues of one say nothing about it.
+    """
+    size = np.maximum(np.max(np.abs(np.hstack([F, G])), axis=1, keepdims=True), 1e-300)
+    link = np.abs(F) / size > 1e-9
+    reached = np.any(np.abs(G) / size > 1e-9, axis=1)
+    for _ in range(len(F)):
+        reached |= link @ reached
+    return np.flatnonzero(reached)

@@ -10,6 +10,7 @@ import typer
 
 from workbench.cli.bless import bless
 from workbench.cli.compare import compare
+from workbench.cli.controllers import controllers
 from workbench.cli.demo import demo
 from workbench.cli.diagnose import diagnose
 from workbench.cli.force_map import force_map
@@ -54,6 +55,7 @@ for _verb in (
     diagnose,
     prove,
     compare,
+    controllers,
     bless,
     report,
 ):

@@ -1,0 +1,104 @@
+"""The fastest design of a family within limits on the sensitivity peaks, at several loads at once.
+
+A design with one number for its speed is made anew from fast to slow until, on every linear model
+given, the sampled loop has
+
+    Ms = max |1 / (1 + L)| <= maximum_sensitivity,   Mt = max |L / (1 + L)| <= maximum_complementary
+
+Models at several angles, and at the load that the design must bear without knowing it, make the
+margin a promise about the plant rather than about one operating point.
+
+Source: Åström and Hägglund, Advanced PID Control, 2006, section 4.6 (limits on Ms and Mt).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+from controllers.protocol import Controller
+from controllers.sensitivity import peak_sensitivities
+from workbench.errors import WorkbenchError, check_range
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+C = TypeVar("C", bound=Controller)
+
+
+@dataclass(frozen=True)
+class MarginedDesign(Generic[C]):
+    """A design and its margins.
+
+    Args:
+        controller: The controller.
+        speed: The number for its speed, in rad/s.
+        sensitivity: Largest Ms over the models, a ratio.
+        complementary: Largest Mt over the models, a ratio.
+
+    Example:
+        >>> list(MarginedDesign.__dataclass_fields__)[1]
+        'speed'
+    """
+
+    controller: C
+    speed: float
+    sensitivity: float
+    complementary: float
+
+
+def largest_bandwidth(
+    design: Callable[[float], C],
+    models: Sequence[LinearModel],
+    speeds: Sequence[float],
+    *,
+    maximum_sensitivity: float = 2.0,
+    maximum_complementary: float = 1.9,
+) -> MarginedDesign[C]:
+    """Find the fastest design within the limits on every model.
+
+    Args:
+        design: Makes a controller for a speed in rad/s.
+        models: Linear models on which the limits hold.
+        speeds: Speeds to try, from fast to slow, in rad/s.
+        maximum_sensitivity: Limit on Ms, a ratio.
+        maximum_complementary: Limit on Mt, a ratio.
+
+    Returns:
+        The first design within the limits.
+
+    Raises:
+        WorkbenchError: If no speed meets the limits.
+
+    Example:
+        >>> from controllers.pid import CascadePID
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.arm import arm
+        >>> model = linearise(operating_point(arm(3), {"angle": 0.5236}), verdict=False)
+        >>> make = lambda w: CascadePID(600 * w * w, 100 * w**3, 1e3 * w, inner=2.7e-6)
+        >>> found = largest_bandwidth(make, [model], [300.0, 30.0, 20.0])
+        >>> found.speed < 300, found.sensitivity <= 2.0
+        (True, True)
+    """
+    check_range("limit on Ms", maximum_sensitivity, 1.05, 10.0)
+    check_range("limit on Mt", maximum_complementary, 1.0, 10.0)
+    if not models or not speeds:
+        raise WorkbenchError("a design under limits needs at least one model and one speed")
+    ms = mt = float("nan")
+    for speed in speeds:
+        controller = design(speed)
+        ms = mt = 0.0
+        for model in models:
+            peaks = peak_sensitivities(controller, model)
+            ms, mt = max(ms, peaks[0]), max(mt, peaks[1])
+            if ms > maximum_sensitivity or mt > maximum_complementary:
+                break
+        else:
+            return MarginedDesign(controller, speed, ms, mt)
+    raise WorkbenchError(
+        f"no speed from {speeds[0]:g} to {speeds[-1]:g} rad/s meets Ms <= {maximum_sensitivity:g}"
+        f" and Mt <= {maximum_complementary:g} on all {len(models)} models (at the last, Ms is"
+        f" {ms:.3g} and Mt {mt:.3g}); allow larger peaks, or design for a load nearer to the models"
+    )

@@ -1,0 +1,341 @@
+"""The page of the comparison: tables, pictures, what physics prevents and how it was found."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from workbench.benchmark.cases import BEGIN, CASES, CHANGES, HOLD, STEPS_DEG, VARIATIONS
+from workbench.benchmark.figures import pressure_drift, tracking_errors
+from workbench.benchmark.run import Comparison, Curves
+from workbench.benchmark.table import (
+    GOALS,
+    SETTLING_15_S,
+    changes_table,
+    comparison_table,
+    fast_table,
+    figures_of,
+    margins_table,
+    results,
+)
+from workbench.files import write_whole
+from workbench.reports.figures.steps import ClosedLoopCurves, closed_loop_steps
+from workbench.reports.page import Commands, Method, Page, Section, Words, write_page
+from workbench.reports.pictures import Picture, save
+from workbench.reports.results import json_text
+from workbench.reports.tables import Cell, Table, number
+
+DRAWN_STEP = 3
+"""Index of the step that is drawn: 20° to 35°."""
+
+
+def comparison_page(comparison: Comparison, *, minutes: float = math.nan) -> Page:
+    """Build the page.
+
+    Args:
+        comparison: What was found.
+        minutes: How long the comparison took, in minutes (60 s).
+
+    Returns:
+        The page.
+
+    Example:
+        >>> comparison_page.__name__
+        'comparison_page'
+    """
+    nominal = comparison_table(comparison, nominal=True)
+    worst = comparison_table(comparison, nominal=False)
+    sections = (
+        Section(
+            "figures",
+            "What every family reaches",
+            (
+                Words(
+                    "Each controller was designed from linear models of the nominal plant for its "
+                    "known load, without muscle hysteresis and without any of the variations, and "
+                    "ran unchanged on the full plant at 500 Hz with sensor noise, 12-bit "
+                    f"converters and muscle hysteresis of 10 N + 7 N/bar. Variations: "
+                    f"{', '.join(VARIATIONS[1:])}."
+                ),
+                nominal,
+                worst,
+                changes_table(comparison),
+            ),
+        ),
+        Section("pictures", "Steps and sines", tuple(_pictures(comparison))),
+        Section(
+            "physics",
+            "What is not reached, and what prevents it",
+            (
+                missed_table(comparison),
+                *(Words(text) for text in _reasons(comparison)),
+                fast_table(comparison),
+                limits_table(comparison),
+            ),
+        ),
+        Section("margins", "How close to the edge", (margins_table(comparison),)),
+        Section(
+            "method",
+            "How it was done",
+            (
+                Method(METHOD),
+                Commands(("workbench controllers --out controllers",)),
+            ),
+        ),
+    )
+    facts = [("seed", str(comparison.seed)), ("runs", str(len(comparison.figures)))]
+    if math.isfinite(minutes):
+        facts.append(("duration", f"{minutes:.1f} min"))
+    return Page(
+        "Controllers on the full plant",
+        f"{len(comparison.families)} families, {len(comparison.cases)} loads,"
+        f" {len(VARIATIONS)} plants each: settling, errors, air, and the distance to what physics"
+        " allows.",
+        sections,
+        tuple(facts),
+    )
+
+
+METHOD = (
+    (
+        "design",
+        "joint models fitted to linear models at 13 angles and two mean pressures, gains and "
+        "feedforward interpolated; the fastest design of each family within limits on Ms and Mt "
+        "at the known and at the changed load",
+    ),
+    (
+        "steps",
+        f"a staircase over {', '.join(f'{a:g}' for a in STEPS_DEG)}°, {HOLD:g} s each; per size the "
+        "worst step counts",
+    ),
+    ("settling", "time from the step of the reference until the angle stays within 2 % of the step"),
+    (
+        "settling / limit",
+        "settling time over the time-optimal entry into the same band of the plant without "
+        "hysteresis, same step; the largest over the three sizes",
+    ),
+    ("steady error, swing", "mean, and half of highest minus lowest, in the last 0.5 s of each step"),
+    (
+        "rmse",
+        "of reference minus angle after half a period; a sine starts at full speed, which no arm at "
+        "rest can follow. The figure over the whole run is in results.json as rmse_from_rest",
+    ),
+    ("chatter, air", "total variation of the voltage per second; air drawn during the staircase"),
+    ("mean bar", "lowest and highest mean of the two pressures during the staircase"),
+)
+
+
+def limits_table(comparison: Comparison) -> Table:
+    """Build the table of physical limits.
+
+    Args:
+        comparison: What was found.
+
+    Returns:
+        Time-optimal moves per load and size of step, in s.
+
+    Example:
+        >>> limits_table(Comparison({}, {}, {}, {}, 0)).rows
+        ()
+    """
+    rows = []
+    for case in comparison.cases:
+        cells = []
+        for size in (5, 15, 30):
+            limit = comparison.limits.get((case, size))
+            cells.append(
+                Cell(number(limit.value), reason=limit.reason)
+                if limit
+                else Cell("–", reason="not computed")
+            )
+        rows.append((case, *cells))
+    return Table(
+        "Physical limit: time-optimal moves of the full plant into the 2 % band",
+        ("load", "35° to 30°, s", "20° to 35°, s", "5° to 35°, s"),
+        tuple(rows),
+        "Valve fully open one way, then the other, known to the last parameter, without hysteresis"
+        " and noise.",
+    )
+
+
+NAMES = {
+    "overshoot_percent": ("overshoot", "%"),
+    "steady_deg": ("steady error", "°"),
+    "swing_deg": ("swing", "°"),
+    "rmse_0.2_Hz_deg": ("rmse at 0.2 Hz", "°"),
+    "rmse_0.5_Hz_deg": ("rmse at 0.5 Hz", "°"),
+    "rmse_1_Hz_deg": ("rmse at 1 Hz", "°"),
+    "ratio": ("settling / limit", ""),
+    "fallbacks": ("fallbacks", ""),
+    "stop_impacts": ("stop impacts", ""),
+}
+
+
+def missed_table(comparison: Comparison) -> Table:
+    """List every goal that is missed.
+
+    Args:
+        comparison: What was found.
+
+    Returns:
+        Load, family, figure, nominal and worst value, goal.
+
+    Example:
+        >>> missed_table(Comparison({}, {}, {}, {}, 0)).rows
+        ()
+    """
+    rows = []
+    for case in comparison.cases:
+        goals = dict(GOALS)
+        goals["settling_15_s"] = next(
+            (g for load, g in SETTLING_15_S.items() if case.startswith(load)), math.inf
+        )
+        for family in comparison.families:
+            first = figures_of(comparison, family, case, nominal=True)
+            last = figures_of(comparison, family, case, nominal=False)
+            for name, goal in goals.items():
+                if name not in last or last[name].value <= goal:
+                    continue
+                if math.isnan(last[name].value) and "limit" in last[name].reason:
+                    continue
+                what, unit = NAMES.get(name, ("settling 15°", "s"))
+                rows.append(
+                    (
+                        case,
+                        family,
+                        what,
+                        number(first[name].value),
+                        number(last[name].value),
+                        f"{goal:g} {unit}".strip(),
+                    )
+                )
+    note = "" if rows else "Every goal is reached in every variation."
+    return Table(
+        "Goals that are missed",
+        ("load", "family", "figure", "nominal", "worst", "goal"),
+        tuple(rows),
+        note,
+    )
+
+
+def _reasons(comparison: Comparison) -> list[str]:
+    """Say what physics prevents, as far as the runs show it."""
+    found = [
+        "Inertia. The empty arm has 0.056 kg m²; one kilogram more makes it 0.192 kg m². A design "
+        "that does not know of it either plans moves that the light arm could make, and overshoots "
+        "with the kilogram, or plans for the heavier arm and stays behind the light arm's limit. "
+        "The table below shows both on the same plants.",
+        "Small steps. The 2 % band of a 5° step is ±0.1°: friction and hysteresis turn around "
+        "within it, and the time-optimal move, which knows of neither, ends before a feedback with "
+        "margins (Ms at most 2) has seen the error.",
+        "The mean pressure. One 5/3 valve commands the pressure difference only; the mean drifts "
+        "between the bounds in the last column of the tables with every move, and stiffness with "
+        "it. The designs measure it and interpolate over it, but cannot choose it.",
+    ]
+    late = [
+        f"{family}, {case}"
+        for family in comparison.families
+        for case in comparison.cases
+        if (family, case, "one sample late") in comparison.figures
+        and not comparison.figures[family, case, "one sample late"]["swing_deg"].value
+        <= GOALS["swing_deg"]
+    ]
+    if late:
+        found.append(
+            "Delay. With every command 2 ms late, these limit-cycle: "
+            f"{'; '.join(late)}. The rig must answer within the sample."
+        )
+    return found
+
+
+def _pictures(comparison: Comparison) -> list[Picture]:
+    found = []
+    begin = BEGIN + HOLD * DRAWN_STEP
+    for case in comparison.cases:
+        runs = {
+            family: comparison.curves[family, case, "steps"]
+            for family in comparison.families
+            if (family, case, "steps") in comparison.curves
+        }
+        if not runs:
+            continue
+        first = next(iter(runs.values()))
+        seen = (first.time >= begin - 0.05) & (first.time <= begin + 0.6)
+        figure = closed_loop_steps(
+            first.time[seen] - begin,
+            first.reference[seen],
+            [
+                ClosedLoopCurves(family, c.time[seen] - begin, c.angle[seen], c.command[seen])
+                for family, c in runs.items()
+            ],
+        )
+        slug = case.replace(" ", "-")
+        found.append(
+            Picture(
+                f"step-{slug}",
+                figure,
+                f"{case}, 20° to 35° with muscle hysteresis: angle, error (dotted: ± 0.3°) and "
+                "valve voltage.",
+                f"a 15 degree step with {case}",
+            )
+        )
+        sines: dict[str, Curves] = {
+            family: comparison.curves[family, case, "sine 1 Hz"]
+            for family in runs
+            if (family, case, "sine 1 Hz") in comparison.curves
+        }
+        if sines:
+            found.append(
+                Picture(
+                    f"sine-{slug}",
+                    tracking_errors(sines),
+                    f"{case}, sine of 15° at 1 Hz: reference and angle, and the error. The start at "
+                    "full speed is caught up along a planned move.",
+                    f"a sine at 1 Hz with {case}",
+                )
+            )
+    first_family = comparison.families[0] if comparison.families else ""
+    drift = {
+        case: comparison.curves[first_family, case, "steps"]
+        for case in comparison.cases
+        if (first_family, case, "steps") in comparison.curves
+    }
+    if drift:
+        found.append(
+            Picture(
+                "mean-pressure",
+                pressure_drift(drift),
+                f"Mean of the two pressures during the staircase ({first_family}): one valve does "
+                "not command it.",
+                "mean pressure over time for every load",
+            )
+        )
+    return found
+
+
+def write_comparison(comparison: Comparison, folder: Path, *, minutes: float = math.nan) -> Path:
+    """Write results.json, the pictures and the page into a folder.
+
+    Args:
+        comparison: What was found.
+        folder: Where to write; made if it does not exist.
+        minutes: How long the comparison took, in minutes (60 s).
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        WorkbenchError: If a file cannot be written.
+
+    Example:
+        >>> write_comparison.__name__
+        'write_comparison'
+    """
+    page = comparison_page(comparison, minutes=minutes)
+    write_whole(folder / "results.json", json_text(results(comparison)))
+    for picture in page.pictures:
+        save(picture, folder / "pictures")
+    return write_page(page, folder / "report.html")
+
+
+__all__ = ["CASES", "CHANGES", "comparison_page", "write_comparison"]

@@ -1,0 +1,93 @@
+"""The verb ``controllers``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def controllers(
+    out: Annotated[
+        Path, typer.Option(help="Folder for results.json, the pictures and report.html.")
+    ],
+    family: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--family",
+            "-f",
+            help="cascade PID, sliding mode, linear MPC or state feedback; by default all.",
+            metavar="NAME",
+        ),
+    ] = None,
+    limits: Annotated[
+        bool, typer.Option(help="Compute the physical limits (kept on disk once found).")
+    ] = True,
+    seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
+    jobs: Annotated[
+        int | None, typer.Option(help="Number of processes; by default one per processor.")
+    ] = None,
+) -> int:
+    """Compare all families of controllers on the full plant, with what physics allows beside them.
+
+    Designs each family for 0, 3 and 8 kg horizontal and 3 kg vertical, and runs steps and sines on
+    the full plant with muscle hysteresis, another load, supply and valve. Exit status 1 if a goal
+    is missed.
+
+    Example: 'workbench controllers --out controllers'.
+
+    Args:
+        out: Folder for the results.
+        family: Families; all by default.
+        limits: Whether the physical limits are computed.
+        seed: Seed of the sensors' noise.
+        jobs: Number of processes, or None for one per processor.
+
+    Returns:
+        Exit status: 1 if a goal is missed.
+
+    Example:
+        >>> controllers(Path("/tmp/never"), ["fuzzy"])
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: family of controllers is 'fuzzy'; it must be one of ...
+    """
+    import time
+
+    from tqdm import tqdm
+
+    from workbench.benchmark.designs import FAMILIES
+    from workbench.benchmark.page import missed_table, write_comparison
+    from workbench.benchmark.run import compare_controllers
+    from workbench.benchmark.table import (
+        changes_table,
+        comparison_table,
+        fast_table,
+        margins_table,
+    )
+    from workbench.errors import check_choice
+
+    wanted = tuple(family) if family else FAMILIES
+    for name in wanted:
+        check_choice("family of controllers", name, FAMILIES)
+    begin = time.perf_counter()
+    with tqdm(desc="runs", unit="run", leave=False) as bar:
+
+        def progress(done: int, count: int, what: str) -> None:
+            bar.total = count
+            bar.set_postfix_str(what, refresh=False)
+            bar.update(done - bar.n)
+
+        found = compare_controllers(
+            families=wanted, limits=limits, seed=seed, jobs=jobs, progress=progress
+        )
+    for nominal in (True, False):
+        typer.echo(f"{comparison_table(found, nominal=nominal)}\n")
+    missed = missed_table(found)
+    for table in (changes_table(found), margins_table(found), fast_table(found), missed):
+        typer.echo(f"{table}\n")
+    minutes = (time.perf_counter() - begin) / 60.0
+    page = write_comparison(found, out, minutes=minutes)
+    typer.echo(f"written to {out} in {minutes:.1f} min; open {page}")
+    return 1 if missed.rows else 0
