@@ -126,15 +126,5 @@ def test_wrong_arguments_are_named(rough: Model, linear_at_30: LinearModel) -> N
         tune(build, VARIABLES, rough, [scenario], [], start=START)
     with pytest.raises(WorkbenchError, match="variable is 'bandwith'"):
         tune(build, VARIABLES, rough, [scenario], REQUIREMENTS, start=START | {"bandwith": 1.0})
-    with pytest.raises(WorkbenchError, match="another process"):
-        tune(
-            lambda values: build(values),
-            VARIABLES,
-            rough,
-            [scenario],
-            REQUIREMENTS,
-            start=START,
-            jobs=2,
-        )
     with pytest.raises(WorkbenchError, match="0 scenarios"):
         tune(build, VARIABLES, rough, [], REQUIREMENTS, start=START)

@@ -19,10 +19,9 @@ McKay, Beckman, Conover, Technometrics 21, 1979 (Latin hypercubes).
 from __future__ import annotations
 
 import math
-import pickle
+import uuid
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -164,8 +163,7 @@ def tune(
     """Tune a design so that its worst requirement score over a box of plants is lowest.
 
     Args:
-        design: Designs a controller from values of the variables; for several processes a function
-            of a module.
+        design: Designs a controller from values of the variables.
         variables: Lowest and highest value of each variable, by name, each in its own unit.
         plant: The full plant.
         scenarios: What is asked of the loop.
@@ -331,10 +329,9 @@ class _Runner:
         self._requirements = tuple(requirements)
         self._count = len(plants)
         self._jobs = jobs
-        # As bytes, so that a process unpacks and writes down the plant once, not for every run.
         shared = (design, plant, plants, tuple(scenarios), seed)
         self._shared = shared
-        self._packed = _pack(shared) if jobs > 1 else b""
+        self._key = uuid.uuid4().hex
         self._parallel = Parallel(n_jobs=jobs) if jobs > 1 else None
 
     def __enter__(self) -> _Runner:
@@ -351,7 +348,9 @@ class _Runner:
             return [_runs(self._shared, values, i) for i in range(self._count)]
         from joblib import delayed
 
-        calls = (delayed(_runs_packed)(self._packed, values, i) for i in range(self._count))
+        calls = (
+            delayed(_runs_kept)(self._key, self._shared, values, i) for i in range(self._count)
+        )
         return list(self._parallel(calls))
 
     def judge(self, values: Values) -> Candidate:
@@ -391,21 +390,14 @@ def _runs(shared: tuple[Any, ...], values: Values, index: int) -> list[Metrics] 
         return None
 
 
-def _runs_packed(packed: bytes, values: Values, index: int) -> list[Metrics] | None:
-    return _runs(_unpacked(packed), values, index)
+_SHARED: dict[str, tuple[Any, ...]] = {}
 
 
-def _pack(shared: tuple[Any, ...]) -> bytes:
-    try:
-        return pickle.dumps(shared)
-    except (pickle.PicklingError, AttributeError, TypeError) as error:
-        raise WorkbenchError(
-            f"the design or the plant cannot be sent to another process ({error}); use a function"
-            " of a module, with functools.partial for what it needs, or jobs=1"
-        ) from None
-
-
-@lru_cache(maxsize=2)
-def _unpacked(packed: bytes) -> tuple[Any, ...]:
-    # Packed by this program a moment ago, for its own processes.
-    return tuple(pickle.loads(packed))  # noqa: S301
+def _runs_kept(
+    key: str, shared: tuple[Any, ...], values: Values, index: int
+) -> list[Metrics] | None:
+    """Run with the plant that this process keeps: a new one would be compiled for every run."""
+    if key not in _SHARED:
+        _SHARED.clear()
+        _SHARED[key] = shared
+    return _runs(_SHARED[key], values, index)
