@@ -150,9 +150,7 @@ class _Symbols:
     def between(self, place: tuple[tuple[ca.SX, ...], ca.SX], values: tuple[float, ...]) -> ca.SX:
         switches, fraction = place
         low = sum(s * v for s, v in zip(switches, values, strict=False))
-        rise = sum(
-            s * (b - a) for s, a, b in zip(switches, values, values[1:], strict=False)
-        )
+        rise = sum(s * (b - a) for s, a, b in zip(switches, values, values[1:], strict=False))
         return low + fraction * rise
 
     def where(self, condition: ca.SX, yes: Number, no: Number) -> ca.SX:

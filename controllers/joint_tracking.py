@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.arithmetic import Arithmetic, Number
+from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.joint_model import JointModel
 from controllers.observer import design_joint_observer, held
 from controllers.planned_reference import Plan, Planner, PlannerState
@@ -97,18 +97,21 @@ class JointTracking:
     pressure_filter: float = 0.002
     sample_time: float = 0.002
 
-    def start(self, measurement: tuple[Number, ...]) -> tuple[Number, ...]:
+    def start(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> tuple[Number, ...]:
         """Return the state of a joint at rest.
 
         Args:
             measurement: Angle in rad and the two gauge pressures in Pa.
+            arithmetic: Floats or CasADi symbols.
 
         Returns:
             State in the order of `STATE_NAMES`, in SI.
         """
         angle, p1, p2 = measurement
         mean = 0.5 * (p1 + p2)
-        joint = self.schedule.at(angle, mean)
+        joint = self.schedule.at(angle, mean, arithmetic)
         push = joint.b * (p1 - p2 - joint.difference)
         return (*self.planner.start(angle), angle, 0.0, -push, p1 - p2, mean)
 

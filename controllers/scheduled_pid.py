@@ -98,13 +98,16 @@ class ScheduledPID:
         """Names of the entries of the state."""
         return (*STATE_NAMES, "integral", "derivative", "error")
 
-    def initial_state(self, measurement: Measurement) -> tuple[float, ...]:
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> tuple[Number, ...]:
         """Return the state that holds the measured pressure difference at the measured angle.
 
         Args:
             measurement: Angle in rad and the two gauge pressures in Pa.
+            arithmetic: Floats or CasADi symbols.
         """
-        front = self.tracking.start(measurement)
+        front = self.tracking.start(measurement, arithmetic)
         # What the model does not explain is held by the integral part from the start.
         return (*front, -(1.0 - self.compensation) * front[10], 0.0, 0.0)
 

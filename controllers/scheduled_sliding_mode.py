@@ -109,13 +109,16 @@ class ScheduledSlidingMode:
         """Names of the entries of the state."""
         return (*STATE_NAMES, "error_integral", "twist")
 
-    def initial_state(self, measurement: Measurement) -> tuple[float, ...]:
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> tuple[Number, ...]:
         """Return the state of a joint at rest.
 
         Args:
             measurement: Angle in rad and the two gauge pressures in Pa.
+            arithmetic: Floats or CasADi symbols.
         """
-        return (*self.tracking.start(measurement), 0.0, 0.0)
+        return (*self.tracking.start(measurement, arithmetic), 0.0, 0.0)
 
     def step(
         self, state: tuple[float, ...], measurement: Measurement, reference: Reference
@@ -173,9 +176,9 @@ class ScheduledSlidingMode:
             reaching = self.jerk_bound * side
         jerk = look.plan.jerk + c2 * ddx + c1 * dx + c0 * x + reaching
         joint = look.joint
-        opening = (jerk + joint.a1 * acceleration + joint.a0 * look.speed) / (
-            joint.b * joint.g
-        ) + (joint.e * look.speed + joint.d * (look.difference - joint.difference)) / joint.g
+        opening = (jerk + joint.a1 * acceleration + joint.a0 * look.speed) / (joint.b * joint.g) + (
+            joint.e * look.speed + joint.d * (look.difference - joint.difference)
+        ) / joint.g
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
         twisted = 1.1 * self.rate_bound * side if self.kind == "super-twisting" else 0.0

@@ -81,13 +81,16 @@ class ScheduledStateFeedback:
         """Names of the entries of the state."""
         return (*STATE_NAMES, "error_integral")
 
-    def initial_state(self, measurement: Measurement) -> tuple[float, ...]:
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> tuple[Number, ...]:
         """Return the state of a joint at rest.
 
         Args:
             measurement: Angle in rad and the two gauge pressures in Pa.
+            arithmetic: Floats or CasADi symbols.
         """
-        return (*self.tracking.start(measurement), 0.0)
+        return (*self.tracking.start(measurement, arithmetic), 0.0)
 
     def step(
         self, state: tuple[float, ...], measurement: Measurement, reference: Reference

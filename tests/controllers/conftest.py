@@ -10,7 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from controllers.scheduled import JointSchedule, joint_schedule
 from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation.angle_map import angle_map
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.physics.hysteresis import bouc_wen_hysteresis
@@ -37,6 +39,13 @@ def linear(plant: Model) -> LinearModel:
 def linear_by_opening(plant: Model) -> LinearModel:
     point = operating_point(plant, {"angle": math.radians(30)})
     return linearise(point, input="opening", verdict=False)
+
+
+@pytest.fixture(scope="session")
+def schedule() -> JointSchedule:
+    angles = np.radians(np.linspace(1.0, 59.0, 7))
+    found = angle_map(arm(load_kg=3), angles, mean_pressures=[2.8e5, 3.6e5])
+    return joint_schedule(found.models, found.angles, found.mean_pressures)
 
 
 @dataclass(frozen=True)

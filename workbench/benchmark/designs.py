@@ -106,9 +106,7 @@ def linear_models(case: Case) -> list[LinearModel]:
     """
     return [
         linearise(
-            operating_point(
-                nominal_plant(Case(load, case.plane)), {"angle": math.radians(angle)}
-            ),
+            operating_point(nominal_plant(Case(load, case.plane)), {"angle": math.radians(angle)}),
             input="opening",
             verdict=False,
         )

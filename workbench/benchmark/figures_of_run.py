@@ -50,9 +50,9 @@ def _steps(run: Run) -> dict[str, Figure]:
         own = by_size[round(abs(b - a))]
         settled = responses.settling_time(t, y, initial=initial, final=final)
         own["settling"].append(settled)
-        own["overshoot"].append(responses.overshoot(
-            y if b > a else y, initial=initial, final=final
-        ))
+        own["overshoot"].append(
+            responses.overshoot(y if b > a else y, initial=initial, final=final)
+        )
         own["steady"].append(responses.steady_error(t, error[part], window=0.5))
         own["swing"].append(responses.oscillation(t, y, window=0.5))
         if (a, b) in LIMITED_DEG:

@@ -108,13 +108,19 @@ METHOD = (
         f"a staircase over {', '.join(f'{a:g}' for a in STEPS_DEG)}°, {HOLD:g} s each; per size the "
         "worst step counts",
     ),
-    ("settling", "time from the step of the reference until the angle stays within 2 % of the step"),
+    (
+        "settling",
+        "time from the step of the reference until the angle stays within 2 % of the step",
+    ),
     (
         "settling / limit",
         "settling time over the time-optimal entry into the same band of the plant without "
         "hysteresis, same step; the largest over the three sizes",
     ),
-    ("steady error, swing", "mean, and half of highest minus lowest, in the last 0.5 s of each step"),
+    (
+        "steady error, swing",
+        "mean, and half of highest minus lowest, in the last 0.5 s of each step",
+    ),
     (
         "rmse",
         "of reference minus angle after half a period; a sine starts at full speed, which no arm at "

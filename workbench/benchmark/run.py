@@ -27,7 +27,7 @@ from workbench.benchmark.designs import FAMILIES, design, fast_design
 from workbench.benchmark.one_sample_late import OneSampleLate
 from workbench.benchmark.figures_of_run import LIMITED_DEG, figures_of_run
 from workbench.errors import WorkbenchError, check_choice, check_range
-from workbench.verification import Run, Scenario, verify
+from workbench.verification import Run, verify
 from workbench.verification.responses import Figure
 
 Vector = npt.NDArray[np.float64]
@@ -251,11 +251,11 @@ def _run(
         run = verify(controller, plant, scenario, seed=seed)
         figures.update(figures_of_run(run))
         if job.variation in ("nominal", CHANGES):
-            curves[scenario.name] = _curves(run, scenario)
+            curves[scenario.name] = _curves(run)
     return job, figures, curves
 
 
-def _curves(run: Run, scenario: Scenario) -> Curves:
+def _curves(run: Run) -> Curves:
     return Curves(
         run.time,
         run.references["angle"],

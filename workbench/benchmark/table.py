@@ -74,7 +74,9 @@ def ratio_to_limit(
     return Figure(settled.value / limit.value, settled.reason)
 
 
-def figures_of(comparison: Comparison, family: str, case: str, *, nominal: bool) -> dict[str, Figure]:
+def figures_of(
+    comparison: Comparison, family: str, case: str, *, nominal: bool
+) -> dict[str, Figure]:
     """Return the figures of a family for a load, nominal or the worst of all variations.
 
     Args:
@@ -124,9 +126,7 @@ def comparison_table(comparison: Comparison, *, nominal: bool) -> Table:
     for case in comparison.cases:
         for family in comparison.families:
             found = figures_of(comparison, family, case, nominal=nominal)
-            low, high = (
-                found[f"mean_pressure_{end}_bar"].value for end in ("lowest", "highest")
-            )
+            low, high = (found[f"mean_pressure_{end}_bar"].value for end in ("lowest", "highest"))
             goal = next((g for load, g in SETTLING_15_S.items() if case.startswith(load)), math.inf)
             rows.append(
                 (
