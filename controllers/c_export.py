@@ -140,9 +140,7 @@ def _header(controller: Controller, name: str, states: tuple[str, ...], referenc
         "/*",
         f" * {controller.name}: sampled control law, one step every {controller.sample_time:g} s.",
         " *",
-        " * All numbers are in SI units. Call NAME_start once with the first readings, then".replace(
-            "NAME", name
-        ),
+        f" * All numbers are in SI units. Call {name}_start once with the first readings, then",
         f" * {name}_step every sample: it reads the measurement and the reference, writes the",
         " * command and replaces the state. The command is to be held until the next sample.",
         " * Both return 0; there is no other memory than the state, which the caller owns.",

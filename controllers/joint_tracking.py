@@ -194,8 +194,8 @@ def joint_tracking(
 ) -> JointTracking:
     """Design planner and observer for a schedule.
 
-    The planned jerk is a share of what the fully open valve does at the slowest angle, below a limit
-    for light joints; the planned acceleration is what a reserve of pressure difference does.
+    The planned jerk is a share of what the fully open valve does at the slowest angle, below a
+    limit for light joints; the planned acceleration is what a reserve of pressure difference does.
 
     Args:
         schedule: The joint over angle.

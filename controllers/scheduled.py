@@ -88,7 +88,8 @@ class JointSchedule:
     @property
     def angles(self) -> npt.NDArray[np.float64]:
         """Angles of the grid, shape (n,), in rad."""
-        return self.first_angle + self.spacing * np.arange(len(self.low[0]))
+        steps = np.arange(len(self.low[0]), dtype=float)
+        return np.asarray(self.first_angle + self.spacing * steps, dtype=float)
 
     def at(self, angle: Number, mean: Number, arithmetic: Arithmetic = FLOATS) -> ScheduledJoint:
         """Return the joint model at an angle and a mean pressure.
@@ -113,7 +114,8 @@ class JointSchedule:
             found.append(value + near * (arithmetic.between(inside, high) - value))
         rest = arithmetic.between(place, self.low[-1])
         rest = rest + share * (arithmetic.between(place, self.high[-1]) - rest)
-        return ScheduledJoint(*found, rest)
+        b, a1, a0, g, e, d = found
+        return ScheduledJoint(b, a1, a0, g, e, d, rest)
 
     def with_inertia_of(self, heavier: JointSchedule) -> JointSchedule:
         """Return this schedule with the inertia of another load.

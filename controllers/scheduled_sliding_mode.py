@@ -17,7 +17,8 @@ reference without it, and is less sensitive to an inertia that is not the known 
 part is
 
     boundary layer, integral:   rho sat(s / layer)
-    super-twisting:             k1 |s|^(1/2) sat(s / layer) + v,    v[k+1] = v[k] + h k2 sat(s / layer)
+    super-twisting:             k1 |s|^(1/2) sat(s / layer) + v,
+                                v[k+1] = v[k] + h k2 sat(s / layer)
 
 with k1 = 1.5 sqrt(L), k2 = 1.1 L for a disturbance whose rate is at most L. A boundary layer turns
 the last sample's chatter into a linear law with the pole rho / layer; s is judged by its rms.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from itertools import pairwise
 
 import numpy as np
 
@@ -37,34 +38,8 @@ def figures_of_run(run: Run) -> dict[str, Figure]:
 
 
 def _steps(run: Run) -> dict[str, Figure]:
-    time, angle, error = run.time, run["angle"], run.references["angle"] - run["angle"]
-    by_size: dict[int, dict[str, list[Figure]]] = {
-        size: {"settling": [], "overshoot": [], "steady": [], "swing": []} for size in SIZES_DEG
-    }
-    found: dict[str, Figure] = {}
-    for i, (a, b) in enumerate(zip(STEPS_DEG, STEPS_DEG[1:], strict=False)):
-        begin = BEGIN + HOLD * i
-        part = (time >= begin - 1e-9) & (time < begin + HOLD - 1e-9)
-        t, y = time[part], angle[part]
-        initial, final = math.radians(a), math.radians(b)
-        own = by_size[round(abs(b - a))]
-        settled = responses.settling_time(t, y, initial=initial, final=final)
-        own["settling"].append(settled)
-        own["overshoot"].append(
-            responses.overshoot(y if b > a else y, initial=initial, final=final)
-        )
-        own["steady"].append(responses.steady_error(t, error[part], window=0.5))
-        own["swing"].append(responses.oscillation(t, y, window=0.5))
-        if (a, b) in LIMITED_DEG:
-            found[f"settling_limited_{round(abs(b - a))}_s"] = settled
-    for size, own in by_size.items():
-        found[f"settling_{size}_s"] = worst(own["settling"])
-        found[f"overshoot_{size}_percent"] = _times(worst(own["overshoot"]), 100.0)
-    for name in ("steady", "swing"):
-        together = [figure for own in by_size.values() for figure in own[name]]
-        found[f"{name}_deg"] = _times(worst(together), math.degrees(1.0))
+    found = step_figures(run)
     whole = metrics(run)
-    found["overshoot_percent"] = worst([found[f"overshoot_{s}_percent"] for s in SIZES_DEG])
     found["chatter_V_per_s"] = Figure(whole["chatter"].value)
     found["air_g"] = Figure(1e3 * whole["air"].value)
     found["mean_pressure_lowest_bar"] = Figure(1e-5 * whole["mean_pressure_lowest"].value)
@@ -75,6 +50,47 @@ def _steps(run: Run) -> dict[str, Figure]:
     for name in ("fallbacks", "solve_time_p99"):
         if name in whole:
             found[name if name == "fallbacks" else f"{name}_s"] = Figure(whole[name].value)
+    return found
+
+
+def step_figures(run: Run) -> dict[str, Figure]:
+    """Compute figures of the steps of a run of the staircase.
+
+    Args:
+        run: The run; only time, reference and angle count.
+
+    Returns:
+        Settling (s), overshoot (%), steady error and swing (°), the worst step of each size.
+
+    Example:
+        >>> step_figures.__name__
+        'step_figures'
+    """
+    time, angle, error = run.time, run["angle"], run.references["angle"] - run["angle"]
+    by_size: dict[int, dict[str, list[Figure]]] = {
+        size: {"settling": [], "overshoot": [], "steady": [], "swing": []} for size in SIZES_DEG
+    }
+    found: dict[str, Figure] = {}
+    for i, (a, b) in enumerate(pairwise(STEPS_DEG)):
+        begin = BEGIN + HOLD * i
+        part = (time >= begin - 1e-9) & (time < begin + HOLD - 1e-9)
+        t, y = time[part], angle[part]
+        initial, final = math.radians(a), math.radians(b)
+        own = by_size[round(abs(b - a))]
+        settled = responses.settling_time(t, y, initial=initial, final=final)
+        own["settling"].append(settled)
+        own["overshoot"].append(responses.overshoot(y, initial=initial, final=final))
+        own["steady"].append(responses.steady_error(t, error[part], window=0.5))
+        own["swing"].append(responses.oscillation(t, y, window=0.5))
+        if (a, b) in LIMITED_DEG:
+            found[f"settling_limited_{round(abs(b - a))}_s"] = settled
+    for size, own in by_size.items():
+        found[f"settling_{size}_s"] = worst(own["settling"])
+        found[f"overshoot_{size}_percent"] = _times(worst(own["overshoot"]), 100.0)
+    for name in ("steady", "swing"):
+        together = [figure for own in by_size.values() for figure in own[name]]
+        found[f"{name}_deg"] = _times(worst(together), math.degrees(1.0))
+    found["overshoot_percent"] = worst([found[f"overshoot_{s}_percent"] for s in SIZES_DEG])
     return found
 
 

@@ -105,8 +105,8 @@ METHOD = (
     ),
     (
         "steps",
-        f"a staircase over {', '.join(f'{a:g}' for a in STEPS_DEG)}°, {HOLD:g} s each; per size the "
-        "worst step counts",
+        f"a staircase over {', '.join(f'{a:g}' for a in STEPS_DEG)}°, {HOLD:g} s each; per size "
+        "the worst step counts",
     ),
     (
         "settling",
@@ -123,8 +123,8 @@ METHOD = (
     ),
     (
         "rmse",
-        "of reference minus angle after half a period; a sine starts at full speed, which no arm at "
-        "rest can follow. The figure over the whole run is in results.json as rmse_from_rest",
+        "of reference minus angle after half a period; a sine starts at full speed, which no arm "
+        "at rest can follow. The figure over the whole run is in results.json as rmse_from_rest",
     ),
     ("chatter, air", "total variation of the voltage per second; air drawn during the staircase"),
     ("mean bar", "lowest and highest mean of the two pressures during the staircase"),
@@ -144,7 +144,7 @@ def limits_table(comparison: Comparison) -> Table:
         >>> limits_table(Comparison({}, {}, {}, {}, 0)).rows
         ()
     """
-    rows = []
+    rows: list[tuple[Cell | str, ...]] = []
     for case in comparison.cases:
         cells = []
         for size in (5, 15, 30):
@@ -190,7 +190,7 @@ def missed_table(comparison: Comparison) -> Table:
         >>> missed_table(Comparison({}, {}, {}, {}, 0)).rows
         ()
     """
-    rows = []
+    rows: list[tuple[Cell | str, ...]] = []
     for case in comparison.cases:
         goals = dict(GOALS)
         goals["settling_15_s"] = next(
@@ -295,8 +295,8 @@ def _pictures(comparison: Comparison) -> list[Picture]:
                 Picture(
                     f"sine-{slug}",
                     tracking_errors(sines),
-                    f"{case}, sine of 15° at 1 Hz: reference and angle, and the error. The start at "
-                    "full speed is caught up along a planned move.",
+                    f"{case}, sine of 15° at 1 Hz: reference and angle, and the error. The start "
+                    "at full speed is caught up along a planned move.",
                     f"a sine at 1 Hz with {case}",
                 )
             )

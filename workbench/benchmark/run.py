@@ -24,10 +24,10 @@ from workbench.benchmark.cases import (
     varied_plant,
 )
 from workbench.benchmark.designs import FAMILIES, design, fast_design
-from workbench.benchmark.one_sample_late import OneSampleLate
 from workbench.benchmark.figures_of_run import LIMITED_DEG, figures_of_run
+from workbench.benchmark.one_sample_late import OneSampleLate
 from workbench.errors import WorkbenchError, check_choice, check_range
-from workbench.verification import Run, verify
+from workbench.verification import Run, Scenario, verify
 from workbench.verification.responses import Figure
 
 Vector = npt.NDArray[np.float64]
@@ -184,9 +184,8 @@ def compare_controllers(
     figures: dict[tuple[str, str, str], Mapping[str, Figure]] = {}
     curves: dict[tuple[str, str, str], Curves] = {}
     found_limits: dict[tuple[str, int], Figure] = {}
-    done = 0
-    for result in Parallel(n_jobs=count, return_as="generator_unordered")(work):
-        done += 1
+    found = Parallel(n_jobs=count, return_as="generator_unordered")(work)
+    for done, result in enumerate(found, start=1):
         if isinstance(result, _Limit):
             found_limits[result.case, result.size] = result.limit
             what = f"physical limit, {result.case}, {result.size} deg"
@@ -205,8 +204,7 @@ def compare_controllers(
         for job in runs
     }
     margins = {
-        key: (found.speed, found.sensitivity, found.complementary)
-        for key, found in designed.items()
+        key: (own.speed, own.sensitivity, own.complementary) for key, own in designed.items()
     }
     return Comparison(ordered, curves, found_limits, margins, seed)
 
@@ -237,7 +235,8 @@ def _run(
     job: Job, controller: Controller, seed: int
 ) -> tuple[Job, dict[str, Figure], dict[str, Curves]]:
     if job.variation == CHANGES:
-        plant, own = varied_plant(job.case, "nominal"), (changes_at_rest(job.case),)
+        own: tuple[Scenario, ...] = (changes_at_rest(job.case),)
+        plant = varied_plant(job.case, "nominal")
     elif job.variation == LATE:
         plant, own = varied_plant(job.case, "nominal"), scenarios("nominal")[:1]
         controller = OneSampleLate(controller)

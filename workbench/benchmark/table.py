@@ -122,7 +122,7 @@ def comparison_table(comparison: Comparison, *, nominal: bool) -> Table:
         >>> comparison_table(Comparison({}, {}, {}, {}, 0), nominal=True).rows
         ()
     """
-    rows = []
+    rows: list[tuple[Cell | str, ...]] = []
     for case in comparison.cases:
         for family in comparison.families:
             found = figures_of(comparison, family, case, nominal=nominal)
@@ -171,7 +171,7 @@ def changes_table(comparison: Comparison) -> Table:
         >>> len(changes_table(Comparison({}, {}, {}, {}, 0)).headings)
         8
     """
-    rows = []
+    rows: list[tuple[Cell | str, ...]] = []
     for case in comparison.cases:
         for family in comparison.families:
             if (family, case, CHANGES) not in comparison.figures:
@@ -188,8 +188,8 @@ def changes_table(comparison: Comparison) -> Table:
         ("load", "family", "1 kg: peak °", "left °", "5 bar: peak °", "left °",
          "0.15 V: peak °", "left °"),
         tuple(rows),
-        "The load changes at 0.5 s, the supply at 2 s, the valve's centre at 3.5 s; peak and what is"
-        " left 1.1 to 1.5 s later.",
+        "The load changes at 0.5 s, the supply at 2 s, the valve's centre at 3.5 s; peak, and what"
+        " is left 1.1 to 1.5 s later.",
     )  # fmt: skip
 
 
@@ -206,7 +206,7 @@ def margins_table(comparison: Comparison) -> Table:
         >>> margins_table(Comparison({}, {}, {}, {}, 0)).rows
         ()
     """
-    rows = []
+    rows: list[tuple[Cell | str, ...]] = []
     for case in comparison.cases:
         for family in comparison.families:
             speed, ms, mt = comparison.margins[family, case]
@@ -305,7 +305,7 @@ def fast_table(comparison: Comparison) -> Table:
         >>> fast_table(Comparison({}, {}, {}, {}, 0)).rows
         ()
     """
-    rows = []
+    rows: list[tuple[Cell | str, ...]] = []
     for (family, case, variation), found in comparison.figures.items():
         same = (FAST, case, variation) in comparison.figures
         if family not in (FAST, "state feedback") or not same:
