@@ -27,7 +27,6 @@ def test_a_worse_controller_is_red_and_says_why_then_an_improved_one_is_blessed(
     assert {p.name for p in out.iterdir()} == FILES | {"runs"}
     assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
     assert "2 runs of study small as the first baseline" in capsys.readouterr().out
-    assert compare(study, out, "--baseline", str(baseline)) == 0
 
     # Deliberately slower: hard requirement and baseline both say so.
     worse = small_study(tmp_path, WORSE)
@@ -55,7 +54,6 @@ def test_a_worse_controller_is_red_and_says_why_then_an_improved_one_is_blessed(
     assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
     said = capsys.readouterr().out
     assert "settling_time" in said and "worse" in said and "0 better" not in said.split(":")[0]
-    assert compare(loose, out, "--baseline", str(baseline)) == 0
     # An improvement does not fail, and is blessed by the same command. Being faster costs air and
     # overshoot, which this study says it does not mind.
     given_up = "".join(

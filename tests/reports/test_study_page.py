@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 
 from workbench.reports.page import Page, html
-from workbench.reports.style import PAPER
 from workbench.reports.study_page import study_page
+from workbench.reports.style import PAPER
 from workbench.study.outcome import Outcome, run_study
 from workbench.study.schema import load_study
 from workbench.study.shipped import shipped_study
@@ -44,7 +44,8 @@ addEventListener("load", () => {
     const found = [];
     const boxes = elements.map(e => e.getBoundingClientRect());
     for (let i = 0; i < boxes.length; i++) for (let j = 0; j < i; j++)
-      if (share(boxes[i], boxes[j]) > limit) found.push(name(elements[j]) + " | " + name(elements[i]));
+      if (share(boxes[i], boxes[j]) > limit)
+        found.push(name(elements[j]) + " | " + name(elements[i]));
     return found;
   };
   let overlap = overlaps([...inner.querySelectorAll("section")], 0);
@@ -137,8 +138,9 @@ def measured(page: Page, width: int, folder: Path, *, dark: bool = False) -> dic
 @pytest.mark.parametrize(("width", "dark"), [(390, True), (1280, False)])
 def test_in_a_browser(page: Page, width: int, dark: bool, tmp_path: Path) -> None:
     found = measured(page, width, tmp_path, dark=dark)
+    assert found["outside"] == []
+    assert found["cells"] == [] and found["overlap"] == []
     assert found["content"] == found["width"]
-    assert found["outside"] == [] and found["cells"] == [] and found["overlap"] == []
     assert found["pictures"] == len(page.pictures) and found["empty"] == 0
     # The smallest text of a picture, exponents of ten, on a phone.
     assert float(str(found["text"])) > 6.0

@@ -8,8 +8,9 @@ from collections.abc import Sequence
 from workbench.reports.linear_section import LINEAR_METHODS, linear_section
 from workbench.reports.metrics_table import METRIC_METHODS, metrics_table
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words
+from workbench.reports.study_box import box_section, score_cell
 from workbench.reports.study_pictures import (
-    box_picture,
+    breakable,
     pressure_picture,
     sliding_pictures,
     solver_picture,
@@ -95,7 +96,7 @@ def study_page(outcome: Outcome) -> Page:
         *(_scenario(outcome, name, i + 1) for i, name in enumerate(study.scenarios)),
         *_controllers(outcome),
         *linear_section(study, outcome.loops),
-        *_box(outcome),
+        *box_section(outcome),
         _requirements(outcome),
         _how(outcome),
     ]
@@ -115,10 +116,6 @@ def study_page(outcome: Outcome) -> Page:
     )
 
 
-def _score_cell(value: float, *, capped: bool = False) -> Cell:
-    return Cell(score_text(value, capped=capped), "met" if value <= 1.0 else "missed")
-
-
 def _where(j: Judgement | None) -> str:
     return f"{j.demand.requirement.metric}, {j.scenario}, {j.variation}" if j else "–"
 
@@ -132,13 +129,13 @@ def _verdict(outcome: Outcome) -> Section:
     for s in outcome.scores:
         row: list[Cell | str] = [
             s.controller,
-            _score_cell(s.worst),
+            score_cell(s.worst),
             f"{s.mean:.2f}",
             _where(s.judgement),
         ]
         if boxes:
             box = boxes.get(s.controller)
-            row.append(_score_cell(box.worst_score, capped=True) if box else "–")
+            row.append(score_cell(box.worst_score, capped=True) if box else "–")
         rows.append(tuple(row))
     blocks: list[Block] = [
         Table(
@@ -292,72 +289,6 @@ def _controllers(outcome: Outcome) -> list[Section]:
     return found
 
 
-def _box(outcome: Outcome) -> list[Section]:
-    if not outcome.robustness or outcome.study.box is None:
-        return []
-    units = {q.name: q.unit for q in outcome.study.plant.build().parameters}
-
-    def shown(name: str, value: float) -> str:
-        return parameter_text(value, units[name])
-
-    names = list(outcome.study.box.ranges)
-    ends = ", ".join(
-        f"{n} {shown(n, low)} to {shown(n, high)}"
-        for n, (low, high) in outcome.study.box.ranges.items()
-    )
-    box = outcome.study.box
-    scenarios = ", ".join(box.scenarios)
-    words = Words(
-        f"{box.draws} plants drawn from the box ({ends}) run {scenarios}; the worst is then "
-        "searched. Dots are draws, crosses the search, the ring is the worst plant."
-        + ("" if box.hard else " In this study the box informs and does not fail it.")
-    )
-    worst = Table(
-        "Worst plant found",
-        ("controller", "score", *names, "because"),
-        tuple(
-            (
-                r.controller,
-                _score_cell(r.worst_score, capped=True),
-                *(shown(n, r.worst[n]) for n in names),
-                f"{r.judgement.demand.requirement.metric} {r.judgement.excess()}"
-                if r.judgement
-                else "–",
-            )
-            for r in outcome.robustness
-        ),
-    )
-    hurts = Table(
-        "Change of the score from the lowest to the highest value of a parameter",
-        ("controller", *names, "R²"),
-        tuple(
-            (r.controller, *(number(r.effects[n], 2) for n in names), number(r.explained, 2))
-            for r in outcome.robustness
-        ),
-    )
-    demands = dict.fromkeys(p.requirement for r in outcome.robustness for p in r.probabilities)
-    by = {r.controller: {p.requirement: p for p in r.probabilities} for r in outcome.robustness}
-    rows: list[tuple[Cell | str, ...]] = []
-    for text in demands:
-        row: list[Cell | str] = [text]
-        for own in by.values():
-            p = own.get(text)
-            if p is None:
-                row.append("–")
-                continue
-            share = f"{100 * p.share:.0f} %"
-            row.append(Cell(share, "", f"{100 * p.low:.0f} to {100 * p.high:.0f} %"))
-        rows.append(tuple(row))
-    chances = Table(
-        "Probability of meeting each requirement over the box",
-        ("requirement", *by),
-        tuple(rows),
-        "Below each number: its 95 % interval.",
-    )
-    blocks: tuple[Block, ...] = (words, box_picture(outcome), worst, hurts, chances)
-    return [Section("robustness", "Robustness over a box of plants", blocks)]
-
-
 def _requirements(outcome: Outcome) -> Section:
     study = outcome.study
     rows: list[tuple[Cell | str, ...]] = []
@@ -412,12 +343,12 @@ def _how(outcome: Outcome) -> Section:
         tuple(
             (
                 name,
-                c.design,
+                breakable(c.design),
                 ", ".join(
                     f"{math.degrees(v):g}°" if n == "angle" else f"{n} {v:g}" for n, v in c.at
                 ),
                 ", ".join(
-                    f"{k} = {v:g}" if isinstance(v, float) else f"{k} = {v}"
+                    f"{breakable(k)} = {v:g}" if isinstance(v, float) else f"{breakable(k)} = {v}"
                     for k, v in c.specification
                 )
                 or "as it comes",
@@ -451,4 +382,4 @@ def _difference(outcome: Outcome, name: str) -> str:
             said.append(f"{key} {parameter_text(value, units[key])}")
     if plant.noise != nominal.noise:
         said.append(f"noise x {plant.noise / nominal.noise:g}")
-    return ", ".join(said)
+    return breakable(", ".join(said))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,22 @@ from workbench.reports.style import colours
 from workbench.reports.tables import Table, number
 from workbench.study.outcome import Outcome
 from workbench.study.tasks import Record
+
+
+def breakable(text: str) -> str:
+    """Let long names break where their words end, or a phone could not show them.
+
+    Args:
+        text: Words and names.
+
+    Returns:
+        The text with places, invisible, at which a line may end.
+
+    Example:
+        >>> len(breakable("joint.torque")) - len("joint.torque")
+        1
+    """
+    return re.sub(r"([A-Za-z])([._:])(?=[A-Za-z])", "\\1\\2\u200b", text)
 
 
 def _array(values: Any) -> Any:
@@ -224,7 +241,7 @@ def solver_picture(outcome: Outcome) -> tuple[Picture | None, Table | None]:
                 number(1e3 * metrics["solve_time_p99"].value, unit="ms"),
                 str(int(metrics["deadline_misses"].value)),
                 str(int(metrics["fallbacks"].value)),
-                ", ".join(f"{word} {count}" for word, count in status.items()) or "–",
+                breakable(", ".join(f"{word} {count}" for word, count in status.items())) or "–",
             )
         )
     head = (

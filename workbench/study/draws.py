@@ -95,12 +95,12 @@ def straight_line(unit: Vector, values: Vector) -> tuple[float, Vector, float]:
 
     Returns:
         Constant, change over the whole range of each parameter, shape (n_parameters,), and the
-        share of the variance that is explained.
+        ratio of the variance that is explained.
 
     Example:
         >>> points = unit_draws(2, 8, 1)
-        >>> [round(v, 6) for v in straight_line(points, 1.0 + 3.0 * points[:, 1])[1].tolist()]
-        [0.0, 3.0]
+        >>> straight_line(points, 1.0 + 3.0 * points[:, 1])[1].round(6).tolist()[1]
+        3.0
     """
     matrix = np.column_stack([np.ones(len(unit)), unit - 0.5])
     solution, *_ = np.linalg.lstsq(matrix, values, rcond=None)

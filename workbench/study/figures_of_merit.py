@@ -34,7 +34,7 @@ class Rule(NamedTuple):
     Args:
         better: ``"less"``, ``"more"``, or ``"neither"`` for what only describes.
         absolute: Difference that does not count, in the metric's SI unit.
-        relative: Difference that does not count, as a share of the baseline.
+        relative: Difference that does not count, as a fraction of the baseline.
         gates: Whether a worse value fails the study.
         repeats: Whether another machine gives the same number: times of computation do not.
     """

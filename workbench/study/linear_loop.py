@@ -47,8 +47,8 @@ class LoopAnalysis:
         phase_margin: In rad; infinite if the gain never crosses 1.
         crossover_Hz: Frequency of the phase margin, in Hz; NaN if there is none.
         delay_margin: Delay that makes it unstable, in s.
-        sensitivity: Ms, the peak of ``1 / (1 + L)``.
-        complementary: Mt, the peak of ``L / (1 + L)``.
+        sensitivity: Ms, the peak of ``1 / (1 + L)``, dimensionless.
+        complementary: Mt, the peak of ``L / (1 + L)``, dimensionless.
         disk_margin: Disk margin alpha, dimensionless.
         reason: Why there is no analysis.
 

@@ -33,7 +33,17 @@ class Located:
 
     @contextmanager
     def at(self, *path: str | int) -> Iterator[None]:
-        """Add file and line to a mistake, unless a place further inside did."""
+        """Add file and line to a mistake, unless a place further inside did.
+
+        Args:
+            path: Path of the entry that is being read: keys, and indices of arrays.
+
+        Yields:
+            Nothing.
+
+        Raises:
+            WorkbenchError: The mistake, with its place.
+        """
         try:
             yield
         except WorkbenchError as error:
@@ -43,7 +53,20 @@ class Located:
             raise WorkbenchError(f"{self.path}, line {line}: {error}") from None
 
     def keys(self, table: Any, known: Sequence[str], what: str, *path: str | int) -> dict[str, Any]:
-        """Return a table whose keys are all known."""
+        """Return a table whose keys are all known.
+
+        Args:
+            table: What stands in the file.
+            known: Names of the keys.
+            what: What the table describes, as the user knows it.
+            path: Path of the table.
+
+        Returns:
+            A copy of the table.
+
+        Raises:
+            WorkbenchError: If it is no table or has another key.
+        """
         with self.at(*path):
             if not isinstance(table, dict):
                 raise WorkbenchError(f"{what} is {table!r}; it must be a table")
@@ -53,7 +76,17 @@ class Located:
         return dict(table)
 
     def tables(self, key: str) -> list[tuple[str, Any]]:
-        """Return the named tables below a key of the file."""
+        """Return the named tables below a key of the file.
+
+        Args:
+            key: The key.
+
+        Returns:
+            Pairs of a name and what stands under it.
+
+        Raises:
+            WorkbenchError: If the key holds no table.
+        """
         table = self.table.get(key, {})
         with self.at(key):
             if not isinstance(table, dict):

@@ -171,7 +171,7 @@ def checked_noise(value: float) -> float:
         value: Factor, dimensionless.
 
     Returns:
-        The same number.
+        The same number, dimensionless.
 
     Raises:
         WorkbenchError: If it is outside 0 to 100.

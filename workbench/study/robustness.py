@@ -59,7 +59,7 @@ class Probability:
 
     @property
     def share(self) -> float:
-        """Share of the draws that met it."""
+        """Share of the draws that met it, a ratio."""
         return self.met / self.draws if self.draws else math.nan
 
 
@@ -73,8 +73,9 @@ class Robustness:
         scores: Worst score of the hard requirements at each point, shape (n,), at most 10.
         drawn: Number of leading points that were drawn; the rest were searched.
         probabilities: One per requirement.
-        effects: Change of the score from lowest to highest value by parameter, hardest first.
-        explained: Share of the scores' variance that the straight line explains (R squared).
+        effects: Change of the score (a ratio) from lowest to highest value by parameter, hardest
+            first.
+        explained: R squared, the ratio of the scores' variance that the straight line explains.
         worst: Values of the worst plant by parameter, in SI.
         judgement: The requirement that gives the worst score there, or None.
         failed: Reasons of failed runs.
@@ -97,7 +98,7 @@ class Robustness:
 
     @property
     def worst_score(self) -> float:
-        """Worst score of the hard requirements that was found; 10 stands for 10 and above."""
+        """Worst score of the hard requirements, a ratio; 10 stands for 10 and above."""
         return float(self.scores.max())
 
     def table(self) -> dict[str, Any]:
@@ -203,7 +204,7 @@ class Search:
         study: The study, for its box and requirements.
         start: Point of the unit cube where it begins.
         corner: Point of the unit cube that is tried first.
-        start_score: Score at the start.
+        start_score: Score at the start, a ratio.
 
     Example:
         >>> list(Search.__dataclass_fields__)[0]

@@ -82,8 +82,9 @@ class Score:
 
     Args:
         controller: Name of the controller.
-        worst: Worst score of the hard requirements over all runs; at most 1 means all are met.
-        mean: Weighted mean over all requirements of their worst scores, each at most 10.
+        worst: Worst score of the hard requirements over all runs, a ratio; at most 1 means all are
+            met.
+        mean: Weighted mean over all requirements of their worst scores, ratios of at most 10.
         judgement: The requirement, scenario and variation that the worst score comes from, or None.
 
     Example:

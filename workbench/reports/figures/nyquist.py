@@ -20,7 +20,8 @@ def nyquist(responses: Mapping[str, npt.ArrayLike], *, disk_margin: float | None
     Args:
         responses: Loop gain over frequency, shape (n,), dimensionless, by the name of its curve,
             an ordered family such as angles.
-        disk_margin: Smallest disk margin alpha of the family: its disk about -1 is drawn.
+        disk_margin: Smallest disk margin alpha of the family, dimensionless: its disk about -1 is
+            drawn.
 
     Returns:
         The figure: imaginary over real part, with the unit circle and the point -1.
