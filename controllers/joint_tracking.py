@@ -28,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.hysteresis_compensation import HysteresisCompensation
 from controllers.joint_model import JointModel
 from controllers.observer import design_joint_observer, held
 from controllers.planned_reference import Plan, Planner, PlannerState
@@ -41,6 +42,7 @@ STATE_NAMES: tuple[str, ...] = (
     "unexplained",
     "difference",
     "mean",
+    "turn",
 )
 """Names of what a `JointTracking` remembers: the planner's state, then the estimate in SI."""
 
@@ -85,6 +87,7 @@ class JointTracking:
         correction: Gains of the observer for angle, speed and unexplained acceleration, in SI.
         pressure_filter: Time constant of the pressures' filter, in s.
         sample_time: Time between samples, in s.
+        hysteresis: Fitted hysteresis that is compensated along the plan; None for none.
 
     Example:
         >>> JointTracking.__dataclass_fields__["sample_time"].default
@@ -96,6 +99,7 @@ class JointTracking:
     correction: tuple[float, float, float]
     pressure_filter: float = 0.002
     sample_time: float = 0.002
+    hysteresis: HysteresisCompensation | None = None
 
     def start(
         self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
@@ -113,7 +117,7 @@ class JointTracking:
         mean = 0.5 * (p1 + p2)
         joint = self.schedule.at(angle, mean, arithmetic)
         push = joint.b * (p1 - p2 - joint.difference)
-        return (*self.planner.start(angle), angle, 0.0, -push, p1 - p2, mean)
+        return (*self.planner.start(angle), angle, 0.0, -push, p1 - p2, mean, 0.0)
 
     def look(
         self,
@@ -136,7 +140,7 @@ class JointTracking:
         h = self.sample_time
         angle, p1, p2 = measurement
         plan, planner = self.planner.plan(PlannerState(*state[:8]), reference, arithmetic)
-        theta, omega, w, difference, mean = state[8:13]
+        theta, omega, w, difference, mean, turn = state[8:14]
         fresh = h / (self.pressure_filter + h)
         difference = difference + fresh * (p1 - p2 - difference)
         mean = mean + fresh * (0.5 * (p1 + p2) - mean)
@@ -150,6 +154,11 @@ class JointTracking:
         alpha = joint.b * (difference - joint.difference) - joint.a1 * omega + w
 
         wanted = planned.difference + (plan.acceleration + planned.a1 * plan.speed) / planned.b
+        if self.hysteresis is not None:
+            turn = self.hysteresis.turned(turn, plan.speed, h, arithmetic)
+            lost = self.hysteresis.difference(turn, mean)
+            wanted = wanted + lost
+            alpha = alpha - joint.b * lost
         rate = (
             plan.jerk + planned.a1 * plan.acceleration + planned.a0 * plan.speed
         ) / planned.b + planned.e * plan.speed
@@ -160,6 +169,7 @@ class JointTracking:
             w,
             difference,
             mean,
+            turn,
         )
         opening = rate / planned.g
         return (

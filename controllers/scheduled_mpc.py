@@ -109,7 +109,7 @@ class ScheduledMPC:
             failed).
         """
         look, front = self.tracking.look(state, measurement, reference[0], FLOATS)
-        q, before = state[13:15]
+        q, before = state[len(front) :]
         schedule = self.tracking.schedule
         i, share = FLOATS.place(
             look.angle, schedule.first_angle, schedule.spacing, len(self.predictions)

@@ -146,7 +146,7 @@ class ScheduledPID:
         """
         h, w, a, z = self.sample_time, self.frequency, self.real_pole, self.damping
         look, front = self.tracking.look(state, measurement, reference[0], arithmetic)
-        integral, derivative, last = state[13:16]
+        integral, derivative, last = state[len(front) :]
         joint = look.joint
         x = look.plan.angle - look.angle
         fade = self.derivative_filter / (self.derivative_filter + h)

@@ -156,9 +156,9 @@ class ScheduledSlidingMode:
             Voltage in V, next state, and the opening (fraction), the surface s (rad/s2) and the
             planned angle (rad).
         """
-        h, lam, joint_number = self.sample_time, self.slope, 13
+        h, lam = self.sample_time, self.slope
         look, front = self.tracking.look(state, measurement, reference[0], arithmetic)
-        q, twist = state[joint_number : joint_number + 2]
+        q, twist = state[len(front) :]
         x = look.plan.angle - look.angle
         dx = look.plan.speed - look.speed
         acceleration = look.acceleration - (1.0 - self.compensation) * look.unexplained

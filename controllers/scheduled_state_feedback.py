@@ -126,7 +126,7 @@ class ScheduledStateFeedback:
             Voltage in V, next state, and the opening (fraction) and planned angle (rad).
         """
         look, front = self.tracking.look(state, measurement, reference[0], arithmetic)
-        q = state[13]
+        q = state[len(front)]
         schedule = self.tracking.schedule
         place = arithmetic.place(
             look.angle, schedule.first_angle, schedule.spacing, len(self.gains[0])

@@ -89,7 +89,7 @@ def test_header_documents_the_interface(schedule: JointSchedule, tmp_path: Path)
     text = exported.header.read_text()
     for word in ("pressure_1, Pa, gauge", "wanted angle now, rad", "valve, V", "integral", "0.002"):
         assert word in text
-    assert "#define RIG_PID_STATES 16" in text
+    assert "#define RIG_PID_STATES 17" in text
 
 
 def test_refusals(linear: LinearModel, schedule: JointSchedule, tmp_path: Path) -> None:

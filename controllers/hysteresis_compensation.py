@@ -1,0 +1,126 @@
+"""Compensation of muscle hysteresis by a fitted law, along the planned move.
+
+Two antagonistic muscles with the force loop of Dahl's law, half width ``level + slope p`` each,
+lose at the joint, with the lever r and the mean pressure pm,
+
+    tau = 2 r (level + slope pm) z,      dz/dt = (v - |v| z) / breakaway,      v = r omega_r
+
+z follows the *planned* speed omega_r, which has no noise and turns when the plan turns: the loss is
+known before it is felt. It is added to the wanted pressure difference, and taken from the
+acceleration that the observer expects, so that nothing is compensated twice. What the fit gets
+wrong stays for the feedback. The numbers are those of a fitted effect, never of the plant.
+
+Source: P. R. Dahl 1968 (law); Vo-Minh, Tjahjowidodo, Ramon and Van Brussel, Mechatronics 20, 2010
+(compensation of a muscle's hysteresis by a model).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from controllers.arithmetic import Arithmetic, Number
+from workbench.errors import WorkbenchError, check_range
+
+
+@dataclass(frozen=True)
+class HysteresisCompensation:
+    """Fitted hysteresis of two muscles as the joint feels it.
+
+    Args:
+        level: Half width of a muscle's loop without pressure, in N.
+        slope: Growth of the half width with gauge pressure, in N/Pa.
+        breakaway: Contraction over which the loop turns, in m.
+        lever: Lever of the muscles, in m.
+        torque_per_difference: Torque per pressure difference, in N m/Pa.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> HysteresisCompensation(10.0, 7e-5, 5e-4, 0.03, 7.6e-5).difference(1.0, 4e5).__round__()
+        30000
+    """
+
+    level: float
+    slope: float
+    breakaway: float
+    lever: float
+    torque_per_difference: float
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range("half width of the hysteresis", self.level, 0.0, 1e4, "N")
+        check_range("growth of the hysteresis", self.slope, 0.0, 1e-2, "N/Pa")
+        check_range("breakaway of the hysteresis", self.breakaway, 1e-6, 1.0, "m")
+        check_range("lever of the muscles", self.lever, 1e-4, 10.0, "m")
+        check_range("torque per pressure difference", self.torque_per_difference, 1e-9, 1.0)
+
+    def difference(self, turn: Number, mean: Number) -> Number:
+        """Return the pressure difference that the hysteresis costs.
+
+        Args:
+            turn: Position z in the loop, -1..1.
+            mean: Mean gauge pressure, in Pa.
+
+        Returns:
+            Pressure difference, in Pa.
+        """
+        force = 2.0 * (self.level + self.slope * mean) * turn
+        return force * self.lever / self.torque_per_difference
+
+    def turned(self, turn: Number, speed: Number, h: float, arithmetic: Arithmetic) -> Number:
+        """Advance the position in the loop by one sample of planned motion.
+
+        Args:
+            turn: Position z in the loop, -1..1.
+            speed: Planned speed, in rad/s.
+            h: Sample time, in s.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            Position one sample later (dimensionless): exact for |z| <= 1 to first order, and
+            never beyond 1.
+        """
+        way = h * self.lever * speed / self.breakaway
+        size = arithmetic.largest(way, -way)
+        return (turn + way) / (1.0 + size)
+
+
+def hysteresis_compensation(
+    fitted: Mapping[str, float],
+    *,
+    torque_per_difference: float,
+    lever: float = 0.0295,
+    effect: str = "muscle_hysteresis",
+) -> HysteresisCompensation:
+    """Build the compensation from a fitted effect.
+
+    Args:
+        fitted: Values of the fitted model's parameters by name, in SI, as a refit returns them.
+        torque_per_difference: Torque per pressure difference, in N m/Pa: inertia times the ``b`` of
+            the joint model.
+        lever: Lever of the muscles, in m.
+        effect: Name of the effect.
+
+    Returns:
+        The compensation.
+
+    Raises:
+        WorkbenchError: If a parameter is missing.
+
+    Example:
+        >>> fitted = {"muscle_hysteresis.level": 9.0, "muscle_hysteresis.level_per_pressure": 6e-5,
+        ...           "muscle_hysteresis.breakaway": 6e-4}
+        >>> hysteresis_compensation(fitted, torque_per_difference=7.6e-5).level
+        9.0
+    """
+    names = [f"{effect}.{name}" for name in ("level", "level_per_pressure", "breakaway")]
+    missing = [name for name in names if name not in fitted]
+    if missing:
+        raise WorkbenchError(
+            f"the fitted values have no {missing[0]!r}; refit a model with the effect {effect!r},"
+            " or name the effect that it has"
+        )
+    level, slope, breakaway = (float(fitted[name]) for name in names)
+    return HysteresisCompensation(level, slope, breakaway, lever, torque_per_difference)
