@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -13,13 +14,16 @@ from workbench.diagnosis.diagnose import Diagnosis
 from workbench.diagnosis.likely import extended_start
 from workbench.diagnosis.prediction_error import Observed, PredictionError
 from workbench.diagnosis.unknown_input import UnknownInput, unknown_input
-from workbench.model import Model
+from workbench.model import Model, Port
 from workbench.model.model import index_of
 
 Vector = npt.NDArray[np.float64]
 
 BINS = 24
 """Classes into which an argument is divided to see what depends on it."""
+
+_PARALLEL = 0.999
+"""Cosine above which two ports act on the rates in the same way."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,8 @@ class Located:
         std: Its standard deviation, shape (n,), in ``unit``.
         law: What the effect that was found adds there, shape (n,), in ``unit``; None if nothing
             was found.
-        argument: Name of the quantity that the law depends on most.
+        argument: Name of the quantity, among those that the port sees, that the law depends on
+            most.
         argument_unit: Its SI unit.
         argument_values: Its values, shape (n,), in ``argument_unit``.
         explained: Share of the mean square of the signal that the law takes away where the
@@ -81,7 +86,8 @@ def located_signal(
         ports: Names of the ports.
 
     Returns:
-        One signal per port.
+        One signal per port; a single one at the port of the group where the ports act on the same
+        rates, so that no reading can tell them apart.
 
     Raises:
         NumericalError: If the model without the effect cannot follow the recordings at all.
@@ -94,14 +100,18 @@ def located_signal(
         >>> located_signal(found, seen, ["axis.force"])[0].explained > 0.5
         True
     """
-    model, laws = diagnosis.base.model, None
+    model, extended = diagnosis.base.model, diagnosis.extended.model
+    absent: dict[str, float] = {}
+    memory = False
     if diagnosis.accepted:
         entry = diagnosis.accepted[0][0].entry
-        extended = diagnosis.extended.model
         model = extended.without(entry.effect.name)
         absent = {f"{entry.effect.name}.{entry.size_parameter}": 0.0}
+        memory = bool(entry.effect.states)
+    ports = told_apart(model, ports, recordings[0])
     started = [extended_start(seen, diagnosis.nominal, model) for seen in recordings]
     parts = [unknown_input(model, seen, ports) for seen in started]
+    laws: list[Vector] | None = None
     if diagnosis.accepted:
         laws = [
             added_at_ports(
@@ -118,7 +128,13 @@ def located_signal(
         std = np.concatenate([part.std[:, i] for part in parts])
         law = None if laws is None else np.concatenate([values[:, i] for values in laws])
         rows = _known(signal, std)
-        name, unit, values = _argument(signal if law is None else law, arguments, rows)
+        name, unit, values = _argument(
+            signal if law is None else law,
+            arguments,
+            next(q for q in model.ports if q.name == port),
+            memory,
+            rows,
+        )
         found.append(
             Located(
                 port,
@@ -144,7 +160,10 @@ def added_at_ports(
     model: Model,
     missing: UnknownInput,
 ) -> Vector:
-    """Return what an effect adds to the signals of some ports along a recording.
+    """Return what an effect adds at some ports along a recording.
+
+    The difference that it makes to the rates (or, at a sensor, to the readings) at the same states,
+    divided by the effect of a unit signal at the port.
 
     Args:
         extended: The model with the effect.
@@ -176,22 +195,89 @@ def added_at_ports(
     states = filter_.run(observed, extended.values).states[::every][: len(missing.time)]
     shared = [index_of("state", q.name, extended.states) for q in model.states]
     states[:, shared] = missing.states
-    return _own(extended, absent, states, missing)
-
-
-def _own(
-    extended: Model, absent: Mapping[str, float], states: Vector, missing: UnknownInput
-) -> Vector:
-    """Difference that the effects make to the signals of the ports."""
-    rows = [extended.exact.signal_names.index(name) for name in missing.ports]
-    function = extended.exact.function("signals", extended.exact.signals[rows])
-    n = len(states)
-    values = [extended.values, extended.with_parameters(absent).values]
-    there, gone = (
-        np.asarray(function.map(n)(states.T, missing.inputs.T, np.tile(p[:, None], (1, n))))
-        for p in values
+    rows = [index_of("output", name, model.outputs) for name in observed.used]
+    there = [[q.name for q in model.ports].index(name) for name in missing.ports]
+    trace, n = model.exact, len(missing.time)
+    slopes = trace.function(
+        "slopes",
+        ca.densify(trace.rates_by_port[:, there]),
+        ca.densify(trace.outputs_by_port[rows, there]),
     )
-    return np.asarray((there - gone).T)
+    p = np.tile(model.values[:, None], (1, n))
+    by_rate, by_read = (
+        np.asarray(result).reshape(len(result), n, -1).transpose(1, 0, 2)
+        for result in map(np.asarray, slopes.map(n)(missing.states.T, missing.inputs.T, p))
+    )
+    with_it = _both(extended, extended.values, states, missing.inputs)
+    without = _both(extended, extended.with_parameters(absent).values, states, missing.inputs)
+    state_scale = np.array([q.scale for q in model.states])
+    read_scale = np.array([model.outputs[i].scale for i in rows])
+    rates = (with_it[0] - without[0])[shared].T / state_scale
+    reads = (with_it[1] - without[1])[rows].T / read_scale
+    return np.column_stack(
+        [
+            _divided(rates, by_rate[:, :, i] / state_scale)
+            if np.any(by_rate[:, :, i])
+            else _divided(reads, by_read[:, :, i] / read_scale)
+            for i in range(len(there))
+        ]
+    )
+
+
+def told_apart(model: Model, ports: Sequence[str], observed: Observed) -> tuple[str, ...]:
+    """Return the ports whose signals the readings can tell apart.
+
+    Args:
+        model: The model.
+        ports: Names of the ports.
+        observed: A recording with a start for the model or the one it extends.
+
+    Returns:
+        The ports; or, if all of them act on the rates as another port does at which something may
+        be left out, that port alone.
+
+    Example:
+        >>> from workbench.diagnosis.observe import observe
+        >>> from workbench.data_folder import shipped_data
+        >>> from workbench.plants.arm import arm
+        >>> from workbench.recordings.case import read_case
+        >>> run = read_case(shipped_data("practice-07")).fit["identify_open"]
+        >>> seen = observe(arm(3), run)
+        >>> told_apart(arm(3), ("muscle_1.force", "muscle_2.force"), seen)
+        ('joint.torque',)
+        >>> told_apart(arm(3), ("chamber_1.flow", "chamber_2.flow"), seen)
+        ('chamber_1.flow', 'chamber_2.flow')
+    """
+    if len(ports) < 2:
+        return tuple(ports)
+    start = dict(zip((q.name for q in model.states), observed.start.tolist(), strict=False))
+    x = model.initial_state(start, u=observed.inputs[0])
+    slope = model.exact.function("slope", ca.densify(model.exact.rates_by_port))
+    matrix = np.asarray(slope(x, observed.inputs[0], model.values))
+    matrix = matrix / np.array([q.scale for q in model.states])[:, None]
+    length = np.linalg.norm(matrix, axis=0)
+    directions = matrix / np.where(length > 0, length, np.inf)
+    names = [q.name for q in model.ports]
+    chosen = directions[:, [names.index(name) for name in ports]]
+    for i, port in enumerate(model.ports):
+        if port.disturbance > 0 and np.all(np.abs(directions[:, i] @ chosen) > _PARALLEL):
+            return (port.name,)
+    return tuple(ports)
+
+
+def _both(model: Model, values: Vector, states: Vector, inputs: Vector) -> tuple[Vector, Vector]:
+    function = model.exact.function("both", model.exact.rates, model.exact.outputs)
+    n = len(states)
+    rates, outputs = function.map(n)(states.T, inputs.T, np.tile(values[:, None], (1, n)))
+    return np.asarray(rates), np.asarray(outputs)
+
+
+def _divided(difference: Vector, direction: Vector) -> Vector:
+    """Project a difference on the direction of a port, sample by sample."""
+    square = np.sum(direction**2, axis=1)
+    # Where the port acts on nothing, nothing can be said of its signal.
+    least = 1e-6 * float(np.mean(square)) or 1.0
+    return np.asarray(np.sum(difference * direction, axis=1) / np.maximum(square, least))
 
 
 def _arguments(model: Model, parts: Sequence[UnknownInput]) -> list[tuple[str, str, Vector]]:
@@ -214,10 +300,22 @@ def _per_second(unit: str) -> str:
 
 
 def _argument(
-    signal: Vector, arguments: Iterable[tuple[str, str, Vector]], rows: npt.NDArray[np.bool_]
+    signal: Vector,
+    arguments: Sequence[tuple[str, str, Vector]],
+    port: Port,
+    memory: bool,
+    rows: npt.NDArray[np.bool_],
 ) -> tuple[str, str, Vector]:
-    """Choose the quantity that a signal depends on most, by the correlation ratio."""
-    return max(arguments, key=lambda item: correlation_ratio(signal[rows], item[2][rows]))
+    """Choose the quantity to draw a signal against: of what the port sees, else of everything.
+
+    A law with memory is a function of nothing; it makes a loop over the first that the port sees.
+    """
+    number = port.group.rpartition("_")[2]
+    order = [name for own in port.signals for name in (own, f"{own}_{number}")]
+    near = sorted((item for item in arguments if item[0] in order), key=lambda i: order.index(i[0]))
+    if memory and near:
+        return near[0]
+    return max(near or arguments, key=lambda i: correlation_ratio(signal[rows], i[2][rows]))
 
 
 def correlation_ratio(signal: Vector, argument: Vector, *, bins: int = BINS) -> float:

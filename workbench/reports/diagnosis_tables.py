@@ -44,8 +44,9 @@ METHODS: tuple[tuple[str, str], ...] = (
     ),
     (
         "argument of the law",
-        "the state, its rate, or the input of which most of the effect's variance is a function"
-        " (correlation ratio)",
+        "of the quantities at the port (of all states, their rates and inputs, where the port sees"
+        " none) the one of which most of the effect's variance is a function (correlation ratio);"
+        " the first one for an effect with memory",
     ),
     (
         "expected gain and size",
