@@ -98,8 +98,12 @@ def test_the_step_iterated_is_the_converged_solution(
     plant: Model, tight: bool, solver: Literal["ipopt", "fatrop"]
 ) -> None:
     # The filled muscle needs more than 4.9 bar on the way, and the opening more than 0.3.
-    limits = {"opening_limit": 0.3, "pressure_limits": (2e5, 4.9e5)} if tight else {}
-    wanted = NonlinearMPCSpecification(stages=10, steps=2, **limits)
+    wanted = NonlinearMPCSpecification(
+        stages=10,
+        steps=2,
+        opening_limit=0.3 if tight else 1.0,
+        pressure_limits=(2e5, 4.9e5) if tight else (0.1e5, 5.9e5),
+    )
     mpc = design_nonlinear_mpc(plant.without("bearing_friction"), wanted)
     start, w = problem(mpc, plant)
     N = mpc.specification.stages
