@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import control as ct
@@ -14,10 +15,12 @@ from controllers.mpc import design_mpc
 from controllers.pid import CascadePID, design_pid
 from controllers.sensitivity import loop_matrices, peak_sensitivities
 from controllers.sliding_mode import design_sliding_mode
+from tests.study.small_study import small_study
 from workbench.linearisation import LinearModel, linearise
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
-from workbench.study.linear_loop import analyse_loop
+from workbench.study.linear_loop import analyse_loop, analyse_study
+from workbench.study.schema import load_study
 
 
 @pytest.fixture(scope="module")
@@ -64,6 +67,18 @@ def test_an_mpc_has_margins_too(linear: LinearModel) -> None:
     outer, command = analyse_loop(design_mpc(linear), linear)
     assert outer.stable and command.stable
     assert 1.0 < command.sensitivity < 3.0 and command.delay_margin > 0.002
+
+
+def test_a_law_that_is_not_linear_at_rest_has_no_margins(tmp_path: Path) -> None:
+    designs = (
+        'design = "pid"\nspecification = { bandwidth = 30.0 }',
+        'design = "scheduled-sliding-mode"\nspecification = { kind = "super-twisting" }\n'
+        '[controllers.scheduled]\ndesign = "scheduled-pid"',
+    )
+    found = analyse_study(load_study(small_study(tmp_path, designs)))
+    reasons = {a.controller: a.reason for a in found}
+    assert "not linear around rest" in reasons["pid"]
+    assert not reasons["scheduled"] and all(a.stable for a in found if not a.reason)
 
 
 def test_the_gain_margin_is_where_the_loop_becomes_unstable(linear: LinearModel) -> None:

@@ -120,6 +120,11 @@ def test_what_was_written_is_what_is_run(tmp_path: Path) -> None:
     assert [d.requirement.hard for d in study.demands] == [True, False]
 
 
+def test_a_limit_without_a_unit_is_in_si(tmp_path: Path) -> None:
+    study = load_study(small_study(tmp_path, ('limit = 0.6\nunit = "s"', "limit = 0.6")))
+    assert str(study.demands[0]) == "settling_time at most 0.6 s"
+
+
 def test_effects_of_the_library(tmp_path: Path) -> None:
     varied = (
         '[variations."4 kg"]\nparameters = { load = "4 kg" }',

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
 from typing import Any, NamedTuple, cast
 
+import numpy as np
+
 from controllers.protocol import Controller
+from controllers.scheduled import JointSchedule, joint_schedule
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel, linearise
 from workbench.operating_point import operating_point
+from workbench.simulation.compiled import compiled
 from workbench.study.plants import PlantRecipe, own_function
 
 
@@ -19,15 +24,19 @@ class Design(NamedTuple):
 
     Args:
         module: Name of the module.
-        function: Name of the function ``(linear, specification) -> controller``.
-        specification: Name of the specification's class.
+        function: Name of the function that returns a controller.
+        specification: Name of the specification's class; empty if its fields are keywords of the
+            function.
+        source: What the design starts from: ``"linear"`` model at one operating point, a
+            ``"map"`` of linear models over angle and mean pressure, or the plant's ``"model"``.
         solves: Whether the controller solves an optimisation at each sample.
         slides: Whether it has a sliding surface, and is judged by invariants.
     """
 
     module: str
     function: str
-    specification: str
+    specification: str = ""
+    source: str = "linear"
     solves: bool = False
     slides: bool = False
 
@@ -38,8 +47,34 @@ DESIGNS: dict[str, Design] = {
         "controllers.sliding_mode", "design_sliding_mode", "SlidingModeSpecification", slides=True
     ),
     "mpc": Design("controllers.mpc", "design_mpc", "MPCSpecification", solves=True),
+    "scheduled-pid": Design("controllers.scheduled_pid", "design_scheduled_pid", source="map"),
+    "scheduled-sliding-mode": Design(
+        "controllers.scheduled_sliding_mode",
+        "design_scheduled_sliding_mode",
+        source="map",
+        slides=True,
+    ),
+    "scheduled-mpc": Design(
+        "controllers.scheduled_mpc", "design_scheduled_mpc", source="map", solves=True
+    ),
+    "scheduled-state-feedback": Design(
+        "controllers.scheduled_state_feedback", "design_scheduled_state_feedback", source="map"
+    ),
+    "nonlinear-mpc": Design(
+        "controllers.nonlinear_mpc",
+        "design_nonlinear_mpc",
+        "NonlinearMPCSpecification",
+        source="model",
+        solves=True,
+    ),
 }
 """Designs by the name used in a study; others are named as ``module:function``."""
+
+MAP_ANGLES_DEG = (1.0, 59.0, 13)
+"""First and last angle of a design map in °, and how many."""
+
+MAP_MEAN_PRESSURES = (2.8e5, 3.6e5)
+"""Mean gauge pressures of a design map, in Pa."""
 
 DRY = ("bearing_friction", "muscle_hysteresis")
 """Left out of design models: at rest their slopes look like damping and stiffness that a moving arm
@@ -105,11 +140,17 @@ class ControllerRecipe:
         if ":" in self.design:
             return dict(self.specification)
         design = DESIGNS[check_choice("design", self.design, DESIGNS)]
-        kind = getattr(importlib.import_module(design.module), design.specification)
+        module = importlib.import_module(design.module)
+        what = f"key of the {self.design} specification"
+        if not design.specification:
+            parameters = inspect.signature(getattr(module, design.function)).parameters
+            words = [n for n, p in parameters.items() if p.kind is p.KEYWORD_ONLY and n != "valve"]
+            for key, _ in self.specification:
+                check_choice(what, key, words)
+            return dict(self.specification)
+        kind = getattr(module, design.specification)
         for key, _ in self.specification:
-            check_choice(
-                f"key of the {self.design} specification", key, [f.name for f in fields(kind)]
-            )
+            check_choice(what, key, [f.name for f in fields(kind)])
         try:
             return kind(**dict(self.specification))
         except TypeError as error:
@@ -123,17 +164,35 @@ def _linear(plant: PlantRecipe, at: tuple[tuple[str, float], ...]) -> LinearMode
     return linearise(operating_point(model.without(*dry), dict(at)), verdict=False)
 
 
+@lru_cache(maxsize=16)
+def _schedule(plant: PlantRecipe) -> JointSchedule:
+    from workbench.linearisation.angle_map import angle_map
+
+    first, last, count = MAP_ANGLES_DEG
+    angles = np.radians(np.linspace(first, last, int(count)))
+    found = angle_map(plant.build(), angles, mean_pressures=MAP_MEAN_PRESSURES)
+    return joint_schedule(found.models, found.angles, found.mean_pressures)
+
+
 _DESIGNED: dict[str, Controller] = {}
 
 
 def _designed(recipe: ControllerRecipe) -> Controller:
     want = recipe.checked_specification()
     if ":" in recipe.design:
-        function = own_function("design", recipe.design)
+        found = own_function("design", recipe.design)(recipe.linear(), want)
     else:
         design = DESIGNS[recipe.design]
         function = getattr(importlib.import_module(design.module), design.function)
-    found = function(recipe.linear(), want)
+        if design.source == "map":
+            found = function(_schedule(recipe.plant), **want)
+        elif design.source == "model":
+            dry = [e.name for e in recipe.plant.build().effects if e.name in DRY]
+            model = recipe.plant.build().without(*dry)
+            rest = operating_point(model, dict(recipe.at)).x
+            found = function(model, want, rest=rest, compile_function=compiled)
+        else:
+            found = function(recipe.linear(), want)
     if not isinstance(found, Controller):
         raise WorkbenchError(
             f"design {recipe.design!r} returned {type(found).__name__}, which is no controller"

@@ -164,7 +164,8 @@ def analyse_loop(
         Two analyses; with a reason instead of numbers where the law has no linear form.
 
     Raises:
-        WorkbenchError: If the linear model lacks a sensor or an actuator.
+        WorkbenchError: If the linear model lacks a sensor or an actuator, or the law is not linear
+            around rest.
 
     Example:
         >>> from controllers.pid import design_pid
@@ -179,6 +180,7 @@ def analyse_loop(
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     at_rest = tuple(values.get(name, 0.0) for name in controller.sensors)
     flat: Any = _Flattened(controller, at_rest)
+    _check_linear(controller, at_rest, values)
     A, B, C, F, G, H, J = loop_matrices(flat, linear)
     n, m = len(A), len(F)
     closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
@@ -211,6 +213,28 @@ def analyse_loop(
             _margins(controller.name, point, opened, angle / (2 * np.pi * h), loop, stable)
         )
     return tuple(found)
+
+
+def _check_linear(
+    controller: Controller, at_rest: Measurement, values: Mapping[str, float]
+) -> None:
+    """Refuse a law whose command grows unlike a small deviation of the first sensor."""
+    state = controller.initial_state(at_rest)
+    wanted = tuple(values[name] for name in controller.follows) * (1 + controller.preview)
+
+    def command(deviation: float) -> float:
+        moved = (at_rest[0] + deviation, *at_rest[1:])
+        return float(controller.linear_command(controller.step(state, moved, wanted)[0])[0])
+
+    small = 1e-5 * max(abs(at_rest[0]), 1.0)
+    first = command(small) - command(-small)
+    ratio = (command(4.0 * small) - command(-4.0 * small)) / first if first else 4.0
+    # A root gives 2, a relay 1, a power of 1.5 gives 8; linear laws 4.00 with all their rounding.
+    if not 3.9 < ratio < 4.1:
+        raise WorkbenchError(
+            f"the law is not linear around rest: four times the deviation gives {ratio:.2g} times"
+            " the command, so margins would mean nothing"
+        )
 
 
 def _margins(
@@ -290,7 +314,14 @@ def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
             try:
                 found += analyse_loop(recipe.build(), recipe.linear(point), point)
             # Own controllers may have any state; what cannot be linearised is told, not fatal.
-            except (WorkbenchError, TypeError, ValueError, np.linalg.LinAlgError) as error:
+            except (
+                WorkbenchError,
+                TypeError,
+                ValueError,
+                AttributeError,
+                LookupError,
+                np.linalg.LinAlgError,
+            ) as error:
                 reason = " ".join(str(error).split())
                 nothing = (np.zeros(0), np.zeros(0, dtype=complex), False)
                 found.append(LoopAnalysis(recipe.name, point, "", *nothing, reason=reason))

@@ -315,6 +315,7 @@ class _Reader(Located):
             with self.at(*path, "metric"):
                 if "metric" in table:
                     check_choice("metric", table["metric"], units)
+                    table.setdefault("unit", units[table["metric"]])
             with self.at(*path, "limit"):
                 requirement = requirement_from_table(table)
             demand = Demand(requirement, weight, **chosen)
