@@ -40,7 +40,7 @@ typecheck: $(VENV)/installed-test
 	$(BIN)/mypy
 
 bench: $(VENV)/installed
-	$(BIN)/python -m workbench.benchmarks
+	$(BIN)/python -m workbench.speed
 
 notebooks: $(VENV)/installed
 	$(PIP) $(PINS) --editable ".[notebooks]"

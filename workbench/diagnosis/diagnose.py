@@ -125,6 +125,11 @@ def diagnose(
     began = time.perf_counter()
     say("checking the recordings")
     needed = [q.name for q in model.inputs]
+    # What drives the model is held between samples, whatever its column was taken for.
+    fit_on, hold_out = (
+        [r.with_roles({n: "command" for n in needed if n in r}) for r in recordings]
+        for recordings in (fit_on, hold_out)
+    )
     reports = [
         check_recording(
             r,

@@ -22,8 +22,8 @@ Vector = npt.NDArray[np.float64]
 LEVELS = (1.0, 3.0, 10.0)
 """Shares of the expected disturbance that are tried at a group."""
 
-TRUSTED = 0.3
-"""Share that remains at the other groups."""
+TRUSTED = (0.03, 0.3)
+"""Shares that remain at the other groups: the first with which the filter stays finite."""
 
 _LOST = 1e9
 """Cost of a filter that left the finite numbers: larger than any that did not."""
@@ -93,7 +93,6 @@ def locate(model: Model, recordings: Sequence[Observed]) -> Location:
     Returns:
         Gains of log likelihood by group.
 
-
     Example:
         >>> from workbench.diagnosis.example import made_up, pushes
         >>> from workbench.plants.servo_axis import servo_axis
@@ -116,15 +115,21 @@ def locate(model: Model, recordings: Sequence[Observed]) -> Location:
             # Trusted equations that are badly wrong throw the filter out of their range.
             return _LOST
 
+    trusted = TRUSTED[-1]
+    for level in TRUSTED:
+        if cost(dict.fromkeys(groups, level)) < _LOST:
+            trusted = level
+            break
+
     def best(free: Sequence[str]) -> float:
         costs: list[float] = []
-        for level in LEVELS:
-            costs.append(cost({g: level if g in free else TRUSTED for g in groups}))
+        for level in (3 * trusted, *LEVELS):
+            costs.append(cost({g: level if g in free else trusted for g in groups}))
             if len(costs) > 1 and costs[-1] > costs[-2]:
                 break
         return min(costs)
 
-    rest = cost(dict.fromkeys(groups, TRUSTED))
+    rest = cost(dict.fromkeys(groups, trusted))
     everywhere = min(best(list(groups)), rest)
     alone = {g: max(rest - best([g]), 0.0) for g in groups}
     needed = {

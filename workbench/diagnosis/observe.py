@@ -97,8 +97,10 @@ def _start(
     """Correct the model's starting state by the first readings, in one Kalman update."""
     spread = np.array([q.start_rms or q.scale for q in model.states])
     rows = [i for i, q in enumerate(model.outputs) if q.name in names]
-    first = np.nanmean(read[:_START_SAMPLES], axis=0)
-    known = np.isfinite(first)
+    known = np.asarray(np.isfinite(read[:_START_SAMPLES]).any(axis=0), dtype=bool)
+    first = np.array(
+        [np.nanmean(c[:_START_SAMPLES]) if k else 0.0 for c, k in zip(read.T, known, strict=True)]
+    )
     x = model.initial_state(u=inputs)
     slope = np.asarray(model.exact.jacobian_function(x, inputs, model.values)[2])[rows][known]
     error = (first - model.read(x, inputs)[rows])[known]

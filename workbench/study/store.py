@@ -130,7 +130,7 @@ def code_digest(*own: str) -> str:
         path
         for root in (package, package.parent / "controllers")
         for path in sorted(root.rglob("*.py"))
-        if not {"reports", "cli", "demo", "benchmarks", "_data"} & set(path.relative_to(root).parts)
+        if not {"reports", "cli", "demo", "speed", "_data"} & set(path.relative_to(root).parts)
     ]
     paths += [path for folder in own for path in sorted(Path(folder).glob("*.py"))]
     digest = hashlib.sha256(f"{ca.CasadiMeta.version()} {np.__version__}".encode())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from workbench.benchmarks.suite import run_benchmarks
+from workbench.speed.timings import run_benchmarks
 
 if __name__ == "__main__":
     sys.stdout.write(f"{run_benchmarks(progress=lambda text: None)}\n")
