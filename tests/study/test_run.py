@@ -81,6 +81,37 @@ def test_a_changed_controller_or_other_code_is_run_again(tmp_path: Path) -> None
     assert store.key(task) != Store(tmp_path / "out", "other code").key(task)
 
 
+def test_only_runs_of_another_study_are_removed(tmp_path: Path) -> None:
+    store = Store(tmp_path, "0")
+    store.put("0" * 32, {})
+    store.put("1" * 32, {})
+    (tmp_path / "mine.json").write_text("{}")
+    again = Store(tmp_path, "0")
+    again.get("0" * 32)
+    again.prune()
+    assert {p.name for p in tmp_path.iterdir()} == {"0" * 32 + ".json", "mine.json"}
+
+
+def test_a_plant_and_a_design_beside_the_study(tmp_path: Path) -> None:
+    (tmp_path / "own_rig_of_this_test.py").write_text(
+        "from controllers.pid import design_pid\n"
+        "from workbench.plants.arm import arm\n"
+        "def rig():\n    return arm(2.0)\n"
+        "def design(linear, specification):\n    return design_pid(linear)\n"
+    )
+    own = ('[plant]\nload = "3 kg"', '[plant]\nkind = "own_rig_of_this_test:rig"')
+    design = (
+        'design = "pid"\nspecification = { bandwidth = 30.0 }',
+        'design = "own_rig_of_this_test:design"',
+    )
+    study = load_study(small_study(tmp_path, own, design))
+    assert study.plant.build().parameter("load").value == 2.0
+    records = run_tasks(
+        tasks(study), store_of(study, tmp_path / "out"), jobs=2, paths=(str(tmp_path),)
+    )
+    assert [r.reason for r in records] == ["", ""]
+
+
 def test_a_damaged_file_is_run_again(tmp_path: Path) -> None:
     study = load_study(small_study(tmp_path))
     store = store_of(study, tmp_path / "out")

@@ -76,10 +76,20 @@ def load_study(path: str | Path) -> Study:
     except tomllib.TOMLDecodeError as error:
         raise WorkbenchError(f"{place}: {str(error)[:1].lower()}{str(error)[1:]}") from None
     folder = str(place.resolve().parent)
-    if folder not in sys.path:
+    if ":" in "".join(_places(table)) and folder not in sys.path:
         # Plants and designs of one's own stand beside the study.
         sys.path.append(folder)
     return _Reader(place, table, toml_lines(text)).study()
+
+
+def _places(table: dict[str, Any]) -> list[str]:
+    """Return what a study says about where plants and designs are found."""
+    controllers = table.get("controllers", {})
+    rows = [
+        table.get("plant", {}),
+        *(controllers.values() if isinstance(controllers, dict) else ()),
+    ]
+    return [str(r.get("kind", r.get("design", ""))) for r in rows if isinstance(r, dict)]
 
 
 class _Reader(Located):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -102,9 +103,9 @@ class Store:
         self.put(self.key(task), {**record.table(), "traces": dict(record.traces)})
 
     def prune(self) -> None:
-        """Remove the files of runs that the finished study no longer has."""
+        """Remove the files of runs that the finished study no longer has, and no other files."""
         for path in self.folder.glob("*.json"):
-            if path.name not in self.touched:
+            if re.fullmatch(r"[0-9a-f]{32}", path.stem) and path.name not in self.touched:
                 path.unlink(missing_ok=True)
 
 
