@@ -190,8 +190,8 @@ def joint_schedule(
         >>> from workbench.plants.arm import arm
         >>> found = angle_map(arm(3), [0.3, 0.5, 0.7], mean_pressures=[2.8e5, 3.6e5])
         >>> schedule = joint_schedule(found.models, found.angles, found.mean_pressures)
-        >>> round(float(schedule.at(0.5236, 4.2e5).difference))
-        0
+        >>> abs(schedule.at(0.5236, 4.2e5).difference) < 1e3
+        True
     """
     theta = np.asarray(angles, dtype=float)
     steps = np.diff(theta)

@@ -47,9 +47,25 @@ def _steps(run: Run) -> dict[str, Figure]:
     found["stop_impacts"] = Figure(whole["stop_impacts"].value)
     if "surface" in run.infos[0]:
         found["surface_rms_rad_per_s2"] = responses.rms(run.info("surface"))
+    if "plan" in run.infos[0]:
+        found |= _planned(run)
     for name in ("fallbacks", "solve_time_p99"):
         if name in whole:
             found[name if name == "fallbacks" else f"{name}_s"] = Figure(whole[name].value)
+    return found
+
+
+def _planned(run: Run) -> dict[str, Figure]:
+    """Return when the planned reference itself enters the band for good, per size of step."""
+    found = {}
+    plan = run.info("plan")
+    for i, (a, b) in enumerate(pairwise(STEPS_DEG)):
+        if (a, b) in LIMITED_DEG:
+            begin = BEGIN + HOLD * i
+            part = (run.time >= begin - 1e-9) & (run.time < begin + HOLD - 1e-9)
+            found[f"settling_planned_{round(abs(b - a))}_s"] = responses.settling_time(
+                run.time[part], plan[part], initial=math.radians(a), final=math.radians(b)
+            )
     return found
 
 
