@@ -102,7 +102,9 @@ def report(
     else:
         counter = Counter()
         try:
-            outcome = run_study(wanted, out, jobs=(os.cpu_count() or 1) if jobs is None else jobs, progress=counter)
+            outcome = run_study(
+                wanted, out, jobs=(os.cpu_count() or 1) if jobs is None else jobs, progress=counter
+            )
         finally:
             counter.close()
         page = study_page(outcome)

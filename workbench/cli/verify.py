@@ -87,7 +87,7 @@ def verify(
         workbench.errors.WorkbenchError: controller is 'pdi'; it must be one of ...
     """
     from workbench.demo.closed_loop import REQUIREMENTS
-    from workbench.demo.controller_designs import DESIGNS, design_controllers, design_model
+    from workbench.demo.controller_designs import FROM_ONE_MODEL, design_controllers, design_model
     from workbench.verification import metrics, score, step_scenario
     from workbench.verification import verify as run_loop
 
@@ -112,7 +112,7 @@ def verify(
     scenario = step_scenario(from_deg=angles[1], to_deg=angles[2], back=True, hold=2.0)
     results = {}
     worst = 0.0
-    for designed in design_controllers(linear, controller or tuple(DESIGNS)):
+    for designed in design_controllers(linear, controller or FROM_ONE_MODEL):
         found = metrics(run_loop(designed, plant, scenario, seed=seed))
         total, verdicts = score(REQUIREMENTS, [found])
         worst = max(worst, total)

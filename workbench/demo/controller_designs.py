@@ -3,43 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from importlib import import_module
 
 from controllers.protocol import Controller
 from workbench.errors import check_choice, check_range
 from workbench.linearisation import LinearModel, linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
+from workbench.study.designs import DESIGNS, DRY
 
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-
-def _pid(linear: LinearModel) -> Controller:
-    from controllers.pid import design_pid
-
-    return design_pid(linear)
-
-
-def _sliding_mode(linear: LinearModel) -> Controller:
-    from controllers.sliding_mode import design_sliding_mode
-
-    return design_sliding_mode(linear)
-
-
-def _mpc(linear: LinearModel) -> Controller:
-    from controllers.mpc import design_mpc
-
-    return design_mpc(linear)
-
-
-DESIGNS: Mapping[str, Callable[[LinearModel], Controller]] = {
-    "pid": _pid,
-    "sliding-mode": _sliding_mode,
-    "mpc": _mpc,
-}
-"""Designs by the name used on the command line."""
+FROM_ONE_MODEL = tuple(name for name, design in DESIGNS.items() if design.source == "linear")
+"""Designs that start from the linear model at one operating point, by name."""
 
 
 def design_model(plant: Model, angle_deg: float = 30.0) -> LinearModel:
@@ -64,19 +39,19 @@ def design_model(plant: Model, angle_deg: float = 30.0) -> LinearModel:
         ('valve',)
     """
     check_range("design angle", angle_deg, 0.0, 60.0, "deg")
-    dry = [e.name for e in plant.effects if e.name in ("bearing_friction", "muscle_hysteresis")]
+    dry = [e.name for e in plant.effects if e.name in DRY]
     point = operating_point(plant.without(*dry), {"angle": math.radians(angle_deg)})
     return linearise(point, verdict=False)
 
 
 def design_controllers(
-    linear: LinearModel, names: Iterable[str] = tuple(DESIGNS)
+    linear: LinearModel, names: Iterable[str] = FROM_ONE_MODEL
 ) -> tuple[Controller, ...]:
     """Design controllers from a linear model.
 
     Args:
         linear: The linear model.
-        names: Names from `DESIGNS`.
+        names: Names from `FROM_ONE_MODEL`.
 
     Returns:
         The controllers in the order of the names.
@@ -91,6 +66,6 @@ def design_controllers(
     """
     found = []
     for name in names:
-        check_choice("controller", name, DESIGNS)
-        found.append(DESIGNS[name](linear))
+        design = DESIGNS[check_choice("controller", name, FROM_ONE_MODEL)]
+        found.append(getattr(import_module(design.module), design.function)(linear))
     return tuple(found)
