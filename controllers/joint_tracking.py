@@ -209,7 +209,8 @@ def joint_tracking(
 
     Args:
         schedule: The joint over angle.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_share: Share of the valve's opening that a planned move may use, 0..1,
+            dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3, whatever the joint could do: what feedforward
             for a light joint gets wrong if its load is heavier than known must stay within what
             feedback corrects.

@@ -67,7 +67,7 @@ class JointSchedule:
         spacing: Distance of two angles, in rad.
         low: Rows of numbers over angle at the lower mean pressure, 7 rows in the order of
             `ScheduledJoint`, in SI.
-        high: The same at the higher one.
+        high: The same at the higher one, in SI.
         mean_low: Lower mean gauge pressure, in Pa.
         mean_high: Higher mean gauge pressure, in Pa.
 

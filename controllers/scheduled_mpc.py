@@ -54,7 +54,8 @@ class ScheduledMPC:
         tracking: Planner, observer and schedule.
         predictions: Condensed problem at every angle of the schedule.
         pressure_limits: Lowest and highest gauge pressure, in Pa.
-        compensation: Share of the unexplained acceleration that is compensated, 0..1.
+        compensation: Share of the unexplained acceleration that is compensated, 0..1,
+            dimensionless.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -90,6 +91,9 @@ class ScheduledMPC:
 
         Args:
             measurement: Angle in rad and the two gauge pressures in Pa.
+
+        Returns:
+            State in the order of its names, in SI.
         """
         return (*self.tracking.start(measurement), 0.0, 0.0)
 
@@ -99,7 +103,7 @@ class ScheduledMPC:
         """Compute the valve voltage of one sample.
 
         Args:
-            state: State of the step before.
+            state: State of the step before, a tuple of numbers in SI.
             measurement: Angle in rad and the two gauge pressures in Pa.
             reference: Wanted angle, in rad.
 
@@ -210,9 +214,11 @@ def design_scheduled_mpc(
         radius: Radius w of the unconstrained closed-loop poles, in rad/s.
         integral: Speed w_i of the integral action as a fraction of the radius.
         move_weight: Weight of a change of the opening against one of the opening, a ratio.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_share: Share of the valve's opening that a planned move may use, 0..1,
+            dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3.
-        compensation: Share of the unexplained acceleration that is compensated, 0..1.
+        compensation: Share of the unexplained acceleration that is compensated, 0..1,
+            dimensionless.
         prediction_time: Time T between prediction samples, in s; a multiple of ``sample_time``.
         blocks: Lengths of the blocked moves, in prediction samples; their sum is N.
         rate_limit: Fastest change of the opening, per s.

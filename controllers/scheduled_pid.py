@@ -49,7 +49,8 @@ class ScheduledPID:
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
         derivative_filter: Time constant Tf, in s.
         tracking_time: Time constant Tt of the anti-windup, in s.
-        compensation: Share c of the unexplained acceleration that is compensated at once, 0..1.
+        compensation: Share c of the unexplained acceleration that is compensated at once, 0..1,
+            dimensionless.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -117,7 +118,7 @@ class ScheduledPID:
         """Compute the valve voltage of one sample.
 
         Args:
-            state: State of the step before.
+            state: State of the step before, a tuple of numbers in SI.
             measurement: Angle in rad and the two gauge pressures in Pa.
             reference: Wanted angle, in rad.
 
@@ -136,7 +137,7 @@ class ScheduledPID:
         """Compute one sample on floats or on symbols.
 
         Args:
-            state: State of the step before.
+            state: State of the step before, a tuple of numbers in SI.
             measurement: Angle in rad and the two gauge pressures in Pa.
             reference: Wanted angle, in rad.
             arithmetic: Floats or CasADi symbols.
@@ -192,11 +193,13 @@ def design_scheduled_pid(
 
     Args:
         schedule: The joint over angle and mean pressure, for the known load.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_share: Share of the valve's opening that a planned move may use, 0..1,
+            dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3.
         frequency: Frequency of the placed pair, in rad/s.
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
-        compensation: Share of the unexplained acceleration that is compensated at once, 0..1.
+        compensation: Share of the unexplained acceleration that is compensated at once, 0..1,
+            dimensionless.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
 

@@ -61,7 +61,8 @@ class ScheduledSlidingMode:
         jerk_bound: Bound rho on the jerk that the model leaves out, in rad/s3.
         layer: Half width of the boundary layer, in rad/s2.
         rate_bound: Bound L on the rate of what the model leaves out, in rad/s4, for super-twisting.
-        compensation: Share of the unexplained acceleration that counts as acceleration, 0..1.
+        compensation: Share of the unexplained acceleration that counts as acceleration, 0..1,
+            dimensionless.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -127,7 +128,7 @@ class ScheduledSlidingMode:
         """Compute the valve voltage of one sample.
 
         Args:
-            state: State of the step before.
+            state: State of the step before, a tuple of numbers in SI.
             measurement: Angle in rad and the two gauge pressures in Pa.
             reference: Wanted angle, in rad.
 
@@ -147,7 +148,7 @@ class ScheduledSlidingMode:
         """Compute one sample on floats or on symbols.
 
         Args:
-            state: State of the step before.
+            state: State of the step before, a tuple of numbers in SI.
             measurement: Angle in rad and the two gauge pressures in Pa.
             reference: Wanted angle, in rad.
             arithmetic: Floats or CasADi symbols.
@@ -222,11 +223,13 @@ def design_scheduled_sliding_mode(
         schedule: The joint over angle and mean pressure, for the known load.
         kind: One of `KINDS`.
         slope: Decay of the error on the surface, in rad/s.
-        unexplained_share: Bound on the jerk as a share of the open valve's, 0..1.
+        unexplained_share: Bound on the jerk as a share of the open valve's, 0..1,
+            dimensionless.
         layer_bandwidth: Pole inside the layer, in rad/s; below the spool's bandwidth.
-        compensation: Share of the unexplained acceleration that counts as acceleration, 0..1; by
+        compensation: Share of the unexplained acceleration taken as acceleration, dimensionless; by
             default all without integral, 0 for ``"integral"`` and 0.3 for ``"super-twisting"``.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_share: Share of the valve's opening that a planned move may use, 0..1,
+            dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.

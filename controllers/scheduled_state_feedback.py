@@ -51,7 +51,8 @@ class ScheduledStateFeedback:
         tracking: Planner, Kalman filter and schedule.
         gains: Gains over the schedule's angles for angle (per rad), speed (s/rad), pressure
             difference (per Pa) and integral (per rad s): 4 rows.
-        compensation: Share of the unexplained acceleration that is compensated, 0..1.
+        compensation: Share of the unexplained acceleration that is compensated, 0..1,
+            dimensionless.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -98,7 +99,7 @@ class ScheduledStateFeedback:
         """Compute the valve voltage of one sample.
 
         Args:
-            state: State of the step before.
+            state: State of the step before, a tuple of numbers in SI.
             measurement: Angle in rad and the two gauge pressures in Pa.
             reference: Wanted angle, in rad.
 
@@ -117,7 +118,7 @@ class ScheduledStateFeedback:
         """Compute one sample on floats or on symbols.
 
         Args:
-            state: State of the step before.
+            state: State of the step before, a tuple of numbers in SI.
             measurement: Angle in rad and the two gauge pressures in Pa.
             reference: Wanted angle, in rad.
             arithmetic: Floats or CasADi symbols.
@@ -177,12 +178,14 @@ def design_scheduled_state_feedback(
         schedule: The joint over angle and mean pressure, for the known load.
         radius: Radius w of the closed-loop poles, in rad/s.
         integral: Speed w_i of the integral action as a fraction of the radius.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_share: Share of the valve's opening that a planned move may use, 0..1,
+            dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3.
         angle_noise: Noise rms of the measured angle, in rad.
         acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
         acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
-        compensation: Share of the unexplained acceleration that is compensated, 0..1.
+        compensation: Share of the unexplained acceleration that is compensated, 0..1,
+            dimensionless.
         mean_pressure: Mean gauge pressure of the design, in Pa.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.

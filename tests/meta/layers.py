@@ -20,7 +20,7 @@ LAYERS: tuple[tuple[str, ...], ...] = (
     ("workbench.recordings",),
     ("workbench.diagnosis",),
     ("workbench.reports",),
-    ("workbench.demo", "workbench.speed"),
+    ("workbench.demo", "workbench.benchmark", "workbench.speed"),
     ("workbench.cli",),
     ("workbench.__main__",),
     ("workbench",),

@@ -48,7 +48,7 @@ def controllers(
         Exit status: 1 if a goal is missed.
 
     Example:
-        >>> controllers(Path("/tmp/never"), ["fuzzy"])
+        >>> controllers(Path("never"), ["fuzzy"])
         Traceback (most recent call last):
             ...
         workbench.errors.WorkbenchError: family of controllers is 'fuzzy'; it must be one of ...
