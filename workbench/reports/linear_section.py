@@ -54,7 +54,8 @@ def linear_section(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Sectio
     blocks: list[Block] = [
         Words(
             "The same controller objects on linear models at several operating points, each loop "
-            "opened at the measured output. The shaded disk is the one of the smallest disk margin."
+            "opened at the measured output. The shaded disk is the one of the smallest disk margin "
+            "of these loops."
         ),
         *plant_picture(study),
     ]
