@@ -221,7 +221,9 @@ def design_scheduled_state_feedback(
         b = np.array([[0.0], [0.0], [-joint.opening_to_jerk], [0.0]])
         phi, gamma = held(a, b, h)
         weight = np.diag([w**6, 0.0, 0.0, (speed * w**3) ** 2])
-        gain = np.asarray(ct.dlqr(phi, gamma, weight, [[joint.opening_to_jerk**2]])[0]).ravel()
+        # One solver whether slycot is installed or not: the same gains on every machine.
+        cost = [[joint.opening_to_jerk**2]]
+        gain = np.asarray(ct.dlqr(phi, gamma, weight, cost, method="scipy")[0]).ravel()
         gain[2] *= joint.b
         columns.append(gain)
     tracking = joint_tracking(
