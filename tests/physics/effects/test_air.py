@@ -12,6 +12,7 @@ from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.physics.flow import iso6358
 from workbench.physics.heat_exchange import heat_exchange
+from workbench.physics.isothermal import gas_energy_balance, isothermal_gas
 from workbench.physics.leakage import chamber_leakage, cross_leakage, edge_leakage
 from workbench.physics.line import line
 from workbench.physics.overflow import overflow
@@ -163,6 +164,32 @@ def test_extra_heat_exchange_adds_to_the_plants_own() -> None:
     adiabatic = arm(3.0).with_effect(extra_heat_exchange(coefficient=-150.0))
     bare = arm(3.0).without("heat_exchange")
     np.testing.assert_allclose(adiabatic.rates(x, [5.0]), bare.rates(x, [5.0]), rtol=1e-9)
+
+
+MOVING = {"temperature_1": 280.0, "spool": 0.6, "speed": 0.7, "pressure_2": 5e5}
+
+
+def test_isothermal_gas_neither_warms_nor_cools() -> None:
+    model = arm(3.0).with_effect(isothermal_gas())
+    x = model.initial_state(MOVING | {"temperature_1": 293.15})
+    rates = dict(zip((q.name for q in model.states), model.rates(x, [5.5]), strict=True))
+    assert rates["temperature_1"] == pytest.approx(0.0, abs=1e-9)
+    assert rates["temperature_2"] == pytest.approx(0.0, abs=1e-9)
+    # p V = m R T with constant T: dp/dt = (R T dm/dt - p dV/dt) / V.
+    signals = model.signals(x, [5.5])
+    pressure = [q.name for q in model.states].index("pressure_1")
+    late = x + 1e-6 * model.rates(x, [5.5])
+    grown = model.signals(late, [5.5])["chamber_1.volume"] - signals["chamber_1.volume"]
+    filled = 287.05 * 293.15 * signals["chamber_1.flow"]
+    expected = (filled - x[pressure] * 1e6 * grown) / signals["chamber_1.volume"]
+    assert rates["pressure_1"] == pytest.approx(expected, rel=1e-4)
+
+
+def test_the_energy_balance_gives_back_what_isothermal_gas_leaves_out() -> None:
+    whole = arm(3.0)
+    restored = whole.with_effect(isothermal_gas(), gas_energy_balance())
+    x = whole.initial_state(MOVING)
+    np.testing.assert_allclose(restored.rates(x, [5.5]), whole.rates(x, [5.5]), rtol=1e-9)
 
 
 def test_what_runs_over_is_spilled_or_caught() -> None:

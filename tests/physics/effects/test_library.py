@@ -11,6 +11,7 @@ import pytest
 from workbench.model import Model
 from workbench.physics.braid_volume import flattened_ends
 from workbench.physics.entry import Entry
+from workbench.physics.isothermal import isothermal_gas
 from workbench.physics.library import library, look_alikes
 from workbench.plants.arm import arm
 from workbench.plants.arm.volume_effects import constant_volume
@@ -30,6 +31,7 @@ PLANTS = {
     "vertical": arm(3.0, plane="vertical"),
     "bare": bare_arm(),
     "constant": arm(3.0).with_effect(constant_volume()),
+    "isothermal": arm(3.0).with_effect(isothermal_gas()),
     "servo": servo_axis(),
     "tanks": cascaded_tanks().without("overflow"),
 }

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from workbench.model import Model
 from workbench.physics.entry import Entry
 from workbench.physics.heat_exchange import heat_exchange
+from workbench.physics.isothermal import gas_energy_balance, isothermal_gas
 from workbench.physics.leakage import chamber_leakage, cross_leakage
 from workbench.physics.line import line, silencer
 from workbench.physics.polytropic import extra_heat_exchange, polytropic_exchange
@@ -80,8 +81,8 @@ def _lines(names: object) -> Iterator[Entry]:
     numbers = (1, 2)
     tubes = [i for i in numbers if {f"line_{i}.pressure", f"chamber_{i}.flow"} <= ports]
     exhausts = [i for i in numbers if f"exhaust_{i}.pressure" in ports]
-    conductances = ({"conductance": 4e-8}, {"conductance": 1.5e-8})
-    backs = ({"conductance": 6e-8}, {"conductance": 1e-8})
+    conductances = ({"conductance": 1.5e-8}, {"conductance": 4e-8})
+    backs = ({"conductance": 1e-8}, {"conductance": 6e-8})
     for i in tubes:
         effect = line(i, share=0.0)
         yield Entry(effect, "share", 1.0, 0.5, law="line", shapes=conductances, stiff=True)
@@ -103,6 +104,11 @@ def _heat(model: Model) -> Iterator[Entry]:
         if q.name.endswith(".heat") and {"temperature", "wall_temperature"} <= set(q.signals)
     )
     if not heats:
+        return
+    constant = isothermal_gas().about.equation
+    if any(effect.about.equation == constant for effect in model.effects):
+        # Heat flow that follows from constant temperature has no more or less of it.
+        yield Entry(gas_energy_balance(heats, share=0.0), "share", 1.0, 0.5)
         return
     attached = [e for e in model.effects if e.about.equation == heat_exchange().about.equation]
     if attached:
