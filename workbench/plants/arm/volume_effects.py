@@ -22,8 +22,8 @@ def constant_volume(
     open-loop trial.
 
     Args:
-        volume: Volume inside one braid, in m3, 4e-5 to 1.5e-4; by default that of the DMSP-20-200N
-            in the middle of the arm's travel, at 15 mm of contraction.
+        volume: Volume inside one braid, in m3; by default that of the DMSP-20-200N in the
+            middle of the arm's travel, at 15 mm of contraction.
         ports: Ports of braid volumes.
         name: Name of the effect.
 
@@ -51,10 +51,9 @@ def constant_volume(
                 "volume",
                 "m3",
                 value=middle if volume is None else volume,
-                lower=4e-5,
-                upper=1.5e-4,
+                lower=1e-6,
+                upper=1e-3,
                 source="volume of the braid at 15 mm of contraction",
-                fitted=True,
                 description="constant volume inside the braid",
             ),
         ),
