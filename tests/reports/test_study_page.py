@@ -8,12 +8,15 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from workbench.reports.page import Page, html
 from workbench.reports.study_page import study_page
 from workbench.reports.style import PAPER
+from workbench.reports.tables import number
+from workbench.study import limits
 from workbench.study.outcome import Outcome, run_study
 from workbench.study.schema import load_study
 from workbench.study.shipped import shipped_study
@@ -81,7 +84,10 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     path = place / "arm.toml"
     path.write_text(text, encoding="utf-8")
     baseline = shipped_study("arm").with_name("arm.baseline.json")
-    return run_study(load_study(path), place / "out", baseline=baseline)
+    # A limit takes seconds to find; what a page shows of it does not depend on its value.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(limits, "physical_limit", lambda *_, **__: SimpleNamespace(seconds=0.11))
+        return run_study(load_study(path), place / "out", baseline=baseline)
 
 
 @pytest.fixture(scope="module")
@@ -92,14 +98,25 @@ def page(outcome: Outcome) -> Page:
 @pytest.mark.system
 def test_every_part_is_there(outcome: Outcome, page: Page) -> None:
     names = [section.name for section in page.sections]
-    assert names == ["verdict", "baseline", "scenario-1", "scenario-2", "sliding", "solver",
-                     "linear", "robustness", "requirements", "how"]  # fmt: skip
+    assert names == ["verdict", "baseline", "scenario-1", "scenario-2", "limit", "sliding",
+                     "solver", "linear", "robustness", "requirements", "how"]  # fmt: skip
     pictures = {picture.name for picture in page.pictures}
     assert {"tracking-1", "pressures-1", "portrait-2", "surface-2", "solver", "plant-bode",
-            "bode-1", "nyquist-3", "box-scores"} <= pictures  # fmt: skip
+            "angle-map", "physical-limit", "bode-1", "nyquist-3",
+            "box-scores"} <= pictures  # fmt: skip
     text = html(page)
     assert "ZeroDivisionError: gain is zero" in text and "✗" in text
     assert page.marks["missed"] > 0 and not outcome.passed
+    (limit,) = [section for section in page.sections if section.name == "limit"]
+    said = "\n".join(str(block) for block in limit.blocks)
+    record = outcome.record("cascade PID", "staircase")
+    assert record is not None
+    for step in record.steps:
+        assert f"{number(step.settling.value, unit='s')}" in said
+    assert "15° to 30°" in said and "the load and the supply pressure change" in said
+    # Every metric by one name, and no unit behind a count.
+    assert "_time" not in re.sub(r"<pre.*?</pre>", "", text, flags=re.DOTALL)
+    assert "at most 0 1" not in text
     assert "src=" not in text and "http" not in text.replace("http-equiv", "")
 
 

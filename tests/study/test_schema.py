@@ -81,6 +81,9 @@ MORE = {
     "too few draws": ("[robustness]\ndraws = 1\n[robustness.box]\nload = [2, 4]", 3, "draws is 1"),
     "tolerance of nothing": ("[tolerances.rmsee]\nrelative = 0.1", 2, "did you mean 'rmse'"),
     "negative tolerance": ("[tolerances.rmse]\nrelative = -0.1", 3, "tolerance is -0.1"),
+    "no such report": ("[report]\nphysical_limits = true", 3, "did you mean 'physical_limit'"),
+    "neither true nor false": ('[report]\nphysical_limit = "yes"', 3, "give true or false"),
+    "report is no table": ("[[report]]", 2, "must be a table"),
     "angle out of reach": ('[linear]\nangles = ["30 deg", "80 deg"]', 3, "80"),
 }
 

@@ -8,12 +8,16 @@ from itertools import pairwise
 
 import numpy as np
 
-from workbench.benchmark.cases import BEGIN, CHANGES, HOLD, STEPS_DEG
+from workbench.benchmark.cases import CHANGES, STEPS_DEG, scenarios
 from workbench.verification import Run, metrics, responses
+from workbench.verification.each_step import each_step, settling_of_each_step
 from workbench.verification.responses import Figure
 
 SIZES_DEG = (5, 15, 30)
 """Sizes of steps, °."""
+
+_CHANGES = scenarios("nominal")[0].references["angle"].changes
+"""Steps of the staircase: time in s, angle before and after in rad."""
 
 
 def figures_of_run(run: Run) -> dict[str, Figure]:
@@ -59,13 +63,10 @@ def _planned(run: Run) -> dict[str, Figure]:
     """Return when the planned reference itself enters the band for good, per size of step."""
     found = {}
     plan = run.info("plan")
-    for i, (a, b) in enumerate(pairwise(STEPS_DEG)):
+    settled = settling_of_each_step("angle", run.time, plan, _CHANGES)
+    for (a, b), step in zip(pairwise(STEPS_DEG), settled, strict=True):
         if (a, b) in LIMITED_DEG:
-            begin = BEGIN + HOLD * i
-            part = (run.time >= begin - 1e-9) & (run.time < begin + HOLD - 1e-9)
-            found[f"settling_planned_{round(abs(b - a))}_s"] = responses.settling_time(
-                run.time[part], plan[part], initial=math.radians(a), final=math.radians(b)
-            )
+            found[f"settling_planned_{round(abs(b - a))}_s"] = step.settling
     return found
 
 
@@ -87,11 +88,10 @@ def step_figures(run: Run) -> dict[str, Figure]:
         size: {"settling": [], "overshoot": [], "steady": [], "swing": []} for size in SIZES_DEG
     }
     found: dict[str, Figure] = {}
-    for i, (a, b) in enumerate(pairwise(STEPS_DEG)):
-        begin = BEGIN + HOLD * i
-        part = (time >= begin - 1e-9) & (time < begin + HOLD - 1e-9)
+    for (a, b), (_, initial, final, part) in zip(
+        pairwise(STEPS_DEG), each_step(time, _CHANGES), strict=True
+    ):
         t, y = time[part], angle[part]
-        initial, final = math.radians(a), math.radians(b)
         own = by_size[round(abs(b - a))]
         settled = responses.settling_time(t, y, initial=initial, final=final)
         own["settling"].append(settled)

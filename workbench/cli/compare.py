@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -30,6 +31,15 @@ def compare(
             metavar="ADDRESS",
         ),
     ] = None,
+    limit: Annotated[
+        bool | None,
+        typer.Option(
+            "--limit/--no-limit",
+            help="Compare steps with the physical limit, the fastest that the plant can do. By "
+            "default as the study says.",
+            show_default=False,
+        ),
+    ] = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Do all runs again, also finished ones.")
     ] = False,
@@ -48,6 +58,7 @@ def compare(
         baseline: Stored results to compare with, or None.
         jobs: Number of processes, or None for one per core.
         dask: Address of a Dask scheduler, or None.
+        limit: Whether steps are compared with the physical limit, or None as the study says.
         fresh: Whether finished runs are done again.
 
     Returns:
@@ -66,6 +77,8 @@ def compare(
     from workbench.study.summary import plain_summary
 
     wanted = load_study(study_file(study))
+    if limit is not None:
+        wanted = replace(wanted, physical_limit=limit)
     typer.echo(str(wanted), err=True)
     counter = Counter()
     try:

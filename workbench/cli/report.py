@@ -35,6 +35,15 @@ def report(
             metavar="ANGLE",
         ),
     ] = None,
+    limit: Annotated[
+        bool | None,
+        typer.Option(
+            "--limit/--no-limit",
+            help="Compare steps with the physical limit, the fastest that the plant can do. By "
+            "default as the study says.",
+            show_default=False,
+        ),
+    ] = None,
     jobs: Annotated[
         int | None,
         typer.Option(help="Number of processes; by default one per core.", metavar="N"),
@@ -53,6 +62,7 @@ def report(
         bode: Whether only the linear analysis is wanted.
         controller: Names of controllers; all by default.
         angle: Operating angles; those of the study by default.
+        limit: Whether steps are compared with the physical limit, or None as the study says.
         jobs: Number of processes, or None for one per core.
 
     Returns:
@@ -77,6 +87,10 @@ def report(
     from workbench.study.schema import load_study
 
     wanted = load_study(study_file(study))
+    if limit is not None:
+        if bode:
+            raise WorkbenchError("--limit needs the runs of the study; leave out --bode")
+        wanted = replace(wanted, physical_limit=limit)
     if controller:
         for name in controller:
             check_choice("controller", name, wanted.controllers)

@@ -6,12 +6,14 @@ import math
 
 import numpy as np
 
+from workbench.reports.figures.angle_course import angle_course
 from workbench.reports.figures.bode import bode
 from workbench.reports.figures.nyquist import nyquist
 from workbench.reports.page import Block, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.linear_loop import LoopAnalysis, by_controller
+from workbench.study.plant_map import GAIN_HZ, plant_map
 from workbench.study.study import Study
 
 LINEAR_METHODS: tuple[tuple[str, str], ...] = (
@@ -29,6 +31,11 @@ LINEAR_METHODS: tuple[tuple[str, str], ...] = (
         "disk margin",
         "1 / max |(S - T)/2|: gain and phase may change together inside a disk of that size; the "
         "factor and the angle follow from it (Seiler, Packard and Gahinet, 2020)",
+    ),
+    (
+        "angle map",
+        "exact derivatives of the nominal plant at rest, at 30 angles, without friction and "
+        "hysteresis, whose slopes at rest a moving arm does not have",
     ),
     ("delay margin", "phase down to -180° at a crossover over its frequency; the smallest"),
 )
@@ -58,6 +65,7 @@ def linear_section(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Sectio
             "of these loops."
         ),
         *plant_picture(study),
+        *map_picture(study),
     ]
     for index, (name, own) in enumerate(by_controller(loops).items(), start=1):
         outer = [a for a in own if a.opened and a.opened != _command(own)]
@@ -150,6 +158,38 @@ def plant_picture(study: Study) -> list[Picture]:
     ]
 
 
+def map_picture(study: Study) -> list[Picture]:
+    """Draw how the nominal plant changes over its angles.
+
+    Args:
+        study: The study.
+
+    Returns:
+        One picture; none if the plant has no angle.
+
+    Example:
+        >>> map_picture.__name__
+        'map_picture'
+    """
+    found = plant_map(study)
+    if found is None:
+        return []
+    marked = [math.degrees(v) for point in study.angles for n, v in point if n == "angle"]
+    figure = angle_course(
+        np.degrees(found.angles),
+        found.frequency_hz,
+        found.damping,
+        np.degrees(found.gain),
+        marked_deg=marked,
+    )
+    caption = (
+        "The plant alone over its angles: frequency and damping of the arm's swing, and the gain "
+        f"from the command to the angle at {GAIN_HZ:g} Hz, with jumps where a law of the plant has a "
+        "corner. Dotted: the operating points."
+    )
+    return [Picture("angle-map", figure, caption, "swing, damping and gain over the angle")]
+
+
 def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
     """List the margins of all loops.
 
@@ -210,4 +250,8 @@ def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
             "disk: gain, phase",
         ),
         tuple(rows),
+        "Opened at the angle, inner loops stay closed; at the command, everything opens. Gain: "
+        "factor that makes the loop unstable (down: a factor below 1). Ms, Mt: peaks of the "
+        "sensitivity 1/(1 + L) and of L/(1 + L). Disk: margin, and the factor and the angle by "
+        "which gain and phase may change together.",
     )

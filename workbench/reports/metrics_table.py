@@ -7,44 +7,57 @@ from collections.abc import Mapping, Sequence
 from workbench.reports.tables import Cell, Table, number
 from workbench.verification import Metrics, Requirement, judge
 
-TITLES: dict[str, str] = {
-    "settling_time": "settling",
-    "rise_time": "rise",
-    "overshoot": "overshoot",
-    "steady_error": "steady error",
-    "oscillation": "still moving",
-    "stop_impacts": "stop impacts",
-    "rmse": "error, rms",
-    "iae": "error, integral",
-    "chatter": "command moves",
-    "air": "air",
-    "solve_time_median": "solve, median",
-    "solve_time_p99": "solve, 99th percentile",
-    "fallbacks": "fallbacks",
+_TITLES = {
+    "solve_time_median": "solve time, median",
+    "solve_time_p99": "solve time, 99th percentile",
+    "surface_rms": "surface, rms",
+    "surface_peak": "surface, peak",
 }
-"""Metrics as people read them; others keep their name."""
 
 METRIC_METHODS: tuple[tuple[str, str], ...] = (
-    ("settling", "time from the step until the angle stays within 2 % of the step; worst step"),
+    (
+        "settling time",
+        "time from the step until the angle stays within 2 % of the step; worst step",
+    ),
     ("overshoot", "largest angle past the reference, as a share of the step; worst step"),
     ("steady error", "mean error of the last second of each step, as a magnitude; worst step"),
     (
-        "still moving",
-        "half of highest minus lowest angle in the last second of each step, its straight line "
-        "taken away: the amplitude of a limit cycle; worst step",
+        "oscillation",
+        "what still moves: half of highest minus lowest angle in the last second of each step, its "
+        "straight line taken away, the amplitude of a limit cycle; worst step",
     ),
     ("stop impacts", "how often the arm touches a mechanical stop"),
-    ("error, rms", "root mean square of reference minus angle over the whole run"),
-    ("command moves", "sum of the magnitudes of all changes of the valve voltage, per second"),
+    ("rmse", "root mean square of reference minus angle over the whole run"),
+    (
+        "chatter",
+        "how much the command moves: sum of the magnitudes of all changes of the valve voltage, "
+        "per second",
+    ),
     ("air", "mass of air drawn from the supply over the whole run"),
     (
-        "solve, median and 99th percentile",
+        "solve time, median and 99th percentile",
         "time of one optimisation on this machine, exceeded by every second sample and by one in "
         "a hundred; whatever else the machine does adds to it",
     ),
     ("fallbacks", "how often the optimisation failed and its named fallback was used"),
 )
 """How each metric was computed, in the words of the table."""
+
+
+def metric_title(name: str) -> str:
+    """Write the name of a metric as people read it.
+
+    Args:
+        name: Name as in a study file.
+
+    Returns:
+        The same name in words.
+
+    Example:
+        >>> metric_title("settling_time"), metric_title("solve_time_p99")
+        ('settling time', 'solve time, 99th percentile')
+    """
+    return _TITLES.get(name, name.replace("_", " "))
 
 
 def metrics_table(
@@ -75,9 +88,9 @@ def metrics_table(
         >>> limit = Requirement("settling_time", 0.8, "s")
         >>> print(metrics_table("Steps", ("run",), {("one",): run}, ["settling_time"], [limit]))
         Steps
-        run  settling
+        run  settling time
         one  0.400 s ✓
-        Required: settling at most 0.8 s.
+        Required: settling time at most 0.8 s.
     """
     shown = [name for name in columns if any(name in found for found in measured.values())]
     limits = {requirement.metric: requirement for requirement in requirements}
@@ -86,7 +99,7 @@ def metrics_table(
         for key, found in measured.items()
     )
     return Table(
-        title, (*keys, *(TITLES.get(name, name) for name in shown)), rows, _note(limits, shown)
+        title, (*keys, *(metric_title(name) for name in shown)), rows, _note(limits, shown)
     )
 
 
@@ -108,7 +121,7 @@ def _note(limits: Mapping[str, Requirement], shown: Sequence[str]) -> str:
     for name in shown:
         if name in limits:
             limit = limits[name]
-            unit = f" {limit.unit}".replace(" deg", "°") if limit.unit else ""
+            unit = f" {limit.unit}".replace(" deg", "°") if limit.unit not in ("", "1") else ""
             kind = limit.kind.replace("_", " ")
-            said.append(f"{TITLES.get(name, name)} {kind} {limit.limit:g}{unit}")
+            said.append(f"{metric_title(name)} {kind} {limit.limit:g}{unit}")
     return f"Required: {', '.join(said)}." if said else ""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from workbench.reports.metrics_table import metric_title
 from workbench.reports.page import Block, Section, Words
 from workbench.reports.study_pictures import box_picture, breakable
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.outcome import Outcome
+from workbench.study.study import Demand
 from workbench.study.summary import parameter_text, score_text
 
 
@@ -24,6 +26,23 @@ def score_cell(value: float, *, capped: bool = False) -> Cell:
         0.80 ✓
     """
     return Cell(score_text(value, capped=capped), "met" if value <= 1.0 else "missed")
+
+
+def demand_text(demand: Demand | str) -> str:
+    """Write a requirement with the name of its metric in words.
+
+    Args:
+        demand: The requirement, or what stands for it in results.
+
+    Returns:
+        The same, as people read it.
+
+    Example:
+        >>> demand_text("settling_time at most 0.8 s")
+        'settling time at most 0.8 s'
+    """
+    metric, _, rest = str(demand).partition(" ")
+    return f"{metric_title(metric)} {rest}"
 
 
 def box_section(outcome: Outcome) -> list[Section]:
@@ -66,7 +85,7 @@ def box_section(outcome: Outcome) -> list[Section]:
                 r.controller,
                 score_cell(r.worst_score, capped=True),
                 *(shown(n, r.worst[n]) for n in names),
-                f"{r.judgement.demand.requirement.metric} {r.judgement.excess()}"
+                f"{metric_title(r.judgement.demand.requirement.metric)} {r.judgement.excess()}"
                 if r.judgement
                 else "–",
             )
@@ -85,7 +104,7 @@ def box_section(outcome: Outcome) -> list[Section]:
     by = {r.controller: {p.requirement: p for p in r.probabilities} for r in outcome.robustness}
     rows: list[tuple[Cell | str, ...]] = []
     for text in demands:
-        row: list[Cell | str] = [text]
+        row: list[Cell | str] = [demand_text(text)]
         for own in by.values():
             p = own.get(text)
             if p is None:
@@ -98,7 +117,7 @@ def box_section(outcome: Outcome) -> list[Section]:
         "Probability of meeting each requirement over the box",
         ("requirement", *by),
         tuple(rows),
-        "Below each number: its 95 % interval.",
+        "Beside each number: its 95 % interval.",
     )
     blocks: tuple[Block, ...] = (words, box_picture(outcome), worst, hurts, chances)
     return [Section("robustness", "Robustness over a box of plants", blocks)]

@@ -6,9 +6,10 @@ import math
 from collections.abc import Sequence
 
 from workbench.reports.linear_section import LINEAR_METHODS, linear_section
-from workbench.reports.metrics_table import METRIC_METHODS, metrics_table
+from workbench.reports.metrics_table import METRIC_METHODS, metric_title, metrics_table
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words
-from workbench.reports.study_box import box_section, score_cell
+from workbench.reports.study_box import box_section, demand_text, score_cell
+from workbench.reports.study_limit import LIMIT_METHODS, limit_section
 from workbench.reports.study_pictures import (
     breakable,
     pressure_picture,
@@ -94,6 +95,7 @@ def study_page(outcome: Outcome) -> Page:
         _verdict(outcome),
         *([_baseline(outcome)] if outcome.baseline is not None else []),
         *(_scenario(outcome, name, i + 1) for i, name in enumerate(study.scenarios)),
+        *limit_section(outcome),
         *_controllers(outcome),
         *linear_section(study, outcome.loops),
         *box_section(outcome),
@@ -117,7 +119,9 @@ def study_page(outcome: Outcome) -> Page:
 
 
 def _where(j: Judgement | None) -> str:
-    return f"{j.demand.requirement.metric}, {j.scenario}, {j.variation}" if j else "–"
+    if j is None:
+        return "–"
+    return f"{metric_title(j.demand.requirement.metric)}, {j.scenario}, {j.variation}"
 
 
 def _verdict(outcome: Outcome) -> Section:
@@ -142,8 +146,13 @@ def _verdict(outcome: Outcome) -> Section:
             "Scores",
             tuple(head),
             tuple(rows),
-            "At most 1 means that every hard requirement is "
-            "met on every plant, in every scenario, with every seed.",
+            "Score: metric over limit. At most 1 means that every hard requirement is met on every "
+            "plant, in every scenario, with every seed."
+            + (
+                ""
+                if not boxes or outcome.study.box is None or outcome.study.box.hard
+                else " The box of plants informs and does not fail this study."
+            ),
         )
     ]
     if outcome.missed:
@@ -168,7 +177,7 @@ def _list(title: str, found: Sequence[Judgement]) -> Table:
             j.controller,
             j.scenario,
             j.variation,
-            j.demand.requirement.metric,
+            metric_title(j.demand.requirement.metric),
             Cell(j.excess(), "missed" if j.hard else ""),
         )
         for j in found[:most]
@@ -190,7 +199,7 @@ def _baseline(outcome: Outcome) -> Section:
             c.key[0],
             c.key[2],
             c.key[1],
-            c.metric or "run",
+            metric_title(c.metric) or "run",
             c.numbers().replace("->", "→") if c.metric else c.reason,
             Cell(c.way, "missed" if c.fails else "met" if c.way == "better" else ""),
         )
@@ -263,7 +272,7 @@ def _variations(outcome: Outcome, scenario: str) -> Table:
                 row.append("–")
             else:
                 mark: Mark = "met" if worst.met else "missed"
-                metric = worst.demand.requirement.metric.replace("_", " ")
+                metric = metric_title(worst.demand.requirement.metric)
                 row.append(Cell(score_text(worst.score), mark, metric))
         rows.append(tuple(row))
     return Table(
@@ -293,7 +302,7 @@ def _requirements(outcome: Outcome) -> Section:
     study = outcome.study
     rows: list[tuple[Cell | str, ...]] = []
     for demand in study.demands:
-        name = f"{demand}" + ("" if demand.requirement.hard else " (soft)")
+        name = demand_text(demand) + ("" if demand.requirement.hard else " (soft)")
         row: list[Cell | str] = [name, demand.requirement.scenario or "all"]
         row += [_worst_cell(outcome, demand, c) for c in study.controllers]
         rows.append(tuple(row))
@@ -356,14 +365,17 @@ def _how(outcome: Outcome) -> Section:
             for name, c in study.controllers.items()
         ),
     )
+    limits = LIMIT_METHODS if study.physical_limit else ()
+    command = f"workbench compare {study.path.name} --out DIR"
+    command += " --limit" if study.physical_limit else ""
     return Section(
         "how",
         "How it was done",
         (
             plants,
             designs,
-            Method((*METRIC_METHODS, *STUDY_METHODS, *LINEAR_METHODS)),
-            Commands((f"workbench compare {study.path.name} --out DIR",)),
+            Method((*METRIC_METHODS, *STUDY_METHODS, *limits, *LINEAR_METHODS)),
+            Commands((command,)),
         ),
     )
 

@@ -241,7 +241,7 @@ def solver_picture(outcome: Outcome) -> tuple[Picture | None, Table | None]:
                 number(1e3 * metrics["solve_time_p99"].value, unit="ms"),
                 str(int(metrics["deadline_misses"].value)),
                 str(int(metrics["fallbacks"].value)),
-                breakable(", ".join(f"{word} {count}" for word, count in status.items())) or "–",
+                breakable(", ".join(f"{count} x {word}" for word, count in status.items())) or "–",
             )
         )
     head = (

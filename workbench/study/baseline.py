@@ -62,7 +62,7 @@ class Change:
         """Return both values with their unit."""
         unit = "" if self.unit == "1" else "°" if self.unit == "deg" else f" {self.unit}"
         old, new = ("none" if math.isnan(v) else f"{v:.4g}" for v in (self.before, self.after))
-        return f"{old} -> {new}{unit}"
+        return f"{old} -> {new}" if math.isnan(self.after) else f"{old} -> {new}{unit}"
 
     def __str__(self) -> str:
         """Return one line."""
@@ -167,7 +167,7 @@ def baseline_text(study: str, records: Iterable[Record]) -> str:
             if metric["value"] is not None:
                 metric["value"] = float(f"{metric['value']:.9g}")
             metrics[name] = {key: word for key, word in metric.items() if word != ""}
-        del table["seconds"]
+        del table["seconds"], table["steps"]
         head = json.dumps(table, ensure_ascii=False)[:-1]
         body = ",\n".join(
             f"    {json.dumps(name)}: {json.dumps(metric, ensure_ascii=False)}"

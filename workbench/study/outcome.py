@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from workbench.study.baseline import Baseline, Change, changes, read_baseline
+from workbench.study.limits import Distances, distances, find_limits
 from workbench.study.linear_loop import LoopAnalysis, analyse_study
 from workbench.study.robustness import Robustness, robustness
 from workbench.study.run import own_paths, run_tasks, store_of
@@ -35,6 +36,7 @@ class Outcome:
         baseline: What was compared with, or None.
         changes: Differences from the baseline.
         seconds: Time the study took, in s.
+        distances: Distance to the physical limit, where the study asks for it.
 
     Example:
         >>> "judgements" in Outcome.__dataclass_fields__
@@ -50,6 +52,7 @@ class Outcome:
     baseline: Baseline | None
     changes: tuple[Change, ...]
     seconds: float
+    distances: Distances = Distances()
 
     @property
     def failed(self) -> tuple[Record, ...]:
@@ -170,6 +173,7 @@ class Outcome:
             ],
             "robustness": [r.table() for r in self.robustness],
             "linear": [a.table() for a in self.loops],
+            "physical_limit": self.distances.table(),
         }
 
     def rules(self) -> dict[str, Any]:
@@ -264,19 +268,21 @@ def run_study(
         progress=part("runs"),
     )
     found = robustness(study, store, jobs=jobs, dask=dask, progress=part("parameter box"))
+    limits = find_limits(study, store, jobs=jobs, dask=dask, progress=part("physical limit"))
     loops = analyse_study(study)
     store.prune()
     judged = judge_records(study, records)
-    outcome = Outcome(study, records, judged, scores(study, judged), found, loops, before, (), 0.0)
-    differences = changes(outcome.rules(), records, before) if before is not None else ()
-    return Outcome(
+    outcome = Outcome(
         study,
         records,
         judged,
-        outcome.scores,
+        scores(study, judged),
         found,
         loops,
         before,
-        differences,
-        time.perf_counter() - begin,
+        (),
+        0.0,
+        distances(study, records, limits),
     )
+    differences = changes(outcome.rules(), records, before) if before is not None else ()
+    return replace(outcome, changes=differences, seconds=time.perf_counter() - begin)

@@ -11,7 +11,6 @@ its lowest to its highest value.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -24,7 +23,7 @@ from workbench.study.draws import interval, scaled, straight_line, unit_draws
 from workbench.study.run import Progress, own_paths, parallel, run_tasks
 from workbench.study.store import Store
 from workbench.study.study import NOMINAL, Study
-from workbench.study.tasks import Record, Task, execute, record_from_table
+from workbench.study.tasks import Record, Task, add_paths, execute, record_from_table
 from workbench.study.verdicts import LARGEST, Judgement, judge_records, worst_score
 
 Vector = npt.NDArray[np.float64]
@@ -234,7 +233,7 @@ def search(
         >>> search.__name__
         'search'
     """
-    sys.path += [path for path in paths if path not in sys.path]
+    add_paths(paths)
     study, box = wanted.study, wanted.study.box
     assert box is not None
     controller = wanted.tasks[0].controller

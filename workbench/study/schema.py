@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from workbench.study.located import Located
 from workbench.study.plants import ARM_OPTIONS, PlantRecipe, checked_noise, own_function
 from workbench.study.quantities import si_value
 from workbench.study.study import NOMINAL, Box, Demand, Study
+from workbench.study.tolerance_keys import TOLERANCE_KEYS
 from workbench.study.toml_lines import toml_lines
 from workbench.verification import Requirement, Scenario, requirement_from_table
 from workbench.verification.scenario import scenario_from_table
@@ -39,6 +40,7 @@ _KEYS = (
     "linear",
     "robustness",
     "tolerances",
+    "report",
 )
 _VARIED = ("parameters", "effects", "without", "noise")
 
@@ -135,6 +137,7 @@ class _Reader(Located):
             box=self.box(top.get("robustness"), model, scenarios, controllers),
             tolerances=self.tolerances(units),
             description=str(top.get("description", "")),
+            physical_limit=self.physical_limit(top.get("report", {})),
         )
 
     def plant(self, given: Any) -> tuple[PlantRecipe, Model]:
@@ -399,6 +402,14 @@ class _Reader(Located):
                 raise WorkbenchError(f"hard is {table['hard']!r}; give true or false")
         return Box(ranges, hard=table.get("hard", False), **values)
 
+    def physical_limit(self, given: Any) -> bool:
+        table = self.keys(given, ("physical_limit",), "report", "report")
+        wanted = table.get("physical_limit", False)
+        with self.at("report", "physical_limit"):
+            if not isinstance(wanted, bool):
+                raise WorkbenchError(f"physical_limit is {wanted!r}; give true or false")
+        return wanted
+
     def tolerances(self, units: Mapping[str, str]) -> dict[str, Rule]:
         found = {}
         known = ("absolute", "relative", "better", "gates")
@@ -407,34 +418,12 @@ class _Reader(Located):
                 check_choice("metric", name, units)
             table = self.keys(given, known, f"tolerance of {name}", "tolerances", name)
             own = rule(name)
-            for key, read in _TOLERANCES.items():
+            for key, read in TOLERANCE_KEYS.items():
                 if key in table:
                     with self.at("tolerances", name, key):
                         own = own._replace(**{key: read(table[key], units[name])})
             found[name] = own
         return found
-
-
-def _better(value: Any, _unit: str) -> str:
-    return check_choice("better", value, ("less", "more", "neither"))
-
-
-def _gates(value: Any, _unit: str) -> bool:
-    if not isinstance(value, bool):
-        raise WorkbenchError(f"gates is {value!r}; give true or false")
-    return value
-
-
-_TOLERANCES: dict[str, Callable[[Any, str], Any]] = {
-    "absolute": lambda value, unit: check_range(
-        "tolerance", si_value("tolerance", value, unit), 0.0, 1e12, unit
-    ),
-    "relative": lambda value, unit: check_range(
-        "tolerance", si_value("tolerance", value, "1"), 0.0, 10.0
-    ),
-    "better": _better,
-    "gates": _gates,
-}
 
 
 def _names(key: str, given: Any, known: Mapping[str, Any]) -> tuple[str, ...]:

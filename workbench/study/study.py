@@ -104,6 +104,7 @@ class Study:
         box: Parameter box, or None.
         tolerances: Rules of comparison that differ from the usual ones, by metric.
         description: What the study is about, in a sentence.
+        physical_limit: Whether steps are compared with the fastest that the plant can do.
 
     Example:
         >>> from workbench.study.shipped import shipped_study
@@ -124,6 +125,7 @@ class Study:
     box: Box | None = None
     tolerances: Mapping[str, Rule] = field(default_factory=dict)
     description: str = ""
+    physical_limit: bool = False
 
     def rule(self, metric: str) -> Rule:
         """Return how a metric is compared with a baseline.

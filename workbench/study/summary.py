@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from workbench.model.units import from_si
 from workbench.study.baseline import Change
+from workbench.study.limits import Distance
 from workbench.study.outcome import Outcome
 from workbench.study.study import NOMINAL
 from workbench.study.tasks import Record
@@ -35,7 +36,8 @@ def summary(outcome: Outcome) -> str:
 
     Returns:
         A headline, what is missed or worse, one table of metrics per scenario with the change
-        against the baseline, and the robustness.
+        against the baseline, the distance to the physical limit where asked for, and the
+        robustness.
 
     Example:
         >>> summary.__name__
@@ -58,6 +60,7 @@ def summary(outcome: Outcome) -> str:
     lines += _list("Soft requirements missed", soft, fold=True)
     for scenario in study.scenarios:
         lines += _metrics(outcome, scenario)
+    lines += _limits(outcome)
     lines += _robustness(outcome)
     if outcome.baseline is not None and outcome.changes:
         lines += [
@@ -85,6 +88,10 @@ def plain_summary(outcome: Outcome) -> str:
         state = "met" if s.met else "MISSED"
         tail = f"  ({s.judgement})" if s.judgement else ""
         lines.append(f"{s.controller:<20} score {score_text(s.worst):>8}  {state}{tail}")
+    for distance in outcome.distances.worst:
+        if distance.worst is not None:
+            text = f"{distance.controller:<20} {limit_text(distance)}"
+            lines.append(f"{text} settling / physical limit, {distance.scenario}")
     for title, entries in (
         ("missed", [str(j) for j in outcome.missed]),
         ("failed", [_failed(r).replace("*", "") for r in outcome.failed]),
@@ -230,6 +237,43 @@ def _value(outcome: Outcome, controller: str, scenario: str, metric: Metric) -> 
                 return f"{text} {arrow} (none before)"
             return f"{text} {arrow} ({change.after - change.before:+.2g})".replace("  ", " ")
     return text
+
+
+def _limits(outcome: Outcome) -> list[str]:
+    found = outcome.distances
+    if not found.asked:
+        return []
+    shown = list(dict.fromkeys(d.scenario for d in found.worst if d.worst))
+    rows = []
+    for controller in outcome.study.controllers:
+        cells = [limit_text(found.of(controller, scenario)) for scenario in shown]
+        rows.append([controller, *cells])
+    lines = ["### Distance to the physical limit: settling / limit of the worst step", ""]
+    if shown:
+        lines += _table(["controller", *shown], rows)
+    rest = {d.scenario: d.ratio.reason for d in found.worst if d.scenario not in shown}
+    lines += [f"- No limit for {name}: {reason}." for name, reason in rest.items()]
+    return [*lines, ""]
+
+
+def limit_text(distance: Distance | None) -> str:
+    """Write the distance to the physical limit in a scenario.
+
+    Args:
+        distance: The distance, or None.
+
+    Returns:
+        Ratio, settling time and limit, or why there is none.
+
+    Example:
+        >>> from workbench.verification.responses import Figure
+        >>> limit_text(Distance("pid", "sine", Figure(math.nan, "the reference has no step")))
+        'none (the reference has no step)'
+    """
+    if distance is None or distance.worst is None or math.isnan(distance.ratio.value):
+        return f"none ({distance.ratio.reason})" if distance is not None else "–"
+    step = distance.worst
+    return f"{distance.ratio.value:.2g} ({step.settling.value:#.3g} s / {step.limit.value:#.3g} s)"
 
 
 def _robustness(outcome: Outcome) -> list[str]:

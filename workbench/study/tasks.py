@@ -18,6 +18,8 @@ from workbench.study.figures_of_merit import study_metrics
 from workbench.study.plants import PlantRecipe
 from workbench.study.study import NOMINAL, Study
 from workbench.verification import Metric, Metrics, Run, Scenario, verify
+from workbench.verification.each_step import StepSettling, settling_of_each_step
+from workbench.verification.responses import Figure
 
 TRACE_POINTS = 600
 """Samples kept of a run for pictures."""
@@ -68,6 +70,7 @@ class Record:
         metrics: Its metrics; none if it failed.
         seconds: Time it took, in s.
         traces: Courses for pictures by name, in SI.
+        steps: How long each step of the reference took; none if it failed.
 
     Example:
         >>> Record("pid", "nominal", "step", 1, "diverged at 0.2 s").failed
@@ -82,6 +85,7 @@ class Record:
     metrics: Metrics | None = None
     seconds: float = 0.0
     traces: Mapping[str, Any] = field(default_factory=dict)
+    steps: tuple[StepSettling, ...] = ()
 
     @property
     def key(self) -> tuple[str, str, str, int]:
@@ -113,6 +117,17 @@ class Record:
             }
             for m in (self.metrics.values if self.metrics else ())
         }
+        found["steps"] = [
+            {
+                "output": s.output,
+                "begin_s": s.begin,
+                "from": s.initial,
+                "to": s.final,
+                "settling_s": None if math.isnan(s.settling.value) else s.settling.value,
+                "reason": s.settling.reason,
+            }
+            for s in self.steps
+        ]
         return found
 
 
@@ -152,7 +167,14 @@ def record_from_table(table: Mapping[str, Any]) -> Record:
         metrics=metrics,
         seconds=float(table.get("seconds", 0.0)),
         traces=table.get("traces", {}),
+        steps=tuple(_step(row) for row in table.get("steps", ())),
     )
+
+
+def _step(row: Mapping[str, Any]) -> StepSettling:
+    seconds = row["settling_s"]
+    settling = Figure(math.nan if seconds is None else float(seconds), row["reason"])
+    return StepSettling(row["output"], row["begin_s"], row["from"], row["to"], settling)
 
 
 def tasks(study: Study) -> tuple[Task, ...]:
@@ -188,6 +210,18 @@ def tasks(study: Study) -> tuple[Task, ...]:
     )
 
 
+def add_paths(paths: tuple[str, ...]) -> None:
+    """Let this process import plants and designs of one's own.
+
+    Args:
+        paths: Folders that hold their modules.
+
+    Example:
+        >>> add_paths(())
+    """
+    sys.path += [path for path in paths if path not in sys.path]
+
+
 def execute(task: Task, paths: tuple[str, ...] = ()) -> Record:
     """Do one run; whatever goes wrong becomes the record's reason.
 
@@ -205,7 +239,7 @@ def execute(task: Task, paths: tuple[str, ...] = ()) -> Record:
         >>> execute(Task(pid, "nominal", PlantRecipe(), "step", step, 1)).failed
         False
     """
-    sys.path += [path for path in paths if path not in sys.path]
+    add_paths(paths)
     begin = time.perf_counter()
     # A run of a study never ends the study: what one's own code raises is a reason like any other.
     try:
@@ -218,12 +252,20 @@ def execute(task: Task, paths: tuple[str, ...] = ()) -> Record:
         )
         found = study_metrics(run, controller)
         traces = _traces(run, controller, task) if task.traces else {}
+        steps = tuple(
+            step
+            for name in run.follows
+            for step in settling_of_each_step(
+                name, run.time, run[name], run.scenario.references[name].changes
+            )
+        )
     except Exception as error:  # noqa: BLE001
         reason = " ".join(str(error).split()) or type(error).__name__
         if not isinstance(error, WorkbenchError):
             reason = f"{type(error).__name__}: {reason}"
         return Record(*task.key, reason=reason, seconds=time.perf_counter() - begin)
-    return Record(*task.key, metrics=found, seconds=time.perf_counter() - begin, traces=traces)
+    seconds = time.perf_counter() - begin
+    return Record(*task.key, metrics=found, seconds=seconds, traces=traces, steps=steps)
 
 
 def _traces(run: Run, controller: Controller, task: Task) -> dict[str, Any]:

@@ -64,8 +64,8 @@ class Judgement:
         if math.isnan(self.value):
             return f"has no value ({self.reason}); {limit} is not met"
         if wanted.limit == 0.0:
-            share = f"{self.value:.4g}{unit} above" if self.value > 0 else "at"
-            return f"is {self.value:.4g}{unit}, {share} {limit}"
+            where = "above" if self.value > 0 else "at"
+            return f"is {self.value:.4g}{unit}, {where} {limit}"
         ratio = self.value / wanted.limit - 1.0
         where = "over" if ratio > 0 else "under"
         return f"is {self.value:.4g}{unit}, {abs(100 * ratio):.3g} % {where} {limit}"

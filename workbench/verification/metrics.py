@@ -13,6 +13,7 @@ import numpy.typing as npt
 from workbench.errors import check_choice
 from workbench.model.units import convert
 from workbench.verification import responses
+from workbench.verification.each_step import each_step
 from workbench.verification.responses import Figure
 from workbench.verification.run import Run
 
@@ -148,10 +149,8 @@ def _following(run: Run, name: str, prefix: str, unit: str, display: str) -> lis
     signal = run.scenario.references[name]
     error = reference - course
     settle, rise, over, steady, moving = [], [], [], [], []
-    changes = [c for c in signal.changes if c[0] < time[-1]]
-    ends = [*(c[0] for c in changes[1:]), math.inf][: len(changes)]
-    for (begin, initial, final), end in zip(changes, ends, strict=True):
-        part = (time >= begin - 1e-9) & (time < end - 1e-9)
+    changes = each_step(time, signal.changes)
+    for _, initial, final, part in changes:
         t, y = time[part], course[part]
         settle.append(responses.settling_time(t, y, initial=initial, final=final))
         rise.append(responses.rise_time(t, y, initial=initial, final=final))

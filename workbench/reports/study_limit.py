@@ -1,0 +1,175 @@
+"""The section of a study about its distance to the physical limit."""
+
+from __future__ import annotations
+
+import math
+
+from workbench.model.units import from_si
+from workbench.reports.figures.limit_ratios import limit_ratios
+from workbench.reports.page import Block, Section, Words
+from workbench.reports.pictures import Picture
+from workbench.reports.tables import Cell, Table, number
+from workbench.study.limits import Distances, Move, StepDistance
+from workbench.study.outcome import Outcome
+
+MOST = 8
+"""Steps that a picture shows; of more, each scenario shows its worst."""
+
+LIMIT_METHODS: tuple[tuple[str, str], ...] = (
+    (
+        "physical limit",
+        "shortest time in which the nominal plant, from rest, can be within 2 % of the step for "
+        "good: a time-optimal move of the full model with its valve, gas and muscles, by direct "
+        "collocation with 64 intervals (Betts, 2010), without noise, sampling or controller. Held "
+        "inputs make it too long by up to two intervals, 3 %",
+    ),
+    (
+        "settling / limit",
+        "settling time of a step over its physical limit; of a scenario, the worst step and seed "
+        "on the nominal plant. It is shown, never required, and no baseline holds it",
+    ),
+)
+"""How the numbers of this section were computed."""
+
+
+def limit_section(outcome: Outcome) -> list[Section]:
+    """Build the section of the physical limit.
+
+    Args:
+        outcome: What a study found.
+
+    Returns:
+        One section; none if the study does not ask for it.
+
+    Example:
+        >>> limit_section.__name__
+        'limit_section'
+    """
+    found = outcome.distances
+    if not found.asked:
+        return []
+    blocks: list[Block] = [Words(_lead(outcome))]
+    if any(not math.isnan(s.limit.value) for s in found.steps):
+        figure = limit_ratios(_bars(outcome))
+        caption = (
+            "Settling time of each step over the shortest time that the nominal plant allows; "
+            "shorter bars are better, and no bar ends left of the dashed line."
+        )
+        words = "settling times of the controllers over the physical limit"
+        blocks.append(Picture("physical-limit", figure, caption, words))
+    if found.steps:
+        blocks.append(_steps(outcome))
+    missing = _missing(found)
+    if missing:
+        title = "Scenarios without a limit"
+        blocks.append(Table(title, ("scenario", "why there is none"), tuple(missing)))
+    return [Section("limit", "Distance to the physical limit", tuple(blocks))]
+
+
+def _lead(outcome: Outcome) -> str:
+    said = []
+    for name in outcome.study.controllers:
+        own = [d for d in outcome.distances.worst if d.controller == name and d.worst]
+        if not own:
+            continue
+        unsettled = [d for d in own if math.isnan(d.ratio.value)]
+        if unsettled:
+            said.append(f"{name} does not settle in {unsettled[0].scenario}")
+            continue
+        worst = max(own, key=lambda d: d.ratio.value)
+        assert worst.worst is not None
+        said.append(
+            f"{name} takes {number(worst.ratio.value, 2)} times the limit of "
+            f"{number(worst.worst.limit.value, unit='s')} at its worst step"
+        )
+    opening = "No controller settles faster than a time-optimal move of the plant."
+    return f"{opening} {'; '.join(said)}." if said else f"{opening} No step has a limit here."
+
+
+def _bars(outcome: Outcome) -> dict[str, dict[str, float]]:
+    known = [s for s in outcome.distances.steps if not math.isnan(s.limit.value)]
+    several = len({s.scenario for s in known}) > 1
+    found: dict[str, dict[str, float]] = {}
+    for s in known:
+        text = step_text(outcome, s.move)
+        own = found.setdefault(f"{s.scenario}\n{text}" if several else text, {})
+        own[s.controller] = _worse(own.get(s.controller, 0.0), s.ratio.value)
+    if len(found) <= MOST:
+        return found
+    worst: dict[str, dict[str, float]] = {}
+    for d in outcome.distances.worst:
+        if d.worst is not None:
+            worst.setdefault(d.scenario, {})[d.controller] = d.ratio.value
+    return worst
+
+
+def _worse(a: float, b: float) -> float:
+    return math.nan if math.isnan(a) or math.isnan(b) else max(a, b)
+
+
+def step_text(outcome: Outcome, move: Move) -> str:
+    """Write a step as people read it.
+
+    Args:
+        outcome: What the study found.
+        move: The step.
+
+    Returns:
+        Both references with their unit.
+
+    Example:
+        >>> step_text.__name__
+        'step_text'
+    """
+    quantity = next(q for q in outcome.study.plant.build().outputs if q.name == move.output)
+    unit = quantity.display_unit or quantity.unit
+    ends = (float(from_si(v, unit)) for v in (move.initial, move.final))
+    suffix = "°" if unit == "deg" else f" {unit}"
+    return " to ".join(f"{v:.4g}{suffix}" for v in ends)
+
+
+def _steps(outcome: Outcome) -> Table:
+    study, found = outcome.study, outcome.distances
+    groups: dict[tuple[str, float, Move], dict[str, StepDistance]] = {}
+    for s in found.steps:
+        own = groups.setdefault((s.scenario, s.begin, s.move), {})
+        before = own.get(s.controller)
+        if before is None or math.isnan(_worse(before.ratio.value, s.ratio.value)):
+            own[s.controller] = s if before is None or math.isnan(s.ratio.value) else before
+        elif s.ratio.value > before.ratio.value:
+            own[s.controller] = s
+    rows: list[tuple[Cell | str, ...]] = []
+    for (scenario, begin, move), own in groups.items():
+        limit = next(iter(own.values())).limit
+        row: list[Cell | str] = [
+            scenario,
+            step_text(outcome, move),
+            f"{begin:g} s",
+            Cell(number(limit.value, unit="s"), "", limit.reason)
+            if not math.isnan(limit.value)
+            else Cell("none", "", limit.reason),
+        ]
+        row += [_cell(own.get(name)) for name in study.controllers]
+        rows.append(tuple(row))
+    return Table(
+        "Settling time of each step on the nominal plant, and how many times the limit it is",
+        ("scenario", "step", "at", "physical limit", *study.controllers),
+        tuple(rows),
+    )
+
+
+def _cell(step: StepDistance | None) -> Cell:
+    if step is None:
+        return Cell("–", "", "the run failed")
+    if math.isnan(step.settling.value):
+        return Cell("–", "", step.settling.reason)
+    settling = number(step.settling.value, unit="s")
+    if math.isnan(step.ratio.value):
+        return Cell(settling)
+    return Cell(settling, "", f"{number(step.ratio.value, 2)} ×")
+
+
+def _missing(found: Distances) -> list[tuple[str, str]]:
+    reasons = {d.scenario: d.ratio.reason for d in found.worst}
+    compared = {s.scenario for s in found.steps}
+    return [(name, why) for name, why in reasons.items() if name not in compared and why]

@@ -1,0 +1,370 @@
+"""Distance to the physical limit: settling of each step over the fastest that the plant can do.
+
+The limit of a step is the time-optimal move of the nominal plant between the two references, from
+rest until it is within the band of the settling time for good. It is an optimum of the plant, not
+of any controller, so it says how much of a settling time a better controller could save at most.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.study.plants import PlantRecipe
+from workbench.study.run import Progress, own_paths, parallel
+from workbench.study.store import Store
+from workbench.study.study import NOMINAL, Study
+from workbench.study.tasks import Record, add_paths
+from workbench.verification import Scenario
+from workbench.verification.physical_limit import physical_limit
+from workbench.verification.responses import Figure
+
+SPEED = "speed"
+"""Name of the state that is the rate of the followed output."""
+
+
+@dataclass(frozen=True)
+class Move:
+    """A step between two references, the same for every controller.
+
+    Args:
+        plant: The plant that moves.
+        output: Name of the followed output.
+        initial: Reference before the step, in the output's SI unit.
+        final: Reference after the step, in the output's SI unit.
+
+    Example:
+        >>> Move(PlantRecipe(), "angle", 0.2, 0.5).output
+        'angle'
+    """
+
+    plant: PlantRecipe
+    output: str
+    initial: float
+    final: float
+
+
+@dataclass(frozen=True)
+class StepDistance:
+    """One step of one run and its limit.
+
+    Args:
+        controller: Name of the controller.
+        scenario: Name of the scenario.
+        seed: Seed of the sensors' noise.
+        begin: Time of the step, in s.
+        move: The step.
+        settling: Settling time of the run, in s, or NaN with a reason.
+        limit: Shortest time the plant allows, in s, or NaN with a reason.
+
+    Example:
+        >>> step = Move(PlantRecipe(), "angle", 0.2, 0.5)
+        >>> StepDistance("pid", "up", 1, 0.5, step, Figure(0.4), Figure(0.2)).ratio.value
+        2.0
+    """
+
+    controller: str
+    scenario: str
+    seed: int
+    begin: float
+    move: Move
+    settling: Figure
+    limit: Figure
+
+    @property
+    def ratio(self) -> Figure:
+        """Settling over limit, dimensionless, or NaN with a reason."""
+        if math.isnan(self.limit.value):
+            return Figure(math.nan, self.limit.reason)
+        if math.isnan(self.settling.value):
+            return Figure(math.nan, self.settling.reason)
+        return Figure(self.settling.value / self.limit.value)
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far a controller stays from the physical limit in a scenario: its worst step counts.
+
+    Args:
+        controller: Name of the controller.
+        scenario: Name of the scenario.
+        ratio: Settling over limit of the worst step, dimensionless, or NaN with a reason.
+        worst: The worst step, or None if no step could be compared.
+
+    Example:
+        >>> Distance("pid", "sine", Figure(math.nan, "the reference has no step")).worst is None
+        True
+    """
+
+    controller: str
+    scenario: str
+    ratio: Figure
+    worst: StepDistance | None = None
+
+
+@dataclass(frozen=True)
+class Distances:
+    """Distance to the physical limit of every controller in every scenario.
+
+    Args:
+        asked: Whether the study asked for it.
+        steps: Every step on the nominal plant that was compared.
+        worst: One entry per controller and scenario.
+
+    Example:
+        >>> Distances().asked
+        False
+    """
+
+    asked: bool = False
+    steps: tuple[StepDistance, ...] = ()
+    worst: tuple[Distance, ...] = field(default=())
+
+    def of(self, controller: str, scenario: str) -> Distance | None:
+        """Return the distance of a controller in a scenario.
+
+        Args:
+            controller: Name of the controller.
+            scenario: Name of the scenario.
+
+        Returns:
+            The entry, or None if there is none.
+        """
+        return next(
+            (d for d in self.worst if (d.controller, d.scenario) == (controller, scenario)), None
+        )
+
+    def table(self) -> dict[str, Any]:
+        """Return the distances as plain numbers and words; times in s, references in SI."""
+        return {
+            "asked": self.asked,
+            "steps": [
+                {
+                    "controller": s.controller,
+                    "variation": NOMINAL,
+                    "scenario": s.scenario,
+                    "seed": s.seed,
+                    "output": s.move.output,
+                    "begin_s": s.begin,
+                    "from": s.move.initial,
+                    "to": s.move.final,
+                    "settling_s": s.settling.value,
+                    "limit_s": s.limit.value,
+                    "ratio": s.ratio.value,
+                    "reason": s.ratio.reason,
+                }
+                for s in self.steps
+            ],
+            "worst": [
+                {
+                    "controller": d.controller,
+                    "scenario": d.scenario,
+                    "ratio": d.ratio.value,
+                    "limit_s": d.worst.limit.value if d.worst else math.nan,
+                    "begin_s": d.worst.begin if d.worst else math.nan,
+                    "seed": d.worst.seed if d.worst else None,
+                    "reason": d.ratio.reason,
+                }
+                for d in self.worst
+            ],
+        }
+
+
+def no_limit(scenario: Scenario, plant: Model) -> str:
+    """Say why the steps of a scenario have no physical limit.
+
+    Args:
+        scenario: The scenario.
+        plant: The plant.
+
+    Returns:
+        The reason; empty if they have one.
+
+    Example:
+        >>> from workbench.plants.arm import arm
+        >>> from workbench.verification import Change, Steps
+        >>> steps = {"angle": Steps((0.0, 0.5), (0.2, 0.5))}
+        >>> no_limit(Scenario("up", steps, 2.0, changes=(Change(1.0, "load", 2.0),)), arm(3))
+        'the load changes during the run'
+    """
+    if not any(signal.changes for signal in scenario.references.values()):
+        return "the reference has no step"
+    if len(scenario.references) > 1:
+        return "several outputs are followed"
+    if scenario.changes:
+        names = dict.fromkeys(c.parameter.replace("_", " ") for c in scenario.changes)
+        verb = "changes" if len(names) == 1 else "change"
+        return f"the {' and the '.join(names)} {verb} during the run"
+    if scenario.disturbances:
+        return "a disturbance acts during the run"
+    states = [q.name for q in plant.states]
+    for name in (*scenario.references, SPEED):
+        if name not in states:
+            return f"{name!r} is no state of the plant, so there is no move between positions"
+    return ""
+
+
+def find_limits(
+    study: Study,
+    store: Store,
+    *,
+    jobs: int = 1,
+    dask: str | None = None,
+    progress: Progress | None = None,
+) -> dict[Move, Figure]:
+    """Find the physical limit of every step of a study on its nominal plant.
+
+    Args:
+        study: The study.
+        store: Where finished results are kept.
+        jobs: Number of processes.
+        dask: Address of a Dask scheduler, or None.
+        progress: Told after each limit.
+
+    Returns:
+        Limit by move, in s, or NaN with a reason; none if the study does not ask.
+
+    Raises:
+        WorkbenchError: If the number of processes is outside its range or there is no cluster.
+
+    Example:
+        >>> from workbench.study.schema import load_study
+        >>> from workbench.study.shipped import shipped_study
+        >>> from dataclasses import replace
+        >>> from pathlib import Path
+        >>> study = replace(load_study(shipped_study("arm")), physical_limit=False)
+        >>> find_limits(study, Store(Path("nowhere"), "0"))
+        {}
+    """
+    if not study.physical_limit:
+        return {}
+    model = study.plant.build()
+    wanted = dict.fromkeys(
+        Move(study.plant, output, initial, final)
+        for scenario in study.scenarios.values()
+        if not no_limit(scenario, model)
+        for output, signal in scenario.references.items()
+        for _, initial, final in signal.changes
+    )
+    found: dict[Move, Figure] = {}
+    for move in wanted:
+        stored = store.get(store.key(move))
+        if stored is not None and "limit_s" in stored:
+            seconds = stored["limit_s"]
+            value = math.nan if seconds is None else float(seconds)
+            found[move] = Figure(value, str(stored.get("reason", "")))
+    if progress and found:
+        progress(len(found), len(wanted), "found before")
+    paths = own_paths(study)
+    calls = [(_found, (move, paths)) for move in wanted if move not in found]
+    for move, limit in parallel(calls, jobs=jobs, dask=dask):
+        found[move] = limit
+        seconds = None if math.isnan(limit.value) else limit.value
+        store.put(store.key(move), {"limit_s": seconds, "reason": limit.reason})
+        if progress:
+            progress(len(found), len(wanted), f"{move.output} {move.initial:g} to {move.final:g}")
+    return found
+
+
+def _found(move: Move, paths: tuple[str, ...]) -> tuple[Move, Figure]:
+    return move, limit_of(move, paths)
+
+
+def limit_of(move: Move, paths: tuple[str, ...] = ()) -> Figure:
+    """Find the physical limit of one move; whatever goes wrong becomes the reason.
+
+    Args:
+        move: The move.
+        paths: Folders of plants of one's own.
+
+    Returns:
+        Time until the plant is within the band for good, in s, or NaN with a reason.
+
+    Example:
+        >>> limit_of(Move(PlantRecipe(), "angle", 0.2, 0.2)).reason
+        'the move from 0.2 to 0.2 goes nowhere'
+    """
+    add_paths(paths)
+    try:
+        found = physical_limit(
+            move.plant.build(),
+            move.initial,
+            move.final,
+            until="band",
+            coordinate=move.output,
+            velocity=SPEED,
+        )
+    except WorkbenchError as error:
+        # Behind the semicolon stands what a caller of the function may change, not a reader.
+        return Figure(math.nan, str(error).split(";")[0])
+    except Exception as error:  # noqa: BLE001 -- As of a run: a reason, never the end of a study.
+        return Figure(math.nan, f"{type(error).__name__}: {' '.join(str(error).split())}")
+    return Figure(found.seconds)
+
+
+def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Figure]) -> Distances:
+    """Compare every step on the nominal plant with its limit.
+
+    Args:
+        study: The study.
+        records: Its runs.
+        limits: What `find_limits` found, in s.
+
+    Returns:
+        Steps, and the worst per controller and scenario; of several seeds the worst counts.
+
+    Example:
+        >>> distances.__name__
+        'distances'
+    """
+    model = study.plant.build()
+    steps: list[StepDistance] = []
+    worst: list[Distance] = []
+    for controller in study.controllers:
+        for name, scenario in study.scenarios.items():
+            reason = no_limit(scenario, model) if study.physical_limit else "not asked for"
+            if reason:
+                worst.append(Distance(controller, name, Figure(math.nan, reason)))
+                continue
+            own = [
+                r
+                for r in records
+                if (r.controller, r.variation, r.scenario) == (controller, NOMINAL, name)
+            ]
+            compared = [s for r in own for s in _compared(study, r, limits)]
+            steps += compared
+            failed = next((r.reason for r in own if r.failed), "")
+            worst.append(_worst(controller, name, compared, failed))
+    return Distances(study.physical_limit, tuple(steps), tuple(worst))
+
+
+def _compared(study: Study, record: Record, limits: Mapping[Move, Figure]) -> list[StepDistance]:
+    found = []
+    for s in record.steps:
+        move = Move(study.plant, s.output, s.initial, s.final)
+        limit = limits.get(move, Figure(math.nan, "not computed"))
+        found.append(
+            StepDistance(
+                record.controller, record.scenario, record.seed, s.begin, move, s.settling, limit
+            )
+        )
+    return found
+
+
+def _worst(
+    controller: str, scenario: str, compared: Sequence[StepDistance], failed: str
+) -> Distance:
+    if failed:
+        return Distance(controller, scenario, Figure(math.nan, f"the run failed: {failed}"))
+    # A step without a limit says nothing about the controller, one that never settled does.
+    known = [s for s in compared if not math.isnan(s.limit.value)]
+    if not known:
+        reason = compared[0].ratio.reason if compared else "the run ends before the first step"
+        return Distance(controller, scenario, Figure(math.nan, reason))
+    missing = [s for s in known if math.isnan(s.settling.value)]
+    most = missing[0] if missing else max(known, key=lambda s: s.ratio.value)
+    return Distance(controller, scenario, most.ratio, most)
