@@ -184,8 +184,8 @@ def map_picture(study: Study) -> list[Picture]:
     )
     caption = (
         "The plant alone over its angles: frequency and damping of the arm's swing, and the gain "
-        f"from the command to the angle at {GAIN_HZ:g} Hz, with jumps where a law of the plant has a "
-        "corner. Dotted: the operating points."
+        f"from the command to the angle at {GAIN_HZ:g} Hz, with jumps where a law of the plant has "
+        "a corner. Dotted: the operating points."
     )
     return [Picture("angle-map", figure, caption, "swing, damping and gain over the angle")]
 
