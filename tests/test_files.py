@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.files import whole_folder, write_whole
+from workbench.files import check_folder, whole_folder, write_whole
 
 
 def test_a_failed_block_leaves_the_earlier_result(tmp_path: Path) -> None:
@@ -69,3 +69,13 @@ def test_a_file_keeps_its_content_when_the_new_one_cannot_be_written(
         write_whole(target, "new")
     assert target.read_text() == "old"
     assert [path.name for path in tmp_path.iterdir()] == ["results.json"]
+
+
+def test_a_folder_is_checked_before_the_work(tmp_path: Path) -> None:
+    assert check_folder(tmp_path / "new" / "out").is_dir()
+    assert list((tmp_path / "new" / "out").iterdir()) == []
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(WorkbenchError, match=r"is a file; give the name of a folder"):
+        check_folder(tmp_path / "file")
+    with pytest.raises(WorkbenchError, match=r"folder '.*' cannot be written"):
+        check_folder(tmp_path / "file" / "below")

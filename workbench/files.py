@@ -68,6 +68,34 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> Path:
     return target
 
 
+def check_folder(path: str | os.PathLike[str]) -> Path:
+    """Check that results can be written into a folder, before the work for them is done.
+
+    Args:
+        path: The folder; made if it is not there.
+
+    Returns:
+        The folder.
+
+    Raises:
+        WorkbenchError: If it is a file or cannot be written.
+
+    Example:
+        >>> with tempfile.TemporaryDirectory() as place:
+        ...     check_folder(Path(place) / "out").is_dir()
+        True
+    """
+    target = Path(path)
+    if target.exists() and not target.is_dir():
+        raise WorkbenchError(f"folder {str(target)!r} is a file; give the name of a folder")
+    try:
+        target.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=target).close()
+    except OSError as error:
+        raise _sentence("folder", target, error) from None
+    return target
+
+
 @contextmanager
 def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Collect results in a temporary folder beside the target and move them when all are there.

@@ -91,6 +91,7 @@ CASES = {
     "no results": (["bless", "nowhere", "--baseline", "b.json"], "workbench compare"),
     "unknown controller": (["report", "STUDY", "--bode", "-c", "pd", "--out", "out"], "'pd'"),
     "angle outside": (["report", "STUDY", "--bode", "--angle", "95deg", "--out", "out"], "95 deg"),
+    "results in a file": (["compare", "STUDY", "--out", "STUDY"], "is a file; give the name of a"),
     "limit with bode": (["report", "STUDY", "--bode", "--limit", "--out", "out"], "leave out --b"),
     "controller without bode": (["report", "STUDY", "-c", "pid", "--out", "out"], "add --bode"),
 }

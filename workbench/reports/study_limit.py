@@ -53,7 +53,7 @@ def limit_section(outcome: Outcome) -> list[Section]:
         figure = limit_ratios(_bars(outcome))
         caption = (
             "Settling time of each step over the shortest time that the nominal plant allows; "
-            "shorter bars are better, and no bar ends left of the dashed line."
+            "a controller whose bar ends at the dashed line could not be faster."
         )
         words = "settling times of the controllers over the physical limit"
         blocks.append(Picture("physical-limit", figure, caption, words))

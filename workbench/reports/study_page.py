@@ -18,6 +18,7 @@ from workbench.reports.study_pictures import (
     tracking_picture,
 )
 from workbench.reports.tables import Cell, Mark, Table, number
+from workbench.study.grouped import changes_by_plant, missed_by_plant
 from workbench.study.outcome import Outcome, installed_version
 from workbench.study.study import NOMINAL, Demand
 from workbench.study.summary import parameter_text, score_text
@@ -104,6 +105,12 @@ def study_page(outcome: Outcome) -> Page:
     ]
     word = "passed" if outcome.passed else "failed"
     lead = f"{study.description} ".lstrip() + f"The study {word}: {outcome.headline()}."
+    if outcome.missed:
+        worst = outcome.missed[0]
+        lead += (
+            f" Missed by most: {metric_title(worst.demand.requirement.metric)} of "
+            f"{worst.controller} in {worst.scenario} with {worst.variation} {worst.excess()}."
+        )
     return Page(
         f"Study {study.name}: {word}",
         lead,
@@ -172,41 +179,47 @@ def _verdict(outcome: Outcome) -> Section:
 
 def _list(title: str, found: Sequence[Judgement]) -> Table:
     most = 30
+    groups = missed_by_plant(found)
     rows: list[tuple[Cell | str, ...]] = [
         (
-            j.controller,
-            j.scenario,
-            j.variation,
-            metric_title(j.demand.requirement.metric),
-            Cell(j.excess(), "missed" if j.hard else ""),
+            g.worst.controller,
+            g.worst.scenario,
+            metric_title(g.worst.demand.requirement.metric),
+            Cell(g.worst.variation, "", g.also),
+            Cell(g.worst.excess(), "missed" if g.worst.hard else ""),
         )
-        for j in found[:most]
+        for g in groups[:most]
     ]
-    note = f"The worst {most} of {len(found)}." if len(found) > most else ""
-    return Table(title, ("controller", "scenario", "plant", "metric", "how far"), tuple(rows), note)
+    note = f"The worst {most} of {len(groups)}." if len(groups) > most else ""
+    head = ("controller", "scenario", "metric", "worst plant", "how far")
+    return Table(title, head, tuple(rows), note)
 
 
 def _baseline(outcome: Outcome) -> Section:
     assert outcome.baseline is not None
-    order = {"worse": 0, "gone": 0, "better": 1}
-    found = sorted(outcome.changes, key=lambda c: (not c.fails, order.get(c.way, 2)))
-    if not found:
+    if not outcome.changes:
         text = "Nothing differs from the baseline by more than its tolerance."
         return Section("baseline", "Against the baseline", (Words(text),))
+    order = {"worse": 0, "gone": 0, "better": 1}
+    found = sorted(
+        changes_by_plant(outcome.changes, outcome.required),
+        key=lambda g: (not g.worst.fails, order.get(g.worst.way, 2)),
+    )
     most = 40
     rows: list[tuple[Cell | str, ...]] = [
         (
             c.key[0],
             c.key[2],
-            c.key[1],
             metric_title(c.metric) or "run",
+            Cell(c.key[1], "", group.also),
             c.numbers().replace("->", "→") if c.metric else c.reason,
             Cell(c.way, "missed" if c.fails else "met" if c.way == "better" else ""),
         )
-        for c in found[:most]
+        for group in found[:most]
+        for c in (group.worst,)
     ]
     note = f"The first {most} of {len(found)}; results.json has all." if len(found) > most else ""
-    head = ("controller", "scenario", "plant", "metric", "baseline → now", "way")
+    head = ("controller", "scenario", "metric", "plant that changed most", "baseline → now", "way")
     table = Table("Differences beyond their tolerance", head, tuple(rows), note)
     command = Commands((f"workbench bless DIR --baseline {outcome.baseline.path.name}",))
     words = Words("If the changes are intended, this command shows and accepts them.")

@@ -9,6 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from workbench.errors import check_range
+from workbench.files import check_folder
 from workbench.study.baseline import Baseline, Change, changes, read_baseline
 from workbench.study.limits import Distances, distances, find_limits
 from workbench.study.linear_loop import LoopAnalysis, analyse_study
@@ -70,6 +72,12 @@ class Outcome:
         """Soft requirements that are missed, the worst first."""
         found = [j for j in self.judgements if not j.hard and not j.met]
         return tuple(sorted(found, key=lambda j: -j.score))
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """Names of the metrics that hard requirements bound."""
+        wanted = (d.requirement for d in self.study.demands)
+        return tuple(dict.fromkeys(r.metric for r in wanted if r.hard))
 
     @property
     def worse(self) -> tuple[Change, ...]:
@@ -250,7 +258,9 @@ def run_study(
     begin = time.perf_counter()
     # Wrong use is told before an hour of runs, not after.
     before = read_baseline(baseline) if baseline is not None else None
+    check_range("number of processes", jobs, 1, 1024)
     store = store_of(study, Path(out))
+    check_folder(out)
     if fresh:
         store.prune()
 

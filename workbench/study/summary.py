@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 from workbench.model.units import from_si
 from workbench.study.baseline import Change
+from workbench.study.grouped import Group, changes_by_plant, missed_by_plant
 from workbench.study.limits import Distance
 from workbench.study.outcome import Outcome
 from workbench.study.study import NOMINAL
 from workbench.study.tasks import Record
+from workbench.study.verdicts import Judgement
 from workbench.verification import Metric
 
 MOST = 20
@@ -47,17 +50,22 @@ def summary(outcome: Outcome) -> str:
     mark = "✅" if outcome.passed else "❌"
     lines = [f"## {mark} {study.name}: {outcome.headline()}", ""]
     lines += _scores(outcome)
-    lines += _list(
-        "Missed", [f"**{j.controller}**{str(j)[len(j.controller) :]}" for j in outcome.missed]
-    )
-    lines += _list("Failed runs", [_failed(r) for r in outcome.failed])
+    hard = [(_judged(g), g) for g in missed_by_plant(outcome.missed)]
+    lines += _list("Missed", len(outcome.missed), [f"{text}{_also(g)}" for text, g in hard])
+    lines += _list("Failed runs", len(outcome.failed), [_failed(r) for r in outcome.failed])
     if outcome.baseline is not None:
-        lines += _list("Worse than the baseline", [_bold(c) for c in outcome.worse])
-        lines += _list("Better than the baseline", [_bold(c) for c in outcome.better], fold=True)
         rest = [c for c in outcome.changes if not c.fails and c.way != "better"]
-        lines += _list("Other changes, which do not count", [_bold(c) for c in rest], fold=True)
-    soft = [str(j) for j in outcome.missed_softly]
-    lines += _list("Soft requirements missed", soft, fold=True)
+        for title, found in (
+            ("Worse than the baseline", outcome.worse),
+            ("Better than the baseline", outcome.better),
+            ("Other changes, which do not count", rest),
+        ):
+            groups = changes_by_plant(found, outcome.required)
+            entries = [f"{_bold(g.worst)}{_also(g)}" for g in groups]
+            lines += _list(title, len(found), entries, fold=not title.startswith("Worse"))
+    soft = missed_by_plant(outcome.missed_softly)
+    entries = [f"{g.worst}{_also(g)}" for g in soft]
+    lines += _list("Soft requirements missed", len(outcome.missed_softly), entries, fold=True)
     for scenario in study.scenarios:
         lines += _metrics(outcome, scenario)
     lines += _limits(outcome)
@@ -93,9 +101,12 @@ def plain_summary(outcome: Outcome) -> str:
             text = f"{distance.controller:<20} {limit_text(distance)}"
             lines.append(f"{text} settling / physical limit, {distance.scenario}")
     for title, entries in (
-        ("missed", [str(j) for j in outcome.missed]),
+        ("missed", [f"{g.worst}{_also(g)}" for g in missed_by_plant(outcome.missed)]),
         ("failed", [_failed(r).replace("*", "") for r in outcome.failed]),
-        ("worse", [str(c) for c in outcome.worse]),
+        (
+            "worse",
+            [f"{g.worst}{_also(g)}" for g in changes_by_plant(outcome.worse, outcome.required)],
+        ),
     ):
         lines += [f"{title}: {entry}" for entry in entries[:MOST]]
         if len(entries) > MOST:
@@ -178,6 +189,15 @@ def parameter_text(value: float, unit: str) -> str:
     return f"{number:.3g}" if shown == "1" else f"{number:.3g} {shown}"
 
 
+def _also(group: Group[Any]) -> str:
+    return f" ({group.also})" if group.others else ""
+
+
+def _judged(group: Group[Judgement]) -> str:
+    j = group.worst
+    return f"**{j.controller}**{str(j)[len(j.controller) :]}"
+
+
 def _bold(change: Change) -> str:
     text = str(change)
     return f"**{change.key[0]}**{text[len(change.key[0]) :]}".replace("->", "→")
@@ -187,13 +207,13 @@ def _failed(r: Record) -> str:
     return f"**{r.controller}**, {r.scenario}, {r.variation}, seed {r.seed}: {r.reason}"
 
 
-def _list(title: str, entries: Sequence[str], *, fold: bool = False) -> list[str]:
+def _list(title: str, count: int, entries: Sequence[str], *, fold: bool = False) -> list[str]:
     if not entries:
         return []
     items = [f"- {_cell(entry)}" for entry in entries[:MOST]]
     if len(entries) > MOST:
         items.append(f"- and {len(entries) - MOST} more in `results.json`")
-    heading = f"{title} ({len(entries)})"
+    heading = f"{title} ({count})"
     if fold:
         return ["<details>", f"<summary>{heading}</summary>", "", *items, "", "</details>", ""]
     return [f"### {heading}", "", *items, ""]

@@ -39,7 +39,7 @@ def angle_course(
         >>> figure.axes[-1].get_xlabel()
         'angle in °'
     """
-    figure, panels = new_figure([1.0, 1.0, 1.0])
+    figure, panels = new_figure([1.15, 1.15, 1.15])
     names = ("swing in Hz", "damping ratio", "gain in °/V")
     for axes, values, name in zip(panels, (frequency_hz, damping, gain), names, strict=True):
         course = np.asarray(values, dtype=float)

@@ -1,0 +1,109 @@
+"""Findings that differ in the plant only, told once: the worst plant, and which others."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from workbench.study.baseline import Change
+from workbench.study.verdicts import Judgement
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Group(Generic[T]):
+    """Findings on several plants.
+
+    Args:
+        worst: The worst of them.
+        others: Names of the other plants, in their order.
+
+    Example:
+        >>> Group("found", ("3.5 kg", "hysteresis")).also
+        'also with 3.5 kg; hysteresis'
+    """
+
+    worst: T
+    others: tuple[str, ...] = ()
+
+    @property
+    def also(self) -> str:
+        """The other plants in words; empty if there are none."""
+        # A name may hold a comma of its own.
+        return f"also with {'; '.join(self.others)}" if self.others else ""
+
+
+def missed_by_plant(judgements: Iterable[Judgement]) -> tuple[Group[Judgement], ...]:
+    """Put together a missed requirement on several plants.
+
+    Args:
+        judgements: Missed requirements.
+
+    Returns:
+        One group per requirement, controller and scenario, the worst first.
+
+    Example:
+        >>> missed_by_plant([])
+        ()
+    """
+    return _grouped(
+        judgements,
+        key=lambda j: (id(j.demand), j.controller, j.scenario),
+        plant=lambda j: j.variation,
+        badness=lambda j: j.score,
+    )
+
+
+def changes_by_plant(
+    changes: Iterable[Change], required: Iterable[str] = ()
+) -> tuple[Group[Change], ...]:
+    """Put together a change of one metric on several plants.
+
+    Args:
+        changes: Differences from a baseline.
+        required: Names of metrics that come first.
+
+    Returns:
+        One group per controller, scenario, metric and way; required metrics first, then those that
+        are furthest beyond their tolerance.
+
+    Example:
+        >>> changes_by_plant([])
+        ()
+    """
+    first = set(required)
+    found = _grouped(
+        changes,
+        key=lambda c: (c.key[0], c.key[2], c.metric, c.way, c.fails),
+        plant=lambda c: c.key[1],
+        badness=_beyond,
+    )
+    return tuple(sorted(found, key=lambda g: g.worst.metric not in first and g.worst.metric != ""))
+
+
+def _beyond(change: Change) -> float:
+    moved = abs(change.after - change.before)
+    if math.isnan(moved):
+        return math.inf
+    return moved / max(change.tolerance, 1e-12)
+
+
+def _grouped(
+    items: Iterable[T],
+    *,
+    key: Callable[[T], Hashable],
+    plant: Callable[[T], str],
+    badness: Callable[[T], float],
+) -> tuple[Group[T], ...]:
+    groups: dict[Hashable, list[T]] = {}
+    for item in items:
+        groups.setdefault(key(item), []).append(item)
+    found = []
+    for own in groups.values():
+        worst = max(own, key=badness)
+        names = dict.fromkeys(plant(item) for item in own)
+        found.append(Group(worst, tuple(n for n in names if n != plant(worst))))
+    return tuple(sorted(found, key=lambda g: -badness(g.worst)))
