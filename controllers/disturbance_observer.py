@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from controllers.fixed_order import product
 from controllers.observer import held
 from workbench.errors import WorkbenchError, check_choice
 
@@ -71,8 +72,8 @@ class DisturbanceObserver:
         Returns:
             Estimate of (x, w), shape (n,), in SI.
         """
-        residual = np.array(measurement) - self.rest - self.C @ predicted
-        return np.asarray(predicted + self.M @ residual)
+        residual = np.array(measurement) - self.rest - product(self.C, predicted)
+        return np.asarray(predicted + product(self.M, residual))
 
     def predict(self, estimate: Matrix, u: Matrix) -> Matrix:
         """Predict the next sample.
@@ -84,7 +85,7 @@ class DisturbanceObserver:
         Returns:
             Prediction, shape (n,), in SI.
         """
-        return np.asarray(self.F @ estimate + self.G @ u)
+        return np.asarray(product(self.F, estimate) + product(self.G, u))
 
     def at_rest(self, measurement: tuple[float, ...], A: Matrix, E: Matrix) -> Matrix:
         """Return the smallest estimate that explains a measurement as rest without input.

@@ -16,7 +16,9 @@ prediction samples of time T, the controller minimises over blocked moves u and 
 P is the cost to go of the unconstrained regulator. The first move is applied; the sample after, all
 is solved anew. The moves are openings: the inverse valve curve follows, because a solver that
 optimises the voltage sees almost no gradient at the valve's flat centre. If the solver fails, the
-unconstrained regulator u = us - K (x - xs), clipped, takes its place (fallback "regulator").
+unconstrained regulator u = us - K (x - xs), clipped, takes its place (fallback "regulator"). A
+reading or reference that is no number leaves the state as it was and shuts the valve for the sample
+(fallback "shut").
 
 Source: Maciejowski, Predictive Control with Constraints, 2002, chapters 2 and 3 (condensing, move
 blocking, soft constraints); Rawlings, Mayne and Diehl, Model Predictive Control, 2017, sections 1.3
@@ -37,10 +39,11 @@ from controllers.disturbance_observer import (
     continuous_matrices,
     design_disturbance_observer,
 )
+from controllers.fixed_order import product
 from controllers.mpc_prediction import Prediction, condense
 from controllers.opening_input import opening_input
 from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.quadratic_program import quadratic_program
+from controllers.quadratic_program import NOT_FINITE, quadratic_program
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
@@ -113,7 +116,7 @@ class LinearMPC:
         """
         deviation = np.array(measurement) - self.observer.rest
         angle = measurement[0]
-        return MPCState(self.start @ deviation, self.rest_opening, angle, angle)
+        return MPCState(product(self.start, deviation), self.rest_opening, angle, angle)
 
     def step(
         self, state: MPCState, measurement: Measurement, reference: Reference
@@ -127,8 +130,12 @@ class LinearMPC:
 
         Returns:
             Voltage in V, next state, and ``opening`` (fraction), ``status``, ``iterations``,
-            ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the solver failed).
+            ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the regulator acted or
+            the valve was shut).
         """
+        if not np.isfinite((*measurement, *reference)).all():
+            shut = state._replace(opening=self.rest_opening)
+            return (self.valve.command(self.rest_opening),), shut, not_finite(self.rest_opening)
         p = self.prediction
         estimate = self.observer.correct(state.predicted, measurement)
         if self.preview:
@@ -138,23 +145,24 @@ class LinearMPC:
             filtered, target = lagged(
                 state.filtered, state.target, reference[0], self.reference_speed * self.sample_time
             )
-            wanted = self.path @ (reference[0], filtered, target) - self.observer.rest[0]
+            wanted = product(self.path, (reference[0], filtered, target)) - self.observer.rest[0]
         before = state.opening - self.rest_opening
-        gradient = p.g_estimate @ estimate + p.g_reference @ wanted + p.g_before * before
-        pressures = p.rows_estimate @ estimate
-        lower_a = p.lower_a - pressures
-        upper_a = p.upper_a - pressures
-        lower_a[0] += before
-        upper_a[0] += before
-        solution = quadratic_program(*p.size).solve(
-            p.H, gradient, p.A, lower_a, upper_a, p.lower_x, p.upper_x
-        )
+        gradient = product(p.g_estimate, estimate) + product(p.g_reference, wanted)
+        gradient += p.g_before * before
+        pressures = product(p.rows_estimate, estimate)
+        lower = np.concatenate([p.lower_a - pressures, p.lower_x])
+        upper = np.concatenate([p.upper_a - pressures, p.upper_x])
+        lower[0] += before
+        upper[0] += before
+        solution = quadratic_program(*p.size).solve_factored(p.factors, gradient, lower, upper)
         if solution.solved:
             move, slack = float(solution.x[0]), float(solution.x[-1]) * p.slack_scale
         else:
             move, slack = p.regulator(estimate, float(wanted[-1])), float("nan")
+        move = min(max(move, float(p.lower_x[0])), float(p.upper_x[0]))
         opening = min(max(move + self.rest_opening, -1.0), 1.0)
         predicted = self.observer.predict(estimate, np.array([opening - self.rest_opening]))
+        following = MPCState(predicted, opening, filtered, target)
         info: Mapping[str, float | str] = {
             "opening": opening,
             "status": solution.status,
@@ -163,7 +171,6 @@ class LinearMPC:
             "slack": slack,
             "fallback": 0.0 if solution.solved else 1.0,
         }
-        following = MPCState(predicted, opening, filtered, target)
         return (self.valve.command(opening),), following, info
 
     def linear_command(self, command: Command) -> Command:
@@ -176,6 +183,26 @@ class LinearMPC:
             Voltage for a linear model, V.
         """
         return (self.valve.linear_command(command[0]),)
+
+
+def not_finite(opening: float) -> Info:
+    """Return what a step tells that was given a reading or a reference that is no number.
+
+    Args:
+        opening: Opening of the valve, a fraction.
+
+    Example:
+        >>> not_finite(0.0)["fallback"]
+        1.0
+    """
+    return {
+        "opening": opening,
+        "status": NOT_FINITE,
+        "iterations": 0.0,
+        "solve_time": 0.0,
+        "slack": float("nan"),
+        "fallback": 1.0,
+    }
 
 
 def lagged(filtered: float, target: float, reference: float, fresh: float) -> tuple[float, float]:

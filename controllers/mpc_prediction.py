@@ -10,11 +10,14 @@ so that cost and constraints become a small dense quadratic program in the moves
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from controllers.fixed_order import product
 from controllers.observer import held
+from controllers.quadratic_program import Factored, factored
 from workbench.errors import WorkbenchError
 
 Matrix = npt.NDArray[np.float64]
@@ -77,6 +80,11 @@ class Prediction:
         """Numbers of variables and of rows."""
         return len(self.H), len(self.A)
 
+    @cached_property
+    def factors(self) -> Factored:
+        """The factored matrices, for problems whose matrices do not change."""
+        return factored(self.H, self.A)
+
     def regulator(self, estimate: Matrix, reference: float) -> float:
         """Return the unconstrained regulator's opening, ``us - K (x - xs)``.
 
@@ -88,8 +96,9 @@ class Prediction:
             Opening as deviation, a fraction.
         """
         n = len(self.gain)
-        at_rest = self.target @ np.append(estimate[n:], reference)
-        return float(at_rest[n] - self.gain @ (estimate[:n] - at_rest[:n]))
+        at_rest = product(self.target, np.append(estimate[n:], reference))
+        fed_back = product(self.gain[None, :], estimate[:n] - at_rest[:n])
+        return float(at_rest[n] - fed_back[0])
 
 
 def condense(

@@ -14,7 +14,9 @@ P is the cost to go of the unconstrained regulator. One valve commands the diffe
 mean drifts while the difference moves; the last condition holds for any mean. The integral in the
 followed output leads to the reference without offset, whatever the plant does at rest. The matrices
 are condensed at every angle of the schedule and interpolated between them. If the solver fails, the
-unconstrained regulator u = -K z, clipped, takes its place (fallback "regulator").
+unconstrained regulator u = -K z, clipped, takes its place (fallback "regulator"). A reading or
+reference that is no number leaves the state as it was and shuts the valve for the sample (fallback
+"shut").
 
 The planned reference is known over the horizon by its own derivatives; no preview is needed.
 
@@ -24,18 +26,22 @@ Automatica 36, 2000 (scheduling).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from controllers.arithmetic import FLOATS
+from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.fixed_order import product
 from controllers.joint_tracking import (
     STATE_NAMES,
     JointTracking,
     joint_tracking,
     kalman_correction,
 )
+from controllers.mpc import not_finite
 from controllers.mpc_prediction import Prediction, condense
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program import quadratic_program
@@ -44,6 +50,23 @@ from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
 Matrix = npt.NDArray[np.float64]
+
+
+class Front(NamedTuple):
+    """What the quadratic program of a `ScheduledMPC` is asked.
+
+    Args:
+        errors: Errors of angle (rad), speed (rad/s) and acceleration-valued pressure difference
+            (rad/s2), and the integral of the first (rad s).
+        bias: Pressure difference at which the third error is zero, in Pa.
+        opening: Opening of the feedforward, a fraction.
+        plan: Planned angle, in rad.
+    """
+
+    errors: tuple[Number, Number, Number, Number]
+    bias: Number
+    opening: Number
+    plan: Number
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,14 +132,15 @@ class ScheduledMPC:
 
         Returns:
             Voltage in V, next state, and ``opening`` (fraction), ``plan`` (rad), ``status``,
-            ``iterations``, ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the solver
-            failed).
+            ``iterations``, ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the
+            regulator acted or the valve was shut).
         """
-        look, front = self.tracking.look(state, measurement, reference[0], FLOATS)
-        q, before = state[len(front) :]
+        if not all(map(math.isfinite, (*measurement, reference[0]))):
+            return (self.valve.command(0.0),), state, {**not_finite(0.0), "plan": math.nan}
+        front, following = self.front(state, measurement, reference[0], FLOATS)
         schedule = self.tracking.schedule
         i, share = FLOATS.place(
-            look.angle, schedule.first_angle, schedule.spacing, len(self.predictions)
+            measurement[0], schedule.first_angle, schedule.spacing, len(self.predictions)
         )
         share = min(max(share, 0.0), 1.0)
         low, high = self.predictions[i], self.predictions[i + 1]
@@ -124,26 +148,23 @@ class ScheduledMPC:
         def between(a: Matrix, b: Matrix) -> Matrix:
             return np.asarray(a + share * (b - a))
 
-        b = look.joint.b
-        x = look.plan.angle - look.angle
-        y = b * (look.wanted_difference - look.difference) - self.compensation * look.unexplained
-        z = np.array([x, look.plan.speed - look.speed, y, q])
-        gradient = between(low.g_estimate, high.g_estimate) @ z + low.g_before * before
-        pressures = between(low.rows_estimate, high.rows_estimate) @ z
+        _, before = state[len(following) :]
+        z = np.array(front.errors)
+        gradient = product(between(low.g_estimate, high.g_estimate), z) + low.g_before * before
+        pressures = product(between(low.rows_estimate, high.rows_estimate), z)
         n_u = low.size[0] - 1
         room = self.pressure_limits[1] - self.pressure_limits[0]
-        bias = look.wanted_difference - self.compensation * look.unexplained / b
         lower_a, upper_a = low.lower_a.copy(), low.upper_a.copy()
         limited = (len(lower_a) - n_u) // 2
-        lower_a[n_u : n_u + limited] = (bias - room) / low.slack_scale
-        upper_a[n_u + limited :] = (bias + room) / low.slack_scale
+        lower_a[n_u : n_u + limited] = (front.bias - room) / low.slack_scale
+        upper_a[n_u + limited :] = (front.bias + room) / low.slack_scale
         lower_a -= pressures
         upper_a -= pressures
         lower_a[0] += before
         upper_a[0] += before
         lower_x, upper_x = low.lower_x.copy(), low.upper_x.copy()
         # The feedforward stays within the valve, so that the limits never cross the rate's.
-        forward = min(max(look.opening, -1.0), 1.0)
+        forward = min(max(front.opening, -1.0), 1.0)
         lower_x[:n_u] -= forward
         upper_x[:n_u] -= forward
         reach = low.upper_a[0]
@@ -161,21 +182,73 @@ class ScheduledMPC:
         if solution.solved:
             move, slack = float(solution.x[0]), float(solution.x[-1]) * low.slack_scale
         else:
-            gain = between(low.gain, high.gain)
-            move, slack = -float(gain @ z), float("nan")
+            gain = between(low.gain, high.gain)[None, :]
+            move, slack = -float(product(gain, z)[0]), float("nan")
         opening = min(max(forward + move, -1.0), 1.0)
-        free = -1.0 < opening < 1.0
-        following = (*front, q + (self.sample_time * x if free else 0.0), opening - forward)
         info: dict[str, float | str] = {
             "opening": opening,
-            "plan": look.plan.angle,
+            "plan": front.plan,
             "status": solution.status,
             "iterations": solution.iterations,
             "solve_time": solution.seconds,
             "slack": slack,
             "fallback": 0.0 if solution.solved else 1.0,
         }
-        return (self.valve.command(opening),), following, info
+        after = self.after(state, front, following, opening, FLOATS)
+        return (self.valve.command(opening),), after, info
+
+    def front(
+        self,
+        state: tuple[Number, ...],
+        measurement: tuple[Number, ...],
+        reference: Number,
+        arithmetic: Arithmetic,
+    ) -> tuple[Front, tuple[Number, ...]]:
+        """Plan, estimate, and compute what the quadratic program is asked.
+
+        Args:
+            state: State of the step before, in SI.
+            measurement: Angle in rad and the two gauge pressures in Pa.
+            reference: Wanted angle, in rad.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            What the quadratic program needs, and the next state of the front end, in SI.
+        """
+        look, following = self.tracking.look(state, measurement, reference, arithmetic)
+        q, _ = state[len(following) :]
+        b = look.joint.b
+        x = look.plan.angle - look.angle
+        y = b * (look.wanted_difference - look.difference) - self.compensation * look.unexplained
+        bias = look.wanted_difference - self.compensation * look.unexplained / b
+        errors = (x, look.plan.speed - look.speed, y, q)
+        return Front(errors, bias, look.opening, look.plan.angle), following
+
+    def after(
+        self,
+        state: tuple[Number, ...],
+        front: Front,
+        following: tuple[Number, ...],
+        opening: Number,
+        arithmetic: Arithmetic,
+    ) -> tuple[Number, ...]:
+        """Return the state after a step.
+
+        Args:
+            state: State of the step before, in SI.
+            front: What `front` returned.
+            following: The next state of the front end, in SI.
+            opening: Opening applied, a fraction.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            State in the order of its names, in SI.
+        """
+        q, _ = state[len(following) :]
+        # At a stop of the valve, whatever the rounding, the integral waits.
+        free = arithmetic.largest(opening, -opening) < 1.0 - 1e-9
+        q = q + arithmetic.where(free, self.sample_time * front.errors[0], 0.0)
+        return (*following, q, opening - arithmetic.clip(front.opening, -1.0, 1.0))
 
     def linear_command(self, command: Command) -> Command:
         """Return the command that gives a linear model the same opening.

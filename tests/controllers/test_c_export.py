@@ -1,18 +1,34 @@
-"""Exported C gives the numbers of the law over ten thousand steps of a run on the plant."""
+"""Exported C gives the numbers of the law over ten thousand steps, carrying its own state.
+
+The C code is started once and never set right again: what one step rounds differently, the next
+ones inherit. Floats and C do the same operations in the same order, so most of them round alike;
+what is left comes from the few that CasADi writes in another order (a square as a product, an
+interpolation as a sum over switches) and from libraries' roots. Every law forgets: its observer,
+filters and planner with the time constants of the loop, its integrals by anti-windup and by the
+next crossing. So a rounding of 1e-16 of a signal stays far below 1e-12 of its scale, and a law in
+which it grew would be seen here.
+"""
 
 from __future__ import annotations
 
 import ctypes
+import math
+import re
+import shutil
 import subprocess
+from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from controllers import design_mpc, design_pid, design_sliding_mode
-from controllers.c_export import export_c
+from controllers import MPCSpecification, design_mpc, design_pid, design_sliding_mode
+from controllers.c_export import ExportedC, export_c
+from controllers.quadratic_program import STATUSES, QuadraticProgram
 from controllers.scheduled import JointSchedule
+from controllers.scheduled_mpc import design_scheduled_mpc
 from controllers.scheduled_pid import design_scheduled_pid
 from controllers.scheduled_sliding_mode import KINDS, design_scheduled_sliding_mode
 from controllers.scheduled_state_feedback import design_scheduled_state_feedback
@@ -21,17 +37,100 @@ from workbench.linearisation import LinearModel
 from workbench.simulation.compiled import compiler
 
 STEPS = 10_000
+STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
+PLAIN = ("-Wall", "-Werror=implicit")
 
 
-def compiled_library(controller: Any, folder: Path) -> ctypes.CDLL:
+def built(exported: ExportedC, *flags: str) -> ctypes.CDLL:
     found = compiler()
     if found is None:
         pytest.skip("no C compiler on this machine")
-    exported = export_c(controller, folder, name="law")
-    library = folder / "law.so"
-    command = [found, "-O1", "-ffp-contract=off", "-Wall", "-Werror=implicit", "-shared", "-fPIC"]
+    library = exported.source.with_suffix(".so")
+    command = [found, "-O2", "-ffp-contract=off", *flags, "-shared", "-fPIC"]
     subprocess.run([*command, str(exported.source), "-o", str(library), "-lm"], check=True)
     return ctypes.CDLL(str(library))
+
+
+def hard_run(law: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Readings and references that pass every branch of planner, tables and limits.
+
+    The angle follows steps and a sine with delay and noise, past both ends of the schedule; the
+    reference jumps by up to 0.5 rad and so drives the valve to both stops; for some seconds the
+    pressures lie out of their limits.
+    """
+    rng = np.random.default_rng(2)
+    time = law.sample_time * np.arange(STEPS + law.preview)
+    reference = 0.5 + 0.3 * np.sin(1.3 * time) + 0.25 * np.sign(np.sin(0.9 * time))
+    angle = np.convolve(reference, np.ones(80) / 80, mode="same") + 1e-4 * rng.normal(
+        size=len(time)
+    )
+    swing = 1.2e5 * np.sin(2.1 * time) + 8e2 * rng.normal(size=len(time))
+    mean = 3.6e5 + 2.2e5 * (np.sin(0.5 * time) > 0.9) - 3.2e5 * (np.sin(0.5 * time) < -0.95)
+    return np.column_stack([angle, mean + swing, mean - swing]), reference
+
+
+def flat(state: Any) -> np.ndarray:
+    return np.concatenate([np.ravel(np.asarray(value, dtype=float)) for value in state])
+
+
+class InC:
+    """The exported controller, with the state that it carries itself."""
+
+    def __init__(self, law: Any, folder: Path, *flags: str, is_mpc: bool = False) -> None:
+        exported = export_c(law, folder, name="law")
+        self.library, self.is_mpc = built(exported, *flags), is_mpc
+        self.state = (ctypes.c_double * exported.states)()
+        self.command, self.report = (ctypes.c_double * 1)(), (ctypes.c_double * 4)()
+        self.reference = (ctypes.c_double * (1 + law.preview))()
+
+    def start(self, row: Any) -> None:
+        assert self.library.law_start((ctypes.c_double * len(row))(*row), self.state) == 0
+
+    def step(self, row: Any, wanted: Any) -> int:
+        self.reference[:] = wanted
+        extra = (self.report,) if self.is_mpc else ()
+        return int(
+            self.library.law_step(
+                (ctypes.c_double * len(row))(*row),
+                self.reference,
+                self.state,
+                self.command,
+                *extra,
+            )
+        )
+
+
+def compare(
+    law: Any, in_c: InC, readings: Any, reference: Any, *, openings: float = 1e-13
+) -> dict[str, Any]:
+    """Run both from one start; return the largest differences and what the run passed."""
+    state = law.initial_state(tuple(readings[0].tolist()))
+    in_c.start(readings[0].tolist())
+    wanted = np.lib.stride_tricks.sliding_window_view(reference, 1 + law.preview)
+    difference, drift, seen = 0.0, 0.0, {"commands": [], "slack": [], "statuses": set()}
+    size = np.maximum(np.abs(flat(state)), 1e-9)
+    for k, (row, ahead) in enumerate(zip(readings.tolist(), wanted.tolist(), strict=False)):
+        (command,), state, info = law.step(state, tuple(row), tuple(ahead))
+        status = in_c.step(row, ahead)
+        difference = max(difference, abs(in_c.command[0] - command))
+        if k % 10 == 9:
+            now = flat(state)
+            size = np.maximum(size, np.abs(now))
+            drift = max(drift, float(np.max(np.abs(np.array(in_c.state) - now) / size)))
+        seen["commands"].append(command)
+        seen["statuses"].add(status)
+        if in_c.is_mpc:
+            assert STATUSES[status] == info["status"]
+            assert in_c.report[3] == info["fallback"] == float(status != 0)
+            assert abs(in_c.report[0] - info["opening"]) <= openings
+            # The slack in Pa, of 10 bar and more; with a fallback there is none.
+            slack = info["slack"]
+            assert abs(in_c.report[1] - slack) <= 1e7 * openings or math.isnan(
+                in_c.report[1] + slack
+            )
+            assert math.isnan(in_c.report[1]) == (status != 0)
+            seen["slack"].append(slack)
+    return {"difference": difference, "drift": drift, **seen}
 
 
 LAWS = {
@@ -45,56 +144,215 @@ LAWS = {
     },
 }
 
+MPCS = {
+    "scheduled MPC": lambda schedule, _: design_scheduled_mpc(schedule),
+    "linear MPC": lambda _, linear: design_mpc(linear),
+    "linear MPC with preview": lambda _, linear: design_mpc(linear, MPCSpecification(preview=True)),
+    "linear MPC with tight limits": lambda _, linear: design_mpc(
+        linear,
+        MPCSpecification(opening_limit=0.4, rate_limit=10.0, pressure_limits=(3e5, 4.5e5)),
+    ),
+}
+
 
 @pytest.mark.parametrize("make", LAWS.values(), ids=LAWS.keys())
-def test_c_agrees_over_ten_thousand_steps(
+def test_c_agrees_over_ten_thousand_chained_steps(
     make: Any, schedule: JointSchedule, linear: LinearModel, tmp_path: Path
 ) -> None:
     law = make(schedule, linear)
-    library = compiled_library(law, tmp_path)
-    # An angle that follows steps and a sine with noise, pressures that move about their rest: every
-    # branch of planner, tables and limits is passed.
-    rng = np.random.default_rng(2)
-    time = law.sample_time * np.arange(STEPS)
-    reference = 0.5 + 0.2 * np.sin(1.3 * time) + 0.13 * np.sign(np.sin(0.9 * time))
-    angle = np.convolve(reference, np.ones(80) / 80, mode="same") + 1e-4 * rng.normal(size=STEPS)
-    swing = 1.2e5 * np.sin(2.1 * time) + 8e2 * rng.normal(size=STEPS)
-    readings = np.column_stack([angle, 3.6e5 + swing, 3.6e5 - swing])
+    found = compare(law, InC(law, tmp_path, *PLAIN), *hard_run(law))
+    # The command relative to the valve's range, 10 V; every entry of the state relative to the
+    # largest value that it has had.
+    assert found["difference"] / 10.0 <= 1e-12
+    assert found["drift"] <= 1e-12
+    assert min(found["commands"]) == 0.0 and max(found["commands"]) == 10.0
+    assert found["statuses"] == {0}
 
-    state = law.initial_state(tuple(readings[0].tolist()))
-    count = len(state)
-    c_state, c_command = (ctypes.c_double * count)(), (ctypes.c_double * 1)()
-    first = (ctypes.c_double * 3)(*readings[0])
-    assert library.law_start(first, c_state) == 0
-    np.testing.assert_allclose(np.array(c_state), np.array(state), rtol=1e-12, atol=1e-12)
-    worst = 0.0
-    span = [np.inf, -np.inf]
-    for row, wanted in zip(readings.tolist(), reference.tolist(), strict=True):
-        (command,), state, _ = law.step(state, tuple(row), (wanted,))
-        library.law_step(
-            (ctypes.c_double * 3)(*row), (ctypes.c_double * 1)(wanted), c_state, c_command
-        )
-        worst = max(worst, abs(c_command[0] - command))
-        # Each step is compared from the same state: the law alone is open loop and keeps whatever
-        # rounding its integrals collect.
-        c_state[:] = [float(value) for value in state]
-        span = [min(span[0], command), max(span[1], command)]
-    # relative to the full range of the valve, 10 V
-    assert worst / 10.0 <= 1e-12
-    assert span[1] - span[0] > 1.0
+
+@pytest.mark.parametrize("make", MPCS.values(), ids=MPCS.keys())
+def test_mpc_in_c_agrees_over_ten_thousand_chained_steps(
+    make: Any, schedule: JointSchedule, linear: LinearModel, tmp_path: Path
+) -> None:
+    law = make(schedule, linear)
+    in_c = InC(law, tmp_path, *STRICT, is_mpc=True)
+    found = compare(law, in_c, *hard_run(law))
+    assert found["difference"] / 10.0 <= 1e-12
+    assert found["drift"] <= 1e-12
+    assert found["statuses"] == {0}
+    # Hard limits were met, and soft ones were missed where the pressures lay outside.
+    limit = law.valve.command(0.4 if make is MPCS["linear MPC with tight limits"] else 1.0)
+    assert max(found["commands"]) == pytest.approx(limit, abs=1e-9)
+    slack = np.array(found["slack"])
+    assert slack.max() > 1e4
+    assert (slack < 1.0).any()
+
+
+def without_slack(mpc: Any) -> Any:
+    """Make the pressure limits hard, so that they contradict the valve's limits at times."""
+    matrix = mpc.prediction.A.copy()
+    matrix[:, -1] = 0.0
+    return replace(mpc, prediction=replace(mpc.prediction, A=matrix))
+
+
+def test_fallbacks_of_c_are_those_of_the_law(linear: LinearModel, tmp_path: Path) -> None:
+    # Contradictory constraints at times, readings and references that are no numbers at others.
+    mpc = without_slack(design_mpc(linear, MPCSpecification(pressure_limits=(2.2e5, 5e5))))
+    readings, reference = hard_run(mpc)
+    readings[1000:1010, 1] = np.nan
+    readings[2000, 0] = np.inf
+    reference[3000:3003] = np.nan
+    found = compare(mpc, InC(mpc, tmp_path, *STRICT, is_mpc=True), readings, reference)
+    assert found["statuses"] == {0, 2, 3}
+    assert found["difference"] / 10.0 <= 1e-12
+    assert found["drift"] <= 1e-12
+    assert np.isfinite(found["commands"]).all()
+
+
+def test_fallback_of_the_scheduled_mpc_in_c(schedule: JointSchedule, tmp_path: Path) -> None:
+    mpc = design_scheduled_mpc(schedule, pressure_limits=(2.5e5, 4e5))
+    hard = []
+    for prediction in mpc.predictions:
+        matrix = prediction.A.copy()
+        matrix[:, -1] = 0.0
+        hard.append(replace(prediction, A=matrix))
+    mpc = replace(mpc, predictions=tuple(hard))
+    readings, reference = hard_run(mpc)
+    readings[1000:1010, 1] = np.nan
+    readings[2000, 0] = np.inf
+    reference[3000:3003] = np.nan
+    found = compare(mpc, InC(mpc, tmp_path, *STRICT, is_mpc=True), readings, reference)
+    assert found["statuses"] == {0, 2, 3}
+    assert found["difference"] / 10.0 <= 1e-12
+    assert found["drift"] <= 1e-12
+    assert np.isfinite(found["commands"]).all()
+
+
+@pytest.mark.parametrize("make", [MPCS["scheduled MPC"], MPCS["linear MPC with tight limits"]])
+def test_mpc_in_c_agrees_with_the_solver_in_python(
+    make: Any, schedule: JointSchedule, linear: LinearModel, tmp_path: Path, monkeypatch: Any
+) -> None:
+    # Where a compiler is present both sides above run one solver; here Python runs its own. Its
+    # products are summed by a library in another order, so the minimiser agrees to rounding times
+    # the condition of the Hessian (2e4) and to the size of what cancels in this hard run (1e2): to
+    # 1e-10 of the opening, 1e-9 of 10 V where the inverse valve curve is steepest (50 V per
+    # opening). That is why sums have one order in what runs.
+    def in_python(n: int, m: int) -> QuadraticProgram:
+        return QuadraticProgram(n, m, compiled=False)
+
+    for module in ("controllers.mpc", "controllers.scheduled_mpc"):
+        monkeypatch.setattr(f"{module}.quadratic_program", lru_cache(in_python))
+    law = make(schedule, linear)
+    readings, reference = hard_run(law)
+    in_c = InC(law, tmp_path, *STRICT, is_mpc=True)
+    found = compare(law, in_c, readings[:1500], reference, openings=1e-10)
+    assert 0.0 < found["difference"] / 10.0 <= 1e-9
+
+
+DRIVER = """
+#include <stdio.h>
+#include "law.h"
+int main(void) {
+  double measurement[LAW_MEASUREMENTS], reference[LAW_REFERENCES], state[LAW_STATES];
+  double command[LAW_COMMANDS], report[LAW_REPORTS], sum = 0.0;
+  int k, i, status = 0;
+  for (k = 0; k < 3000; ++k) {
+    measurement[0] = 0.5 + 0.02 * (k % 37);
+    measurement[1] = 3.6e5 + 9e3 * (k % 41) - 4e5 * (k % 53 == 0);
+    measurement[2] = 3.6e5 - 8e3 * (k % 43);
+    if (k == 1500) measurement[1] = 0.0 / (k - 1500);
+    for (i = 0; i < LAW_REFERENCES; ++i) reference[i] = 0.3 + 0.5 * ((k + i) / 500 % 2);
+    if (k == 0) law_start(measurement, state);
+    status |= law_step(measurement, reference, state, command, report);
+    sum += command[0];
+  }
+  printf("%.3f %d\\n", sum / 3000, status);
+  return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("name", ["scheduled MPC", "linear MPC with preview"])
+def test_mpc_in_c_runs_clean_under_sanitizers(
+    name: str, schedule: JointSchedule, linear: LinearModel, tmp_path: Path
+) -> None:
+    found = compiler()
+    if found is None:
+        pytest.skip("no C compiler on this machine")
+    flags = ["-std=c99", "-O0", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+    trial = tmp_path / "trial.c"
+    trial.write_text("int main(void) { return 0; }\n")
+    linked = [found, *flags, str(trial), "-o", str(tmp_path / "trial"), "-lm"]
+    if subprocess.run(linked, capture_output=True, check=False).returncode:
+        pytest.skip("the C compiler has no sanitizers on this machine")
+    exported = export_c(MPCS[name](schedule, linear), tmp_path, name="law")
+    driver = tmp_path / "driver.c"
+    driver.write_text(DRIVER)
+    program = tmp_path / "driver"
+    sources = [str(driver), str(exported.source)]
+    # The driver divides by zero on purpose, to make a reading that is no number.
+    quiet = "-fno-sanitize=float-divide-by-zero"
+    subprocess.run([found, *flags, quiet, *sources, "-o", str(program), "-lm"], check=True)
+    done = subprocess.run([str(program)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    mean, status = done.stdout.split()
+    assert 0.0 <= float(mean) <= 10.0
+    assert status == "3"
 
 
 def test_header_documents_the_interface(schedule: JointSchedule, tmp_path: Path) -> None:
-    exported = export_c(design_scheduled_pid(schedule), tmp_path, name="rig_pid")
+    law = design_scheduled_pid(schedule)
+    exported = export_c(law, tmp_path, name="rig_pid")
     text = exported.header.read_text()
     for word in ("pressure_1, Pa, gauge", "wanted angle now, rad", "valve, V", "integral", "0.002"):
         assert word in text
-    assert "#define RIG_PID_STATES 17" in text
+    assert f"#define RIG_PID_STATES {len(law.state_names)}" in text
+
+
+def test_header_of_an_mpc_says_what_can_happen(linear: LinearModel, tmp_path: Path) -> None:
+    mpc = design_mpc(linear, MPCSpecification(preview=True))
+    exported = export_c(mpc, tmp_path, name="rig_mpc")
+    text = " ".join(exported.header.read_text().replace("\n *", "\n").split())
+    for words in (
+        "12 variables",
+        "At most 163 iterations",
+        "0 solved, 1 given up after too many iterations, 2 constraints that contradict each other",
+        "bytes static",
+        "the unconstrained regulator",
+        "slack: largest pressure out of its limits",
+        "up to 200 samples ahead",
+        "#define RIG_MPC_REFERENCES 201",
+        "double *command, double *report);",
+    ):
+        assert words in text
+
+
+def test_stated_memory_is_what_the_compiler_reserves(
+    schedule: JointSchedule, linear: LinearModel, tmp_path: Path
+) -> None:
+    for name in ("scheduled MPC", "linear MPC"):
+        folder = tmp_path / name.replace(" ", "_")
+        exported = export_c(MPCS[name](schedule, linear), folder, name="law")
+        built(exported)
+        stated = re.search(r"(\d+) bytes static", exported.header.read_text())
+        tool = shutil.which("size")
+        if tool is None:
+            pytest.skip("no binutils on this machine")
+        thing = exported.source.with_suffix(".o")
+        subprocess.run([str(compiler()), "-c", str(exported.source), "-o", str(thing)], check=True)
+        shown = subprocess.run([tool, str(thing)], capture_output=True, text=True, check=True)
+        data, bss = (int(word) for word in shown.stdout.splitlines()[1].split()[1:3])
+        # The compiler aligns each of some thirty arrays to 32 bytes.
+        assert stated is not None
+        assert int(stated[1]) <= data + bss <= int(stated[1]) + 1000
 
 
 def test_refusals(linear: LinearModel, schedule: JointSchedule, tmp_path: Path) -> None:
-    with pytest.raises(WorkbenchError, match="no law in closed form"):
-        export_c(design_mpc(linear), tmp_path)
+    class Unwritten:
+        name, sensors, follows, actuators = "rule of thumb", ("angle",), ("angle",), ("valve",)
+        sample_time, preview = 0.002, 0
+
+    with pytest.raises(WorkbenchError, match="'rule of thumb' cannot be written as C"):
+        export_c(Unwritten(), tmp_path)  # type: ignore[arg-type]
     with pytest.raises(WorkbenchError, match="small letters"):
         export_c(design_scheduled_pid(schedule), tmp_path, name="My PID")
     assert not list(tmp_path.iterdir())

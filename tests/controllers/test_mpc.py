@@ -122,7 +122,7 @@ def test_a_failed_solve_goes_to_the_regulator(
     nothing = Solution(np.full(12, np.nan), False, "SOLVER_RET_LIMITED", 7.0, 1e-3)
 
     class Broken:
-        def solve(self, *problem: Any) -> Solution:
+        def solve_factored(self, *problem: Any) -> Solution:
             return nothing
 
     monkeypatch.setattr(mpc_module, "quadratic_program", lambda *size: Broken())

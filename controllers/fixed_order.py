@@ -1,0 +1,35 @@
+"""Products of a matrix and a vector, summed in the order in which C code sums them.
+
+Library routines sum in the order that suits the processor, and round differently on each. Where a
+law shall give the same digits in Python and in C, its sums have one order: from the first column to
+the last.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Matrix = npt.NDArray[np.float64]
+
+
+def product(matrix: Matrix, vector: npt.ArrayLike) -> Matrix:
+    """Multiply a matrix by a vector, column after column.
+
+    Args:
+        matrix: Shape (m, n), in any units.
+        vector: Shape (n,), in any units.
+
+    Returns:
+        The product, shape (m,), in the units that follow.
+
+    Example:
+        >>> product(np.array([[1.0, 2.0], [3.0, 4.0]]), (1.0, 1.0)).tolist()
+        [3.0, 7.0]
+    """
+    if len(matrix) == 1:
+        # A sum of one row would be taken in pairs; a running sum is not.
+        return np.cumsum(matrix[0] * np.asarray(vector, dtype=float))[-1:]
+    # In this memory order the sum runs over whole rows, one after the other.
+    terms = np.multiply(matrix.T, np.asarray(vector, dtype=float)[:, None], order="C")
+    return np.asarray(np.add.reduce(terms, axis=0))
