@@ -1,0 +1,60 @@
+"""A free-form term: the located signal over its argument with the fitted curve."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from workbench.diagnosis.free_form_result import Argument
+from workbench.errors import WorkbenchError
+from workbench.reports.figures.diagnosis_runs import AFTER
+from workbench.reports.figures.diagnosis_units import readable, titled
+from workbench.reports.style import FAINT, MEASURED, key, label, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def diagnosis_free_form(argument: Argument, *, place: str, unit: str) -> Figure:
+    """Draw the classes of the located signal with their band, and the fitted curve on them.
+
+    Args:
+        argument: An argument of the term with its classes.
+        place: Port or ports at which the term acts.
+        unit: Unit of the curve; ``"1"`` for a fraction of the port's signal.
+
+    Returns:
+        The figure.
+
+    Raises:
+        WorkbenchError: If nothing was fitted over the argument.
+
+    Example:
+        >>> import numpy as np
+        >>> from workbench.diagnosis.free_form_result import Bins
+        >>> x = np.linspace(-1.0, 1.0, 20)
+        >>> seen = Argument("speed", "rad/s", 0.01, 0.8, (-1.0, 1.0), Bins(x, x, 0 * x, x))
+        >>> diagnosis_free_form(seen, place="joint.torque", unit="N m").axes[0].get_xlabel()
+        'speed in °/s'
+    """
+    if argument.bins is None:
+        raise WorkbenchError(
+            f"no curve over {argument.name} was fitted, so that there is nothing to draw; draw the"
+            " located signal instead"
+        )
+    figure, (axes,) = new_figure([2.7])
+    bins, (shown, factor) = argument.bins, readable(unit)
+    x = bins.x * readable(argument.unit)[1]
+    mean, std, curve = (factor * values for values in (bins.mean, bins.std, bins.curve))
+    axes.fill_between(x, mean - std, mean + std, color=FAINT.light, alpha=0.45, linewidth=0)
+    axes.plot(x, mean, ".", color=MEASURED.light, markersize=6.0, label="from the readings")
+    axes.plot(x, curve, color=AFTER.light, linewidth=1.4, label="fitted curve")
+    axes.axhline(0.0, color=FAINT.light, linewidth=0.9, zorder=1)
+    axes.margins(x=0.03)
+    name = place.replace("_", " ")
+    label(
+        axes,
+        x=titled(argument.name, argument.unit),
+        y=f"{name} in {shown}" if unit != "1" else f"relative change of {name}",
+    )
+    key(axes, columns=2)
+    return figure
