@@ -62,7 +62,7 @@ def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted(
 ) -> None:
     scores = Scores(
         (
-            _score(entries["tilt_gravity"], 900.0, absorption=0.999),
+            _score(entries["tilt_gravity"], 90.0, absorption=0.999),
             _score(entries["ripple"], 2.0),
         ),
         np.eye(2),

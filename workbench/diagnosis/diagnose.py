@@ -5,12 +5,18 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from workbench.diagnosis.free_run import FreeRun, free_run
-from workbench.diagnosis.likely import LikelyFit, extended_start, fit_likely, white_cost
+from workbench.diagnosis.likely import (
+    LADDER,
+    LikelyFit,
+    extended_start,
+    fit_likely,
+    perfect_cost,
+)
 from workbench.diagnosis.locate import Location, locate
 from workbench.diagnosis.observe import observe
 from workbench.diagnosis.prediction_error import Observed
@@ -24,7 +30,7 @@ from workbench.diagnosis.select import (
     shortlist,
 )
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
-from workbench.errors import WorkbenchError
+from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.physics.library import Entry, library
 from workbench.recordings.checks import check_recording
@@ -39,8 +45,18 @@ IMPERFECT = 0.1
 """Share of the expected disturbance above which something is still left out."""
 
 LEAST_SHARE = 0.3
-"""Share of the excess misfit of the refitted nominal that a single effect must explain, or of what
-is left after another effect."""
+"""Share of the excess misfit of the refitted nominal that a single effect must explain."""
+
+LEAST_OF_REST = 0.6
+"""Share that a further effect must explain of what is left after those before: the wrong shape of
+an effect that was found leaves a rest too, of which another name explains a part."""
+
+LEAST_TOGETHER = 0.5
+"""Share of it that several effects must explain together."""
+
+LEAST_AT_FIRST = 0.05
+"""Share that an effect must explain to stay while another is searched for: two effects that hide
+each other explain little one by one."""
 
 LEAST_OF_ALL = 0.05
 """Share of the first excess misfit that a further effect must explain: less may be the wrong shape
@@ -63,6 +79,9 @@ class Diagnosis:
         before: Location of the mismatch in the refitted nominal model.
         after: The same in the extended model.
         runs: Free runs on held-out recordings, by model and recording.
+        excess: Log likelihood that the refitted nominal model lacks, dimensionless.
+        withdrawn: Effects that were taken back because all together explained too little, or
+            because a later one made them needless.
         verdict: The verdict.
     """
 
@@ -74,6 +93,8 @@ class Diagnosis:
     before: Location | None = None
     after: Location | None = None
     runs: dict[str, dict[str, FreeRun]] = field(default_factory=dict)
+    excess: float = math.nan
+    withdrawn: list[Candidate] = field(default_factory=list)
     verdict: Verdict | None = None
 
 
@@ -177,8 +198,10 @@ def diagnose(
     return diagnosis
 
 
-def _started(recordings: Sequence[Observed], diagnosis: Diagnosis) -> list[Observed]:
-    model = diagnosis.extended.model
+def _started(
+    recordings: Sequence[Observed], diagnosis: Diagnosis, model: Model | None = None
+) -> list[Observed]:
+    model = model or diagnosis.extended.model
     return [extended_start(r, diagnosis.nominal, model) for r in recordings]
 
 
@@ -194,30 +217,36 @@ def _search(
     """Add one effect after the other as long as one is accepted."""
     free = list(priors)
     samples = round(sum(len(r.outputs) * r.sample_time for r in fitting) / 0.1)
-    perfect = white_cost(fitting, diagnosis.nominal)
-    first_excess = max(diagnosis.base.cost - perfect, 0.0)
+    perfect = _perfect(diagnosis, fitting)
+    whole = max(diagnosis.base.cost - perfect, 0.0)
+    diagnosis.excess = whole
+    passed = [diagnosis.base]
+    charge = 0.0
     for number in range(MOST_FINDINGS):
         current = diagnosis.extended
         excess = max(current.cost - perfect, 0.0)
-        least = max(LEAST_SHARE * excess, LEAST_OF_ALL * first_excess)
-        if number and excess < least:
-            break
+        least = LEAST_AT_FIRST * whole
+        if number:
+            least = max(LEAST_OF_REST * excess, LEAST_OF_ALL * whole)
+            if excess < least:
+                break
         given = library(current.model, outputs=fitting[0].used) if entries is None else entries
         attached = {effect.name for effect in current.model.effects}
-        tried = [e for e in given if not e.stiff and e.name not in attached]
+        tried = [e for e in given if e.name not in attached]
         say(f"scoring {len(tried)} effects" + (" on what is left" if number else ""))
         started, judged = _started(fitting, diagnosis), _started(judging, diagnosis)
         scores = score_library(current.model, started, free, tried, share=current.share)
         # A score tells little of the gain of a large effect, such as a lag of many samples: only
         # what is left after another effect is asked for a share of the gain beforehand.
-        chosen = shortlist(scores, most=3, least=0.05 * least) if number else shortlist(scores)
+        chosen = shortlist(scores, most=8, least=0.05 * least) if number else shortlist(scores)
+        charge = charge_for(len(tried), samples, 2)
         candidates = refit_candidates(
             current,
             chosen,
             free,
             started,
             judged,
-            charge=charge_for(len(tried), samples, 2),
+            charge=charge,
             least_gain=least,
             jobs=jobs,
             progress=say,
@@ -226,13 +255,70 @@ def _search(
         best = next((c for c in candidates if not c.refused), None)
         if best is None or best.fit is None:
             break
-        diagnosis.accepted.append((best, _alike(best, candidates, scores)))
-        diagnosis.extended = best.fit
-        score = next(s for s in scores.scores if s.entry.name == best.entry.name)
-        free += entry_priors(score)[0]
         say(f"found {best.entry.name}")
-        if best.fit.share <= min(IMPERFECT, current.share / 3) and best.fit.share <= 0.03:
+        diagnosis.accepted.append((best, _alike(best, candidates, scores)))
+        free += entry_priors(next(s for s in scores.scores if s.entry.name == best.entry.name))[0]
+        diagnosis.extended = _polished(best.fit, _started(fitting, diagnosis, best.fit.model), free)
+        passed.append(diagnosis.extended)
+        if diagnosis.extended.share <= LADDER[-1] < current.share:
             break
+    _withdraw(diagnosis, passed)
+    if len(diagnosis.accepted) > 1:
+        say("leaving out one effect at a time")
+        _leave_out(diagnosis, fitting, free, max(charge, LEAST_OF_ALL * whole))
+
+
+def _perfect(diagnosis: Diagnosis, fitting: Sequence[Observed]) -> float:
+    try:
+        return perfect_cost(diagnosis.base.model, fitting)
+    except NumericalError:
+        # Refitted values that stand for something else may not be fit for a simulation.
+        return perfect_cost(diagnosis.nominal, fitting)
+
+
+def _polished(fit: LikelyFit, recordings: Sequence[Observed], priors: Sequence[Prior]) -> LikelyFit:
+    """Refit once more, to the end: comparing hypotheses needs less."""
+    start = {e.name: e.value for e in fit.refit.estimates}
+    final = fit_likely(fit.model, recordings, priors, start=start, share=fit.share, follow=False)
+    return replace(final, passed=fit.passed) if final.cost <= fit.cost else fit
+
+
+def _withdraw(diagnosis: Diagnosis, passed: Sequence[LikelyFit]) -> None:
+    """Take back the last effects while all together explain too little."""
+    while diagnosis.accepted:
+        count = len(diagnosis.accepted)
+        least = LEAST_SHARE if count == 1 else LEAST_TOGETHER
+        if diagnosis.base.cost - passed[count].cost >= least * diagnosis.excess:
+            return
+        candidate, _ = diagnosis.accepted.pop()
+        diagnosis.withdrawn.append(candidate)
+        diagnosis.extended = passed[count - 1]
+
+
+def _leave_out(
+    diagnosis: Diagnosis, fitting: Sequence[Observed], free: Sequence[Prior], least: float
+) -> None:
+    """Take out effects that the later ones made needless."""
+    for pair in diagnosis.accepted[:-1]:
+        entry, full = pair[0].entry, diagnosis.extended
+        begun = full.passed or full
+        model = begun.model.without(entry.effect.name)
+        own = f"{entry.effect.name}."
+        values = {e.name: e.value for e in begun.refit.estimates if not e.name.startswith(own)}
+        try:
+            fit = fit_likely(
+                model,
+                [extended_start(r, diagnosis.nominal, model) for r in fitting],
+                [p for p in free if not p.name.startswith(own) and p.name in values],
+                start=values,
+                share=begun.share,
+            )
+        except NumericalError:
+            continue
+        if fit.cost - full.cost < least:
+            diagnosis.accepted.remove(pair)
+            diagnosis.withdrawn.append(pair[0])
+            diagnosis.extended = fit
 
 
 def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> tuple[str, ...]:
@@ -240,7 +326,7 @@ def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> 
     same = [
         c.entry.name
         for c in candidates
-        if c is not best and c.fit is not None and best.gain - c.gain < _SAME and c.gain > 0
+        if c is not best and c.followed and c.fit and best.gain - c.gain < _SAME and c.gain > 0
     ]
     names = {s.entry.name for s in scores.scores if s.testable}
     return (best.entry.name, *[n for n in same if n in names])
@@ -312,7 +398,8 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
         e.name.removeprefix(f"{entry.effect.name}."): Value(e.value, e.unit, e.std) for e in own
     }
     share = _explained(fit)
-    size = candidate.size
+    name = f"{entry.effect.name}.{entry.size_parameter}"
+    size = next((e for e in own if e.name == name), None)
     about = entry.effect.about
     text = (
         f"Missing: {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"

@@ -8,15 +8,16 @@ A model that lacks physics stops early, the right one goes down to the noise of 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.diagnosis.prediction_error import Innovations, Observed, PredictionError
 from workbench.diagnosis.priors import Prior
-from workbench.diagnosis.refit import refit
+from workbench.diagnosis.refit import ENOUGH, refit
 from workbench.diagnosis.refit_result import Refit
+from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.model.model import index_of
 
@@ -35,10 +36,13 @@ class LikelyFit:
     Args:
         refit: Estimates at that share.
         share: The share, dimensionless: small where the model explains the recordings.
+        passed: The fit one step higher on the ladder, from which this one was reached; None at the
+            step where it began.
     """
 
     refit: Refit
     share: float
+    passed: LikelyFit | None = None
 
     @property
     def model(self) -> Model:
@@ -116,6 +120,7 @@ def fit_likely(
     start: Mapping[str, float] | None = None,
     share: float = 3.0,
     follow: bool = True,
+    enough: float = ENOUGH,
     progress: Callable[[str], None] | None = None,
 ) -> LikelyFit:
     """Refit a model at the most likely share of the expected disturbance.
@@ -127,6 +132,7 @@ def fit_likely(
         start: Where to start some parameters, by name, in SI.
         share: Share to begin with, dimensionless.
         follow: Whether to go on to smaller shares.
+        enough: A step that gains less log likelihood than this ends a refit, dimensionless.
         progress: Called with a line of text before each pass.
 
     Returns:
@@ -149,12 +155,24 @@ def fit_likely(
     values = dict(start or {})
     first = int(np.argmin(np.abs(np.log(np.array(LADDER) / share))))
     for level in LADDER[first:] if follow else LADDER[first : first + 1]:
-        trial = refit(
-            model, recordings, priors=priors, stages=(level,), start=values, progress=progress
-        )
+        try:
+            trial = refit(
+                model,
+                recordings,
+                priors=priors,
+                stages=(level,),
+                start=values,
+                enough=enough,
+                progress=progress,
+            )
+        except NumericalError:
+            # Equations trusted more than they deserve throw the filter out of its range.
+            if best is None:
+                raise
+            break
         if best is not None and trial.cost >= best.cost:
             break
-        best = LikelyFit(trial, level)
+        best = LikelyFit(trial, level, best and replace(best, passed=None))
         values = {e.name: e.value for e in trial.estimates}
     assert best is not None
     return best
@@ -205,29 +223,46 @@ def _blocks(part: Innovations, sample_time: float, block: float) -> Vector:
     return np.asarray(np.add.reduceat(costs, np.arange(0, len(costs), size)))
 
 
-def white_cost(recordings: Sequence[Observed], model: Model) -> float:
-    """Return minus the log likelihood that a model without any error would reach.
+def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
+    """Return minus the log likelihood to be expected if the model left nothing out.
+
+    The filter runs along readings that the model itself gives for the inputs, with the noise and
+    the smallest share of the ladder: ``sum (1/2 + log s)``, s the standard deviations of its
+    prediction errors.
 
     Args:
-        recordings: Recordings as `observe` returns them.
-        model: The plant, for the scales of its outputs.
+        model: The plant, with parameters near those of the recordings.
+        recordings: Recordings as `observe` returns them, with a start for this model.
 
     Returns:
-        ``sum (1/2 + log(noise / scale))`` over all readings, dimensionless.
+        The cost, dimensionless.
+
+    Raises:
+        NumericalError: If the model leaves the finite numbers.
 
     Example:
         >>> from workbench.diagnosis.example import made_up, pushes
         >>> from workbench.plants.servo_axis import servo_axis
         >>> axis = servo_axis()
-        >>> white_cost([made_up(axis, pushes(50, largest=200.0), sample_time=0.01)], axis) < 0.0
+        >>> perfect_cost(axis, [made_up(axis, pushes(50, largest=200.0), sample_time=0.01)]) < 0.0
         True
     """
-    total = 0.0
+    first = recordings[0]
+    tight, blind = (
+        PredictionError(model, first.sample_time, first.used, (), disturbances(model, share))
+        for share in (LADDER[-1], 1e-9)
+    )
     scales = {q.name: q.scale for q in model.outputs}
+    scale = np.array([scales[name] for name in first.used])
+    total = 0.0
     for observed in recordings:
-        counts = np.isfinite(observed.outputs).sum(axis=0)
-        scale = np.array([scales[name] for name in observed.used])
-        total += float(np.sum(counts * (0.5 + np.log(observed.noise_rms / scale))))
+        # A filter that trusts no reading simulates.
+        unread = replace(observed, noise_rms=1e9 * observed.noise_rms)
+        run = blind.run(unread, model.values)
+        own = observed.outputs - run.whitened * np.exp(run.log_deviation) * scale
+        part = tight.run(replace(observed, outputs=own), model.values)
+        used = np.isfinite(part.log_deviation)
+        total += float(np.sum(0.5 + part.log_deviation[used]))
     return total
 
 

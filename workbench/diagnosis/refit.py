@@ -32,10 +32,11 @@ STAGES = (1.0, 0.03)
 """Shares of the expected disturbance that the filter allows in successive passes."""
 
 _ITERATIONS = 15
-_GAIN = 0.05
+
+ENOUGH = 0.05
 """A step that gains less log likelihood than this ends the last pass."""
 
-_ATTEMPTS = 6
+_ATTEMPTS = 4
 
 Progress = Callable[[str], None]
 Evaluate = Callable[[Vector], tuple[list[Innovations], float]]
@@ -50,6 +51,7 @@ def refit(
     start: Mapping[str, float] | None = None,
     starts: int = 1,
     seed: int = 0,
+    enough: float = ENOUGH,
     progress: Progress | None = None,
 ) -> Refit:
     """Estimate parameters of a model from recordings.
@@ -66,6 +68,7 @@ def refit(
         start: Where to start some parameters, by name, in SI; at the prior by default.
         starts: Number of starts; those after the first are drawn from the priors.
         seed: Seed of the draws.
+        enough: A step that gains less log likelihood than this ends the last pass, dimensionless.
         progress: Called with a line of text before each pass.
 
     Returns:
@@ -102,7 +105,7 @@ def refit(
                 p.name: float(np.clip(rng.normal(p.mean, p.std), p.lower, p.upper)) for p in known
             }
         try:
-            search = _search(model, recordings, known, values, stages, progress)
+            search = _search(model, recordings, known, values, stages, enough, progress)
         except NumericalError as error:
             failures.append(str(error))
             continue
@@ -119,6 +122,7 @@ def _search(
     priors: Sequence[Prior],
     start: Mapping[str, float],
     stages: Sequence[float],
+    enough: float,
     progress: Progress | None,
 ) -> Outcome:
     names = tuple(p.name for p in priors)
@@ -146,9 +150,9 @@ def _search(
             return parts, sum(part.cost for part in parts) + problem.prior_cost(trial)
 
         # All but the last pass only have to come near.
-        enough = _GAIN if number == len(stages) - 1 else 100 * _GAIN
+        near = enough if number == len(stages) - 1 else 100 * enough
         done = outcome.iterations if outcome else 0
-        outcome = _descend(problem, values, evaluate, enough)
+        outcome = _descend(problem, values, evaluate, near)
         outcome = replace(outcome, iterations=outcome.iterations + done, share=share)
         values = outcome.values
     assert outcome is not None
@@ -172,7 +176,7 @@ def _descend(problem: _Problem, values: Vector, evaluate: Evaluate, enough: floa
                 trial_cost = np.inf
             if trial_cost < cost:
                 break
-            damping *= 8
+            damping *= 30
         else:
             # The derivatives hold the filter's gain fixed: near the optimum that is all they show.
             return Outcome(values, parts, cost, True, iterations, 0.0)

@@ -8,7 +8,7 @@ much of it the parameters absorb, which effects look alike, and the smallest siz
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from workbench.diagnosis.likely import disturbances, extended_start
 from workbench.diagnosis.prediction_error import Innovations, Observed, PredictionError
 from workbench.diagnosis.priors import Prior
-from workbench.model import Model
+from workbench.model import Effect, Model
 from workbench.physics.library import Entry
 
 Vector = npt.NDArray[np.float64]
@@ -42,6 +42,8 @@ class Score:
         absorption: Share of the effect's signature that other parameters can imitate, 0 to 1,
             dimensionless.
         smallest: Smallest size to be seen on these data, in the same unit.
+        shape: Values of the effect's other parameters at which it scores best, in their SI units,
+            by short name.
     """
 
     entry: Entry
@@ -51,6 +53,7 @@ class Score:
     std: float
     absorption: float
     smallest: float
+    shape: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def testable(self) -> bool:
@@ -136,25 +139,72 @@ def score_library(
         >>> scores.scores[0].entry.law
         'coulomb_friction'
     """
-    extended = model.with_effect(*(entry.effect for entry in entries))
+    variants = [variant for entry in entries for variant in _variants(entry)]
     names = tuple(p.name for p in priors)
-    sizes = tuple(f"{entry.effect.name}.{entry.size_parameter}" for entry in entries)
-    own = {q.name for q in model.states}
-    filter_ = PredictionError(
-        extended,
-        recordings[0].sample_time,
-        recordings[0].used,
-        (*names, *sizes),
-        disturbances(extended, share),
-        certain=tuple(q.name for q in extended.states if q.name not in own),
-    )
-    scale = filter_.free_scale
-    totals = _Totals(len(names), len(sizes))
+    # Stiff effects would force short steps on all others, so they have a filter of their own.
+    groups = [group for stiff in (False, True) if (group := _of(variants, stiff=stiff))]
+    filters = [_Attached(model, recordings[0], names, group, share) for group in groups]
+    totals = _Totals(len(names), len(variants))
     for observed in recordings:
-        widened = extended_start(observed, model, extended)
-        totals.add(filter_.run(widened, extended.values), observed.sample_time)
+        totals.add([attached.run(observed) for attached in filters], observed.sample_time)
+    ordered = [variant for group in groups for variant in group]
+    scale = np.concatenate([filters[0].scale_of_free, *(f.scale_of_sizes for f in filters)])
     std = np.array([p.std for p in priors])
-    return _scores(totals, entries, scale, std, share)
+    return _scores(totals, ordered, scale, std, share)
+
+
+@dataclass(frozen=True)
+class _Variant:
+    """An effect at size zero with one choice of its other parameters."""
+
+    entry: Entry
+    shape: Mapping[str, float]
+    effect: Effect
+
+
+def _variants(entry: Entry) -> list[_Variant]:
+    shapes = entry.shapes[:1] if entry.stiff else entry.shapes
+    made = []
+    for number, shape in enumerate(shapes):
+        effect = entry.at_size(0.0, shape)
+        name = entry.name if number == 0 else f"{entry.name}_as_{number}"
+        made.append(_Variant(entry, shape, replace(effect, name=name)))
+    return made
+
+
+def _of(variants: Sequence[_Variant], *, stiff: bool) -> list[_Variant]:
+    return [variant for variant in variants if variant.entry.stiff is stiff]
+
+
+class _Attached:
+    """A filter with effects attached at size zero."""
+
+    def __init__(
+        self,
+        model: Model,
+        first: Observed,
+        names: tuple[str, ...],
+        variants: Sequence[_Variant],
+        share: float,
+    ) -> None:
+        self._model = model
+        self._extended = model.with_effect(*(variant.effect for variant in variants))
+        sizes = (f"{v.effect.name}.{v.entry.size_parameter}" for v in variants)
+        own = {q.name for q in model.states}
+        self._filter = PredictionError(
+            self._extended,
+            first.sample_time,
+            first.used,
+            (*names, *sizes),
+            disturbances(self._extended, share),
+            certain=tuple(q.name for q in self._extended.states if q.name not in own),
+        )
+        self.scale_of_free = self._filter.free_scale[: len(names)]
+        self.scale_of_sizes = self._filter.free_scale[len(names) :]
+
+    def run(self, observed: Observed) -> Innovations:
+        widened = extended_start(observed, self._model, self._extended)
+        return self._filter.run(widened, self._extended.values)
 
 
 class _Totals:
@@ -167,18 +217,21 @@ class _Totals:
         self.gradient = np.zeros(n)
         self.blocks: list[Vector] = []
 
-    def add(self, part: Innovations, sample_time: float) -> None:
-        errors = np.nan_to_num(part.whitened)
-        rows = part.jacobian.reshape(-1, part.jacobian.shape[2])
+    def add(self, parts: Sequence[Innovations], sample_time: float) -> None:
+        errors = np.nan_to_num(parts[0].whitened)
+        # At size zero all filters predict the same; the free parameters stand in each of them.
+        others = [part.jacobian[:, :, self.split :] for part in parts[1:]]
+        jacobian = np.concatenate([parts[0].jacobian, *others], axis=2)
+        rows = jacobian.reshape(-1, jacobian.shape[2])
         self.information += rows.T @ rows
-        products = np.einsum("kyf,ky->kf", part.jacobian, errors)
+        products = np.einsum("kyf,ky->kf", jacobian, errors)
         self.gradient += products.sum(axis=0)
         size = max(1, round(_BLOCK_S / sample_time))
         self.blocks.append(np.add.reduceat(products, np.arange(0, len(products), size), axis=0))
 
 
 def _scores(
-    totals: _Totals, entries: Sequence[Entry], scale: Vector, std: Vector, share: float
+    totals: _Totals, variants: Sequence[_Variant], scale: Vector, std: Vector, share: float
 ) -> Scores:
     n = totals.split
     information, gradient = totals.information, totals.gradient
@@ -194,23 +247,28 @@ def _scores(
     kept = np.maximum(np.diag(projected), np.maximum(1e-12 * full, 1e-30))
     size = -slopes / kept
     deviation = np.sqrt(np.maximum(scatter, kept)) / kept
-    either = np.array([entry.signed for entry in entries])
+    either = np.array([variant.entry.signed for variant in variants])
     # An effect that only has one sign cannot gain by the other.
     signed = np.where(either, size, np.maximum(size, 0.0))
     gain = 0.5 * signed**2 * kept
     absorption = np.clip(1.0 - np.diag(projected) / full, 0.0, 1.0)
     confusion = np.abs(projected) / np.sqrt(np.outer(kept, kept))
-    order = np.argsort(-gain)
+    # Of each effect the shape that gains the most, best effect first.
+    best: dict[str, int] = {}
+    for i in np.argsort(-gain):
+        best.setdefault(variants[i].entry.name, int(i))
+    order = list(best.values())
     units = scale[n:]
     scores = tuple(
         Score(
-            entries[i],
+            variants[i].entry,
             float(gain[i]),
             float(signed[i] / deviation[i]),
             float(signed[i] * units[i]),
             float(deviation[i] * units[i]),
             float(absorption[i]),
             float(_SIGMA * deviation[i] * units[i]),
+            dict(variants[i].shape),
         )
         for i in order
     )

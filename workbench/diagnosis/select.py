@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import joblib
@@ -12,16 +12,18 @@ import numpy as np
 from workbench.diagnosis.likely import (
     LikelyFit,
     blocks_of_cost,
+    disturbances,
     extended_start,
     fit_likely,
     gain_interval,
     start_values,
 )
-from workbench.diagnosis.prediction_error import Observed
+from workbench.diagnosis.prediction_error import Observed, PredictionError
 from workbench.diagnosis.priors import Prior
 from workbench.diagnosis.refit_result import Estimate
 from workbench.diagnosis.score import Score, Scores
 from workbench.errors import NumericalError
+from workbench.model import Model
 from workbench.physics.library import Entry
 
 LEAST_SCORE = 8.0
@@ -33,7 +35,32 @@ LEAST_GAIN = 15.0
 SIGMA = 3.0
 """Standard deviations by which a size must differ from zero."""
 
-_FINALISTS = 2
+_FINALISTS = 4
+_PLAIN = 500.0
+"""Expected gain beyond which even an effect that is nearly absorbed is refitted."""
+
+IMPLAUSIBLE = 5.0
+"""Multiple of the usual size beyond which a size is not believed."""
+
+_SURPASSED = "another effect explains the recordings better"
+
+_HEAD_S = 10.0
+"""Length of each recording that the first refit of a hypothesis uses, s."""
+
+_OF_BEST = 0.1
+"""Share of the leader's gain below which a hypothesis is not followed."""
+
+_NEAR = 10.0
+"""A step that gains less log likelihood than this ends the first refit of a hypothesis."""
+
+_NEARER = 1.0
+"""The same for the refit of those that are followed."""
+
+_LEADERS = 2
+"""How many of the best scores are refitted even if stiff."""
+
+_SIZES = (0.3, 1.0, 3.0)
+"""Multiples of the usual size from which a refit may start."""
 
 Progress = Callable[[str], None]
 
@@ -48,6 +75,8 @@ class Candidate:
         gain: Gain of log likelihood on the fitting recordings, dimensionless.
         held_out: Gain on the held-out recordings with its 99 % interval, dimensionless.
         refused: Why it was not accepted; empty if it was.
+        followed: Whether it was refitted to the end; else fit and gain are those of a first refit
+            on the beginning of the recordings.
     """
 
     entry: Entry
@@ -55,6 +84,7 @@ class Candidate:
     gain: float
     held_out: tuple[float, float, float]
     refused: str = ""
+    followed: bool = True
 
     @property
     def size(self) -> Estimate | None:
@@ -74,7 +104,7 @@ class Candidate:
         )
 
 
-def shortlist(scores: Scores, *, most: int = 6, least: float = LEAST_SCORE) -> tuple[Score, ...]:
+def shortlist(scores: Scores, *, most: int = 18, least: float = LEAST_SCORE) -> tuple[Score, ...]:
     """Choose the hypotheses that are worth a full refit.
 
     The best score with its look-alikes, then the best of every other group of ports.
@@ -103,7 +133,11 @@ def shortlist(scores: Scores, *, most: int = 6, least: float = LEAST_SCORE) -> t
         >>> 1 <= len(shortlist(scores, most=3)) <= 3
         True
     """
-    worthy = [s for s in scores.scores if s.gain > max(LEAST_SCORE, least) and s.testable]
+    worthy = [
+        s
+        for s in scores.scores
+        if s.gain > max(LEAST_SCORE, least) and (s.testable or (least == 0.0 and _plain(s)))
+    ]
     if not worthy:
         return ()
     chosen = [worthy[0]]
@@ -116,9 +150,16 @@ def shortlist(scores: Scores, *, most: int = 6, least: float = LEAST_SCORE) -> t
             others.append(score)
     others += worthy[1:]
     for score in others:
-        if score not in chosen and len(chosen) < most:
+        # A stiff effect takes the time of several others: only a leader is worth it.
+        slow = score.entry.stiff and score not in worthy[:_LEADERS]
+        if score not in chosen and not slow and len(chosen) < most:
             chosen.append(score)
     return tuple(chosen)
+
+
+def _plain(score: Score) -> bool:
+    """Whether an effect shows although parameters within their priors imitate nearly all of it."""
+    return abs(score.sigma) > SIGMA and score.gain > _PLAIN
 
 
 def where(entry: Entry) -> tuple[str, ...]:
@@ -188,23 +229,33 @@ def refit_candidates(
     """
     if progress and chosen:
         progress("refitting with " + ", ".join(s.entry.name for s in chosen))
+    given = (tuple(priors), tuple(fit_on))
+    heads = [_head(r) for r in fit_on]
+    # Minus the logarithm of the priors is in the cost of a refit too.
+    known = base.cost - float(blocks_of_cost(base, fit_on).sum()) if chosen else 0.0
+    cost = known + float(blocks_of_cost(base, heads).sum()) if chosen else 0.0
     with joblib.Parallel(n_jobs=jobs if len(chosen) > 1 else 1) as parallel:
-        shared = (tuple(priors), tuple(fit_on), tuple(hold_out))
         first = parallel(
-            joblib.delayed(_candidate)(base, score, *shared, False) for score in chosen
+            joblib.delayed(_first)(base, cost, score, tuple(priors), heads) for score in chosen
         )
         # Only the leaders are followed down the ladder: a hypothesis that cannot compete with the
         # equations as imperfect as they were does not overtake with more trust in them.
-        order = sorted(range(len(chosen)), key=lambda i: -first[i].gain)[:_FINALISTS]
-        if progress and order:
-            progress("comparing " + " and ".join(chosen[i].entry.name for i in order))
+        order = sorted(range(len(chosen)), key=lambda i: -first[i].gain)
+        least = max(_OF_BEST * first[order[0]].gain, LEAST_SCORE) if order else 0.0
+        leaders = [i for i in order[:_FINALISTS] if first[i].fit and first[i].gain > least]
+        if progress and leaders:
+            progress("comparing " + " and ".join(chosen[i].entry.name for i in leaders))
         finals = parallel(
-            joblib.delayed(_candidate)(base, chosen[i], *shared, True, first[i].fit) for i in order
+            joblib.delayed(_followed)(base, first[i], chosen[i], *given, tuple(hold_out))
+            for i in leaders
         )
-    for i, final in zip(order, finals, strict=True):
+    for i, final in zip(leaders, finals, strict=True):
         first[i] = final
-    judged = [replace(c, refused=_refusal(c, charge, least_gain)) for c in first]
-    return tuple(sorted(judged, key=lambda c: -c.gain))
+    judged = sorted(
+        (replace(c, refused=_refusal(c, charge, least_gain)) for c in first), key=lambda c: -c.gain
+    )
+    best = next((c for c in judged if not c.refused), None)
+    return tuple(c if c is best or c.refused else replace(c, refused=_SURPASSED) for c in judged)
 
 
 def entry_priors(score: Score) -> tuple[tuple[Prior, ...], dict[str, float]]:
@@ -249,44 +300,113 @@ def entry_priors(score: Score) -> tuple[tuple[Prior, ...], dict[str, float]]:
     return tuple(priors), start
 
 
-def _candidate(
+def _head(observed: Observed) -> Observed:
+    count = max(1, round(_HEAD_S / observed.sample_time))
+    return replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])
+
+
+def _first(
     base: LikelyFit,
+    cost: float,
+    score: Score,
+    priors: tuple[Prior, ...],
+    fit_on: Sequence[Observed],
+) -> Candidate:
+    """Refit a hypothesis, the equations trusted as much as without it."""
+    entry = score.entry
+    effect = entry.at_size(1.0) if entry.replaces else entry.at_size(0.0, score.shape)
+    model = base.model.with_effect(effect)
+    own, start = entry_priors(score)
+    all_priors = (*priors, *own)
+    start |= start_values(base.refit, priors)
+    fit_on_ = [extended_start(r, base.model, model) for r in fit_on]
+    unknown = (0.0, -math.inf, math.inf)
+    try:
+        fit = fit_likely(
+            model,
+            fit_on_,
+            all_priors,
+            start=_best_start(model, fit_on_, all_priors, _starts(score, start), base.share),
+            share=base.share,
+            follow=False,
+            enough=_NEAR,
+        )
+    except NumericalError as error:
+        return Candidate(entry, None, -math.inf, unknown, str(error), followed=False)
+    return Candidate(entry, fit, cost - fit.cost, unknown, _SURPASSED, followed=False)
+
+
+def _starts(score: Score, start: Mapping[str, float]) -> list[dict[str, float]]:
+    """From where to refit: the size that the score expects, and usual ones; or several shapes.
+
+    The score is a derivative at size zero, which for a large effect tells little of its size.
+    """
+    entry = score.entry
+    if entry.replaces:
+        # The size of a law that is either there or not says nothing of its shape.
+        shapes = sorted(entry.shapes, key=lambda shape: shape != score.shape)
+        return [dict(start) | {f"{entry.name}.{k}": v for k, v in s.items()} for s in shapes]
+    name = f"{entry.name}.{entry.size_parameter}"
+    sign = math.copysign(1.0, start[name]) if start[name] else 1.0
+    sizes = [start[name], *(sign * k * entry.typical_size for k in _SIZES)]
+    low, high = entry.size.lower, entry.size.upper
+    shape = {f"{entry.name}.{k}": v for k, v in score.shape.items()}
+    return [dict(start) | shape | {name: float(np.clip(s, low, high))} for s in sizes]
+
+
+def _best_start(
+    model: Model,
+    fit_on: Sequence[Observed],
+    priors: Sequence[Prior],
+    starts: Sequence[dict[str, float]],
+    share: float,
+) -> dict[str, float]:
+    """Return the start under which the first recording is most likely."""
+    filter_ = PredictionError(
+        model,
+        fit_on[0].sample_time,
+        fit_on[0].used,
+        tuple(p.name for p in priors),
+        disturbances(model, share),
+    )
+
+    def cost(start: Mapping[str, float]) -> float:
+        try:
+            return filter_.run(fit_on[0], model.with_parameters(start).values).cost
+        except NumericalError:
+            return math.inf
+
+    return min(starts, key=cost) if len(starts) > 1 else starts[0]
+
+
+def _followed(
+    base: LikelyFit,
+    first: Candidate,
     score: Score,
     priors: tuple[Prior, ...],
     fit_on: tuple[Observed, ...],
     hold_out: tuple[Observed, ...],
-    follow: bool,
-    earlier: LikelyFit | None = None,
 ) -> Candidate:
-    entry = score.entry
-    model = base.model.with_effect(entry.at_size(1.0) if entry.replaces else entry.effect)
-    own, start = entry_priors(score)
-    fit_on_ = [extended_start(r, base.model, model) for r in fit_on]
+    """Go on from a first refit with more trust in the equations, and judge on held-out data."""
+    assert first.fit is not None
+    entry, model = first.entry, first.fit.model
+    own, _ = entry_priors(score)
     held_out = (0.0, -math.inf, math.inf)
-    if earlier is not None:
-        begins = [start | {e.name: e.value for e in earlier.refit.estimates}]
-    else:
-        # The size of a law that is either there or not says nothing of its shape: try several.
-        start |= start_values(base.refit, priors)
-        shapes = entry.shapes if entry.replaces else entry.shapes[:1]
-        begins = [start | {f"{entry.name}.{k}": v for k, v in s.items()} for s in shapes]
     try:
-        fit = min(
-            (
-                fit_likely(
-                    model, fit_on_, (*priors, *own), start=begin, share=base.share, follow=follow
-                )
-                for begin in begins
-            ),
-            key=lambda found: found.cost,
+        fit = fit_likely(
+            model,
+            [extended_start(r, base.model, model) for r in fit_on],
+            (*priors, *own),
+            start={e.name: e.value for e in first.fit.refit.estimates},
+            share=first.fit.share,
+            enough=_NEARER,
         )
-        if follow and hold_out:
-            hold_out_ = [extended_start(r, base.model, model) for r in hold_out]
-            held_out = gain_interval(blocks_of_cost(base, hold_out), blocks_of_cost(fit, hold_out_))
+        if hold_out:
+            judged = [extended_start(r, base.model, model) for r in hold_out]
+            held_out = gain_interval(blocks_of_cost(base, hold_out), blocks_of_cost(fit, judged))
     except NumericalError as error:
         return Candidate(entry, None, -math.inf, held_out, str(error))
-    refused = "" if follow else "another effect explains the recordings better"
-    return Candidate(entry, fit, base.cost - fit.cost, held_out, refused)
+    return Candidate(entry, fit, base.cost - fit.cost, held_out)
 
 
 def _refusal(candidate: Candidate, charge: float, least_gain: float) -> str:
@@ -303,6 +423,9 @@ def _refusal(candidate: Candidate, charge: float, least_gain: float) -> str:
             return f"its size is below the smallest worth naming, {entry.least_size:g} {size.unit}"
         if abs(size.value) > 0.999 * entry.largest_size:
             return "its size is on its bound"
+        if abs(size.value) > IMPLAUSIBLE * entry.typical_size:
+            usual = f"{entry.typical_size:g} {size.unit}"
+            return f"its size is beyond {IMPLAUSIBLE:g} times the usual, {usual}"
     if candidate.gain < charge:
         return f"it gains less than the charge for the library, {charge:.1f}"
     if candidate.gain < least_gain:

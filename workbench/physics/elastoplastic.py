@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench.model.face import EXACT, Expression, Face
+from workbench.model.face import EXACT, Expression, Face, minimum
 
 SHARPNESS = 6
 """Exponent of the turn into slip: the larger, the closer to a spring behind a dry contact."""
@@ -11,6 +11,8 @@ FASTEST_RATE = 1000.0
 """Rate of the element, in 1/s, that is not exceeded at high speed, so that explicit integrators
 with steps of a millisecond stay stable. The break-away is stretched by ``SHARPNESS speed / rate``,
 which matters only where the element slips anyway."""
+
+_FARTHEST = 1.1
 
 
 def elastoplastic_rate(
@@ -43,6 +45,8 @@ def elastoplastic_rate(
     """
     forward, backward = face.ramp(v, width), face.ramp(-v, width)
     # The ramps of z need no rounding: their sixth power is smooth at zero.
-    loaded, pulled = EXACT.ramp(z, 1.0) ** SHARPNESS, EXACT.ramp(-z, 1.0) ** SHARPNESS
+    # A filter may correct z beyond 1; from there it comes back at a limited rate.
+    loaded = minimum(EXACT.ramp(z, 1.0), _FARTHEST) ** SHARPNESS
+    pulled = minimum(EXACT.ramp(-z, 1.0), _FARTHEST) ** SHARPNESS
     reach = breakaway + (forward + backward) * (SHARPNESS / FASTEST_RATE)
     return (v - forward * loaded + backward * pulled) / reach

@@ -36,7 +36,7 @@ def polytropic_exchange(
 
     Example:
         >>> polytropic_exchange().parameters[0].upper
-        0.4
+        0.5
     """
 
     def transform(at: PortView) -> Expression:
@@ -56,7 +56,7 @@ def polytropic_exchange(
                 "gamma less the polytropic exponent",
                 departure,
                 0.0,
-                0.4,
+                0.5,
                 fitted=True,
             ),
         ),

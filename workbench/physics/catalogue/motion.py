@@ -19,7 +19,7 @@ from workbench.physics.stiffness import cubic_stiffness, linear_spring
 from workbench.physics.stop_compliance import stop_compliance
 from workbench.physics.tilt import tilt_gravity
 
-_TEETH = (6.0, 12.0, 24.0, 36.0, 60.0)
+_TEETH = (6.0, 9.0, 12.0, 15.0, 18.0, 21.0, 24.0, 27.0, 30.0, 36.0, 42.0, 50.0, 60.0)
 _PITCHES = (0.005, 0.01, 0.02)
 _PLACES = 6
 
