@@ -353,6 +353,12 @@ def test_refusals(linear: LinearModel, schedule: JointSchedule, tmp_path: Path) 
 
     with pytest.raises(WorkbenchError, match="'rule of thumb' cannot be written as C"):
         export_c(Unwritten(), tmp_path)  # type: ignore[arg-type]
+
+    class Nonlinear(Unwritten):
+        shots = None
+
+    with pytest.raises(WorkbenchError, match="its prediction is a nonlinear model"):
+        export_c(Nonlinear(), tmp_path)  # type: ignore[arg-type]
     with pytest.raises(WorkbenchError, match="small letters"):
         export_c(design_scheduled_pid(schedule), tmp_path, name="My PID")
     assert not list(tmp_path.iterdir())
