@@ -22,6 +22,7 @@ feedforward by the inverse model: Åström and Wittenmark, Computer-Controlled S
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -188,6 +189,35 @@ class JointTracking:
             ),
             following,
         )
+
+
+def arrived_opening(there: Number, asked: Number, lag: float, sample_time: float) -> Number:
+    """Advance the opening that has arrived behind the lag of spool and sample.
+
+    With dl/dt = (o - l) / tau and d(dp)/dt = g l, the pressure difference dp + tau g l, what is
+    there and what is on its way, follows the opening o without the lag. A law that feeds it back in
+    place of dp does not ask again for what is on its way (a predictor after Smith).
+
+    Args:
+        there: Opening l that has arrived, a fraction.
+        asked: Opening o asked for now, a fraction.
+        lag: Lag tau, in s; 0 for none.
+        sample_time: Time between samples, in s.
+
+    Returns:
+        Opening that has arrived one sample later, a fraction; 0 without a lag.
+
+    Source:
+        Åström and Wittenmark, Computer-Controlled Systems, 1997, section 4.7 (predictors).
+
+    Example:
+        >>> round(arrived_opening(0.0, 1.0, 0.004, 0.002), 3)
+        0.393
+    """
+    if lag <= 0.0:
+        return 0.0 * asked
+    fade = math.exp(-sample_time / lag)
+    return fade * there + (1.0 - fade) * asked
 
 
 def joint_tracking(

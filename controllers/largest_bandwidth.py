@@ -5,6 +5,9 @@ given, the sampled loop has
 
     Ms = max |1 / (1 + L)| <= maximum_sensitivity,   Mt = max |L / (1 + L)| <= maximum_complementary
 
+and, if asked for, Ms <= late_sensitivity with every command one sample late: a loop that oscillates
+as soon as the computer is slow has no margin worth the name.
+
 Models at several angles, and at the load that the design must bear without knowing it, make the
 margin a promise about the plant rather than about one operating point.
 
@@ -36,6 +39,7 @@ class MarginedDesign(Generic[C]):
         speed: The number for its speed, in rad/s.
         sensitivity: Largest Ms over the models, a ratio.
         complementary: Largest Mt over the models, a ratio.
+        late: Largest Ms with every command one sample late, a ratio.
 
     Example:
         >>> list(MarginedDesign.__dataclass_fields__)[1]
@@ -46,6 +50,7 @@ class MarginedDesign(Generic[C]):
     speed: float
     sensitivity: float
     complementary: float
+    late: float = float("nan")
 
 
 def largest_bandwidth(
@@ -55,6 +60,7 @@ def largest_bandwidth(
     *,
     maximum_sensitivity: float = 2.0,
     maximum_complementary: float = 1.9,
+    late_sensitivity: float = float("inf"),
 ) -> MarginedDesign[C]:
     """Find the fastest design within the limits on every model.
 
@@ -64,6 +70,7 @@ def largest_bandwidth(
         speeds: Speeds to try, from fast to slow, in rad/s.
         maximum_sensitivity: Limit on Ms, a ratio.
         maximum_complementary: Limit on Mt, a ratio.
+        late_sensitivity: Limit on Ms with commands one sample late, a ratio; infinite for none.
 
     Returns:
         The first design within the limits.
@@ -86,19 +93,21 @@ def largest_bandwidth(
     check_range("limit on Mt", maximum_complementary, 1.0, 10.0)
     if not models or not speeds:
         raise WorkbenchError("a design under limits needs at least one model and one speed")
-    ms = mt = float("nan")
+    ms = mt = late = float("nan")
     for speed in speeds:
         controller = design(speed)
-        ms = mt = 0.0
+        ms = mt = late = 0.0
         for model in models:
             peaks = peak_sensitivities(controller, model)
             ms, mt = max(ms, peaks[0]), max(mt, peaks[1])
-            if ms > maximum_sensitivity or mt > maximum_complementary:
+            late = max(late, peak_sensitivities(controller, model, late=1)[0])
+            if ms > maximum_sensitivity or mt > maximum_complementary or late > late_sensitivity:
                 break
         else:
-            return MarginedDesign(controller, speed, ms, mt)
+            return MarginedDesign(controller, speed, ms, mt, late)
     raise WorkbenchError(
         f"no speed from {speeds[0]:g} to {speeds[-1]:g} rad/s meets Ms <= {maximum_sensitivity:g}"
         f" and Mt <= {maximum_complementary:g} on all {len(models)} models (at the last, Ms is"
-        f" {ms:.3g} and Mt {mt:.3g}); allow larger peaks, or design for a load nearer to the models"
+        f" {ms:.3g}, Mt {mt:.3g}, and Ms one sample late {late:.3g}); allow larger peaks, or design"
+        " for a load nearer to the models"
     )

@@ -18,7 +18,9 @@ unconstrained regulator u = -K z, clipped, takes its place (fallback "regulator"
 reference that is no number leaves the state as it was and shuts the valve for the sample (fallback
 "shut").
 
-The planned reference is known over the horizon by its own derivatives; no preview is needed.
+With a lag tau of spool and sample, y is that of the pressures tau later, y - tau b g l
+(`controllers.joint_tracking.arrived_opening`). The planned reference is known over the horizon by
+its own derivatives; no preview is needed.
 
 Source: Maciejowski, Predictive Control with Constraints, 2002, chapters 2 and 3; Rugh and Shamma,
 Automatica 36, 2000 (scheduling).
@@ -38,6 +40,7 @@ from controllers.fixed_order import product
 from controllers.joint_tracking import (
     STATE_NAMES,
     JointTracking,
+    arrived_opening,
     joint_tracking,
     kalman_correction,
 )
@@ -79,6 +82,7 @@ class ScheduledMPC:
         pressure_limits: Lowest and highest gauge pressure, in Pa.
         compensation: Share of the unexplained acceleration that is compensated, 0..1,
             dimensionless.
+        lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -96,6 +100,7 @@ class ScheduledMPC:
     predictions: tuple[Prediction, ...]
     pressure_limits: tuple[float, float]
     compensation: float = 0.3
+    lag: float = 0.0
     sample_time: float = 0.002
     valve: ValveInverse = field(default_factory=ValveInverse)
     name: str = "linear MPC"
@@ -107,7 +112,7 @@ class ScheduledMPC:
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the entries of the state."""
-        return (*STATE_NAMES, "error_integral", "deviation")
+        return (*STATE_NAMES, "error_integral", "deviation", "arrived")
 
     def initial_state(self, measurement: Measurement) -> tuple[float, ...]:
         """Return the state of a joint at rest.
@@ -118,7 +123,7 @@ class ScheduledMPC:
         Returns:
             State in the order of its names, in SI.
         """
-        return (*self.tracking.start(measurement), 0.0, 0.0)
+        return (*self.tracking.start(measurement), 0.0, 0.0, 0.0)
 
     def step(
         self, state: tuple[float, ...], measurement: Measurement, reference: Reference
@@ -148,7 +153,7 @@ class ScheduledMPC:
         def between(a: Matrix, b: Matrix) -> Matrix:
             return np.asarray(a + share * (b - a))
 
-        _, before = state[len(following) :]
+        _, before, _ = state[len(following) :]
         z = np.array(front.errors)
         gradient = product(between(low.g_estimate, high.g_estimate), z) + low.g_before * before
         pressures = product(between(low.rows_estimate, high.rows_estimate), z)
@@ -216,10 +221,11 @@ class ScheduledMPC:
             What the quadratic program needs, and the next state of the front end, in SI.
         """
         look, following = self.tracking.look(state, measurement, reference, arithmetic)
-        q, _ = state[len(following) :]
+        q, _, arrived = state[len(following) :]
         b = look.joint.b
         x = look.plan.angle - look.angle
         y = b * (look.wanted_difference - look.difference) - self.compensation * look.unexplained
+        y -= self.lag * b * look.joint.g * arrived
         bias = look.wanted_difference - self.compensation * look.unexplained / b
         errors = (x, look.plan.speed - look.speed, y, q)
         return Front(errors, bias, look.opening, look.plan.angle), following
@@ -244,11 +250,13 @@ class ScheduledMPC:
         Returns:
             State in the order of its names, in SI.
         """
-        q, _ = state[len(following) :]
+        q, _, arrived = state[len(following) :]
         # At a stop of the valve, whatever the rounding, the integral waits.
         free = arithmetic.largest(opening, -opening) < 1.0 - 1e-9
         q = q + arithmetic.where(free, self.sample_time * front.errors[0], 0.0)
-        return (*following, q, opening - arithmetic.clip(front.opening, -1.0, 1.0))
+        move = opening - arithmetic.clip(front.opening, -1.0, 1.0)
+        arrived = arrived_opening(arrived, move, self.lag, self.sample_time)
+        return (*following, q, move, arrived)
 
     def linear_command(self, command: Command) -> Command:
         """Return the command that gives a linear model the same opening.
@@ -271,6 +279,7 @@ def design_scheduled_mpc(
     jerk_share: float = 0.7,
     jerk_limit: float = 1800.0,
     compensation: float = 0.3,
+    lag: float = 0.0,
     prediction_time: float = 0.004,
     blocks: tuple[int, ...] = (1, 1, 1, 2, 3, 4, 8),
     rate_limit: float = 200.0,
@@ -292,6 +301,7 @@ def design_scheduled_mpc(
         jerk_limit: Largest planned jerk, in rad/s3.
         compensation: Share of the unexplained acceleration that is compensated, 0..1,
             dimensionless.
+        lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         prediction_time: Time T between prediction samples, in s; a multiple of ``sample_time``.
         blocks: Lengths of the blocked moves, in prediction samples; their sum is N.
         rate_limit: Fastest change of the opening, per s.
@@ -361,6 +371,7 @@ def design_scheduled_mpc(
         tuple(predictions),
         (low, high),
         compensation=compensation,
+        lag=lag,
         sample_time=h,
         valve=valve or ValveInverse(),
     )

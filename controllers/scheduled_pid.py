@@ -6,15 +6,16 @@ error x = theta_r - theta and gains in units of acceleration, sample k:
     D[k] = f D[k-1] + (1 - f) kd (x[k] - x[k-1]) / h                    f = Tf / (Tf + h)
     a[k] = kp(theta) x[k] + I[k] + D[k]
     dp_w = dp_r + (a - c w_hat) / b(theta)
-    o[k] = o_r + (omega_inner / g(theta)) (dp_w - dp), clipped to -1..1, then the inverse curve
+    o[k] = o_r + (omega_inner / g(theta)) (dp_w - dp - tau g l), clipped to -1..1; inverse curve
     I[k+1] = I[k] + h ki x[k] + (h / Tt) b (g / omega_inner) (o_clipped - o)
 
     kp = (1 + 2 a z) w^2 - a0(theta),  kd = (a + 2 z) w - a1(theta),  ki = a w^3
 
 which places the joint's poles at frequency w and damping z and at a w, whatever the angle. A
 share c of what the observer finds unexplained is compensated at once; the integral part does the
-rest. It is an acceleration: when b moves with the angle or another controller hands over,
-what it holds keeps its meaning (bumpless).
+rest; tau g l is what the lag tau of spool and sample still holds
+(`controllers.joint_tracking.arrived_opening`). I is an acceleration: when b moves with the angle
+or another controller hands over, what it holds keeps its meaning (bumpless).
 
 Source: Åström and Hägglund, Advanced PID Control, 2006, sections 3.3 to 3.5, 6.4, 9.3 (gain
 scheduling), 12.3 (cascade).
@@ -28,6 +29,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.joint_tracking import (
     STATE_NAMES,
     JointTracking,
+    arrived_opening,
     joint_tracking,
     kalman_correction,
 )
@@ -51,6 +53,7 @@ class ScheduledPID:
         tracking_time: Time constant Tt of the anti-windup, in s.
         compensation: Share c of the unexplained acceleration that is compensated at once, 0..1,
             dimensionless.
+        lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -78,6 +81,7 @@ class ScheduledPID:
     derivative_filter: float = 0.004
     tracking_time: float = 0.06
     compensation: float = 0.3
+    lag: float = 0.0
     sample_time: float = 0.002
     valve: ValveInverse = ValveInverse()
     name: str = "cascade PID"
@@ -97,7 +101,7 @@ class ScheduledPID:
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the entries of the state."""
-        return (*STATE_NAMES, "integral", "derivative", "error")
+        return (*STATE_NAMES, "integral", "derivative", "error", "arrived")
 
     def initial_state(
         self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
@@ -110,7 +114,7 @@ class ScheduledPID:
         """
         front = self.tracking.start(measurement, arithmetic)
         # What the model does not explain is held by the integral part from the start.
-        return (*front, -(1.0 - self.compensation) * front[10], 0.0, 0.0)
+        return (*front, -(1.0 - self.compensation) * front[10], 0.0, 0.0, 0.0)
 
     def step(
         self, state: tuple[float, ...], measurement: Measurement, reference: Reference
@@ -147,7 +151,7 @@ class ScheduledPID:
         """
         h, w, a, z = self.sample_time, self.frequency, self.real_pole, self.damping
         look, front = self.tracking.look(state, measurement, reference[0], arithmetic)
-        integral, derivative, last = state[len(front) :]
+        integral, derivative, last, arrived = state[len(front) :]
         joint = look.joint
         x = look.plan.angle - look.angle
         fade = self.derivative_filter / (self.derivative_filter + h)
@@ -157,14 +161,15 @@ class ScheduledPID:
         acceleration = kp * x + integral + kd * derivative - self.compensation * look.unexplained
         inner = self.inner_bandwidth / joint.g
         wanted = look.wanted_difference + acceleration / joint.b
-        opening = look.opening + inner * (wanted - look.difference)
+        opening = look.opening + inner * (wanted - look.difference - self.lag * joint.g * arrived)
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         integral = integral + h * (
             a * w * w * w * x + joint.b * (clipped - opening) / (inner * self.tracking_time)
         )
+        arrived = arrived_opening(arrived, clipped - look.opening, self.lag, h)
         command = self.valve.command(clipped, arithmetic)
         info = {"opening": clipped, "plan": look.plan.angle}
-        return (command,), (*front, integral, derivative, x), info
+        return (command,), (*front, integral, derivative, x, arrived), info
 
     def linear_command(self, command: Command) -> Command:
         """Return the command that gives a linear model the same opening.
@@ -186,6 +191,7 @@ def design_scheduled_pid(
     frequency: float = 28.0,
     inner_bandwidth: float = 120.0,
     compensation: float = 0.3,
+    lag: float = 0.0,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> ScheduledPID:
@@ -200,6 +206,7 @@ def design_scheduled_pid(
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
         compensation: Share of the unexplained acceleration that is compensated at once, 0..1,
             dimensionless.
+        lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
 
@@ -227,6 +234,7 @@ def design_scheduled_pid(
         frequency=frequency,
         inner_bandwidth=inner_bandwidth,
         compensation=compensation,
+        lag=lag,
         sample_time=sample_time,
         valve=valve or ValveInverse(),
     )

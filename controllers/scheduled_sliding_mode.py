@@ -22,7 +22,8 @@ part is
 
 with k1 = 1.5 sqrt(L), k2 = 1.1 L for a disturbance whose rate is at most L. A boundary layer turns
 the last sample's chatter into a linear law with the pole rho / layer; s is judged by its rms.
-While the valve is fully open the integrals rest.
+While the valve is fully open the integrals rest. With a lag tau of spool and sample, alpha in x''
+is that of the pressures tau later, alpha + tau b g l (see `controllers.joint_tracking`).
 
 Source: Slotine and Li, Applied Nonlinear Control, 1991, sections 7.1 to 7.3; Utkin and Shi,
 Integral sliding mode in systems operating under uncertainty, CDC 1996; Levant, Sliding order and
@@ -38,6 +39,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.joint_tracking import (
     STATE_NAMES,
     JointTracking,
+    arrived_opening,
     joint_tracking,
     kalman_correction,
 )
@@ -63,6 +65,7 @@ class ScheduledSlidingMode:
         rate_bound: Bound L on the rate of what the model leaves out, in rad/s4, for super-twisting.
         compensation: Share of the unexplained acceleration that counts as acceleration, 0..1,
             dimensionless.
+        lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -89,6 +92,7 @@ class ScheduledSlidingMode:
     layer: float
     rate_bound: float = 5e4
     compensation: float = 1.0
+    lag: float = 0.0
     sample_time: float = 0.002
     valve: ValveInverse = ValveInverse()
     name: str = "sliding mode"
@@ -109,7 +113,7 @@ class ScheduledSlidingMode:
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the entries of the state."""
-        return (*STATE_NAMES, "error_integral", "twist")
+        return (*STATE_NAMES, "error_integral", "twist", "arrived")
 
     def initial_state(
         self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
@@ -120,7 +124,7 @@ class ScheduledSlidingMode:
             measurement: Angle in rad and the two gauge pressures in Pa.
             arithmetic: Floats or CasADi symbols.
         """
-        return (*self.tracking.start(measurement, arithmetic), 0.0, 0.0)
+        return (*self.tracking.start(measurement, arithmetic), 0.0, 0.0, 0.0)
 
     def step(
         self, state: tuple[float, ...], measurement: Measurement, reference: Reference
@@ -159,11 +163,12 @@ class ScheduledSlidingMode:
         """
         h, lam = self.sample_time, self.slope
         look, front = self.tracking.look(state, measurement, reference[0], arithmetic)
-        q, twist = state[len(front) :]
+        q, twist, arrived = state[len(front) :]
         x = look.plan.angle - look.angle
         dx = look.plan.speed - look.speed
         acceleration = look.acceleration - (1.0 - self.compensation) * look.unexplained
-        ddx = look.plan.acceleration - acceleration
+        ahead = acceleration + self.lag * look.joint.b * look.joint.g * arrived
+        ddx = look.plan.acceleration - ahead
         if self.kind != "boundary layer":
             c2, c1, c0 = 3.0 * lam, 3.0 * lam * lam, lam * lam * lam
             surface = ddx + c2 * dx + c1 * x + c0 * q
@@ -185,7 +190,8 @@ class ScheduledSlidingMode:
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
         twisted = 1.1 * self.rate_bound * side if self.kind == "super-twisting" else 0.0
         summed = 0.0 if self.kind == "boundary layer" else x
-        following = (*front, q + free * h * summed, twist + free * h * twisted)
+        arrived = arrived_opening(arrived, clipped - look.opening, self.lag, h)
+        following = (*front, q + free * h * summed, twist + free * h * twisted, arrived)
         info = {"opening": clipped, "surface": surface, "plan": look.plan.angle}
         return (self.valve.command(clipped, arithmetic),), following, info
 
@@ -209,6 +215,7 @@ def design_scheduled_sliding_mode(
     unexplained_share: float = 0.3,
     layer_bandwidth: float = 60.0,
     compensation: float | None = None,
+    lag: float = 0.0,
     jerk_share: float = 0.7,
     jerk_limit: float = 1800.0,
     sample_time: float = 0.002,
@@ -228,6 +235,7 @@ def design_scheduled_sliding_mode(
         layer_bandwidth: Pole inside the layer, in rad/s; below the spool's bandwidth.
         compensation: Share of the unexplained acceleration taken as acceleration, dimensionless; by
             default all without integral, 0 for ``"integral"`` and 0.3 for ``"super-twisting"``.
+        lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         jerk_share: Share of the valve's opening that a planned move may use, 0..1,
             dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3.
@@ -269,6 +277,7 @@ def design_scheduled_sliding_mode(
             if compensation is None
             else check_range("compensated share", compensation, 0.0, 1.0)
         ),
+        lag=lag,
         sample_time=sample_time,
         valve=valve or ValveInverse(),
     )

@@ -16,6 +16,11 @@ pattern of radius w. Sample k:
     o[k] = o_r - K(theta) (x, v, y, q), clipped to -1..1, then the inverse curve
     q[k+1] = q[k] + h x[k] unless the valve is fully open
 
+Where the loop is fast beside the spool, as with the empty arm, the lag tau of spool and sample is a
+state of the design: dl/dt = (o - o_r - l) / tau, with l in the place of o - o_r in the equation of
+y, and a fifth gain. The controller computes l from its own openings, so that it does not ask again
+for what is on its way.
+
 Gains are straight lines between the angles. Speed and w_hat come from a stationary Kalman filter of
 the joint as a double integrator with a random-walk acceleration.
 
@@ -25,6 +30,7 @@ Rugh and Shamma, Automatica 36, 2000 (scheduling).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,9 +56,11 @@ class ScheduledStateFeedback:
     Args:
         tracking: Planner, Kalman filter and schedule.
         gains: Gains over the schedule's angles for angle (per rad), speed (s/rad), pressure
-            difference (per Pa) and integral (per rad s): 4 rows.
+            difference (per Pa), integral (per rad s) and, if there is a lag, the opening that has
+            arrived: 4 or 5 rows.
         compensation: Share of the unexplained acceleration that is compensated, 0..1,
             dimensionless.
+        lag: Lag tau of spool and sample in the design, in s; 0 leaves it to the margin.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -69,6 +77,7 @@ class ScheduledStateFeedback:
     tracking: JointTracking
     gains: tuple[tuple[float, ...], ...]
     compensation: float = 1.0
+    lag: float = 0.0
     sample_time: float = 0.002
     valve: ValveInverse = ValveInverse()
     name: str = "state feedback"
@@ -80,7 +89,7 @@ class ScheduledStateFeedback:
     @property
     def state_names(self) -> tuple[str, ...]:
         """Names of the entries of the state."""
-        return (*STATE_NAMES, "error_integral")
+        return (*STATE_NAMES, "error_integral", *(("arrived",) if self.lag > 0.0 else ()))
 
     def initial_state(
         self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
@@ -91,7 +100,8 @@ class ScheduledStateFeedback:
             measurement: Angle in rad and the two gauge pressures in Pa.
             arithmetic: Floats or CasADi symbols.
         """
-        return (*self.tracking.start(measurement, arithmetic), 0.0)
+        own = (0.0, 0.0) if self.lag > 0.0 else (0.0,)
+        return (*self.tracking.start(measurement, arithmetic), *own)
 
     def step(
         self, state: tuple[float, ...], measurement: Measurement, reference: Reference
@@ -127,7 +137,7 @@ class ScheduledStateFeedback:
             Voltage in V, next state, and the opening (fraction) and planned angle (rad).
         """
         look, front = self.tracking.look(state, measurement, reference[0], arithmetic)
-        q = state[len(front)]
+        q, *arrived = state[len(front) :]
         schedule = self.tracking.schedule
         place = arithmetic.place(
             look.angle, schedule.first_angle, schedule.spacing, len(self.gains[0])
@@ -138,10 +148,15 @@ class ScheduledStateFeedback:
         v = look.plan.speed - look.speed
         unexplained = self.compensation * look.unexplained / look.joint.b
         y = look.wanted_difference - unexplained - look.difference
-        opening = look.opening - (k[0] * x + k[1] * v + k[2] * y + k[3] * q)
+        asked = k[0] * x + k[1] * v + k[2] * y + k[3] * q
+        for gain, there in zip(k[4:], arrived, strict=True):
+            asked = asked + gain * there
+        opening = look.opening - asked
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
-        following = (*front, q + free * self.sample_time * x)
+        fade = math.exp(-self.sample_time / self.lag) if self.lag > 0.0 else 0.0
+        arrived = [fade * there + (1.0 - fade) * (clipped - look.opening) for there in arrived]
+        following = (*front, q + free * self.sample_time * x, *arrived)
         info = {"opening": clipped, "plan": look.plan.angle}
         return (self.valve.command(clipped, arithmetic),), following, info
 
@@ -168,6 +183,7 @@ def design_scheduled_state_feedback(
     acceleration_walk: float = 100.0,
     acceleration_noise: float = 0.5,
     compensation: float = 0.3,
+    lag: float = 0.0,
     mean_pressure: float = 3.8e5,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
@@ -186,6 +202,7 @@ def design_scheduled_state_feedback(
         acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
         compensation: Share of the unexplained acceleration that is compensated, 0..1,
             dimensionless.
+        lag: Lag of spool and sample that is a state of the design, in s; 0 for none.
         mean_pressure: Mean gauge pressure of the design, in Pa.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
@@ -205,6 +222,7 @@ def design_scheduled_state_feedback(
     import control as ct
 
     h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
+    check_range("lag of spool and sample", lag, 0.0, 0.1, "s")
     w = check_range("radius of the poles", radius, 0.1, 0.5 / h, "rad/s")
     speed = w * check_range("speed of the integral action", integral, 1e-3, 1.0)
     columns = []
@@ -219,8 +237,12 @@ def design_scheduled_state_feedback(
             ]
         )
         b = np.array([[0.0], [0.0], [-joint.opening_to_jerk], [0.0]])
-        phi, gamma = held(a, b, h)
         weight = np.diag([w**6, 0.0, 0.0, (speed * w**3) ** 2])
+        if lag > 0.0:
+            a = np.block([[a, b], [np.zeros((1, 4)), np.array([[-1.0 / lag]])]])
+            b = np.vstack([np.zeros((4, 1)), [[1.0 / lag]]])
+            weight = np.pad(weight, (0, 1))
+        phi, gamma = held(a, b, h)
         # One solver whether slycot is installed or not: the same gains on every machine.
         cost = [[joint.opening_to_jerk**2]]
         gain = np.asarray(ct.dlqr(phi, gamma, weight, cost, method="scipy")[0]).ravel()
@@ -243,6 +265,7 @@ def design_scheduled_state_feedback(
         tracking,
         tuple(tuple(row) for row in np.array(columns).T.tolist()),
         compensation=compensation,
+        lag=lag,
         sample_time=h,
         valve=valve or ValveInverse(),
     )

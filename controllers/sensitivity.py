@@ -72,7 +72,7 @@ def controller_matrices(
 
 
 def peak_sensitivities(
-    controller: Controller, linear: LinearModel, *, points: int = 300
+    controller: Controller, linear: LinearModel, *, points: int = 300, late: int = 0
 ) -> tuple[float, float]:
     """Compute Ms and Mt of the loop opened at the measured first sensor.
 
@@ -83,6 +83,7 @@ def peak_sensitivities(
         controller: The controller.
         linear: Linear model with the controller's sensors and actuators.
         points: Number of frequencies between 0.05 Hz and 0.98 of the Nyquist frequency.
+        late: Samples by which every command arrives late, as from a slow computer.
 
     Returns:
         Largest |1 / (1 + L)| and |L / (1 + L)| (ratios); both infinite if the loop is unstable.
@@ -102,6 +103,11 @@ def peak_sensitivities(
         True
     """
     A, B, C, F, G, H, J = loop_matrices(controller, linear)
+    for _ in range(late):
+        n, m = B.shape
+        A = np.block([[A, B], [np.zeros((m, n + m))]])
+        B = np.vstack([np.zeros((n, m)), np.eye(m)])
+        C = np.hstack([C, np.zeros((len(C), m))])
     closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
     if np.max(np.abs(np.linalg.eigvals(closed))) >= 1.0:
         return float("inf"), float("inf")
