@@ -12,7 +12,8 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.diagnose import Diagnosis, diagnose
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.observe import observe
 from workbench.diagnosis.prediction_error import Observed
 from workbench.plants.servo_axis import servo_axis

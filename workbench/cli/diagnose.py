@@ -14,7 +14,7 @@ from workbench.cli.plant import Parameters, Without, plant_from_options
 from workbench.errors import WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
-    from workbench.diagnosis.diagnose import Diagnosis
+    from workbench.diagnosis.diagnosis import Diagnosis
     from workbench.model import Model
     from workbench.recordings.recording import Recording
 

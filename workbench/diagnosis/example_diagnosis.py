@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from functools import cache
 
-from workbench.diagnosis.diagnose import Diagnosis, diagnose
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.example import made_up_recording, pushes
 from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis

@@ -291,7 +291,8 @@ class _Plan:
             inputs = loop.follow(middle + half * shape)
             if inputs is None:
                 continue
-            unread = Experiment("", self.sample_time, inputs)
+            # A recorded input may have left the bounds of the model.
+            unread = Experiment("", self.sample_time, np.clip(inputs, *self.limits))
             read = unread.readings(self.model, self.start)
             if read is None:
                 continue

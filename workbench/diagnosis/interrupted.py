@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import traceback
 
-from workbench.diagnosis.diagnose import Diagnosis
+from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.verdict import Finding, Value, Verdict
 from workbench.model import Model
 

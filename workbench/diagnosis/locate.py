@@ -52,6 +52,27 @@ class Location:
         """The group whose input alone gains the most."""
         return max(self.alone, key=self.alone.__getitem__)
 
+    def ports(self, model: Model) -> tuple[str, ...]:
+        """Return where the mismatch is, as far as an unknown input tells.
+
+        Args:
+            model: The model that was located in.
+
+        Returns:
+            The ports of the best group, with those of its twins that gain at least half as much:
+            groups that differ by their number only. None if no input gains anything.
+        """
+        if not self.alone or self.alone[self.best] <= 0.0:
+            return ()
+        groups = groups_of(model)
+        kind = self.best.rstrip("0123456789")
+        near = [
+            group
+            for group, gain in sorted(self.alone.items(), key=lambda pair: -pair[1])
+            if group.rstrip("0123456789") == kind and gain >= 0.5 * self.alone[self.best]
+        ]
+        return tuple(port for group in near for port in groups[group])
+
     def __str__(self) -> str:
         """Return a short aligned table."""
         lines = [f"unknown input at every group gains {self.together:.0f}"]

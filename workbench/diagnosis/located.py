@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.diagnose import Diagnosis
+from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.likely import extended_start
 from workbench.diagnosis.prediction_error import Observed, PredictionError
 from workbench.diagnosis.unknown_input import UnknownInput, unknown_input

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from workbench.diagnosis.diagnose import Diagnosis
+from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.proof import ErrorRow
 from workbench.diagnosis.refit_result import Estimate
 from workbench.diagnosis.score import ABSORBED, Scores
@@ -63,6 +63,19 @@ METHODS: tuple[tuple[str, str], ...] = (
         "gain on held-out recordings",
         "difference of log likelihood on recordings not fitted on, with the 99 % interval of a"
         " bootstrap over blocks of 0.5 s",
+    ),
+    (
+        "what these sensors can tell apart",
+        "decomposition of Dulmage and Mendelsohn of the equations between the ports, and the"
+        " linearised transfers from ports to readings over their noise at five operating points and"
+        " four frequencies",
+    ),
+    (
+        "next experiment",
+        "one fitted model plays each input of a menu, the other's filter runs along it; what its"
+        " free parameters, known from the present recordings, cannot make up for is what the"
+        " recording would gain; divided by how much correlated errors enlarge the present standard"
+        " deviations",
     ),
 )
 """How each number was computed, in the words of the page."""

@@ -1,0 +1,55 @@
+"""Everything that a diagnosis computes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from workbench.diagnosis.free_form_result import FreeForm
+from workbench.diagnosis.free_run import FreeRun
+from workbench.diagnosis.likely import LikelyFit
+from workbench.diagnosis.locate import Location
+from workbench.diagnosis.score import Scores
+from workbench.diagnosis.select import Candidate
+from workbench.diagnosis.verdict import Verdict
+from workbench.model import Model
+
+
+@dataclass
+class Diagnosis:
+    """Everything that a diagnosis computed, for the verdict and its proof.
+
+    Args:
+        nominal: The model as given.
+        base: The refitted nominal model.
+        extended: The refitted model with what was found.
+        accepted: What was found, in the order of finding.
+        rounds: Scores and candidates of each round of the search.
+        before: Location of the mismatch in the refitted nominal model.
+        after: The same in the extended model.
+        runs: Free runs on held-out recordings, by model and recording.
+        excess: Log likelihood that the refitted nominal model lacks, dimensionless.
+        withdrawn: Effects that were taken back because all together explained too little, or
+            because a later one made them needless.
+        free_form: Term without a name that was tried because nothing of the library explained the
+            recordings; None if there was no need.
+        verdict: The verdict.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> example_diagnosis()[0].excess > 0.0
+        True
+    """
+
+    nominal: Model
+    base: LikelyFit
+    extended: LikelyFit
+    accepted: list[tuple[Candidate, tuple[str, ...]]] = field(default_factory=list)
+    rounds: list[tuple[Scores, tuple[Candidate, ...]]] = field(default_factory=list)
+    before: Location | None = None
+    after: Location | None = None
+    runs: dict[str, dict[str, FreeRun]] = field(default_factory=dict)
+    excess: float = math.nan
+    withdrawn: list[Candidate] = field(default_factory=list)
+    free_form: FreeForm | None = None
+    verdict: Verdict | None = None
