@@ -11,7 +11,8 @@ import pytest
 
 from tests.diagnosis.axis_case import diagnosed
 from workbench.diagnosis.score import Score, Scores
-from workbench.diagnosis.select import LEAST_GAIN, charge_for, shortlist, where
+from workbench.diagnosis.select import LEAST_GAIN, charge_for
+from workbench.diagnosis.shortlist import shortlist, where
 from workbench.physics.entry import Entry
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.library import library

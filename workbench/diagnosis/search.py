@@ -21,8 +21,8 @@ from workbench.diagnosis.select import (
     charge_for,
     entry_priors,
     refit_candidates,
-    shortlist,
 )
+from workbench.diagnosis.shortlist import shortlist
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.physics.library import Entry, library

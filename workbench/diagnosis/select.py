@@ -21,13 +21,11 @@ from workbench.diagnosis.likely import (
 from workbench.diagnosis.prediction_error import Observed, PredictionError
 from workbench.diagnosis.priors import Prior
 from workbench.diagnosis.refit_result import Estimate
-from workbench.diagnosis.score import Score, Scores
+from workbench.diagnosis.score import Score
+from workbench.diagnosis.shortlist import LEAST_SCORE
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.physics.library import Entry
-
-LEAST_SCORE = 8.0
-"""Expected gain of log likelihood below which an effect is not refitted."""
 
 LEAST_GAIN = 15.0
 """Gain of log likelihood per effect that is asked for beyond the charge for the library."""
@@ -36,9 +34,6 @@ SIGMA = 3.0
 """Standard deviations by which a size must differ from zero."""
 
 _FINALISTS = 4
-_PLAIN = 500.0
-"""Expected gain beyond which even an effect that is nearly absorbed is refitted."""
-
 IMPLAUSIBLE = 5.0
 """Multiple of the usual size beyond which a size is not believed."""
 
@@ -55,9 +50,6 @@ _NEAR = 10.0
 
 _NEARER = 1.0
 """The same for the refit of those that are followed."""
-
-_LEADERS = 2
-"""How many of the best scores are refitted even if stiff."""
 
 _SIZES = (0.3, 1.0, 3.0)
 """Multiples of the usual size from which a refit may start."""
@@ -104,81 +96,6 @@ class Candidate:
         )
 
 
-def shortlist(scores: Scores, *, most: int = 18, least: float = LEAST_SCORE) -> tuple[Score, ...]:
-    """Choose the hypotheses that are worth a full refit.
-
-    The best score with its look-alikes, then the best of every other group of ports.
-
-    Args:
-        scores: Scores of the library.
-        most: How many at the most.
-        least: Expected gain of log likelihood below which an effect is left out, dimensionless.
-
-    Returns:
-        Scores to refit, best first.
-
-    Example:
-        >>> from workbench.diagnosis.example import made_up, pushes
-        >>> from workbench.diagnosis.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
-        >>> from workbench.diagnosis.score import score_library
-        >>> from workbench.physics.library import library
-        >>> axis = axis.without("coulomb_friction")
-        >>> priors = default_priors(axis, ["mass"])
-        >>> fit = fit_likely(axis, [seen], priors)
-        >>> tried = [e for e in library(axis) if not e.stiff]
-        >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
-        >>> 1 <= len(shortlist(scores, most=3)) <= 3
-        True
-    """
-    worthy = [
-        s
-        for s in scores.scores
-        if s.gain > max(LEAST_SCORE, least) and (s.testable or (least == 0.0 and _plain(s)))
-    ]
-    if not worthy:
-        return ()
-    chosen = [worthy[0]]
-    alike = scores.look_alikes(worthy[0].entry.name, above=0.9)
-    others = [s for s in worthy[1:] if s.entry.name in alike]
-    seen = {where(worthy[0].entry)}
-    for score in worthy[1:]:
-        if where(score.entry) not in seen:
-            seen.add(where(score.entry))
-            others.append(score)
-    others += worthy[1:]
-    for score in others:
-        # A stiff effect takes the time of several others: only a leader is worth it.
-        slow = score.entry.stiff and score not in worthy[:_LEADERS]
-        if score not in chosen and not slow and len(chosen) < most:
-            chosen.append(score)
-    return tuple(chosen)
-
-
-def _plain(score: Score) -> bool:
-    """Whether an effect shows although parameters within their priors imitate nearly all of it."""
-    return abs(score.sigma) > SIGMA and score.gain > _PLAIN
-
-
-def where(entry: Entry) -> tuple[str, ...]:
-    """Return the components on whose ports an effect acts, which location cannot split.
-
-    Args:
-        entry: The effect in the library.
-
-    Returns:
-        Parts of the ports' names before the dot, each once.
-
-    Example:
-        >>> from workbench.physics.friction import coulomb_friction
-        >>> where(Entry(coulomb_friction(level=0.0), "level", 0.5, 0.05))
-        ('joint',)
-    """
-    return tuple(dict.fromkeys(port.split(".")[0] for port in entry.ports))
-
-
 def refit_candidates(
     base: LikelyFit,
     chosen: Sequence[Score],
@@ -221,6 +138,7 @@ def refit_candidates(
         >>> fit = fit_likely(axis, [seen], priors)
         >>> tried = [e for e in library(axis) if not e.stiff]
         >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
+        >>> from workbench.diagnosis.shortlist import shortlist
         >>> best = refit_candidates(
         ...     fit, shortlist(scores, most=1), priors, [seen], [seen], charge=20.0, jobs=1
         ... )[0]
