@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed, held_out
-from workbench.diagnosis.diagnose import Diagnosis
+from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.free_run import FreeRun
 from workbench.diagnosis.likely import LikelyFit
 from workbench.diagnosis.proof import Proof, proof_of
 from workbench.diagnosis.verdict import Verdict
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_page import diagnosis_page
 from workbench.reports.figures.diagnosis_location import diagnosis_location
-from workbench.reports.figures.diagnosis_runs import moving_rms
+from workbench.reports.figures.diagnosis_runs import diagnosis_runs, moving_rms
 from workbench.reports.page import Page, html
 from workbench.reports.tables import Table
 
@@ -70,6 +72,35 @@ def test_the_page_has_every_part_of_the_proof() -> None:
         assert word in text
 
 
+def test_the_located_group_stands_first_among_what_can_be_told_apart() -> None:
+    table = _table(_page(True), "What these sensors")
+    assert table.cells[0][0].text.startswith("axis.force")
+    assert table.cells[0][0].reason == "located here"
+    assert "axis.force" in table.note or "position" in table.note
+    quiet = _table(_page(False), "What these sensors")
+    assert not any(row[0].reason for row in quiet.cells)
+
+
+def test_the_last_panel_shows_where_the_models_differ() -> None:
+    time = 0.01 * np.arange(1200.0)
+    angle = np.where(time < 6.0, 40.0 * np.sin(time), 1.0)[:, None]
+    # Two degrees while it moves by tens, half a degree where it stands still.
+    wrong = angle + np.where(time < 6.0, 2.0, 0.0)[:, None]
+    wrong += np.where((time > 8.0) & (time < 9.5), 4.5, 0.0)[:, None]
+    run = FreeRun("trial", ("angle",), ("N",), time, angle, wrong)
+    drawn = np.asarray(diagnosis_runs(run).axes[-1].lines[0].get_xdata(), dtype=float)
+    assert drawn.min() > 7.5 and drawn.max() < 10.0
+
+
+def test_the_next_experiment_stands_with_its_separation() -> None:
+    found = diagnosed(False)
+    assert found.verdict is not None
+    step = {"sentence": "A slow triangle would tell a from b.", "separation_sigma": 5.1}
+    verdict = replace(found.verdict, next_experiment=step)
+    page = diagnosis_page(replace(found, verdict=verdict), Proof((), ()), name="axis")
+    assert page.lead.endswith("Predicted separation: 5.10 standard deviations.")
+
+
 def test_parameters_stand_with_their_intervals() -> None:
     table = _table(_page(True), "Values with")
     assert table.headings == ("parameter", "before the data", "refitted", "extended", "distance")
@@ -87,7 +118,7 @@ def test_a_page_without_findings_claims_none() -> None:
     assert "law-1" not in {p.name for p in page.pictures}
     assert _table(page, "Errors of").headings == ("output", "nominal", "refitted", "sensor's noise")
     # What the data could not have shown is the price of every silence.
-    assert "constant force" in {row[0].text for row in _table(page, "What these").cells}
+    assert "constant force" in {row[0].text for row in _table(page, "What these recordings").cells}
 
 
 def test_a_page_of_unfit_recordings_says_so_and_no_more() -> None:

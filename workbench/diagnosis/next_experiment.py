@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from workbench.diagnosis.conclude import IMPERFECT
 from workbench.diagnosis.experiments import Experiment, menu, other_settings, with_setting
+from workbench.diagnosis.isolability import isolability
 from workbench.diagnosis.likely import extended_start
 from workbench.diagnosis.prediction_error import Observed
 from workbench.diagnosis.score import ABSORBED
@@ -22,7 +24,7 @@ from workbench.model import Model
 from workbench.physics.library import Entry
 
 if TYPE_CHECKING:
-    from workbench.diagnosis.diagnose import Diagnosis
+    from workbench.diagnosis.diagnosis import Diagnosis
 
 DECISIVE = 3.0
 """Standard deviations that an experiment should reach."""
@@ -106,15 +108,17 @@ def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dic
 
     Where several explanations are left, what separates them best, or the sensor to add if nothing
     does; where one is left, what sharpens its size; where nothing is missing, what would show the
-    effects that these recordings could not have shown.
+    effects that these recordings could not have shown; where something unnamed is missing, the
+    sensor that narrows down its place.
 
     Args:
         diagnosis: A diagnosis whose search is finished.
         recordings: The fitting recordings, observed with the nominal model.
 
     Returns:
-        ``sentence``, and ``separation_sigma``: the predicted standard deviations, None where
-        nothing could be predicted; empty where nothing is worth recording.
+        ``sentence``, ``experiment``, and ``separation_sigma``: the standard deviations by which it
+        is predicted to separate the explanations, None where only one is left; with ``sensor`` and
+        ``sensor_sigma`` where a sensor does better; empty where nothing is worth recording.
 
     Raises:
         WorkbenchError: If there are no recordings.
@@ -129,8 +133,15 @@ def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dic
     """
     nominal = diagnosis.nominal
     if diagnosis.accepted:
-        for number, (best, alike) in enumerate(diagnosis.accepted):
-            tried = {c.entry.name: c for c in diagnosis.rounds[number][1]}
+        for best, alike in diagnosis.accepted:
+            # Of the round in which it was found, where its rivals were fitted to the same model.
+            rounds = (candidates for _, candidates in diagnosis.rounds)
+            tried = {
+                c.entry.name: c
+                for candidates in rounds
+                if best.entry.name in {c.entry.name for c in candidates}
+                for c in candidates
+            }
             left = [
                 Explanation(name, fit)
                 for name in (best.entry.name, *alike[1:])
@@ -139,13 +150,10 @@ def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dic
             if len(left) > 1:
                 return _deciding(left, recordings, nominal)
         return _sharpening(diagnosis, recordings)
-    if diagnosis.base.share > 1.0 or not diagnosis.rounds:
-        left = [
-            Explanation(c.entry.name, c.fit)
-            for c in (diagnosis.rounds[0][1] if diagnosis.rounds else ())
-            if c.fit is not None and c.gain > DECISIVE**2
-        ]
-        return _deciding(left[:2], recordings, nominal) if len(left) > 1 else {}
+    if diagnosis.base.share > IMPERFECT:
+        return _locating(diagnosis, recordings[0].used)
+    if not diagnosis.rounds:
+        return {}
     return _revealing(diagnosis, recordings)
 
 
@@ -173,7 +181,7 @@ def _deciding(
     names = f"{_bare(left[0])} from {' and '.join(_bare(e) for e in left[1:])}"
     step: dict[str, object] = {
         "experiment": best.experiment.text,
-        "separation_sigma": round(best.sigma, 1),
+        "separation_sigma": round(float(best.sigma), 1),
         "sentence": f"{_capital(best.experiment.text)} would tell {names} by {best.sigma:.1f}"
         " standard deviations.",
     }
@@ -186,14 +194,14 @@ def _deciding(
         )
         if read and read[0][1] > best.sigma:
             name, sigma = read[0]
-            step |= {"sensor": name, "sensor_sigma": round(sigma, 1)}
+            step |= {"sensor": name, "sensor_sigma": round(float(sigma), 1)}
             step["sentence"] = f"{step['sentence']} A sensor of {name} in it would, by {sigma:.1f}."
     return step
 
 
 def _sharpening(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str, object]:
     best = diagnosis.accepted[0][0]
-    if best.size is None:
+    if best.size is None or diagnosis.extended is diagnosis.base:
         return {}
     name = f"{best.entry.name}.{best.entry.size_parameter}"
     explanation = Explanation(best.entry.name, diagnosis.extended, name)
@@ -208,10 +216,28 @@ def _sharpening(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[st
     size = diagnosis.extended.refit.estimate(name)
     return {
         "experiment": experiment.text,
-        "separation_sigma": round(abs(size.value) / then, 1),
+        "separation_sigma": None,
         "sentence": f"{_capital(experiment.text)} would bring the size of"
         f" {_bare(explanation)}, {size.value:.3g} {size.unit}, from +-{now:.2g} to"
         f" +-{then:.2g} {size.unit}.",
+    }
+
+
+def _locating(diagnosis: Diagnosis, outputs: Sequence[str]) -> dict[str, object]:
+    """Propose the sensor that splits the group in which something unknown is missing."""
+    ports = diagnosis.before.ports(diagnosis.base.model) if diagnosis.before else ()
+    if not ports:
+        return {}
+    told = isolability(diagnosis.base.model, outputs=outputs)
+    best = next(iter(told.sensors_that_split(ports[:1])), None)
+    if best is None:
+        return {}
+    parts = "; ".join(", ".join(part) for part in best.splits[0])
+    return {
+        "sensor": best.text,
+        "separation_sigma": None,
+        "sentence": f"A sensor of {best.text} would tell apart what these readings cannot:"
+        f" {parts}.",
     }
 
 
@@ -242,7 +268,7 @@ def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str
     unit = best.entry.unit
     return {
         "experiment": best.experiment.text,
-        "separation_sigma": round(abs(best.entry.typical_size) / best.then, 1),
+        "separation_sigma": None,
         "sentence": f"{_capital(best.experiment.text)} would show {_plain(best.entry.name)} of"
         f" {SEEN * best.then:.2g} {unit} or more; these recordings could have shown"
         f" {SEEN * best.now:.2g} {unit} at best.",

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.diagnosis.diagnose import Diagnosis
+from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.isolability import Isolability, isolability
 from workbench.diagnosis.locate import groups_of
 from workbench.diagnosis.located import Located, located_signal
 from workbench.diagnosis.observe import observe
@@ -67,6 +68,8 @@ class Proof:
             group.
         errors: Errors of the free runs by output.
         note: Why there is no located signal; empty if there is one.
+        isolability: What the recorded outputs can tell apart at all; None if nothing was run.
+        ports: Ports of all findings, or of the located group.
 
     Example:
         >>> Proof((), (), "nothing is missing").located
@@ -76,6 +79,8 @@ class Proof:
     located: tuple[Located, ...]
     errors: tuple[ErrorRow, ...]
     note: str = ""
+    isolability: Isolability | None = None
+    ports: tuple[str, ...] = ()
 
 
 def proof_of(diagnosis: Diagnosis, hold_out: Sequence[Recording]) -> Proof:
@@ -100,14 +105,16 @@ def proof_of(diagnosis: Diagnosis, hold_out: Sequence[Recording]) -> Proof:
     if not diagnosis.runs:
         return Proof((), (), "the diagnosis did not get as far as the held-out recordings")
     errors = error_rows(diagnosis)
+    told = isolability(diagnosis.nominal, outputs=[row.output for row in errors])
     ports = located_ports(diagnosis)
     if not ports:
-        return Proof((), errors, "nothing was located")
+        return Proof((), errors, "nothing was located", told)
+    found = tuple(dict.fromkeys(p for c, _ in diagnosis.accepted for p in c.entry.ports)) or ports
     seen = [_observed(diagnosis.nominal, recording) for recording in hold_out]
     try:
-        return Proof(located_signal(diagnosis, seen, ports), errors)
+        return Proof(located_signal(diagnosis, seen, ports), errors, "", told, found)
     except NumericalError as error:
-        return Proof((), errors, str(error))
+        return Proof((), errors, str(error), told, found)
 
 
 def _observed(model: Model, recording: Recording) -> Observed:

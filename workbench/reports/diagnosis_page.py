@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from workbench.diagnosis.diagnose import Diagnosis
+from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.free_run import FreeRun
 from workbench.diagnosis.located import Located
 from workbench.diagnosis.proof import Proof
@@ -22,6 +22,7 @@ from workbench.reports.figures.diagnosis_law import diagnosis_law, diagnosis_sig
 from workbench.reports.figures.diagnosis_location import diagnosis_location
 from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
 from workbench.reports.figures.diagnosis_units import readable
+from workbench.reports.isolability_table import isolability_table
 from workbench.reports.page import Block, Method, Page, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import number
@@ -90,7 +91,9 @@ def _lead(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
     """Return the verdict, and what it is worth on recordings that it has not seen."""
     sentence = verdict.sentence.replace("+-", "±").replace("_", " ")
     if not diagnosis.accepted:
-        return sentence
+        return f"{sentence} {_next(verdict)}".strip()
+    if all(len(finding.alike) < 2 for finding in verdict.findings):
+        sentence += " No other effect of the library explains the recordings as well."
     falls = [
         f"{row.output.replace('_', ' ')} from {number(factor * row.rmse['refitted'])} to"
         f" {number(factor * row.rmse['extended'])} {unit}"
@@ -98,9 +101,34 @@ def _lead(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
         for unit, factor in [readable(row.unit)]
         if {"refitted", "extended"} <= set(row.rmse)
     ]
-    if not falls:
-        return sentence
-    return f"{sentence} On held-out recordings the error falls: {', '.join(falls)}."
+    if falls:
+        sentence += f" {_seen_in(diagnosis)} the error falls: {', '.join(falls)}."
+    if any(len(finding.alike) > 1 for finding in verdict.findings):
+        sentence += f" {_next(verdict)}"
+    return sentence.strip()
+
+
+def _seen_in(diagnosis: Diagnosis) -> str:
+    """Say on how many held-out recordings the first output is better described."""
+    before, after = diagnosis.runs["refitted"], diagnosis.runs["extended"]
+    better = [n for n, run in after.items() if _first(run) < _first(before[n])]
+    if len(after) == 1:
+        return "On the held-out recording" if better else "Over all outputs of a held-out recording"
+    return f"Seen in {len(better)} of {len(after)} held-out recordings, over which"
+
+
+def _first(run: FreeRun) -> float:
+    return run.rmse[run.used[0]]
+
+
+def _next(verdict: Verdict) -> str:
+    """Say what to record next, with the predicted separation."""
+    step = verdict.next_experiment
+    sentence = str(step.get("sentence") or "").replace("+-", "±").replace("_", " ")
+    sigma = step.get("separation_sigma")
+    if sentence and sigma and "deviations" not in sentence:
+        sentence += f" Predicted separation: {number(sigma)} standard deviations."
+    return f"Next: {sentence[:1].lower()}{sentence[1:]}" if sentence else ""
 
 
 def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...]:
@@ -219,7 +247,11 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
                 f"located signal at {located.port} over time",
             ),
         ]
+    if proof.isolability is not None:
+        blocks.append(isolability_table(proof.isolability, proof.ports))
     title = "Where it acts and what it looks like" if diagnosis.accepted else "Is anything left?"
+    if verdict.kind in ("located_unnamed", "unexplained"):
+        title = "Where something is missing"
     return Section("where", title, tuple(blocks))
 
 
@@ -268,11 +300,8 @@ def _round_title(number: int, found: int) -> str:
 
 def _limits(diagnosis: Diagnosis, verdict: Verdict) -> Section:
     blocks: list[Block] = []
-    step = verdict.next_experiment
-    if step.get("sentence"):
-        sigma = step.get("separation_sigma")
-        much = f" Predicted separation: {number(sigma)} standard deviations." if sigma else ""
-        blocks.append(Words(f"Next experiment: {step['sentence']}{much}"))
+    if _next(verdict):
+        blocks.append(Words(_next(verdict)))
     if verdict.not_testable:
         blocks.append(unseen_table(verdict))
     elif diagnosis.rounds:

@@ -46,8 +46,8 @@ def diagnosis_runs(before: FreeRun, after: FreeRun | None = None) -> Figure:
         after: Free run of the extended model on the same recording; None if nothing was found.
 
     Returns:
-        The figure: one panel per output over time in s; the last repeats the first output around
-        the time at which the refitted model is farthest off.
+        The figure: one panel per output over time in s; the last repeats the first output where
+        the refitted model is farthest off, measured by what moves there.
 
     Example:
         >>> one = np.zeros((2, 1))
@@ -80,11 +80,17 @@ def diagnosis_runs(before: FreeRun, after: FreeRun | None = None) -> Figure:
 
 
 def _worst(run: FreeRun) -> npt.NDArray[np.bool_]:
-    """Rows around the largest error of the first output, an eighth of the recording."""
-    width = max(2, len(run.time) // 8)
-    error = np.nan_to_num(np.abs(run.error[:, 0]))
-    middle = int(np.argmax(np.convolve(error**2, np.ones(max(1, width // 8)), "same")))
-    first = int(np.clip(middle - width // 2, 0, max(0, len(run.time) - width)))
+    """Rows where the error of the first output is the largest share of what is measured there."""
+    width = max(2, len(run.time) // 12)
+    # A window in which nothing moves is judged by a twentieth of the whole range.
+    floor = 0.05 * float(np.nanmax(run.measured[:, 0]) - np.nanmin(run.measured[:, 0]))
+    best, first = -1.0, 0
+    for begin in range(0, max(1, len(run.time) - width + 1), max(1, width // 8)):
+        seen = np.nan_to_num(run.measured[begin : begin + width, 0])
+        error = np.nan_to_num(run.error[begin : begin + width, 0])
+        share = float(np.sqrt(np.mean(error**2)) / max(np.ptp(seen), floor, 1e-300))
+        if share > best:
+            best, first = share, begin
     rows = np.zeros(len(run.time), dtype=bool)
     rows[first : first + width] = True
     return rows
@@ -102,7 +108,13 @@ def _curves(
     if after is not None and after.finite:
         told = _thinned(after.time[rows], after.simulated[rows, i])[1]
         axes.plot(time, factor * told, color=AFTER.light, linewidth=1.2, linestyle=_DASHES)
-    low, high = np.nanmin(seen) * factor, np.nanmax(seen) * factor
+    low, high = float(np.nanmin(seen)) * factor, float(np.nanmax(seen)) * factor
+    if before.finite:
+        # A model that is far off is shown as far as it leaves the readings legible.
+        told = factor * _thinned(before.time[rows], before.simulated[rows, i])[1]
+        reach = high - low
+        low = max(min(low, float(np.nanmin(told))), low - reach)
+        high = min(max(high, float(np.nanmax(told))), high + reach)
     room = 0.2 * (high - low) or 1.0
     axes.set_ylim(low - room, high + room)
     label(axes, y=titled(before.used[i], before.units[i]))
