@@ -141,6 +141,8 @@ def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
     """
     if diagnosis.accepted:
         return diagnosis.accepted[0][0].entry.ports
+    if diagnosis.free_form is not None and diagnosis.free_form.accepted:
+        return diagnosis.free_form.ports
     verdict = diagnosis.verdict
     if diagnosis.before is None or verdict is None or verdict.kind == "nothing_missing":
         return ()
