@@ -5,16 +5,31 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from workbench.benchmark.cases import BEGIN, HOLD, STEPS_DEG, Case, changes_at_rest, scenarios
-from workbench.benchmark.designs import design
+from workbench.benchmark.cases import (
+    BEGIN,
+    CASES,
+    FRESH_CASES,
+    FRESH_VARIATIONS,
+    HOLD,
+    OTHER_STEPS_DEG,
+    STEPS_DEG,
+    VARIATIONS,
+    Case,
+    changes_at_rest,
+    scenarios,
+    varied_plant,
+)
+from workbench.benchmark.designs import available_families, design
 from workbench.benchmark.figures_of_run import SIZES_DEG, step_figures, worst_of_all
+from workbench.benchmark.obstacles import obstacle_words, obstacles_table
 from workbench.benchmark.page import missed_table, write_comparison
-from workbench.benchmark.run import Comparison, compare_controllers
+from workbench.benchmark.run import DRY, EVIDENCE_FAMILY, EXACT, Comparison, compare_controllers
 from workbench.benchmark.table import comparison_table, figures_of, ratio_to_limit
 from workbench.verification.responses import Figure
 
@@ -74,6 +89,7 @@ def test_figures_take_the_worst_step() -> None:
     class Made:
         def __init__(self) -> None:
             self.time, self.references = time, {"angle": reference}
+            self.scenario = scenarios("nominal")[0]
 
         def __getitem__(self, name: str) -> np.ndarray:
             return late
@@ -82,6 +98,72 @@ def test_figures_take_the_worst_step() -> None:
     for size in SIZES_DEG:
         assert figures[f"settling_{size}_s"].value == pytest.approx(0.1, abs=0.003)
         assert figures[f"overshoot_{size}_percent"].value == pytest.approx(0.0, abs=1e-9)
+
+
+def test_fresh_variations_differ_from_the_usual_ones() -> None:
+    steps = np.diff(OTHER_STEPS_DEG)
+    for size in SIZES_DEG:
+        assert {-size, size} <= set(steps.tolist())
+    assert set(np.abs(steps)) == set(SIZES_DEG)
+    usual = set(pairwise(STEPS_DEG))
+    assert not usual & set(pairwise(OTHER_STEPS_DEG))
+    assert not {c.load for c in CASES} & {c.load for c in FRESH_CASES}
+    assert not set(VARIATIONS) & set(FRESH_VARIATIONS)
+    seen = set()
+    for variation in (*VARIATIONS, *FRESH_VARIATIONS):
+        plant, first = varied_plant(CASE, variation), scenarios(variation)[0]
+        offset = tuple(d.level for d in first.disturbances)
+        seen.add((plant.values.tobytes(), offset, first.references["angle"].changes))
+    assert len(seen) == len(VARIATIONS) + len(FRESH_VARIATIONS)
+
+
+def test_the_worst_of_several_seeds_counts() -> None:
+    def run(seed: int, seeds: int) -> Comparison:
+        return compare_controllers(
+            families=("cascade PID",),
+            cases=(CASE,),
+            variations=("nominal",),
+            limits=False,
+            seed=seed,
+            seeds=seeds,
+            jobs=1,
+        )
+
+    both = run(3, 2)
+    own = [run(seed, 1).figures["cascade PID", CASE.name, "nominal"] for seed in (3, 4)]
+    found = both.figures["cascade PID", CASE.name, "nominal"]
+    for name in ("settling_15_s", "overshoot_percent", "swing_deg"):
+        assert found[name].value == max(figures[name].value for figures in own)
+    assert own[0]["swing_deg"].value != own[1]["swing_deg"].value
+    # sines are run with the first seed
+    assert found["rmse_1_Hz_deg"].value == own[0]["rmse_1_Hz_deg"].value
+
+
+def test_obstacles_are_counted_one_by_one(comparison: Comparison) -> None:
+    def settled(value: float) -> dict[str, Figure]:
+        return {f"settling_{kind}_{s}_s": Figure(value) for kind in ("limited", "planned")
+                for s in SIZES_DEG}  # fmt: skip
+
+    made = {
+        (EVIDENCE_FAMILY, CASE.name, "nominal"): settled(0.30),
+        (EVIDENCE_FAMILY, CASE.name, DRY): settled(0.25),
+        (EVIDENCE_FAMILY, CASE.name, EXACT): settled(0.24),
+    }
+    limits = {(CASE.name, 5): Figure(0.1), (CASE.name, 15): Figure(0.2)}
+    some = replace(comparison, figures=made, limits=limits)
+    words = obstacle_words(some)
+    # 15 degrees are within twice the limit, 30 degrees have none
+    assert len(words) == 1
+    assert "50 ms" in words[0]
+    assert "10 ms" in words[0]
+    assert "140 ms" in words[0]
+    assert len(obstacles_table(some).rows) == 3
+
+
+def test_without_slycot_the_family_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "H-infinity" in available_families()
+    monkeypatch.setattr("workbench.benchmark.designs.has_slycot", lambda: False)
+    assert "H-infinity" not in available_families()
 
 
 def test_worst_is_worst() -> None:

@@ -24,8 +24,50 @@ STEPS_DEG = (5.0, 10.0, 5.0, 20.0, 35.0, 50.0, 55.0, 25.0, 55.0, 50.0, 35.0, 5.0
 SINES_HZ = (0.2, 0.5, 1.0)
 """Frequencies of the sines of 15° about 30°, Hz."""
 
+OTHER_STEPS_DEG = (
+    8.0,
+    13.0,
+    28.0,
+    43.0,
+    13.0,
+    18.0,
+    48.0,
+    53.0,
+    38.0,
+    33.0,
+    18.0,
+    48.0,
+    43.0,
+    13.0,
+)
+"""Other angles, °: steps of the same sizes."""
+
 VARIATIONS = ("nominal", "1 kg", "5 bar", "valve 0.15 V")
 """What differs from the design; muscle hysteresis always does."""
+
+FRESH_VARIATIONS = (
+    "5.5 bar",
+    "6.5 bar",
+    "valve -0.1 V",
+    "valve 0.2 V",
+    "half hysteresis",
+    "1.5 hysteresis",
+    "40 °C",
+    "other steps",
+)
+"""What no choice of a design was made with: checked on demand."""
+
+SUPPLY_BAR = {"5 bar": 5.0, "5.5 bar": 5.5, "6.5 bar": 6.5}
+"""Supply pressure of the variations that change it, bar."""
+
+VALVE_OFFSET_V = {"valve 0.15 V": 0.15, "valve -0.1 V": -0.1, "valve 0.2 V": 0.2}
+"""Offset of the valve in the variations that have one, V."""
+
+HYSTERESIS = {"half hysteresis": (5.0, 3.5e-5), "1.5 hysteresis": (15.0, 1e-4)}
+"""Level in N and level per pressure in N/Pa of the variations that change them."""
+
+USUAL_HYSTERESIS = (10.0, 7e-5)
+"""The same of all others."""
 
 CHANGES = "changes at rest"
 """Name of the scenario in which load, supply and valve change while the arm holds 30°."""
@@ -61,6 +103,9 @@ class Case:
 CASES: tuple[Case, ...] = (Case(0.0), Case(3.0), Case(8.0), Case(3.0, "vertical"))
 """The cases of the comparison."""
 
+FRESH_CASES: tuple[Case, ...] = (Case(1.5), Case(5.0), Case(6.5))
+"""Loads that no choice of a design was made with: checked on demand."""
+
 
 def nominal_plant(case: Case) -> Model:
     """Build the plant that the designs know.
@@ -83,10 +128,10 @@ def varied_plant(case: Case, variation: str) -> Model:
 
     Args:
         case: Load and plane that the design knows.
-        variation: One of `VARIATIONS`.
+        variation: One of `VARIATIONS` or `FRESH_VARIATIONS`.
 
     Returns:
-        The arm with muscle hysteresis of 10 N + 7 N/bar and the variation.
+        The arm with muscle hysteresis (10 N + 7 N/bar unless it is varied) and the variation.
 
     Raises:
         WorkbenchError: If the variation is unknown.
@@ -95,20 +140,24 @@ def varied_plant(case: Case, variation: str) -> Model:
         >>> varied_plant(Case(8.0), "1 kg").parameter("load").value
         7.0
     """
-    check_choice("variation", variation, VARIATIONS)
+    check_choice("variation", variation, (*VARIATIONS, *FRESH_VARIATIONS))
     plant = arm(
         case.changed_load if variation == "1 kg" else case.load,
         plane=case.plane,
-        supply_bar=5.0 if variation == "5 bar" else 6.0,
+        supply_bar=SUPPLY_BAR.get(variation, 6.0),
     )
-    return plant.with_effect(bouc_wen_hysteresis(level=10.0, level_per_pressure=7e-5))
+    if variation == "40 °C":
+        plant = plant.with_parameters({"ambient_temperature": 313.15})
+    level, per_pressure = HYSTERESIS.get(variation, USUAL_HYSTERESIS)
+    return plant.with_effect(bouc_wen_hysteresis(level=level, level_per_pressure=per_pressure))
 
 
 def scenarios(variation: str) -> tuple[Scenario, ...]:
     """Return the staircase and the sines.
 
     Args:
-        variation: One of `VARIATIONS`; an offset of the valve is a part of the scenario.
+        variation: One of `VARIATIONS` or `FRESH_VARIATIONS`; an offset of the valve is a part of
+            the scenario.
 
     Returns:
         Scenarios at 500 Hz with noise and quantisation.
@@ -117,13 +166,18 @@ def scenarios(variation: str) -> tuple[Scenario, ...]:
         >>> [scenario.name for scenario in scenarios("nominal")]
         ['steps', 'sine 0.2 Hz', 'sine 0.5 Hz', 'sine 1 Hz']
     """
-    check_choice("variation", variation, VARIATIONS)
-    offset = (Disturbance(0.0, "valve.command", 0.15),) if variation == "valve 0.15 V" else ()
-    count = len(STEPS_DEG) - 1
+    check_choice("variation", variation, (*VARIATIONS, *FRESH_VARIATIONS))
+    offset = (
+        (Disturbance(0.0, "valve.command", VALVE_OFFSET_V[variation]),)
+        if variation in VALVE_OFFSET_V
+        else ()
+    )
+    angles = OTHER_STEPS_DEG if variation == "other steps" else STEPS_DEG
+    count = len(angles) - 1
     times = (0.0, *(BEGIN + HOLD * i for i in range(count)))
     staircase = Scenario(
         "steps",
-        {"angle": Steps(times, tuple(math.radians(a) for a in STEPS_DEG))},
+        {"angle": Steps(times, tuple(math.radians(a) for a in angles))},
         duration=BEGIN + HOLD * count,
         disturbances=offset,
     )

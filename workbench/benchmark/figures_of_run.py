@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from itertools import pairwise
 
 import numpy as np
 
-from workbench.benchmark.cases import CHANGES, STEPS_DEG, scenarios
+from workbench.benchmark.cases import CHANGES
 from workbench.verification import Run, metrics, responses
 from workbench.verification.each_step import each_step, settling_of_each_step
 from workbench.verification.responses import Figure
 
 SIZES_DEG = (5, 15, 30)
 """Sizes of steps, °."""
-
-_CHANGES = scenarios("nominal")[0].references["angle"].changes
-"""Steps of the staircase: time in s, angle before and after in rad."""
 
 
 def figures_of_run(run: Run) -> dict[str, Figure]:
@@ -63,8 +59,9 @@ def _planned(run: Run) -> dict[str, Figure]:
     """Return when the planned reference itself enters the band for good, per size of step."""
     found = {}
     plan = run.info("plan")
-    settled = settling_of_each_step("angle", run.time, plan, _CHANGES)
-    for (a, b), step in zip(pairwise(STEPS_DEG), settled, strict=True):
+    changes = run.scenario.references["angle"].changes
+    for step in settling_of_each_step("angle", run.time, plan, changes):
+        a, b = _degrees(step.initial, step.final)
         if (a, b) in LIMITED_DEG:
             found[f"settling_planned_{round(abs(b - a))}_s"] = step.settling
     return found
@@ -74,7 +71,7 @@ def step_figures(run: Run) -> dict[str, Figure]:
     """Compute figures of the steps of a run of the staircase.
 
     Args:
-        run: The run; only time, reference and angle count.
+        run: The run; only time, reference and angle count. Steps are of the sizes of `SIZES_DEG`.
 
     Returns:
         Settling (s), overshoot (%), steady error and swing (°), the worst step of each size.
@@ -88,9 +85,8 @@ def step_figures(run: Run) -> dict[str, Figure]:
         size: {"settling": [], "overshoot": [], "steady": [], "swing": []} for size in SIZES_DEG
     }
     found: dict[str, Figure] = {}
-    for (a, b), (_, initial, final, part) in zip(
-        pairwise(STEPS_DEG), each_step(time, _CHANGES), strict=True
-    ):
+    for _, initial, final, part in each_step(time, run.scenario.references["angle"].changes):
+        a, b = _degrees(initial, final)
         t, y = time[part], angle[part]
         own = by_size[round(abs(b - a))]
         settled = responses.settling_time(t, y, initial=initial, final=final)
@@ -108,6 +104,10 @@ def step_figures(run: Run) -> dict[str, Figure]:
         found[f"{name}_deg"] = _times(worst(together), math.degrees(1.0))
     found["overshoot_percent"] = worst([found[f"overshoot_{s}_percent"] for s in SIZES_DEG])
     return found
+
+
+def _degrees(initial: float, final: float) -> tuple[float, float]:
+    return round(math.degrees(initial), 6), round(math.degrees(final), 6)
 
 
 LIMITED_DEG = ((35.0, 30.0), (20.0, 35.0), (5.0, 35.0))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from workbench.benchmark.cases import BEGIN, CASES, CHANGES, HOLD, STEPS_DEG, VARIATIONS
+from workbench.benchmark.cases import BEGIN, CASES, CHANGES, HOLD, STEPS_DEG
 from workbench.benchmark.figures import pressure_drift, tracking_errors
+from workbench.benchmark.obstacles import obstacle_words, obstacles_table
 from workbench.benchmark.run import Comparison, Curves
 from workbench.benchmark.table import (
     GOALS,
@@ -55,7 +56,9 @@ def comparison_page(comparison: Comparison, *, minutes: float = math.nan) -> Pag
                     "known load, without muscle hysteresis and without any of the variations, and "
                     "ran unchanged on the full plant at 500 Hz with sensor noise, 12-bit "
                     f"converters and muscle hysteresis of 10 N + 7 N/bar. Variations: "
-                    f"{', '.join(VARIATIONS[1:])}."
+                    f"{', '.join(v for v in comparison.variations if v != 'nominal')}. Every"
+                    f" staircase ran with {_seeds(comparison)} of the sensors' noise; the worst"
+                    " counts."
                 ),
                 nominal,
                 worst,
@@ -70,6 +73,7 @@ def comparison_page(comparison: Comparison, *, minutes: float = math.nan) -> Pag
                 missed_table(comparison),
                 *(Words(text) for text in _reasons(comparison)),
                 time_table(comparison),
+                obstacles_table(comparison),
                 fast_table(comparison),
                 limits_table(comparison),
             ),
@@ -90,11 +94,15 @@ def comparison_page(comparison: Comparison, *, minutes: float = math.nan) -> Pag
     return Page(
         "Controllers on the full plant",
         f"{len(comparison.families)} families, {len(comparison.cases)} loads,"
-        f" {len(VARIATIONS)} plants each: settling, errors, air, and the distance to what physics"
-        " allows.",
+        f" {len(comparison.variations)} plants each: settling, errors, air, and the distance"
+        " to what physics allows.",
         sections,
         tuple(facts),
     )
+
+
+def _seeds(comparison: Comparison) -> str:
+    return "one seed" if comparison.seeds == 1 else f"{comparison.seeds} seeds"
 
 
 METHOD = (
@@ -262,7 +270,7 @@ def _reasons(comparison: Comparison) -> list[str]:
         "Inertia. The empty arm has 0.056 kg m²; one kilogram more makes it 0.192 kg m². A design "
         "that does not know of it either plans moves that the light arm could make, or plans for "
         "the heavier arm and stays behind the light arm's limit. A table below shows both on the "
-        "same plants; what the fast design still keeps from the limit is not explained by this.",
+        "same plants.",
         "Small steps. Where the time of a step goes is shown below: the limit, the planned move, "
         "and the angle. Between limit and plan lies a choice of the design, not physics: a smooth "
         "move with a share of the valve held back for feedback. Between plan and angle lie the "
@@ -271,6 +279,7 @@ def _reasons(comparison: Comparison) -> list[str]:
         "between the bounds in the last column of the tables with every move, and stiffness with "
         "it. The designs measure it and interpolate over it, but cannot choose it.",
     ]
+    found += obstacle_words(comparison)
     late = [
         f"{family}, {case}"
         for family in comparison.families

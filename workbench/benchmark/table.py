@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from workbench.benchmark.cases import CHANGES, VARIATIONS
+from workbench.benchmark.cases import CHANGES
 from workbench.benchmark.figures_of_run import SIZES_DEG, worst_of_all
 from workbench.benchmark.run import FAST, LATE, Comparison
 from workbench.reports.tables import Cell, Mark, Table, number
@@ -29,6 +29,9 @@ GOALS = {
     "stop_impacts": 0.0,
 }
 """Goals: the figure is at most so large, in the unit of its name."""
+
+NOT_RUN = Figure(math.nan, "only steps were run")
+"""Figure of a scenario that was not run."""
 
 HEADINGS = (
     "load",
@@ -74,7 +77,7 @@ def ratio_to_limit(
         return Figure(math.nan, "the physical limit was not computed")
     if math.isnan(limit.value):
         return limit
-    settled = figures[f"settling_limited_{size}_s"]
+    settled = figures.get(f"settling_limited_{size}_s", Figure(math.nan, "not among the steps"))
     return Figure(settled.value / limit.value, settled.reason)
 
 
@@ -99,13 +102,15 @@ def figures_of(
     """
     wanted = [
         v
-        for v in VARIATIONS
+        for v in comparison.variations
         if (family, case, v) in comparison.figures and (v == "nominal" or not nominal)
     ]
     every = []
     for variation in wanted:
         own = dict(comparison.figures[family, case, variation])
         for size in SIZES_DEG:
+            if variation != "nominal" and f"settling_limited_{size}_s" not in own:
+                continue
             own[f"ratio_{size}"] = ratio_to_limit(comparison, case, own, size)
         every.append(own)
     return worst_of_all(list(every))
@@ -143,7 +148,7 @@ def comparison_table(comparison: Comparison, *, nominal: bool) -> Table:
                     _cell(found["steady_deg"], GOALS["steady_deg"]),
                     _cell(found["swing_deg"], GOALS["swing_deg"]),
                     *(
-                        _cell(found[f"rmse_{f}_Hz_deg"], GOALS[f"rmse_{f}_Hz_deg"])
+                        _cell(found.get(f"rmse_{f}_Hz_deg", NOT_RUN), GOALS[f"rmse_{f}_Hz_deg"])
                         for f in ("0.2", "0.5", "1")
                     ),
                     _cell(found["chatter_V_per_s"]),
@@ -212,7 +217,8 @@ def margins_table(comparison: Comparison) -> Table:
     rows: list[tuple[Cell | str, ...]] = []
     for case in comparison.cases:
         for family in comparison.families:
-            speed, ms, mt = comparison.margins[family, case]
+            none = (math.nan, math.nan, math.nan, math.nan)
+            speed, ms, mt, slow = comparison.margins.get((family, case), none)
             late = comparison.figures.get((family, case, LATE), {})
             swing = late.get("swing_deg", Figure(math.nan, "not run"))
             over = late.get("overshoot_percent", Figure(math.nan, "not run"))
@@ -223,13 +229,23 @@ def margins_table(comparison: Comparison) -> Table:
                     number(speed),
                     number(ms),
                     number(mt),
+                    number(slow),
                     _cell(over),
                     _cell(swing, GOALS["swing_deg"]),
                 )
             )
     return Table(
         "Margins",
-        ("load", "family", "speed rad/s", "Ms", "Mt", "late: overshoot %", "late: swing °"),
+        (
+            "load",
+            "family",
+            "speed rad/s",
+            "Ms",
+            "Mt",
+            "late: Ms",
+            "overshoot %",
+            "swing °",
+        ),
         tuple(rows),
         "Ms and Mt are the largest over two angles, at the known load and at the changed one. Late:"
         " the staircase with every command one sample, 2 ms, late, as from a slow computer.",
@@ -240,7 +256,7 @@ def _cell(figure: Figure, goal: float = math.inf) -> Cell:
     mark: Mark = ""
     if math.isfinite(goal):
         mark = "missed" if not figure.value <= goal else "met"
-        if math.isnan(figure.value) and "limit" in figure.reason:
+        if math.isnan(figure.value) and ("limit" in figure.reason or figure == NOT_RUN):
             mark = "open"
     return Cell(number(figure.value), mark, figure.reason)
 
@@ -283,11 +299,12 @@ def results(comparison: Comparison) -> dict[str, Any]:
                 for which in ("nominal", "worst")
             }
     margins = {
-        f"{family}, {case}": {"speed_rad_per_s": w, "Ms": ms, "Mt": mt}
-        for (family, case), (w, ms, mt) in comparison.margins.items()
+        f"{family}, {case}": {"speed_rad_per_s": w, "Ms": ms, "Mt": mt, "Ms_one_sample_late": late}
+        for (family, case), (w, ms, mt, late) in comparison.margins.items()
     }
     return {
         "seed": comparison.seed,
+        "seeds": comparison.seeds,
         "summary": summary,
         "physical_limits": limits,
         "margins": margins,

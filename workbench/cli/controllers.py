@@ -17,7 +17,8 @@ def controllers(
         typer.Option(
             "--family",
             "-f",
-            help="cascade PID, sliding mode, linear MPC or state feedback; by default all.",
+            help="cascade PID, sliding mode, linear MPC, nonlinear MPC, state feedback or"
+            " H-infinity; by default all.",
             metavar="NAME",
         ),
     ] = None,
@@ -25,6 +26,16 @@ def controllers(
         bool, typer.Option(help="Compute the physical limits (kept on disk once found).")
     ] = True,
     seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
+    seeds: Annotated[
+        int, typer.Option(help="Number of seeds; a figure is the worst of all.", min=1)
+    ] = 1,
+    fresh: Annotated[
+        bool,
+        typer.Option(
+            "--fresh",
+            help="Run loads, variations and steps too that no choice of a design was made with.",
+        ),
+    ] = False,
     jobs: Annotated[
         int | None, typer.Option(help="Number of processes; by default one per processor.")
     ] = None,
@@ -42,6 +53,8 @@ def controllers(
         family: Families; all by default.
         limits: Whether the physical limits are computed.
         seed: Seed of the sensors' noise.
+        seeds: Number of seeds, from ``seed`` on.
+        fresh: Whether fresh loads and variations are run.
         jobs: Number of processes, or None for one per processor.
 
     Returns:
@@ -57,7 +70,7 @@ def controllers(
 
     from tqdm import tqdm
 
-    from workbench.benchmark.designs import FAMILIES
+    from workbench.benchmark.designs import FAMILIES, available_families
     from workbench.benchmark.page import missed_table, write_comparison
     from workbench.benchmark.run import compare_controllers
     from workbench.benchmark.table import (
@@ -68,7 +81,7 @@ def controllers(
     )
     from workbench.errors import check_choice
 
-    wanted = tuple(family) if family else FAMILIES
+    wanted = tuple(family) if family else available_families()
     for name in wanted:
         check_choice("family of controllers", name, FAMILIES)
     begin = time.perf_counter()
@@ -80,7 +93,13 @@ def controllers(
             bar.update(done - bar.n)
 
         found = compare_controllers(
-            families=wanted, limits=limits, seed=seed, jobs=jobs, progress=progress
+            families=wanted,
+            limits=limits,
+            seed=seed,
+            seeds=seeds,
+            fresh=fresh,
+            jobs=jobs,
+            progress=progress,
         )
     for nominal in (True, False):
         typer.echo(f"{comparison_table(found, nominal=nominal)}\n")
