@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from workbench.model import About, Effect, EffectView, Parameter, PortView, State
-from workbench.model.face import Expression
+from workbench.model.face import Expression, maximum
 from workbench.physics.elastoplastic import elastoplastic_rate
 
 
@@ -92,7 +92,7 @@ def play(
         about=About(
             "y = u - w z, z elasto-plastic with reach w",
             "Krasnosel'skii and Pokrovskii 1989, play operator",
-            look_alikes=("spool_hysteresis", "dead_band"),
+            look_alikes=("command_play", "spool_hysteresis", "dead_band"),
             separated_by="slow triangles of several amplitudes about the centre",
         ),
         name=name,
@@ -162,4 +162,87 @@ def spool_hysteresis(
             separated_by="slow triangles of several amplitudes about the centre",
         ),
         name=name,
+    )
+
+
+def command_play(
+    port: str = "valve.command",
+    *,
+    half_width: float = 0.03,
+    floor: float = 0.001,
+    time_constant: float = 0.002,
+    unit: str = "V",
+    upper: float = 0.5,
+    typical: float = 0.03,
+    name: str = "command_play",
+) -> Effect:
+    """Build play of a command that is held and jumps: what follows stays within a half-width of it.
+
+    ``y = u - clip(u - s, -w, w)`` with a follower s that moves to within ``w + floor`` of u at
+    ``1 / time_constant``. A jump beyond the slack is followed at once, as by the play operator; no
+    rate of u is needed.
+
+    Args:
+        port: Port of the command.
+        half_width: Half of the slack w, in ``unit``.
+        floor: Slack that is added to the follower's, in ``unit``; small beside the usual
+            half-width.
+        time_constant: Time in which the follower comes near, s.
+        unit: Unit of the port.
+        upper: Largest plausible half-width, in ``unit``.
+        typical: Usual half-width, in ``unit``; scales the fit.
+        name: Name of the effect.
+
+    Returns:
+        Effect of size ``half_width`` with one state.
+
+    Raises:
+        WorkbenchError: If the half-width is outside its bounds.
+
+    Example:
+        >>> command_play().states[0].name
+        'follower'
+    """
+
+    def magnitude(value: Expression) -> Expression:
+        return maximum(value, -value)
+
+    def transform(at: PortView) -> Expression:
+        e, w = at.value - at.x.follower, at.p.half_width
+        # The clipped value, written so that its derivative by w at w = 0 is the sign of e.
+        return at.value - 0.5 * (magnitude(e + w) - magnitude(e - w))
+
+    def rates(effect: EffectView) -> Mapping[str, Expression]:
+        e, w = effect.at[port].value - effect.x.follower, effect.p.half_width + floor
+        return {"follower": (maximum(e - w, 0.0) - maximum(-e - w, 0.0)) / time_constant}
+
+    def start(effect: EffectView) -> Mapping[str, Expression]:
+        # Somewhere within its slack: a start in the middle would have no derivative at size zero.
+        return {"follower": effect.at[port].value - floor}
+
+    return Effect(
+        name,
+        (port,),
+        transform,
+        parameters=(
+            Parameter(
+                "half_width",
+                unit,
+                typical,
+                "half of the slack",
+                half_width,
+                0.0,
+                upper,
+                fitted=True,
+            ),
+        ),
+        states=(State("follower", unit, 1.0, "position of the follower"),),
+        rates=rates,
+        start=start,
+        about=About(
+            "y = u - clip(u - s, -w, w), s within w of u",
+            "Krasnosel'skii and Pokrovskii 1989, play operator",
+            look_alikes=("play", "spool_hysteresis", "dead_band"),
+            separated_by="slow triangles of several amplitudes about the centre",
+        ),
     )

@@ -11,7 +11,7 @@ from workbench.physics.delay import delay, lag_chain
 from workbench.physics.drift import drift
 from workbench.physics.lag import FLOOR, lag
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
-from workbench.physics.play import play, spool_hysteresis
+from workbench.physics.play import command_play, play, spool_hysteresis
 from workbench.physics.saturation import rectification, saturation
 from workbench.physics.slew_limit import slew_limit
 
@@ -97,6 +97,23 @@ def test_play_holds_until_its_slack_is_taken_up() -> None:
     np.testing.assert_allclose(y[down], u[down] + 0.1, atol=2e-3)
     # Half way through the slack of 0.2 after the reversal, nothing has moved yet.
     assert np.interp(-0.9, -u[80:], y[80:]) == pytest.approx(0.9, abs=0.01)
+
+
+def test_play_of_a_held_command_follows_jumps_at_once_and_keeps_small_ones_back() -> None:
+    model = bench(command_play(half_width=0.1, floor=1e-4), "V")
+    steps = np.array([0.0, 1.0, 0.9, 0.85, 0.7, 0.75, 2.0])
+    # The play operator: what follows moves only as far as it must.
+    expected, place = [], 0.0
+    for u in steps:
+        place = min(max(place, u - 0.1), u + 0.1)
+        expected.append(place)
+    times = np.arange(0.0, 0.1 * len(steps), 1e-3)
+    at = np.minimum((times / 0.1).astype(int), len(steps) - 1)
+    y = run(model, lambda t: {"value": float(steps[min(int(t / 0.1), len(steps) - 1)])}, times)
+    settled = [y[(at == i)][-1] for i in range(len(steps))]
+    np.testing.assert_allclose(settled, expected, atol=2e-3)
+    just_after = y[at == 6][1]
+    assert just_after == pytest.approx(1.9, abs=2e-3)
 
 
 def test_spool_hysteresis_has_the_width_of_its_loop() -> None:

@@ -10,7 +10,7 @@ from workbench.physics.delay import lag_chain
 from workbench.physics.entry import Entry
 from workbench.physics.leakage import centre_leakage, edge_leakage
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
-from workbench.physics.play import play, spool_hysteresis
+from workbench.physics.play import command_play, play, spool_hysteresis
 from workbench.physics.slew_limit import slew_limit
 
 
@@ -49,6 +49,7 @@ def entries(model: Model) -> Iterator[Entry]:
             0.5,
             shapes=tuple({"largest_rate": r} for r in (1000.0, 300.0, 100.0)),
         )
+        yield Entry(command_play(half_width=0.0), "half_width", 0.03, 0.005, law="play")
     if "valve.spool" in ports:
         yield Entry(dead_band(half_width=0.0), "half_width", 0.1, 0.01)
         yield Entry(asymmetric_gain(difference=0.0), "difference", 0.1, 0.01)
