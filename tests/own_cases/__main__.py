@@ -1,62 +1,59 @@
-"""Make the cases, diagnose them and print the rates: ``python -m tests.own_cases OUT [COUNT]``.
+"""Make cases, diagnose them and keep the answers.
 
-Finished cases are kept in OUT, so that an interrupted run goes on where it stopped.
+``python -m tests.own_cases OUT [COUNT] [--part K/N] [--no-baselines]``
+
+Finished cases are kept in OUT, one JSON file each, so that an interrupted run goes on where it
+stopped and several processes share the work, each with its part of the plan. The tables come from
+``python -m tests.own_cases.report OUT``.
 """
 
 from __future__ import annotations
 
-import json
+import argparse
+import os
 import sys
-import tempfile
-import time
 from pathlib import Path
 
-from tests.own_cases.judge import judge, table
-from tests.own_cases.plan import Planned, plan
-from tests.rig.cases import make_case
-from workbench.diagnosis.diagnose import diagnose
-from workbench.plants.arm import arm
-from workbench.recordings import read_case
+# One process per part: threads of linear algebra would only get in each other's way.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+from tests.own_cases.plan import plan  # noqa: E402
+from tests.own_cases.run import run  # noqa: E402
 
 
-def run(case: Planned, out: Path) -> dict[str, object]:
-    """Diagnose one case; returns what is stored of it."""
-    kept = out / f"{case.name}.json"
-    if kept.exists():
-        return dict(json.loads(kept.read_text()))
-    with tempfile.TemporaryDirectory() as folder:
-        made = read_case(make_case(case.seed, list(case.effects), case.load, Path(folder)))
-        began = time.perf_counter()
-        found = diagnose(
-            arm(made.load_kg), list(made.fit.values()), list(made.hold_out.values())
-        ).verdict
-    assert found is not None
-    data = found.as_data()
-    row = judge(case.effects, data) | {
-        "effects": case.effects,
-        "found": [f["effect"] for f in data["findings"]],
-        "fit": data["fit"],
-        "seconds": time.perf_counter() - began,
-        "sentence": data["sentence"],
-    }
-    kept.write_text(json.dumps(row, indent=1))
-    return row
+def part_of(text: str) -> tuple[int, int]:
+    """Read ``K/N``: part K of N, counted from 1."""
+    first, _, second = text.partition("/")
+    k, n = int(first), int(second)
+    if not 1 <= k <= n:
+        raise argparse.ArgumentTypeError(f"part {text} must be 1/N to N/N")
+    return k, n
 
 
-def main(out: Path, count: int) -> None:
-    """Run the first ``count`` cases of the plan."""
-    out.mkdir(parents=True, exist_ok=True)
-    rows = []
-    for case in plan()[:count]:
-        row = run(case, out)
-        rows.append(row)
+def main(words: list[str] | None = None) -> None:
+    """Run a part of the plan."""
+    parser = argparse.ArgumentParser(prog="python -m tests.own_cases", description=__doc__)
+    parser.add_argument("out", type=Path, help="folder of the answers")
+    parser.add_argument("count", type=int, nargs="?", default=110, help="cases of the plan")
+    parser.add_argument("--part", type=part_of, default=(1, 1), help="part K of N: every Nth case")
+    parser.add_argument("--only", nargs="*", default=(), help="names of cases, such as own-2003")
+    parser.add_argument("--jobs", type=int, default=1, help="processes of one diagnosis")
+    parser.add_argument("--no-baselines", action="store_true", help="leave the baselines out")
+    given = parser.parse_args(words)
+    given.out.mkdir(parents=True, exist_ok=True)
+    k, n = given.part
+    cases = plan()
+    chosen = [c for c in cases if c.name in given.only] if given.only else cases[: given.count]
+    for case in chosen[k - 1 :: n]:
+        row = run(case, given.out, baselines=not given.no_baselines, jobs=given.jobs)
+        found = [f["effect"] or "?" for f in row["verdict"]["findings"]]
         sys.stdout.write(
-            f"{case.name} {'+'.join(case.effects) or 'nothing':<34} -> {row['kind']:<16}"
-            f" {', '.join(map(str, row['found'])) or '-'}  ({row['seconds']:.0f} s)\n"
+            f"{case.name} {case.title:<38} -> {row['verdict']['verdict']:<16}"
+            f" {', '.join(found) or '-'}  ({row['seconds']:.0f} s)\n"
         )
         sys.stdout.flush()
-    sys.stdout.write(table(rows) + "\n")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 1000)
+    main()

@@ -1,75 +1,251 @@
-"""Judging a verdict against what was hidden."""
+"""Judging kept answers against what was hidden, by the rules of a blind round."""
 
 from __future__ import annotations
 
-from collections import Counter
+import json
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from tests.own_cases.plan import ANSWERS
+import numpy as np
+
+from tests.own_cases.plan import names
+from tests.own_cases.sizes import COUNTERPARTS, SIZES
+from tests.rig.parameters import nominal
+from workbench.diagnosis.answer_key import Truth
+from workbench.diagnosis.claims import Answer
+from workbench.diagnosis.prove import GROUP, RIGHT, Line, score_case
+
+ANSWERERS = ("tool", "refit only", "greedy", "sindy")
+"""Who answers on each case: the diagnosis and the baselines."""
+
+REGIONS: dict[str, str] = {
+    "motion": "motion",
+    "chamber 1": "air",
+    "chamber 2": "air",
+    "valve": "air",
+    "supply": "air",
+}
+"""Coarser places: the joint with the muscle forces, and all that moves air. Sensors are their own
+place."""
 
 
-def judge(effects: Sequence[str], verdict: Mapping[str, Any]) -> dict[str, Any]:
-    """Say for a verdict whether places and names are right.
+@dataclass(frozen=True)
+class Judged:
+    """One answer to one case.
 
     Args:
+        case: Name of the case.
+        kind: Kind of case, as it was planned.
         effects: What is hidden, by the rig's names.
-        verdict: Content of a ``verdict.json``.
-
-    Returns:
-        Counts: hidden, located, named, wrong names, names where nothing is hidden.
+        factor: Size over the rig's own.
+        line: Its score.
+        regions: Whether each hidden effect was put into the right region.
+        sizes: Sizes of rightly named effects beside the true ones.
+        over_limit: Held-out error over that of the true model, root mean square over the outputs,
+            dimensionless; NaN if it was not given.
+        seconds: Processor time, in s.
     """
-    findings = verdict["findings"]
-    open_effects = list(effects)
-    named = located = wrong = 0
-    for finding in findings:
-        places = {port.split(".")[0] for port in finding["where"]}
-        names = {finding["effect"], *finding["class"]}
-        right = next((e for e in open_effects if names & set(ANSWERS[e][0])), None)
-        near = next((e for e in open_effects if _near(places, ANSWERS[e][1])), None)
-        if right is not None:
-            open_effects.remove(right)
-            named, located = named + 1, located + 1
-        else:
-            wrong += 1
-            located += near is not None
-    return {
-        "hidden": len(effects),
-        "located": located,
-        "named": named,
-        "wrong": wrong,
-        "silent": not findings,
-        "kind": verdict["verdict"],
-    }
+
+    case: str
+    kind: str
+    effects: tuple[str, ...]
+    factor: float
+    line: Line
+    regions: tuple[bool, ...]
+    sizes: tuple[SizeFound, ...] = ()
+    over_limit: float = math.nan
+    seconds: float = math.nan
+
+    @property
+    def wrong(self) -> bool:
+        """Whether anything was named that is not hidden."""
+        return "wrong name" in self.line.remark
+
+    @property
+    def outside(self) -> bool:
+        """Whether the library does not have what is hidden."""
+        return self.kind == "outside"
 
 
-def _near(places: set[str], components: Sequence[str]) -> bool:
-    # Joint and muscle forces are one group: angle and pressures cannot tell them apart.
-    force = any(p == "joint" or p.startswith("muscle") for p in places)
-    return any(
-        p.startswith(c) or (force and c in ("joint", "muscle")) for p in places for c in components
+@dataclass(frozen=True)
+class SizeFound:
+    """A size beside the true one.
+
+    Args:
+        effect: Effect of the rig.
+        named: Name in the library.
+        true: True size, in SI.
+        value: Estimate, in SI.
+        std: Standard deviation of the estimate, in SI; NaN if none was given.
+    """
+
+    effect: str
+    named: str
+    true: float
+    value: float
+    std: float
+
+    @property
+    def error(self) -> float:
+        """Relative error, dimensionless."""
+        return abs(self.value - self.true) / abs(self.true)
+
+    @property
+    def covered(self) -> bool:
+        """Whether the 95 % interval contains the true size."""
+        return abs(self.value - self.true) <= 1.96 * self.std
+
+
+def read_rows(out: Path) -> list[dict[str, Any]]:
+    """Return what is kept in a folder of answers, by the order of the plan."""
+    return [json.loads(path.read_text()) for path in sorted(out.glob("own-*.json"))]
+
+
+def answer(case: str, verdict: Mapping[str, Any]) -> Answer:
+    """Return what a verdict claims."""
+    findings = []
+    for finding in verdict["findings"]:
+        effect = finding.get("effect")
+        named = bool(effect) and effect != "free_form"
+        members = tuple(dict.fromkeys((effect, *finding.get("class", ())))) if named else ()
+        groups = tuple(dict.fromkeys(names().group(port) for port in finding["where"]))
+        findings.append((members, groups))
+    held_out = verdict.get("fit", {}).get("held_out", {})
+    return Answer(
+        case,
+        verdict["verdict"],
+        tuple(findings),
+        ratio(held_out.get("extended", {}), held_out.get("refitted", {})) < 1.0,
+        ratio(held_out.get("extended", {}), held_out.get("noise_floor", {})),
     )
 
 
-def table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return the rates over judged cases.
+def ratio(above: Mapping[str, Any], below: Mapping[str, Any]) -> float:
+    """Return errors over others, root mean square over the outputs; NaN if there are none."""
+    ratios = [
+        float(value) / float(below[name])
+        for name, value in above.items()
+        if value is not None and below.get(name)
+    ]
+    return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else math.nan
+
+
+def verdict_of(row: Mapping[str, Any], who: str) -> Mapping[str, Any] | None:
+    """Return an answerer's verdict on a case; None if it gave none."""
+    verdict = row["verdict"] if who == "tool" else row["baselines"].get(who)
+    return (
+        None if verdict is None or (verdict["verdict"] == "failed" and who != "tool") else verdict
+    )
+
+
+def truths_of(row: Mapping[str, Any]) -> tuple[Truth, ...]:
+    """Return what a case hides."""
+    return names().truths(row["case"], list(row["effects"]))
+
+
+def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
+    """Judge one kept answer.
 
     Args:
-        rows: What `judge` returned for each case.
+        row: What is kept of a case.
+        who: One of `ANSWERERS`.
 
     Returns:
-        A short table.
+        Its score; None if there is no such answer.
     """
-    clean = [r for r in rows if r["hidden"] == 0]
-    faulty = [r for r in rows if r["hidden"] > 0]
-    hidden = sum(r["hidden"] for r in faulty)
-    lines = [
-        f"cases with nothing hidden      {len(clean)}",
-        f"  a name all the same          {sum(not r['silent'] for r in clean)}",
-        f"hidden effects                 {hidden}",
-        f"  right group                  {sum(r['located'] for r in faulty)}",
-        f"  right name or class          {sum(r['named'] for r in faulty)}",
-        f"  confidently wrong names      {sum(r['wrong'] for r in faulty)}",
-        f"verdicts                       {dict(Counter(r['kind'] for r in rows))}",
-    ]
-    return "\n".join(lines)
+    verdict = verdict_of(row, who)
+    if verdict is None:
+        return None
+    given, truths = answer(row["case"], verdict), truths_of(row)
+    line = score_case(given, truths)
+    regions = tuple(
+        any(
+            bool(groups) and _region(groups[0]) in {_region(g) for g in truth.groups}
+            for _, groups in given.findings
+        )
+        for truth in truths
+    )
+    held_out = verdict.get("fit", {}).get("held_out", {})
+    last = held_out.get("extended") or held_out.get("refitted") or {}
+    seconds = row.get("processor_seconds") if who == "tool" else verdict.get("processor_seconds")
+    return Judged(
+        row["case"],
+        row["kind"],
+        tuple(row["effects"]),
+        row["factor"],
+        line,
+        regions,
+        tuple(_sizes(row, verdict)),
+        ratio(last, row["limit"]),
+        math.nan if seconds is None else float(seconds),
+    )
+
+
+def _region(group: str) -> str:
+    return REGIONS.get(group, group)
+
+
+def _sizes(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> list[SizeFound]:
+    """Compare sizes where rig and library state the same quantity."""
+    found = []
+    for finding in verdict["findings"]:
+        for effect in row["effects"]:
+            counterpart = COUNTERPARTS.get((effect, finding["effect"]))
+            value = (finding.get("parameters") or {}).get(
+                counterpart.parameter if counterpart else ""
+            )
+            if counterpart is None or value is None or value["value"] is None:
+                continue
+            true = counterpart.true(row["true"] | _default_truth(row))
+            std = value.get("std")
+            found.append(
+                SizeFound(
+                    effect,
+                    finding["effect"],
+                    true,
+                    float(value["value"]),
+                    math.nan if std is None else float(std),
+                )
+            )
+    return found
+
+
+def _default_truth(row: Mapping[str, Any]) -> dict[str, float]:
+    """Return true parameters that stand at the rig's own size because nothing changed them."""
+    return {k: v for k, v in nominal().items() if k not in row["true"]}
+
+
+def smallest_predicted(row: Mapping[str, Any], effect: str) -> float | None:
+    """Return the smallest size that the scores predicted to be seen, in the library's unit."""
+    library = {name for truth in truths_of(row) if truth.word == effect for name in truth.library}
+    sizes = [s["smallest"] for s in row.get("scores", []) if s["effect"] in library]
+    return min(sizes) if sizes else None
+
+
+def true_size(row: Mapping[str, Any], effect: str) -> float | None:
+    """Return the size of a hidden effect by the rig's parameter; None for one without size."""
+    if effect == "wrong_load":
+        return float(row["true"]["load_error"])
+    size = SIZES.get(effect)
+    if size is None:
+        return None
+    return float((_default_truth(row) | row["true"])[size.main])
+
+
+def all_right(judged: Judged) -> bool:
+    """Whether a case with nothing beyond the library was answered without fault."""
+    return judged.line.points == RIGHT * max(1, len(judged.effects))
+
+
+def best_possible(judged: Sequence[Judged]) -> int:
+    """Return the most points that could be had."""
+    return sum(j.line.most for j in judged)
+
+
+__all__ = [
+    "ANSWERERS", "GROUP", "Judged", "SizeFound", "all_right", "answer", "best_possible", "judge",
+    "ratio", "read_rows", "smallest_predicted", "true_size", "truths_of",
+]  # fmt: skip

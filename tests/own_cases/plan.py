@@ -1,51 +1,25 @@
-"""Which cases are made: what is hidden in each, and which answers count as right."""
+"""Which cases are made: what each hides, how large, and what was recorded."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 
-ANSWERS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    # effect of the rig: (names in the library, components of the right ports)
-    "hysteresis_maxwell": (("maxwell_slip_hysteresis", "muscle_hysteresis"), ("muscle",)),
-    "hysteresis_bouc_wen": (("maxwell_slip_hysteresis", "muscle_hysteresis"), ("muscle",)),
-    "hysteresis_dahl": (("maxwell_slip_hysteresis", "muscle_hysteresis"), ("muscle",)),
-    "creep": (("creep",), ("muscle",)),
-    "tendon": (("series_elasticity",), ("muscle",)),
-    "force_shape": (
-        ("force_shape", "contraction_force_correction", "pressure_force_correction"),
-        ("muscle",),
-    ),
-    "muscle_mismatch": (("force_gain_1", "force_gain_2"), ("muscle", "joint")),
-    "stribeck": (("stribeck_friction",), ("joint",)),
-    "lugre": (("lugre_friction", "stribeck_friction", "joint_hysteresis"), ("joint",)),
-    "load_friction": (("load_dependent_friction", "pressure_friction"), ("joint", "muscle")),
-    "quadratic_drag": (("quadratic_drag",), ("joint",)),
-    "tilt": (("tilt_gravity",), ("joint",)),
-    "constant_torque": (("constant_torque",), ("joint",)),
-    "parasitic_spring": (("linear_spring",), ("joint",)),
-    "cogging": (("ripple",), ("joint",)),
-    "loose_load": (("loose_load",), ("joint",)),
-    "valve_offset": (("valve_offset",), ("valve",)),
-    "valve_deadband": (("dead_band",), ("valve",)),
-    "valve_play": (("play", "spool_hysteresis"), ("valve",)),
-    "valve_slew": (("slew_limit",), ("valve",)),
-    "valve_delay": (("valve_delay",), ("valve",)),
-    "valve_asymmetry": (("asymmetric_gain",), ("valve",)),
-    "leak_muscle_1": (("chamber_leakage_1", "edge_leakage_exhaust_1"), ("chamber_1", "valve")),
-    "leak_muscle_2": (("chamber_leakage_2", "edge_leakage_exhaust_2"), ("chamber_2", "valve")),
-    "leak_between": (("cross_leakage",), ("chamber_1", "chamber_2")),
-    "supply_droop": (("reservoir_droop", "supply_droop", "regulator_droop"), ("supply",)),
-    "silencers": (("silencers", "silencer_1", "silencer_2"), ("exhaust_1", "exhaust_2")),
-    "isothermal": (("polytropic_exchange", "extra_heat_exchange"), ("chamber_1", "chamber_2")),
-    "polytropic": (("polytropic_exchange", "extra_heat_exchange"), ("chamber_1", "chamber_2")),
-    "pressure_lag": (("sensor_lag_pressures",), ("pressure_1", "pressure_2")),
-    "pressure_offset": (("sensor_offset_pressure_1",), ("pressure_1",)),
-    "pressure_gain": (("sensor_gain_pressure_2",), ("pressure_2",)),
-    "angle_delay": (("sensor_delay_angle", "sensor_lag_angle"), ("angle",)),
-    "wrong_load": (("load_error",), ("joint",)),
-}
+from tests.own_cases.sizes import SIZES, WRONG_LOAD_KG, sizes
+from workbench.diagnosis.answer_key import Names, Truth, read_names
 
-SINGLE = tuple(ANSWERS)
+SINGLE = (
+    "hysteresis_maxwell", "hysteresis_bouc_wen", "hysteresis_dahl", "creep", "muscle_viscosity",
+    "tendon", "force_shape", "muscle_mismatch", "stribeck", "lugre", "load_friction",
+    "quadratic_drag", "tilt", "constant_torque", "parasitic_spring", "cogging", "loose_load",
+    "valve_offset", "valve_deadband", "valve_play", "valve_slew", "valve_delay", "valve_asymmetry",
+    "leak_muscle_1", "leak_muscle_2", "leak_between", "supply_droop", "line", "silencers",
+    "isothermal", "polytropic", "pressure_lag", "pressure_offset", "pressure_gain", "angle_delay",
+    "wrong_load",
+)  # fmt: skip
+"""Effects of the rig that the library has, by other laws in part."""
 
 PAIRS = (
     ("stribeck", "valve_offset"),
@@ -56,6 +30,20 @@ PAIRS = (
     ("valve_asymmetry", "tilt"),
 )
 
+OUTSIDE = ("torque_noise", "pressure_torque", "coulomb_drift", "supply_drift")
+"""Effects that the library does not have."""
+
+FACTORS = (1.0, 0.4, 2.0)
+"""Size over the rig's own, turn by turn."""
+
+LOADS_KG = (1.0, 3.0, 5.0)
+
+COLOURED_S = 0.02
+"""Correlation time of coloured noise of the pressure sensors."""
+
+_FIRST_SEED = 2000
+_STRIDES = (13, 11, 17, 7, 5, 1)
+
 
 @dataclass(frozen=True)
 class Planned:
@@ -64,39 +52,138 @@ class Planned:
     Args:
         seed: Seed of background parameters, excitation and noise.
         effects: What is hidden, by the rig's names.
-        load: Mass of the plates, in kg.
+        load: Mass of the plates as noted, in kg.
+        kind: ``single``, ``pair``, ``nothing``, ``outside``, or ``limited`` where the recordings
+            are closed-loop only.
+        factor: Size over the rig's own.
+        spread: How far the background parameters leave their nominal values, times their usual
+            range.
+        recorded: What is recorded, as `tests.rig.cases.make_case` takes it.
+        changes: Parameters of the rig that are set, in SI.
+        load_error: What the rig carries beyond the noted load, in kg.
     """
 
     seed: int
     effects: tuple[str, ...]
     load: float
+    kind: str
+    factor: float = 1.0
+    spread: float = 1.0
+    recorded: str = "all"
+    changes: dict[str, float] = field(default_factory=dict)
+    load_error: float = 0.0
 
     @property
     def name(self) -> str:
         """Name of the case."""
-        return f"own-{self.seed:03d}"
+        return f"own-{self.seed}"
+
+    @property
+    def title(self) -> str:
+        """What it hides, in a few words."""
+        hidden = "+".join(self.effects) or "nothing"
+        size = f" x{self.factor:g}" if any(e in SIZES for e in self.effects) else ""
+        extra = [] if self.recorded == "all" else [self.recorded]
+        extra += ["coloured noise"] if "pressure_noise_time" in self.changes else []
+        return hidden + size + (f" ({', '.join(extra)})" if extra else "")
+
+    @property
+    def truths(self) -> tuple[Truth, ...]:
+        """What it hides, as a round is scored by it."""
+        return names().truths(self.name, list(self.effects))
 
 
-def plan(rounds: int = 3) -> tuple[Planned, ...]:
-    """Return the cases, those that hide nothing spread among the others.
+@cache
+def names() -> Names:
+    """Return how the rig's words are read."""
+    return read_names(Path(__file__).with_name("names.toml"))
 
-    Args:
-        rounds: How often each effect and each pair appears, each time with other parameters.
+
+@dataclass(frozen=True)
+class _Item:
+    effects: tuple[str, ...]
+    kind: str
+    recorded: str = "all"
+    coloured: bool = False
+
+
+_SPECIAL = (
+    (
+        _Item(("torque_noise",), "outside"),
+        _Item(("pressure_torque",), "outside"),
+        _Item(("parasitic_spring",), "limited", "narrow"),
+        _Item(("stribeck",), "limited", "closed"),
+        _Item(("tilt",), "single", coloured=True),
+    ),
+    (
+        _Item(("coulomb_drift",), "outside"),
+        _Item(("supply_drift",), "outside"),
+        _Item((), "limited", "narrow"),
+        _Item(("leak_muscle_2",), "limited", "closed"),
+        _Item(("quadratic_drag",), "limited", "narrow"),
+    ),
+    (
+        *(_Item((name,), "outside") for name in OUTSIDE),
+        _Item((), "limited", "closed"),
+        _Item(("force_shape",), "limited", "narrow"),
+        _Item(("valve_offset",), "limited", "closed"),
+        _Item(("valve_offset",), "single", coloured=True),
+    ),
+)
+"""Beyond single effects and pairs, turn by turn."""
+
+_NOTHING = 12
+"""Cases of each turn that hide nothing."""
+
+
+def plan() -> tuple[Planned, ...]:
+    """Return the cases in the order in which they are run.
+
+    Each turn has every single effect at one size, some of the pairs, some special cases and one in
+    four or five with nothing hidden, spread so that any beginning of the plan is a fair sample.
 
     Returns:
-        ``rounds`` times every single effect and every pair, and one in four with nothing hidden.
+        Three turns of cases, each determined by its seed.
     """
     cases: list[Planned] = []
-    for turn in range(rounds):
-        hidden: list[tuple[str, ...]] = [(name,) for name in SINGLE] + list(PAIRS)
-        # A fixed stride visits valve, joint, muscles and sensors in turn.
-        order = [(7 * i + 3 * turn) % len(hidden) for i in range(len(hidden))]
-        for i, k in enumerate(dict.fromkeys(order)):
-            cases.append(_planned(len(cases), hidden[k]))
-            if i % 3 == 2:
-                cases.append(_planned(len(cases), ()))
+    for turn, factor in enumerate(FACTORS):
+        single = [name for name in SINGLE if turn == 0 or name in SIZES or name == "wrong_load"]
+        pairs = (PAIRS[:3], PAIRS[3:], PAIRS)[turn]
+        hidden = [_Item((name,), "single") for name in single]
+        hidden += [_Item(pair, "pair") for pair in pairs]
+        hidden += _SPECIAL[turn]
+        nothing = [_Item((), "nothing", coloured=k == _NOTHING - 1) for k in range(_NOTHING)]
+        placed = 0
+        for k, item in enumerate(_strided(hidden)):
+            cases.append(_planned(len(cases), item, factor))
+            if (k + 1) * _NOTHING >= (placed + 1) * len(hidden):
+                cases.append(_planned(len(cases), nothing[placed], 1.0, even=placed % 2 == 0))
+                placed += 1
     return tuple(cases)
 
 
-def _planned(number: int, effects: tuple[str, ...]) -> Planned:
-    return Planned(1000 + number, effects, (1.0, 3.0, 5.0)[number % 3])
+def _strided(items: list[_Item]) -> list[_Item]:
+    """Visit muscles, joint, valve, air and sensors in turn."""
+    stride = next(s for s in _STRIDES if math.gcd(s, len(items)) == 1)
+    return [items[stride * i % len(items)] for i in range(len(items))]
+
+
+def _planned(number: int, item: _Item, factor: float, *, even: bool = False) -> Planned:
+    """Give an item its seed, load and sizes; `even` keeps the background nominal."""
+    # Effects outside the library, pairs and limited recordings stay at the rig's own size.
+    factor = factor if item.kind == "single" and not item.coloured else 1.0
+    changes = {n: v for e in item.effects for n, v in sizes(e, factor).items()}
+    if item.coloured:
+        changes["pressure_noise_time"] = COLOURED_S
+    sign = 1.0 if number % 2 else -1.0
+    return Planned(
+        _FIRST_SEED + number,
+        item.effects,
+        LOADS_KG[number % 3],
+        item.kind,
+        factor,
+        (0.0 if even else 2.0) if not item.effects else 1.0,
+        item.recorded,
+        changes,
+        sign * factor * WRONG_LOAD_KG if "wrong_load" in item.effects else 0.0,
+    )

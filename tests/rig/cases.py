@@ -21,11 +21,11 @@ SPREAD: dict[str, float] = {
 """Relative half range within which a background parameter leaves its nominal value."""
 
 
-def background(rng: np.random.Generator, load: float) -> dict[str, float]:
-    """Return nominal parameters moved at random by some per cent."""
+def background(rng: np.random.Generator, load: float, *, spread: float = 1.0) -> dict[str, float]:
+    """Return nominal parameters moved at random by some per cent, times `spread`."""
     p = nominal(load=load)
-    for name, spread in SPREAD.items():
-        p[name] *= 1.0 + rng.uniform(-spread, spread)
+    for name, half in SPREAD.items():
+        p[name] *= 1.0 + spread * rng.uniform(-half, half)
     return p
 
 
@@ -48,15 +48,19 @@ def make_case(
     sizes: dict[str, float] | None = None,
     load_error: float = 0.0,
     seconds: float = 20.0,
+    spread: float = 1.0,
+    recorded: str = "all",
 ) -> Path:
     """Write a case into `folder` and return it; the truth goes to truth.json in it.
 
-    `load` in kg stands in case.toml; the rig carries load + load_error.
+    `load` in kg stands in case.toml; the rig carries load + load_error. `spread` widens or narrows
+    the background. `recorded` is "all", "closed" (the closed-loop recordings alone) or "narrow"
+    (those, along slow sines of a few degrees).
     """
     rng = np.random.default_rng(seed)
     if "wrong_load" in effects and load_error == 0.0:
         load_error = float(rng.choice([-0.8, 0.8]))
-    p = switch_on(background(rng, load + load_error), effects, sizes)
+    p = switch_on(background(rng, load + load_error, spread=spread), effects, sizes)
     start = settled(p, seconds=2.0)
     # A loop that holds 30 deg during the pre-history leaves nearly the same pressures.
     held = plant.initial(30.0, _mean_bar(start, p), p)
@@ -69,6 +73,13 @@ def make_case(
         "validate_open": (start, "command", excitation.pulse_train(0.8 * seconds)),
         "validate_closed": (held, "reference", excitation.sines(rng, seconds)),
     }
+    if recorded != "all":
+        plans = {name: row for name, row in plans.items() if row[1] == "reference"}
+    if recorded == "narrow":
+        plans = {
+            name: (state, kind, excitation.slow_sines(rng, len(signal) / excitation.RATE))
+            for name, (state, kind, signal) in plans.items()
+        }
     folder.mkdir(parents=True, exist_ok=True)
     for name, (state, kind, signal) in plans.items():
         noise = int(rng.integers(2**31))
@@ -89,6 +100,7 @@ def make_case(
         "effects": [{"effect": e, "where": EFFECTS[e].where} for e in effects],
         "load_error": load_error,
         "parameters": p,
+        "starts": {name: state.tolist() for name, (state, _, _) in plans.items()},
     }
     (folder / "truth.json").write_text(json.dumps(truth, indent=1))
     return folder

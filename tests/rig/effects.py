@@ -53,6 +53,11 @@ EFFECTS: dict[str, Effect] = {
     "cogging": Effect("joint", "torque periodic in the angle", {"cogging_torque": 0.4}),
     "loose_load": Effect("joint", "the load is not rigid", {"load_stiffness": 150.0}),
     "torque_noise": Effect("joint", "random torque", {"torque_noise": 0.2}),
+    "pressure_torque": Effect(
+        "joint", "torque with the square of the pressure difference", {"pressure_torque": 0.12}
+    ),
+    "coulomb_drift": Effect("joint", "the bearing gets stiffer", {"coulomb_drift": 0.04}),
+    "supply_drift": Effect("supply", "the supply falls slowly", {"supply_drift": -2e3}),
     "valve_offset": Effect("valve", "the centre is not at 5 V", {"valve_centre": 4.85}),
     "valve_deadband": Effect("valve", "dead band", {"valve_deadband": 0.15}),
     "valve_play": Effect("valve", "play of the command", {"valve_play": 0.03}),

@@ -54,3 +54,16 @@ def sines(rng: np.random.Generator, seconds: float) -> Array:
             * np.sin(2 * np.pi * (rng.uniform(low, high) * t + rng.random()))
         )
     return r
+
+
+def slow_sines(rng: np.random.Generator, seconds: float) -> Array:
+    """Return a reference of two slow sines of a few degrees: the arm hardly moves."""
+    t = np.arange(round(seconds * RATE)) / RATE
+    r = np.full(t.size, rng.uniform(28.0, 32.0))
+    for low, high, size in ((0.08, 0.12, 3.0), (0.15, 0.25, 1.0)):
+        r += (
+            rng.uniform(0.7, 1.0)
+            * size
+            * np.sin(2 * np.pi * (rng.uniform(low, high) * t + rng.random()))
+        )
+    return r

@@ -34,6 +34,7 @@ _TABLE: dict[str, tuple[float, str, str]] = {
     "cogging_torque": (0.0, "N m", "amplitude of a torque periodic in the angle"),
     "cogging_periods": (20.0, "1/rev", "periods of the cogging torque per turn"),
     "quadratic_drag": (0.0, "N m s^2/rad^2", "drag torque per squared speed"),
+    "pressure_torque": (0.0, "N m/bar^2", "torque per squared difference of the pressures"),
     "external_torque": (0.0, "N m", "disturbance torque, changed from sample to sample"),
     "load_stiffness": (0.0, "N m/rad", "torsional stiffness of a loose load, 0: rigid"),
     "load_damping": (0.5, "N m s/rad", "damping of the loose load"),
@@ -115,6 +116,9 @@ _TABLE: dict[str, tuple[float, str, str]] = {
     "angle_delay": (0.0, "s", "delay of the angle"),
     "angle_offset": (0.0, "deg", "offset of the angle"),
     "command_step": (0.00244, "V", "quantisation of the command about 5 V"),
+    # drift, applied sample by sample
+    "coulomb_drift": (0.0, "N m/s", "rate at which the Coulomb level changes"),
+    "supply_drift": (0.0, "Pa/s", "rate at which the supply pressure changes"),
     # disturbance
     "torque_noise": (0.0, "N m", "rms of a coloured disturbance torque"),
     "torque_noise_time": (0.1, "s", "correlation time of the disturbance torque"),

@@ -192,6 +192,7 @@ static void derivative(const double *p, const double *x, double u, const double 
     if (a < 0) { st = -P(stop_stiffness) * a - P(stop_damping) * w; if (st < 0) st = 0; }
     if (a > SPAN) { st = -P(stop_stiffness) * (a - SPAN) - P(stop_damping) * w; if (st > 0) st = 0; }
     tq += st + P(constant_torque) + P(external_torque) - P(spring_torque) * (a - SPAN / 2);
+    tq += P(pressure_torque) * pow((pr[0] - pr[1]) * 1e-5, 2);
     if (P(cogging_torque) != 0) tq += P(cogging_torque) * sin(P(cogging_periods) * a);
     jl = P(load) * P(load_inertia_per_kg);
     if (P(load_stiffness) > 0 && P(load) > 0) {

@@ -255,6 +255,7 @@ def derivative(
     )
     torque = -tension[0] * slope[0] - tension[1] * slope[1] - drag + arm.stops(angle, speed, p)
     torque += p.constant_torque + p.external_torque - p.spring_torque * (angle - arm.SPAN / 2)
+    torque += p.pressure_torque * ((gas[0][3] - gas[1][3]) * 1e-5) ** 2
     if p.cogging_torque != 0.0:
         torque += p.cogging_torque * np.sin(p.cogging_periods * angle)
     load_inertia = p.load * p.load_inertia_per_kg

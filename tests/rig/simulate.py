@@ -75,8 +75,9 @@ def run(
     n = len(source)
     table, states, x = np.empty((n, 5)), np.empty((n, len(state))), np.array(state, float)
     keep = np.exp(-1.0 / RATE / p["torque_noise_time"])
+    laws = _drifts(p) | (drift or {})
     for j in range(n):
-        for name, law in (drift or {}).items():
+        for name, law in laws.items():
             p[name] = law(j / RATE)
         if p["torque_noise"] > 0.0:
             fresh = np.sqrt(1.0 - keep**2) * p["torque_noise"] * rng.standard_normal()
@@ -92,3 +93,13 @@ def run(
         table[j] = j / RATE, volt, angle, *bars
         _, x = fast.run(p, x, path(volt), step=step, keep=steps, compiled=compiled)
     return Record(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], states)
+
+
+def _drifts(p: dict[str, float]) -> dict[str, Callable[[float], float]]:
+    """Return the laws of the parameters that the rig itself lets drift."""
+
+    def law(first: float, rate: float) -> Callable[[float], float]:
+        return lambda time: max(0.0, first + rate * time)
+
+    rates = {"coulomb": p["coulomb_drift"], "supply_pressure": p["supply_drift"]}
+    return {name: law(p[name], rate) for name, rate in rates.items() if rate != 0.0}
