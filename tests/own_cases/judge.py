@@ -134,11 +134,12 @@ def ratio(above: Mapping[str, Any], below: Mapping[str, Any]) -> float:
 
 
 def verdict_of(row: Mapping[str, Any], who: str) -> Mapping[str, Any] | None:
-    """Return an answerer's verdict on a case; None if it gave none."""
+    """Return an answerer's verdict on a case; None if it was not asked.
+
+    A baseline that failed has answered nothing, which scores as an abstention.
+    """
     verdict = row["verdict"] if who == "tool" else row["baselines"].get(who)
-    return (
-        None if verdict is None or (verdict["verdict"] == "failed" and who != "tool") else verdict
-    )
+    return None if verdict is None else dict(verdict)
 
 
 def truths_of(row: Mapping[str, Any]) -> tuple[Truth, ...]:
@@ -169,7 +170,6 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
         for truth in truths
     )
     held_out = verdict.get("fit", {}).get("held_out", {})
-    last = held_out.get("extended") or held_out.get("refitted") or {}
     seconds = row.get("processor_seconds") if who == "tool" else verdict.get("processor_seconds")
     return Judged(
         row["case"],
@@ -179,7 +179,7 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
         line,
         regions,
         tuple(_sizes(row, verdict)),
-        ratio(last, row["limit"]),
+        ratio(held_out.get("extended") or {}, row["limit"]),
         math.nan if seconds is None else float(seconds),
     )
 
