@@ -25,7 +25,8 @@ OFFSET = found("valve_offset", "valve.command")
         (("tilt",), [found(None, "joint.torque")], 2, (True,), (True,), (False,), False),
         (("tilt",), [], 0, (False,), (False,), (False,), False),
         # Air went missing, though from the other chamber.
-        (("leak_muscle_1",), [found(None, "chamber_2.flow")], 1, (False,), (True,), (False,), False),
+        (("leak_muscle_1",), [found(None, "chamber_2.flow")], 1, (False,), (True,), (False,),
+         False),
         (("tilt", "valve_offset"), [OFFSET, TILT], 12, (True, True), (True, True), (True, True),
          False),
         (("tilt", "valve_offset"), [TILT], 6, (True, False), (True, False), (True, False), False),
