@@ -30,6 +30,8 @@ class Counter:
         """
         from tqdm import tqdm
 
+        from workbench.study.run import FINISHED_BEFORE
+
         if self._bar is None or part != self._part or total != self._bar.total:
             self.close()
             self._part = part
@@ -37,6 +39,8 @@ class Counter:
             # A log keeps every line: there, one per tenth is enough.
             self._bar = tqdm(
                 total=total,
+                # What was finished before took no time of this run.
+                initial=done if what == FINISHED_BEFORE else 0,
                 desc=part,
                 unit="run",
                 file=sys.stderr,

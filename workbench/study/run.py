@@ -13,6 +13,9 @@ from workbench.study.study import Study
 from workbench.study.tasks import Record, Task, execute
 
 T = TypeVar("T")
+FINISHED_BEFORE = "finished before"
+"""What progress is told of runs that an earlier study finished."""
+
 Progress = Callable[[int, int, str], None]
 """Called with the number of finished runs, of all runs, and what was finished."""
 
@@ -53,7 +56,7 @@ def run_tasks(
             found[i] = record
     open_tasks = [i for i in range(len(wanted)) if i not in found]
     if progress and found:
-        progress(len(found), len(wanted), "finished before")
+        progress(len(found), len(wanted), FINISHED_BEFORE)
 
     def call(i: int) -> tuple[Callable[..., Any], tuple[Any, ...]]:
         return _numbered, (i, wanted[i], paths)
