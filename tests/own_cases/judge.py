@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from tests.own_cases.sizes import COUNTERPARTS, SIZES
 from tests.rig.parameters import nominal
 from workbench.diagnosis.answer_key import Truth
 from workbench.diagnosis.claims import Answer
-from workbench.diagnosis.prove import GROUP, RIGHT, Line, score_case
+from workbench.diagnosis.prove import Line, score_case
 
 ANSWERERS = ("tool", "refit only", "greedy", "sindy")
 """Who answers on each case: the diagnosis and the baselines."""
@@ -220,32 +220,26 @@ def _default_truth(row: Mapping[str, Any]) -> dict[str, float]:
 
 def smallest_predicted(row: Mapping[str, Any], effect: str) -> float | None:
     """Return the smallest size that the scores predicted to be seen, in the library's unit."""
-    library = {name for truth in truths_of(row) if truth.word == effect for name in truth.library}
-    sizes = [s["smallest"] for s in row.get("scores", []) if s["effect"] in library]
-    return min(sizes) if sizes else None
+    name = _by_size(effect)
+    return next((s["smallest"] for s in row.get("scores", ()) if s["effect"] == name), None)
+
+
+def _by_size(effect: str) -> str | None:
+    """Return the name in the library whose size states that of an effect of the rig."""
+    return next((n for (e, n), c in COUNTERPARTS.items() if e == effect and c.size), None)
 
 
 def true_size(row: Mapping[str, Any], effect: str) -> float | None:
-    """Return the size of a hidden effect by the rig's parameter; None for one without size."""
-    if effect == "wrong_load":
-        return float(row["true"]["load_error"])
+    """Return the size of a hidden effect; None for one that is either there or not.
+
+    It is in the library's unit where the library has that size; else how far the rig's parameter
+    departs from that of the plain rig, or the parameter itself where the effect grows as it falls.
+    """
+    true = _default_truth(row) | row["true"]
+    name = _by_size(effect)
+    if name is not None:
+        return abs(COUNTERPARTS[effect, name].true(true))
     size = SIZES.get(effect)
     if size is None:
         return None
-    return float((_default_truth(row) | row["true"])[size.main])
-
-
-def all_right(judged: Judged) -> bool:
-    """Whether a case with nothing beyond the library was answered without fault."""
-    return judged.line.points == RIGHT * max(1, len(judged.effects))
-
-
-def best_possible(judged: Sequence[Judged]) -> int:
-    """Return the most points that could be had."""
-    return sum(j.line.most for j in judged)
-
-
-__all__ = [
-    "ANSWERERS", "GROUP", "Judged", "SizeFound", "all_right", "answer", "best_possible", "judge",
-    "ratio", "read_rows", "smallest_predicted", "true_size", "truths_of",
-]  # fmt: skip
+    return float(true[size.main] if size.inverse else abs(true[size.main] - nominal()[size.main]))

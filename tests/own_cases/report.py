@@ -38,6 +38,14 @@ COLOURS = {
 """Colour of an outcome; the worst one of a case counts."""
 
 
+ANSWERER_COLOURS = {
+    "tool": "#35618f",
+    "refit only": "#b0b0b0",
+    "greedy": "#e08214",
+    "sindy": "#8073ac",
+}
+
+
 def tables(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return all tables as text.
 
@@ -247,7 +255,8 @@ def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    effects, scored, factors = by_effect(rows), scores(rows), sorted(FACTORS)
+    effects, scored = by_effect(rows), scores(rows)
+    factors = sorted({f for effect in effects for f in effect.outcomes})
     plot, axes = plt.subplot_mosaic(
         [["size", "points"], ["size", "rates"]],
         figsize=(11.0, 1.5 + 0.2 * max(len(effects), 20)),
@@ -262,8 +271,8 @@ def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
                 colour = COLOURS[_worst(remark)]
                 left.add_patch(plt.Rectangle((k - 0.46, i - 0.42), 0.92, 0.84, color=colour))
     left.set(
-        xlim=(-0.5, len(factors) - 0.5),
-        ylim=(len(effects) - 0.5, -0.5),
+        xlim=(-0.5, max(len(factors), 1) - 0.5),
+        ylim=(max(len(effects), 1) - 0.5, -0.5),
         xticks=range(len(factors)),
         xticklabels=[f"x {f:g}" for f in factors],
         yticks=range(len(effects)),
@@ -276,7 +285,11 @@ def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     plot.legend(marks, list(COLOURS), loc="outside lower left", ncols=6, fontsize=8, frameon=False)
 
     names = [s.who for s in scored]
-    top.bar(names, [100 * s.points / s.most if s.most else 0.0 for s in scored], color="#35618f")
+    top.bar(
+        names,
+        [100 * s.points / s.most if s.most else 0.0 for s in scored],
+        color=[ANSWERER_COLOURS[n] for n in names],
+    )
     top.axhline(0.0, color="black", lw=0.8)
     top.set(ylabel="points, % of most", title="Points by the rules of a blind round")
     shown = ("right group", "right name or class", "confidently wrong", "false alarms")
@@ -290,10 +303,18 @@ def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
             [max(0.0, v - 100 * low) for v, (low, _) in zip(values, ends, strict=True)],
             [max(0.0, 100 * high - v) for v, (_, high) in zip(values, ends, strict=True)],
         ]
-        bottom.bar(at, values, width=step, yerr=spans, label=score.who, error_kw={"lw": 0.8})
+        bottom.bar(
+            at,
+            values,
+            width=step,
+            yerr=spans,
+            label=score.who,
+            error_kw={"lw": 0.8},
+            color=ANSWERER_COLOURS[score.who],
+        )
     bottom.set_xticks(range(len(shown)), [n.replace(" or ", "\nor ") for n in shown], fontsize=8)
-    bottom.set(ylabel="%", ylim=(0, 105), title="Rates with 95 % intervals")
-    bottom.legend(fontsize=8, frameon=False)
+    bottom.set(ylabel="%", ylim=(0, 112), title="Rates with 95 % intervals")
+    bottom.legend(fontsize=8, frameon=False, loc="upper center", ncols=4)
     plot.savefig(path, dpi=150)
     plt.close(plot)
 

@@ -105,10 +105,12 @@ class Counterpart:
     Args:
         parameter: Short name of the library's parameter.
         true: Its true value from the rig's parameters.
+        size: Whether it is the parameter whose zero means absent.
     """
 
     parameter: str
     true: Callable[[Mapping[str, float]], float]
+    size: bool = True
 
 
 def _p(name: str, factor: float = 1.0, less: float = 0.0) -> Callable[[Mapping[str, float]], float]:
@@ -141,7 +143,7 @@ COUNTERPARTS: dict[tuple[str, str], Counterpart] = {
     ("valve_deadband", "dead_band"): Counterpart("half_width", _p("valve_deadband")),
     ("valve_play", "play"): Counterpart("half_width", _p("valve_play")),
     ("valve_delay", "valve_delay"): Counterpart("time", _p("valve_delay")),
-    ("valve_slew", "slew_limit"): Counterpart("largest_rate", _p("valve_slew")),
+    ("valve_slew", "slew_limit"): Counterpart("largest_rate", _p("valve_slew"), size=False),
     ("leak_muscle_1", "chamber_leakage_1"): Counterpart("conductance", _p("leak_1")),
     ("leak_muscle_2", "chamber_leakage_2"): Counterpart("conductance", _p("leak_2")),
     ("leak_muscle_1", "edge_leakage_exhaust_1"): Counterpart(
@@ -153,11 +155,12 @@ COUNTERPARTS: dict[tuple[str, str], Counterpart] = {
     ("loose_load", "loose_load"): Counterpart(
         "frequency",
         lambda p: math.sqrt(p["load_stiffness"] / (p["load"] * p["load_inertia_per_kg"])),
+        size=False,
     ),
     ("leak_between", "cross_leakage"): Counterpart("conductance", _p("leak_between")),
-    ("supply_droop", "reservoir_droop"): Counterpart("gain", _p("supply_linear")),
-    ("line", "lines"): Counterpart("conductance", _p("line_conductance")),
-    ("silencers", "silencers"): Counterpart("conductance", _p("silencer_conductance")),
+    ("supply_droop", "reservoir_droop"): Counterpart("gain", _p("supply_linear"), size=False),
+    ("line", "lines"): Counterpart("conductance", _p("line_conductance"), size=False),
+    ("silencers", "silencers"): Counterpart("conductance", _p("silencer_conductance"), size=False),
     ("pressure_lag", "sensor_lag_pressures"): Counterpart("time", _p("pressure_lag")),
     ("pressure_offset", "sensor_offset_pressure_1"): Counterpart("amount", _p("pressure_offset_1")),
     ("pressure_gain", "sensor_gain_pressure_2"): Counterpart(

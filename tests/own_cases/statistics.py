@@ -21,7 +21,7 @@ from tests.own_cases.judge import (
     verdict_of,
 )
 from tests.own_cases.plan import FACTORS, OUTSIDE, SINGLE
-from workbench.diagnosis.prove import CLASS, score_round
+from workbench.diagnosis.prove import score_round
 
 BARS: dict[str, tuple[str, float]] = {
     "false alarms": ("at most", 0.0),
@@ -224,10 +224,10 @@ class ByEffect:
     Args:
         effect: Effect of the rig.
         outcomes: Remark of the score by size over the rig's own.
-        smallest_named: Smallest size that was named, by the rig's parameter, in SI; None if none
-            was, or the effect is either there or not.
+        smallest_named: Smallest size that was named, as `true_size` states it; None if none was,
+            or the effect is either there or not.
         predicted: Smallest size that the scores predicted to be seen, median over its cases, in
-            the library's unit; None if no score was kept.
+            the same unit; None where the library has no such size.
         sizes: Sizes of its cases.
     """
 
@@ -312,19 +312,3 @@ def by_kind(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
                 "wrong name": Rate(sum(j.wrong for j in own), len(own)),
             }
     return result
-
-
-__all__ = [
-    "BARS",
-    "CLASS",
-    "ByEffect",
-    "Rate",
-    "Score",
-    "Sizes",
-    "by_effect",
-    "by_kind",
-    "by_size",
-    "score_of",
-    "scores",
-    "wilson",
-]

@@ -36,6 +36,7 @@ def test_true_sizes_have_a_parameter_in_the_library() -> None:
     for (effect, name), counterpart in COUNTERPARTS.items():
         assert name in names().effects[effect].library
         assert counterpart.parameter in {q.name for q in known[name].effect.parameters}
+        assert counterpart.size == (known[name].size_parameter == counterpart.parameter)
         true = counterpart.true(p | EFFECTS[effect].parameters)
         assert true != 0.0
         assert abs(true) < max(
