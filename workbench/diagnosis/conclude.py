@@ -43,11 +43,7 @@ def conclude(
         True
     """
     outputs = judging[0].used
-    floor = dict(zip(outputs, judging[0].noise_rms.tolist(), strict=True))
-    fit = {
-        label: {o: _rms([run.rmse[o] for run in runs.values()]) for o in outputs}
-        for label, runs in diagnosis.runs.items()
-    } | {"noise_floor": floor}
+    fit = held_out_errors(diagnosis, judging)
     units = {q.name: q.unit for q in diagnosis.nominal.outputs if q.name in outputs}
     findings = tuple(_finding(diagnosis, i, fit) for i in range(len(diagnosis.accepted)))
     findings = findings or _without_name(diagnosis, fit)
@@ -93,6 +89,35 @@ def conclude(
     )
 
 
+def held_out_errors(
+    diagnosis: Diagnosis, judging: Sequence[Observed]
+) -> dict[str, dict[str, float]]:
+    """Return the errors of the free runs on all held-out recordings together.
+
+    Args:
+        diagnosis: A diagnosis with free runs.
+        judging: Held-out recordings, observed with the nominal model.
+
+    Returns:
+        Root mean square error by model and output, and the noise of the sensors as
+        ``noise_floor``, in SI.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> from workbench.diagnosis.observe import observe
+        >>> found, hold_out = example_diagnosis()
+        >>> errors = held_out_errors(found, [observe(found.nominal, r) for r in hold_out])
+        >>> errors["extended"]["position"] < errors["refitted"]["position"]
+        True
+    """
+    outputs = judging[0].used
+    floor = dict(zip(outputs, judging[0].noise_rms.tolist(), strict=True))
+    return {
+        label: {o: _rms([run.rmse[o] for run in runs.values()]) for o in outputs}
+        for label, runs in diagnosis.runs.items()
+    } | {"noise_floor": floor}
+
+
 def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]]) -> Finding:
     candidate, alike = diagnosis.accepted[index]
     entry = candidate.entry
@@ -102,7 +127,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
     parameters = {
         e.name.removeprefix(f"{entry.effect.name}."): Value(e.value, e.unit, e.std) for e in own
     }
-    share = _explained(fit)
+    share = explained(fit)
     name = f"{entry.effect.name}.{entry.size_parameter}"
     size = next((e for e in own if e.name == name), None)
     about = entry.effect.about
@@ -156,7 +181,7 @@ def _without_name(
                     for e in diagnosis.extended.refit.estimates
                     if e.name.startswith(own)
                 },
-                share_of_excess_explained=_explained(fit),
+                share_of_excess_explained=explained(fit),
                 gain=term.gain,
                 p_value=_by_chance(gain, low),
             ),
@@ -174,8 +199,21 @@ def _by_chance(gain: float, low: float) -> float:
     return 0.5 * math.erfc(gain / deviation / math.sqrt(2))
 
 
-def _explained(fit: Mapping[str, Mapping[str, float]]) -> float:
-    """Share of the mean square error beyond the noise that the extension removes."""
+def explained(fit: Mapping[str, Mapping[str, float]]) -> float:
+    """Return the share of the held-out mean square error beyond the noise that is removed.
+
+    Args:
+        fit: Errors as `held_out_errors` returns them.
+
+    Returns:
+        The share, the mean over the outputs, 0 to 1, dimensionless; NaN if a run failed.
+
+    Example:
+        >>> explained(
+        ...     {"refitted": {"y": 5.0}, "extended": {"y": 3.0}, "noise_floor": {"y": 3.0}}
+        ... )
+        1.0
+    """
     shares = []
     for output, noise in fit["noise_floor"].items():
         before = fit["refitted"][output] ** 2 - noise**2
@@ -206,8 +244,8 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding]) -> tuple[Kind, str]
     if base.share <= IMPERFECT:
         return (
             "nothing_missing",
-            "Nothing is missing: with refitted parameters the model explains the recordings to the"
-            " noise of the sensors.",
+            "Nothing is missing that these recordings can show: with refitted parameters the model"
+            " predicts them nearly to the noise of the sensors.",
         )
     return (
         "unexplained",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 
-from workbench.diagnosis.conclude import IMPERFECT, conclude
+from workbench.diagnosis.conclude import IMPERFECT, conclude, explained, held_out_errors
 from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.free_form import free_form
 from workbench.diagnosis.free_run import free_run
@@ -15,7 +15,7 @@ from workbench.diagnosis.next_experiment import next_experiment
 from workbench.diagnosis.observe import observe
 from workbench.diagnosis.prediction_error import Observed
 from workbench.diagnosis.priors import Prior, default_priors
-from workbench.diagnosis.search import search, started
+from workbench.diagnosis.search import search, started, withdraw_all
 from workbench.diagnosis.start import fitted_start
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import NumericalError, WorkbenchError
@@ -25,6 +25,9 @@ from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
 
 Progress = Callable[[str], None]
+
+LEAST_EXPLAINED = 0.3
+"""Share of the held-out free-run error beyond the noise that everything found must remove."""
 
 _START_S = 0.5
 
@@ -115,19 +118,18 @@ def diagnose(
     say("locating the mismatch")
     diagnosis.before = locate(base.model, fitting)
     search(diagnosis, fitting, judging, known, entries, jobs, say)
+    if diagnosis.accepted:
+        say("running the improved model freely on the held-out recordings")
+        _run_freely(diagnosis, judging, ("refitted", "extended"))
+        if explained(held_out_errors(diagnosis, judging)) < LEAST_EXPLAINED:
+            withdraw_all(diagnosis)
     if not diagnosis.accepted and base.share > IMPERFECT:
         _free(diagnosis, fitting, judging, known, say)
     if diagnosis.extended is not base:
         say("locating what is left")
         diagnosis.after = locate(diagnosis.extended.model, started(fitting, diagnosis))
     say("running the models freely on the held-out recordings")
-    for label, fitted in (
-        ("nominal", model),
-        ("refitted", base.model),
-        ("extended", diagnosis.extended.model),
-    ):
-        starts = [_settled(fitted, extended_start(r, model, fitted)) for r in judging]
-        diagnosis.runs[label] = {r.name: free_run(fitted, r) for r in starts}
+    _run_freely(diagnosis, judging, ("nominal", "refitted", "extended"))
     advice: dict[str, object] = {}
     if advise:
         say("choosing what to record next")
@@ -135,6 +137,22 @@ def diagnose(
     seconds = time.perf_counter() - began
     diagnosis.verdict = conclude(diagnosis, judging, data, advice, seconds)
     return diagnosis
+
+
+def _run_freely(diagnosis: Diagnosis, judging: Sequence[Observed], labels: Sequence[str]) -> None:
+    """Simulate models along the held-out recordings, unless that was done before."""
+    models = {
+        "nominal": diagnosis.nominal,
+        "refitted": diagnosis.base.model,
+        "extended": diagnosis.extended.model,
+    }
+    for label in labels:
+        if label in diagnosis.runs:
+            continue
+        fitted = models[label]
+        starts = [_settled(fitted, extended_start(r, diagnosis.nominal, fitted)) for r in judging]
+        diagnosis.runs[label] = {r.name: free_run(fitted, r) for r in starts}
+    diagnosis.runs = {label: diagnosis.runs[label] for label in models if label in diagnosis.runs}
 
 
 def _settled(model: Model, observed: Observed) -> Observed:

@@ -166,6 +166,26 @@ def _withdraw(diagnosis: Diagnosis, passed: Sequence[LikelyFit]) -> None:
         diagnosis.extended = passed[count - 1]
 
 
+def withdraw_all(diagnosis: Diagnosis) -> None:
+    """Take back everything that was found: the improved model does not run freely any better.
+
+    Args:
+        diagnosis: The diagnosis.
+
+    Example:
+        >>> from dataclasses import replace
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> copy = replace(example_diagnosis()[0], accepted=[], withdrawn=[], runs={})
+        >>> withdraw_all(copy)
+        >>> copy.extended is copy.base
+        True
+    """
+    diagnosis.withdrawn += [candidate for candidate, _ in diagnosis.accepted]
+    diagnosis.accepted.clear()
+    diagnosis.extended = diagnosis.base
+    diagnosis.runs.pop("extended", None)
+
+
 def _leave_out(
     diagnosis: Diagnosis, fitting: Sequence[Observed], free: Sequence[Prior], least: float
 ) -> None:

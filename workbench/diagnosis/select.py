@@ -34,6 +34,7 @@ SIGMA = 3.0
 """Standard deviations by which a size must differ from zero."""
 
 _FINALISTS = 4
+_MOST_SENSORS = 2
 IMPLAUSIBLE = 5.0
 """Multiple of the usual size beyond which a size is not believed."""
 
@@ -41,9 +42,6 @@ _SURPASSED = "another effect explains the recordings better"
 
 _HEAD_S = 10.0
 """Length of each recording that the first refit of a hypothesis uses, s."""
-
-_OF_BEST = 0.1
-"""Share of the leader's gain below which a hypothesis is not followed."""
 
 _NEAR = 10.0
 """A step that gains less log likelihood than this ends the first refit of a hypothesis."""
@@ -158,9 +156,7 @@ def refit_candidates(
         )
         # Only the leaders are followed down the ladder: a hypothesis that cannot compete with the
         # equations as imperfect as they were does not overtake with more trust in them.
-        order = sorted(range(len(chosen)), key=lambda i: -first[i].gain)
-        least = max(_OF_BEST * first[order[0]].gain, LEAST_SCORE) if order else 0.0
-        leaders = [i for i in order[:_FINALISTS] if first[i].fit and first[i].gain > least]
+        leaders = _leaders(first)
         if progress and leaders:
             progress("comparing " + " and ".join(chosen[i].entry.name for i in leaders))
         finals = parallel(
@@ -174,6 +170,30 @@ def refit_candidates(
     )
     best = next((c for c in judged if not c.refused), None)
     return tuple(c if c is best or c.refused else replace(c, refused=_SURPASSED) for c in judged)
+
+
+def _leaders(first: Sequence[Candidate]) -> list[int]:
+    """Choose which hypotheses to follow, by their gain in the first refit.
+
+    A lag or delay of a sensor imitates many a slow or springy part of the process, and does so at
+    several sensors: of each such law one is followed, and two at the most. The best score is
+    followed whatever its first refit gained.
+    """
+    order = sorted(range(len(first)), key=lambda i: -first[i].gain)
+    worthy = [i for i in order if first[i].fit is not None and first[i].gain > LEAST_SCORE]
+    leaders: list[int] = []
+    laws: set[str] = set()
+    for i in worthy:
+        entry = first[i].entry
+        if entry.group == "sensor":
+            if entry.law in laws or len(laws) >= _MOST_SENSORS:
+                continue
+            laws.add(entry.law)
+        if len(leaders) < _FINALISTS:
+            leaders.append(i)
+    if 0 in worthy and 0 not in leaders:
+        leaders[-1] = 0
+    return leaders
 
 
 def entry_priors(score: Score) -> tuple[tuple[Prior, ...], dict[str, float]]:
