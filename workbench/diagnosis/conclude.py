@@ -242,6 +242,15 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding]) -> tuple[Kind, str]
         sensor = all(c.entry.group == "sensor" for c, _ in diagnosis.accepted)
         return ("sensor" if sensor else "named"), sentence
     if base.share <= IMPERFECT:
+        bound = [e for e in base.refit.estimates if e.on_bound]
+        if bound:
+            names = ", ".join(f"{e.name} at {e.value:.3g} {e.unit}" for e in bound)
+            return (
+                "parameter",
+                "No physics is missing that these recordings can show, but a value is wrong: the"
+                f" refit ends on its bound with {names}. Check it, and what the notes say of values"
+                " that go with it, such as a load.",
+            )
         return (
             "nothing_missing",
             "Nothing is missing that these recordings can show: with refitted parameters the model"
