@@ -203,7 +203,7 @@ def explained(fit: Mapping[str, Mapping[str, float]]) -> float:
     """Return the share of the held-out mean square error beyond the noise that is removed.
 
     Args:
-        fit: Errors as `held_out_errors` returns them.
+        fit: Errors as `held_out_errors` returns them, in SI.
 
     Returns:
         The share, the mean over the outputs, 0 to 1, dimensionless; NaN if a run failed.
