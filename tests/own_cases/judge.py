@@ -42,6 +42,7 @@ class Judged:
         effects: What is hidden, by the rig's names.
         factor: Size over the rig's own.
         line: Its score.
+        names: How many effects it names.
         regions: Whether each hidden effect was put into the right region.
         sizes: Sizes of rightly named effects beside the true ones.
         over_limit: Held-out error over that of the true model, root mean square over the outputs,
@@ -54,6 +55,7 @@ class Judged:
     effects: tuple[str, ...]
     factor: float
     line: Line
+    names: int
     regions: tuple[bool, ...]
     sizes: tuple[SizeFound, ...] = ()
     over_limit: float = math.nan
@@ -61,8 +63,12 @@ class Judged:
 
     @property
     def wrong(self) -> bool:
-        """Whether anything was named that is not hidden."""
-        return "wrong name" in self.line.remark
+        """Whether anything was named that is not hidden.
+
+        Where nothing is hidden, something that is located but not named costs as many points, but
+        is not a name.
+        """
+        return "wrong name" in self.line.remark and self.names > 0
 
     @property
     def outside(self) -> bool:
@@ -177,6 +183,7 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
         tuple(row["effects"]),
         row["factor"],
         line,
+        given.names,
         regions,
         tuple(_sizes(row, verdict)),
         ratio(held_out.get("extended") or {}, row["limit"]),

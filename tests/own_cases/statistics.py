@@ -156,6 +156,7 @@ class Score:
         near = [j.over_limit for j in [*faulty, *clean] if math.isfinite(j.over_limit)]
         return {
             "false alarms": Rate(sum(j.wrong for j in clean), len(clean)),
+            "nothing hidden: not silent": Rate(sum(j.line.points < 0 for j in clean), len(clean)),
             "right group": _over(faulty, lambda j: j.line.located),
             "right region": _over(faulty, lambda j: j.regions),
             "right name or class": _over(faulty, lambda j: j.line.named),

@@ -32,6 +32,7 @@ OFFSET = found("valve_offset", "valve.command")
         (("tilt", "valve_offset"), [TILT], 6, (True, False), (True, False), (True, False), False),
         ((), [TILT], -6, (), (), (), True),
         ((), [], 6, (), (), (), False),
+        ((), [found(None, "joint.torque")], -6, (), (), (), False),
         (("pressure_gain",), [found("sensor_gain_pressure_1", "pressure_1.reading")], -6, (False,),
          (False,), (False,), True),
         (("coulomb_drift",), [found("stribeck_friction", "joint.torque")], -6, (True,), (True,),
