@@ -29,6 +29,9 @@ Progress = Callable[[str], None]
 LEAST_EXPLAINED = 0.3
 """Share of the held-out free-run error beyond the noise that everything found must remove."""
 
+MOST_SEARCHES = 3
+"""How many effects may be tried as the first one found."""
+
 _START_S = 0.5
 
 
@@ -117,12 +120,20 @@ def diagnose(
     diagnosis = Diagnosis(model, base, base)
     say("locating the mismatch")
     diagnosis.before = locate(base.model, fitting)
-    search(diagnosis, fitting, judging, known, entries, jobs, say)
-    if diagnosis.accepted:
-        say("running the improved model freely on the held-out recordings")
-        _run_freely(diagnosis, judging, ("refitted", "extended"))
-        if explained(held_out_errors(diagnosis, judging)) < LEAST_EXPLAINED:
-            withdraw_all(diagnosis)
+    # What gains the most at first may lead nowhere: then the next best begins.
+    failed: list[str] = []
+    while len(failed) < MOST_SEARCHES:
+        began_with = search(
+            diagnosis, fitting, judging, known, entries, jobs, say, without=tuple(failed)
+        )
+        if diagnosis.accepted:
+            say("running the improved model freely on the held-out recordings")
+            _run_freely(diagnosis, judging, ("refitted", "extended"))
+            if explained(held_out_errors(diagnosis, judging)) < LEAST_EXPLAINED:
+                withdraw_all(diagnosis)
+        if diagnosis.accepted or began_with is None:
+            break
+        failed.append(began_with)
     if not diagnosis.accepted and base.share > IMPERFECT:
         _free(diagnosis, fitting, judging, known, say)
     if diagnosis.extended is not base:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 from workbench.diagnosis.diagnosis import Diagnosis
@@ -17,6 +17,7 @@ from workbench.diagnosis.prediction_error import Observed
 from workbench.diagnosis.priors import Prior
 from workbench.diagnosis.score import Scores, score_library
 from workbench.diagnosis.select import (
+    SURPASSED,
     Candidate,
     charge_for,
     entry_priors,
@@ -62,7 +63,9 @@ def search(
     entries: Sequence[Entry] | None,
     jobs: int,
     say: Progress,
-) -> None:
+    *,
+    without: Collection[str] = (),
+) -> str | None:
     """Add one effect after the other as long as one is accepted.
 
     Forward: the library is scored on what is left, the best hypotheses are refitted, and the one
@@ -77,6 +80,11 @@ def search(
         entries: Effects that may be missing; the whole library if None.
         jobs: Number of processes.
         say: Called with a line of text before each step.
+        without: Effects with which an earlier search began that came to nothing; this one begins
+            with the next best of its first round.
+
+    Returns:
+        The effect with which the search began, whether it was kept or not; None if there was none.
 
     Raises:
         NumericalError: If the nominal model cannot be simulated along the recordings.
@@ -93,6 +101,9 @@ def search(
     diagnosis.excess = whole
     passed = [diagnosis.base]
     charge = 0.0
+    before = diagnosis.rounds[0] if without else None
+    began: str | None = None
+    diagnosis.rounds = []
     for number in range(MOST_FINDINGS):
         current = diagnosis.extended
         excess = max(current.cost - perfect, 0.0)
@@ -101,33 +112,40 @@ def search(
             least = max(LEAST_OF_REST * excess, LEAST_OF_ALL * whole)
             if excess < least:
                 break
-        given = library(current.model, outputs=fitting[0].used) if entries is None else entries
-        attached = {effect.name for effect in current.model.effects}
-        tried = [e for e in given if e.name not in attached]
-        say(f"scoring {len(tried)} effects" + (" on what is left" if number else ""))
-        begun, judged = started(fitting, diagnosis), started(judging, diagnosis)
-        scores = score_library(current.model, begun, free, tried, share=current.share)
-        # A score tells little of the gain of a large effect, such as a lag of many samples: only
-        # what is left after another effect is asked for a share of the gain beforehand.
-        chosen = shortlist(scores, most=8, least=0.05 * least) if number else shortlist(scores)
-        charge = charge_for(len(tried), samples, 2)
-        candidates = refit_candidates(
-            current,
-            chosen,
-            free,
-            begun,
-            judged,
-            charge=charge,
-            least_gain=least,
-            jobs=jobs,
-            progress=say,
-        )
+        if before is not None and not number:
+            scores, candidates = before
+            passing = [c for c in candidates if _passed(c) and c.entry.name not in without]
+        else:
+            given = library(current.model, outputs=fitting[0].used) if entries is None else entries
+            attached = {effect.name for effect in current.model.effects}
+            tried = [e for e in given if e.name not in attached]
+            say(f"scoring {len(tried)} effects" + (" on what is left" if number else ""))
+            begun, judged = started(fitting, diagnosis), started(judging, diagnosis)
+            scores = score_library(current.model, begun, free, tried, share=current.share)
+            # A score tells little of the gain of a large effect, such as a lag of many samples:
+            # only what is left after another is asked for a share of the gain beforehand.
+            chosen = shortlist(scores, most=8, least=0.05 * least) if number else shortlist(scores)
+            charge = charge_for(len(tried), samples, 2)
+            candidates = refit_candidates(
+                current,
+                chosen,
+                free,
+                begun,
+                judged,
+                charge=charge,
+                least_gain=least,
+                jobs=jobs,
+                progress=say,
+            )
+            passing = [c for c in candidates if not c.refused]
         diagnosis.rounds.append((scores, candidates))
-        best = next((c for c in candidates if not c.refused), None)
+        best = passing[0] if passing else None
         if best is None or best.fit is None:
             break
+        began = began or best.entry.name
         say(f"found {best.entry.name}")
-        diagnosis.accepted.append((best, _alike(best, candidates, scores)))
+        rivals = [c for c in candidates if c.entry.name not in without]
+        diagnosis.accepted.append((best, _alike(best, rivals, scores)))
         free += entry_priors(next(s for s in scores.scores if s.entry.name == best.entry.name))[0]
         diagnosis.extended = _polished(best.fit, started(fitting, diagnosis, best.fit.model), free)
         passed.append(diagnosis.extended)
@@ -137,6 +155,12 @@ def search(
     if len(diagnosis.accepted) > 1:
         say("leaving out one effect at a time")
         _leave_out(diagnosis, fitting, free, max(charge, LEAST_OF_ALL * whole))
+    return began
+
+
+def _passed(candidate: Candidate) -> bool:
+    """Whether an effect passed every rule, even if another explained more."""
+    return candidate.followed and candidate.fit is not None and candidate.refused in ("", SURPASSED)
 
 
 def _perfect(diagnosis: Diagnosis, fitting: Sequence[Observed]) -> float:

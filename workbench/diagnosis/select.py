@@ -38,7 +38,8 @@ _MOST_SENSORS = 2
 IMPLAUSIBLE = 5.0
 """Multiple of the usual size beyond which a size is not believed."""
 
-_SURPASSED = "another effect explains the recordings better"
+SURPASSED = "another effect explains the recordings better"
+"""Why an effect that passed every rule, or was not followed, is not taken."""
 
 _HEAD_S = 10.0
 """Length of each recording that the first refit of a hypothesis uses, s."""
@@ -169,7 +170,7 @@ def refit_candidates(
         (replace(c, refused=_refusal(c, charge, least_gain)) for c in first), key=lambda c: -c.gain
     )
     best = next((c for c in judged if not c.refused), None)
-    return tuple(c if c is best or c.refused else replace(c, refused=_SURPASSED) for c in judged)
+    return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in judged)
 
 
 def _leaders(first: Sequence[Candidate]) -> list[int]:
@@ -271,7 +272,7 @@ def _first(
         )
     except NumericalError as error:
         return Candidate(entry, None, -math.inf, unknown, str(error), followed=False)
-    return Candidate(entry, fit, cost - fit.cost, unknown, _SURPASSED, followed=False)
+    return Candidate(entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
 
 
 def _starts(score: Score, start: Mapping[str, float]) -> list[dict[str, float]]:
