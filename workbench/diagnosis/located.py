@@ -45,6 +45,7 @@ class Located:
         explained: Share of the mean square of the signal that the law takes away where the
             readings determine it, dimensionless; NaN without law.
         recordings: Names of the recordings.
+        law_name: What the law is, in plain words.
 
     Example:
         >>> one = np.ones(2)
@@ -63,6 +64,7 @@ class Located:
     argument_values: Vector
     explained: float = math.nan
     recordings: tuple[str, ...] = ()
+    law_name: str = "the effect that was found"
 
     @property
     def known(self) -> npt.NDArray[np.bool_]:
@@ -75,10 +77,11 @@ def located_signal(
 ) -> tuple[Located, ...]:
     """Estimate what is missing at some ports, and what was found to be missing there.
 
-    If something was found, the first effect is taken out of the extended model again and the
-    recordings tell what signal is then missing at its place. The other parameters are those fitted
-    with the effect: the refitted nominal model hides part of what it lacks in wrong values of
-    them. If nothing was found, the signal is what the refitted nominal model lacks.
+    If something was found, the first effect, or the term without a name, is taken out of the
+    extended model again and the recordings tell what signal is then missing at its place. The
+    other parameters are those fitted with it: the refitted nominal model hides part of what it
+    lacks in wrong values of them. If nothing was found, the signal is what the refitted nominal
+    model lacks.
 
     Args:
         diagnosis: A finished diagnosis.
@@ -101,21 +104,21 @@ def located_signal(
         True
     """
     model, extended = diagnosis.base.model, diagnosis.extended.model
-    absent: dict[str, float] = {}
-    memory = False
-    if diagnosis.accepted:
-        entry = diagnosis.accepted[0][0].entry
-        model = extended.without(entry.effect.name)
-        absent = {f"{entry.effect.name}.{entry.size_parameter}": 0.0}
-        memory = bool(entry.effect.states)
+    taken_out = _taken_out(diagnosis)
+    if taken_out is not None:
+        model = extended.without(taken_out.effect)
     ports = told_apart(model, ports, recordings[0])
     started = [extended_start(seen, diagnosis.nominal, model) for seen in recordings]
     parts = [unknown_input(model, seen, ports) for seen in started]
     laws: list[Vector] | None = None
-    if diagnosis.accepted:
+    if taken_out is not None:
         laws = [
             added_at_ports(
-                extended, absent, extended_start(seen, diagnosis.nominal, extended), model, part
+                extended,
+                taken_out.absent,
+                extended_start(seen, diagnosis.nominal, extended),
+                model,
+                part,
             )
             for seen, part in zip(recordings, parts, strict=True)
         ]
@@ -132,7 +135,7 @@ def located_signal(
             signal if law is None else law,
             arguments,
             next(q for q in model.ports if q.name == port),
-            memory,
+            taken_out or _Found("", {}),
             rows,
         )
         found.append(
@@ -148,9 +151,36 @@ def located_signal(
                 values,
                 math.nan if law is None else _explained(signal, std, law),
                 tuple(part.name for part in parts),
+                *(() if taken_out is None else (taken_out.name,)),
             )
         )
     return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Found:
+    """An effect that can be taken out again: its parameters at which it is absent."""
+
+    effect: str
+    absent: Mapping[str, float]
+    memory: bool = False
+    over: str = ""
+    name: str = "the effect that was found"
+
+
+def _taken_out(diagnosis: Diagnosis) -> _Found | None:
+    """Return the first effect that was found, else the term without a name, else nothing."""
+    if diagnosis.accepted:
+        entry = diagnosis.accepted[0][0].entry
+        size = f"{entry.effect.name}.{entry.size_parameter}"
+        return _Found(entry.effect.name, {size: 0.0}, bool(entry.effect.states))
+    term = diagnosis.free_form
+    if term is None or not term.accepted:
+        return None
+    own = [name for curve in term.curves.values() for name in curve.names]
+    own += ["loop"] if term.loop else []
+    absent = {f"{term.effect_name}.{short}": 0.0 for short in own}
+    return _Found(term.effect_name, absent, term.loop, next(iter(term.curves)), "the fitted curve")
 
 
 def added_at_ports(
@@ -303,18 +333,20 @@ def _argument(
     signal: Vector,
     arguments: Sequence[tuple[str, str, Vector]],
     port: Port,
-    memory: bool,
+    law: _Found,
     rows: npt.NDArray[np.bool_],
 ) -> tuple[str, str, Vector]:
     """Choose the quantity to draw a signal against: of what the port sees, else of everything.
 
-    A law with memory is a function of nothing; it makes a loop over the first that the port sees.
+    A law without a name comes with its argument. One with memory is a function of nothing; it makes
+    a loop over the first quantity that the port sees.
     """
     number = port.group.rpartition("_")[2]
     order = [name for own in port.signals for name in (own, f"{own}_{number}")]
     near = sorted((item for item in arguments if item[0] in order), key=lambda i: order.index(i[0]))
-    if memory and near:
-        return near[0]
+    own = [item for item in near if item[0] in (law.over, f"{law.over}_{number}")]
+    if own or (law.memory and near):
+        return (own or near)[0]
     return max(near or arguments, key=lambda i: correlation_ratio(signal[rows], i[2][rows]))
 
 

@@ -19,6 +19,8 @@ from workbench.model import Model
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
 
+_NOTHING_LEFT = ("nothing_missing", "parameter")
+
 
 @dataclass(frozen=True)
 class ErrorRow:
@@ -131,7 +133,8 @@ def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
         diagnosis: A finished diagnosis.
 
     Returns:
-        Ports of the first finding; else those of the located group, if something is missing there.
+        Ports of the first finding, with or without a name; else those of the located group, if
+        something is missing at all.
 
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
@@ -144,8 +147,10 @@ def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
     if diagnosis.free_form is not None and diagnosis.free_form.accepted:
         return diagnosis.free_form.ports
     verdict = diagnosis.verdict
-    if diagnosis.before is None or verdict is None or verdict.kind == "nothing_missing":
+    if diagnosis.before is None or verdict is None or verdict.kind in _NOTHING_LEFT:
         return ()
+    if verdict.findings:
+        return verdict.findings[0].where
     return groups_of(diagnosis.base.model)[diagnosis.before.best]
 
 

@@ -16,7 +16,19 @@ from workbench.reports.diagnosis_tables import (
     errors_table,
     parameters_table,
     scores_table,
+    unfit_sentences,
     unseen_table,
+)
+from workbench.reports.diagnosis_unnamed import (
+    accepted_term,
+    free_form_blocks,
+    group_sentence,
+    hull_sentence,
+    improved,
+    outside_sentence,
+    refusals,
+    share_sentence,
+    taken_back,
 )
 from workbench.reports.figures.diagnosis_law import diagnosis_law, diagnosis_signal
 from workbench.reports.figures.diagnosis_location import diagnosis_location
@@ -74,10 +86,13 @@ def diagnosis_page(
         sections += [
             _held_out(diagnosis, proof, verdict),
             _where(diagnosis, proof, verdict),
-            _numbers(diagnosis),
+            _numbers(diagnosis, verdict),
             _alternatives(diagnosis),
             _limits(diagnosis, verdict),
         ]
+    if verdict.kind == "parameter":
+        # The wrong value is the finding, so it comes before everything else.
+        sections.sort(key=lambda section: section.name != "parameters")
     sections.append(_recordings(verdict, commands))
     return Page(
         f"Diagnosis of {name}",
@@ -90,10 +105,24 @@ def diagnosis_page(
 def _lead(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
     """Return the verdict, and what it is worth on recordings that it has not seen."""
     sentence = verdict.sentence.replace("+-", "±").replace("_", " ")
+    term = accepted_term(diagnosis)
+    if term is not None:
+        share = share_sentence(verdict.findings[0].share_of_excess_explained)
+        parts = (sentence, share, _falls(diagnosis, proof), hull_sentence(term), _next(verdict))
+        return " ".join(part for part in parts if part)
     if not diagnosis.accepted:
-        return f"{sentence} {_next(verdict)}".strip()
+        stop = "" if sentence.endswith(".") else "."
+        return f"{sentence}{stop} {_next(verdict)}".strip()
     if all(len(finding.alike) < 2 for finding in verdict.findings):
         sentence += " No other effect of the library explains the recordings as well."
+    sentence = f"{sentence} {_falls(diagnosis, proof)}".strip()
+    if any(len(finding.alike) > 1 for finding in verdict.findings):
+        sentence += f" {_next(verdict)}"
+    return sentence.strip()
+
+
+def _falls(diagnosis: Diagnosis, proof: Proof) -> str:
+    """Say how far the errors on held-out recordings fall."""
     falls = [
         f"{row.output.replace('_', ' ')} from {number(factor * row.rmse['refitted'])} to"
         f" {number(factor * row.rmse['extended'])} {unit}"
@@ -101,11 +130,7 @@ def _lead(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
         for unit, factor in [readable(row.unit)]
         if {"refitted", "extended"} <= set(row.rmse)
     ]
-    if falls:
-        sentence += f" {_seen_in(diagnosis)} the error falls: {', '.join(falls)}."
-    if any(len(finding.alike) > 1 for finding in verdict.findings):
-        sentence += f" {_next(verdict)}"
-    return sentence.strip()
+    return f"{_seen_in(diagnosis)} the error falls: {', '.join(falls)}." if falls else ""
 
 
 def _seen_in(diagnosis: Diagnosis) -> str:
@@ -142,7 +167,7 @@ def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...
 
 
 def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
-    extended = diagnosis.runs.get("extended", {}) if diagnosis.accepted else {}
+    extended = diagnosis.runs.get("extended", {}) if improved(diagnosis) else {}
     noise = verdict.fit.get("noise_floor", {})
     blocks: list[Block] = [
         Words(
@@ -192,7 +217,8 @@ def _failed(before: FreeRun, after: FreeRun | None) -> str:
 def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     blocks: list[Block] = []
     before = verdict.location.get("before", {})
-    after = verdict.location.get("after", {}) if diagnosis.accepted else {}
+    after = verdict.location.get("after", {}) if improved(diagnosis) else {}
+    term = accepted_term(diagnosis)
     if before and max(*before.values(), *after.values(), 0.0) < 1.0:
         blocks.append(
             Words(
@@ -220,10 +246,16 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
                 "note",
             )
         )
+    if term is not None:
+        blocks += free_form_blocks(term)
     if proof.located:
         blocks.append(
             Words(
-                "Below, the effect is taken out of the extended model again, and the held-out"
+                "Below, the term is taken out of the extended model again, and the held-out"
+                " recordings tell what signal is then missing at its place; no law is assumed for"
+                " that. Beside it stands the curve that was fitted to the other recordings."
+                if term is not None
+                else "Below, the effect is taken out of the extended model again, and the held-out"
                 " recordings tell what signal is then missing at its place; no law is assumed for"
                 " that. Beside it stands the effect, whose law was fitted to the other recordings."
                 if diagnosis.accepted
@@ -236,7 +268,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
             Picture(
                 f"law-{i + 1}",
                 diagnosis_law(located),
-                _law_caption(located),
+                _law_caption(located) + (outside_sentence(term, located) if term else ""),
                 f"located signal at {located.port} against {located.argument}",
             ),
             Picture(
@@ -247,7 +279,13 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
                 f"located signal at {located.port} over time",
             ),
         ]
+    if proof.note and not proof.located and proof.ports:
+        blocks.append(Words(f"The located signal cannot be shown: {proof.note}.", "note"))
     if proof.isolability is not None:
+        if verdict.kind in ("located_unnamed", "unexplained"):
+            blocks += [
+                Words(text) for text in [group_sentence(proof.isolability, proof.ports)] if text
+            ]
         blocks.append(isolability_table(proof.isolability, proof.ports))
     title = "Where it acts and what it looks like" if diagnosis.accepted else "Is anything left?"
     if verdict.kind in ("located_unnamed", "unexplained"):
@@ -263,39 +301,57 @@ def _law_caption(located: Located) -> str:
     if located.law is None:
         return f"{what}."
     if not located.explained > 0:
-        return f"{what}; and the effect that was found."
+        return f"{what}; and {located.law_name}."
     return (
-        f"{what}; and the effect that was found, which takes away"
+        f"{what}; and {located.law_name}, which takes away"
         f" {100 * located.explained:.0f} % of the signal's mean square."
     )
 
 
-def _numbers(diagnosis: Diagnosis) -> Section:
-    return Section("parameters", "Parameters", (parameters_table(diagnosis),))
+def _numbers(diagnosis: Diagnosis, verdict: Verdict) -> Section:
+    blocks: list[Block] = []
+    if verdict.kind == "parameter":
+        blocks.append(
+            Words(
+                "The refit wants a value beyond what is plausible. The model follows the recordings"
+                " with it, so its equations are complete; the value on the bound, or one that goes"
+                " with it in the notes of the trial, is wrong.",
+                "note",
+            )
+        )
+    blocks.append(parameters_table(diagnosis))
+    title = "The value that is wrong" if verdict.kind == "parameter" else "Parameters"
+    return Section("parameters", title, tuple(blocks))
 
 
 def _alternatives(diagnosis: Diagnosis) -> Section:
     blocks: list[Block] = []
+    gone = taken_back(diagnosis)
     for i, (scores, candidates) in enumerate(diagnosis.rounds):
         title = _round_title(i, len(diagnosis.accepted))
-        blocks.append(scores_table(title, scores, candidates))
+        blocks.append(scores_table(title, scores, candidates, gone))
     if blocks:
         charged = len(diagnosis.rounds[0][0].scores)
-        blocks.insert(
-            0,
+        blocks[:0] = [
             Words(
-                f"{charged} effects of the library were tried on an equal footing; each accepted"
-                " one had to pay for the size of the library, and to improve the held-out"
+                f"{charged} effect{'s' if charged != 1 else ''} of the library tried on an equal"
+                " footing; to be accepted,"
+                " one has to pay for the size of the library, and to improve the held-out"
                 " recordings beyond chance."
             ),
-        )
-    return Section("alternatives", "Alternatives", tuple(blocks))
+            *refusals(diagnosis),
+        ]
+    named = bool(diagnosis.accepted) or not diagnosis.rounds
+    title = "Alternatives" if named else "What was tried, and why it was refused"
+    return Section("alternatives", title, tuple(blocks))
 
 
 def _round_title(number: int, found: int) -> str:
     if number < found:
         return "What else it could be" if number == 0 else "What else the next could be"
-    return "What is left after that" if found else "What the library would explain"
+    if found:
+        return "What is left after that"
+    return "What the library would explain" + (", with that of before" if number else "")
 
 
 def _limits(diagnosis: Diagnosis, verdict: Verdict) -> Section:
@@ -314,11 +370,15 @@ def _recordings(verdict: Verdict, commands: Sequence[str]) -> Section:
 
     blocks: list[Block] = []
     remarks = [row for row in verdict.data if row.get("result") != "pass"]
+    blocks += [Words(text, "note") for text in unfit_sentences(verdict)]
     if remarks:
         blocks.append(checks_table(verdict))
     elif verdict.data:
         blocks.append(Words(f"All {len(verdict.data)} checks of the recordings passed."))
-    blocks.append(Method(METHODS))
+    unfit = verdict.kind == "data_unfit"
+    if not unfit:
+        blocks.append(Method(METHODS))
     if commands:
         blocks.append(Commands(tuple(commands)))
-    return Section("recordings", "Recordings and methods", tuple(blocks))
+    title = "Which check failed" if unfit else "Recordings and methods"
+    return Section("recordings", title, tuple(blocks))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.proof import ErrorRow
@@ -11,6 +11,7 @@ from workbench.diagnosis.refit_result import Estimate
 from workbench.diagnosis.score import ABSORBED, Scores
 from workbench.diagnosis.select import Candidate
 from workbench.diagnosis.verdict import Verdict
+from workbench.reports.diagnosis_unnamed import improved
 from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.tables import Cell, Table, number
 
@@ -38,9 +39,9 @@ METHODS: tuple[tuple[str, str], ...] = (
     ),
     (
         "located signal",
-        "iterated extended Kalman smoother of the extended model without its first effect (of the"
-        " refitted nominal model where nothing was found) with an unknown signal, correlated over"
-        " 0.05 s, at the port; its size is estimated with it",
+        "iterated extended Kalman smoother of the extended model without its first effect or its"
+        " term without a name (of the refitted nominal model where nothing was found) with an"
+        " unknown signal, correlated over 0.05 s, at the port; its size is estimated with it",
     ),
     (
         "argument of the law",
@@ -63,6 +64,12 @@ METHODS: tuple[tuple[str, str], ...] = (
         "gain on held-out recordings",
         "difference of log likelihood on recordings not fitted on, with the 99 % interval of a"
         " bootstrap over blocks of 0.5 s",
+    ),
+    (
+        "term without a name",
+        "natural cubic splines over at most two quantities at the located port, chosen by what they"
+        " predict of the located signal across blocks of time and tested against shifted signals;"
+        " their ordinates are refitted together with the parameters",
     ),
     (
         "what these sensors can tell apart",
@@ -124,6 +131,9 @@ def errors_table(errors: Sequence[ErrorRow], extended: bool) -> Table:
 def parameters_table(diagnosis: Diagnosis) -> Table:
     """Build the table of parameters before the data, refitted and in the extended model.
 
+    Parameters that end on a bound stand first where that is the verdict; ordinates of a curve
+    without a name stand last.
+
     Args:
         diagnosis: A finished diagnosis.
 
@@ -134,19 +144,25 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
         ['coulomb friction, level in N (new)', 'mass in kg']
     """
     before = {e.name: e for e in diagnosis.base.refit.estimates}
-    after = {e.name: e for e in diagnosis.extended.refit.estimates} if diagnosis.accepted else {}
+    after = {e.name: e for e in diagnosis.extended.refit.estimates} if improved(diagnosis) else {}
+    wrong = diagnosis.verdict is not None and diagnosis.verdict.kind == "parameter"
+    added = [n for n in after if n not in before]
+    names = [*added, *before] if diagnosis.accepted else [*before, *added]
+    if wrong:
+        names.sort(key=lambda name: not before[name].on_bound)
+    ordinates = _ordinates(diagnosis)
     rows: list[tuple[Cell | str, ...]] = []
-    for name in [*(n for n in after if n not in before), *before]:
+    for name in names:
         one = before.get(name) or after[name]
         new = name not in before
         unit, factor = readable(one.unit)
-        plain = name.replace("_", " ").replace(".", ", ")
+        plain = ordinates.get(name) or name.replace("_", " ").replace(".", ", ")
         shown = plain if unit == "1" else f"{plain} in {unit}"
         known = f"{_value(factor * one.prior.mean)} ± {_value(factor * one.prior.std, 2)}"
         cells: list[Cell | str] = [
             shown + (" (new)" if new else ""),
             "" if new else known,
-            _estimate(before.get(name)),
+            _estimate(before.get(name), wrong=wrong),
         ]
         if after:
             cells.append(_estimate(after.get(name)))
@@ -163,11 +179,30 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
     )
 
 
-def _estimate(estimate: Estimate | None) -> Cell:
+def _ordinates(diagnosis: Diagnosis) -> dict[str, str]:
+    """Say of the ordinates of a term without a name where on the curve they are."""
+    term = diagnosis.free_form
+    if term is None:
+        return {}
+    named = {}
+    for curve in term.curves.values():
+        unit, factor = readable(curve.unit)
+        for short, knot in zip(curve.names, curve.knots, strict=True):
+            # A knot at the end of the data may miss zero by a rounding error.
+            near = abs(knot) < 1e-3 * (curve.knots[-1] - curve.knots[0])
+            where = f"{number(0.0 if near else factor * knot)} {unit}".removesuffix(" 1")
+            argument = curve.argument.replace("_", " ")
+            named[f"{term.effect_name}.{short}"] = f"free form, curve at {argument} {where},"
+    return named
+
+
+def _estimate(estimate: Estimate | None, *, wrong: bool = False) -> Cell:
     if estimate is None:
         return Cell("")
     factor = readable(estimate.unit)[1]
     text = f"{_value(factor * estimate.value, 4)} ± {_value(factor * estimate.std, 2)}"
+    if wrong and estimate.on_bound:
+        return Cell(text, "missed", "on the bound of what is plausible")
     return Cell(text, reason="on its bound" if estimate.on_bound else "")
 
 
@@ -186,13 +221,19 @@ def _moved(before: Estimate | None, after: Estimate | None) -> str:
     return " → ".join(said)
 
 
-def scores_table(title: str, scores: Scores, candidates: Sequence[Candidate]) -> Table:
+def scores_table(
+    title: str,
+    scores: Scores,
+    candidates: Sequence[Candidate],
+    taken_back: Mapping[str, str] | None = None,
+) -> Table:
     """Build the table of scores, refits and confusion with the best effect.
 
     Args:
         title: What the table lists.
         scores: Scores of the library.
         candidates: Effects that were refitted.
+        taken_back: Why effects were taken back after they had been accepted, by name.
 
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
@@ -220,7 +261,7 @@ def scores_table(title: str, scores: Scores, candidates: Sequence[Candidate]) ->
                 "–" if name == reference else f"{scores.confusion[row, i]:.2f}",
                 _fitted(candidate),
                 _held_out(candidate),
-                _outcome(candidate),
+                _outcome(candidate, taken_back or {}),
             )
         )
     headings = (
@@ -263,11 +304,13 @@ def _held_out(candidate: Candidate | None) -> str:
     return f"{gain} ({low} … {high})"
 
 
-def _outcome(candidate: Candidate | None) -> Cell:
+def _outcome(candidate: Candidate | None, taken_back: Mapping[str, str]) -> Cell:
     if candidate is None:
         return Cell("scored only")
     if candidate.refused:
         return Cell(candidate.refused)
+    if candidate.entry.name in taken_back:
+        return Cell("taken back", reason=taken_back[candidate.entry.name])
     return Cell("accepted")
 
 
@@ -305,10 +348,15 @@ def checks_table(verdict: Verdict) -> Table:
         '1 checks passed without remark.'
     """
     passed = sum(row.get("result") == "pass" for row in verdict.data)
+    remarks = [row for row in verdict.data if row.get("result") != "pass"]
     rows = tuple(
-        (row["recording"], row["check"], row["result"], row["note"])
-        for row in verdict.data
-        if row.get("result") != "pass"
+        (
+            row["recording"],
+            row["check"],
+            Cell(row["result"], "missed" if row["result"] == "unfit" else ""),
+            row["note"],
+        )
+        for row in sorted(remarks, key=lambda row: row["result"] != "unfit")
     )
     return Table(
         "Checks of the recordings",
@@ -316,3 +364,45 @@ def checks_table(verdict: Verdict) -> Table:
         rows,
         f"{passed} checks passed without remark.",
     )
+
+
+FIXES: dict[str, str] = {
+    "time base": "export the time in seconds with enough digits, one row per sample",
+    "gaps": "split the file at the gaps and give the parts as recordings of their own",
+    "units": "say the unit in the heading or in a mapping (--mapping), such as pressure_bar",
+    "gauge pressure": "say in a mapping (--mapping) whether the pressure is gauge or absolute",
+    "signs": "correct the sign or the order of the columns in a mapping (--mapping)",
+    "constant signals": "check the cable and the channel, and that the column is the right one",
+    "stuck samples": "check the converter and the sampling, and record again",
+    "clipping": "widen the range of the channel, or move less, and record again",
+    "quantisation": "widen the gain of the channel, or move further, and record again",
+    "noise floor": "check shielding and supply of the sensor, or move further, and record again",
+    "excitation": "record a motion that covers the range of the machine",
+}
+"""Usual fix of each check that can find a recording unfit."""
+
+
+def unfit_sentences(verdict: Verdict) -> tuple[str, ...]:
+    """Say which checks found recordings unfit, and what usually helps.
+
+    Args:
+        verdict: The verdict.
+
+    Returns:
+        A sentence or two for each such check.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> row = {"recording": "one", "check": "gaps", "result": "unfit", "note": "half is lost"}
+        >>> unfit_sentences(Verdict("data_unfit", "", servo_axis(), data=(row,)))[0][:44]
+        'one fails the check of gaps: half is lost. U'
+    """
+    said = []
+    for row in verdict.data:
+        if row.get("result") == "unfit":
+            fix = FIXES.get(row["check"], "correct the file, or record again")
+            note = row["note"].rstrip(".")
+            said.append(
+                f"{row['recording']} fails the check of {row['check']}: {note}. Usual fix: {fix}."
+            )
+    return tuple(said)

@@ -42,10 +42,18 @@ def diagnosis_free_form(argument: Argument, *, place: str, unit: str) -> Figure:
             " located signal instead"
         )
     figure, (axes,) = new_figure([2.7])
-    bins, (shown, factor) = argument.bins, readable(unit)
+    bins, (shown, factor) = argument.bins, ("%", 100.0) if unit == "1" else readable(unit)
     x = bins.x * readable(argument.unit)[1]
     mean, std, curve = (factor * values for values in (bins.mean, bins.std, bins.curve))
-    axes.fill_between(x, mean - std, mean + std, color=FAINT.light, alpha=0.45, linewidth=0)
+    axes.fill_between(
+        x,
+        mean - std,
+        mean + std,
+        color=FAINT.light,
+        alpha=0.45,
+        linewidth=0,
+        label="its scatter in a class",
+    )
     axes.plot(x, mean, ".", color=MEASURED.light, markersize=6.0, label="from the readings")
     axes.plot(x, curve, color=AFTER.light, linewidth=1.4, label="fitted curve")
     axes.axhline(0.0, color=FAINT.light, linewidth=0.9, zorder=1)
@@ -54,7 +62,9 @@ def diagnosis_free_form(argument: Argument, *, place: str, unit: str) -> Figure:
     label(
         axes,
         x=titled(argument.name, argument.unit),
-        y=f"{name} in {shown}" if unit != "1" else f"relative change of {name}",
+        y=f"{'change of ' if unit == '1' else ''}{name} in {shown}",
     )
-    key(axes, columns=2)
+    handles, _ = axes.get_legend_handles_labels()
+    # The readings come first, as they do in every picture.
+    key(axes, columns=3, handles=[*handles[1:], handles[0]])  # type: ignore[list-item]
     return figure

@@ -61,7 +61,7 @@ def diagnosis_law(located: Located) -> Figure:
             color=AFTER.light,
             markersize=3.2,
             markeredgewidth=0,
-            label="the effect that was found",
+            label=located.law_name,
             zorder=3,
         )
         shown.append(law)
@@ -108,7 +108,7 @@ def diagnosis_signal(located: Located) -> Figure:
     axes.plot(time, signal, color=MEASURED.light, linewidth=1.2, label="from the readings")
     if located.law is not None:
         law = factor * located.law[rows]
-        axes.plot(time, law, color=AFTER.light, linewidth=1.0, label="the effect that was found")
+        axes.plot(time, law, color=AFTER.light, linewidth=1.0, label=located.law_name)
         signal = np.concatenate([signal, law])
     _limit(axes, signal)
     name = located.port.replace("_", " ")

@@ -1,0 +1,61 @@
+"""Small diagnoses that end without a name: a law outside the library, and mere noise."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.example import made_up_recording, pushes
+from workbench.physics.library import library
+from workbench.physics.stiffness import linear_spring
+from workbench.plants.servo_axis import servo_axis
+from workbench.recordings.recording import Recording, Signal
+
+SAMPLES = 400
+STEP_S = 0.01
+
+
+@cache
+def sprung() -> tuple[Diagnosis, tuple[Recording, ...]]:
+    """An axis held by a spring, diagnosed with a library that has friction only."""
+    axis = servo_axis()
+    spring = linear_spring(
+        "axis.force",
+        stiffness=200.0,
+        upper=1000.0,
+        coordinate="position",
+        unit="N",
+        coordinate_unit="m",
+    )
+    runs = [
+        made_up_recording(
+            axis.with_effect(spring),
+            pushes(SAMPLES, largest=200.0, seed=seed),
+            sample_time=STEP_S,
+            name=f"axis {seed}",
+        )
+        for seed in (1, 2)
+    ]
+    return _diagnosed(runs)
+
+
+@cache
+def shaken() -> tuple[Diagnosis, tuple[Recording, ...]]:
+    """An axis with an unmeasured random force that is a function of nothing."""
+    axis, rng = servo_axis(), np.random.default_rng(5)
+    runs = []
+    for seed in (1, 2):
+        push = pushes(SAMPLES, largest=200.0, seed=seed)
+        unseen = np.repeat(rng.normal(scale=60.0, size=SAMPLES // 10), 10)
+        run = made_up_recording(axis, push + unseen, sample_time=STEP_S, name=f"axis {seed}")
+        runs.append(run.with_signal(Signal("force", push, "N", role="command")))
+    return _diagnosed(runs)
+
+
+def _diagnosed(runs: list[Recording]) -> tuple[Diagnosis, tuple[Recording, ...]]:
+    axis = servo_axis()
+    few = [e for e in library(axis) if e.law == "stribeck_friction"]
+    return diagnose(axis, runs[:1], runs[1:], entries=few, jobs=1, advise=False), tuple(runs[1:])

@@ -1,0 +1,152 @@
+"""Pages of diagnoses without a name: a curve, mere noise, a wrong value, unfit recordings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import pytest
+
+from tests.diagnosis.unnamed_case import shaken, sprung
+from workbench.diagnosis.conclude import conclude
+from workbench.diagnosis.diagnose import LEAST_EXPLAINED
+from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.example_diagnosis import example_diagnosis
+from workbench.diagnosis.likely import LikelyFit
+from workbench.diagnosis.observe import observe
+from workbench.diagnosis.proof import Proof, proof_of
+from workbench.diagnosis.prove import prove
+from workbench.diagnosis.search import withdraw_all
+from workbench.diagnosis.verdict import Verdict
+from workbench.plants.servo_axis import servo_axis
+from workbench.reports.diagnosis_page import diagnosis_page
+from workbench.reports.diagnosis_unnamed import taken_back
+from workbench.reports.page import Page, Words
+from workbench.reports.tables import Table
+
+
+@lru_cache(maxsize=2)
+def _page(curve: bool) -> Page:
+    found, hold_out = sprung() if curve else shaken()
+    assert found.verdict is not None
+    step = {"sentence": "Read the position twice."}
+    found = replace(found, verdict=replace(found.verdict, next_experiment=step))
+    return diagnosis_page(found, proof_of(found, hold_out), name="axis")
+
+
+def _table(page: Page, title: str) -> Table:
+    tables = [b for s in page.sections for b in s.blocks if isinstance(b, Table)]
+    return next(table for table in tables if table.title.startswith(title))
+
+
+def _words(page: Page) -> str:
+    return " ".join(b.text for s in page.sections for b in s.blocks if isinstance(b, Words))
+
+
+def test_a_curve_without_a_name_leads_the_page() -> None:
+    found, _ = sprung()
+    assert found.verdict is not None and found.verdict.kind == "located_unnamed"
+    lead = _page(True).lead
+    share = 100 * found.verdict.findings[0].share_of_excess_explained
+    assert "Missing at axis.force" in lead and "a curve over position" in lead
+    assert f"takes away {share:.0f} % of the held-out mean square error" in lead
+    assert "empirical: valid inside its data hull, position from 0 to" in lead
+    assert lead.endswith("Next: read the position twice.")
+
+
+def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
+    found, hold_out = sprung()
+    page = _page(True)
+    names = [picture.name for picture in page.pictures]
+    assert names == ["runs-1", "residuals-1", "location", "free-form-1", "law-1", "signal-1"]
+    # Measured, refitted and extended.
+    assert len(page.pictures[0].figure.axes[0].lines) == 3
+    assert "extended" in _table(page, "Errors of").headings
+    (row,) = _table(page, "Arguments").rows
+    assert row[0] == "position in mm" and str(row[-1]).startswith("x (")
+    ordinates = [r[0].text for r in _table(page, "Values with").cells if "curve at" in r[0].text]
+    assert len(ordinates) == 6 and ordinates[0] == "free form, curve at position 0 mm, in N (new)"
+    (located,) = proof_of(found, hold_out).located
+    assert located.argument == "position" and located.law is not None
+    # The made-up spring pulls with 200 N/m; the curve is constant beyond its hull.
+    assert found.free_form is not None
+    low, high = found.free_form.hull["position"]
+    share = float(((located.argument_values < low) | (located.argument_values > high)).mean())
+    assert share > 0.5
+    caption = next(p.caption for p in page.pictures if p.name == "law-1")
+    assert f"{100 * share:.0f} % of these samples lie outside the data hull" in caption
+
+
+def test_noise_is_shown_where_it_acts_with_what_was_refused() -> None:
+    found, _ = shaken()
+    assert found.verdict is not None and found.verdict.kind == "unexplained"
+    page = _page(False)
+    assert [p.name for p in page.pictures][2:] == ["location", "law-1", "signal-1"]
+    assert "extended" not in _table(page, "Errors of").headings
+    band = next(p for p in page.pictures if p.name == "signal-1").figure.axes[0].collections
+    assert len(band) == 1
+    said = _words(page)
+    assert "A law without a name at axis.force was tried and refused: the signal depends" in said
+    assert "a signal at axis.force looks like one at position.reading" in said
+    assert page.lead.endswith("Next: read the position twice.")
+
+
+def test_what_was_taken_back_stands_with_the_reason() -> None:
+    given, hold_out = example_diagnosis()
+    found = replace(given, accepted=list(given.accepted), withdrawn=[], runs=dict(given.runs))
+    withdraw_all(found)
+    found.runs["extended"] = found.runs["refitted"]
+    seen = [observe(found.nominal, recording) for recording in hold_out]
+    found.verdict = conclude(found, seen, (), {}, 1.0)
+    assert found.verdict.kind == "unexplained"
+    assert f"less than {100 * LEAST_EXPLAINED:.0f} %" in taken_back(found)["coulomb_friction"]
+    page = diagnosis_page(found, Proof((), ()), name="axis")
+    assert "Taken back: coulomb friction" in _words(page)
+    row = next(r for r in _table(page, "What the library").cells if r[0].text.startswith("coulomb"))
+    assert row[-1].text == "taken back" and "held-out" in row[-1].reason
+    # With ten times as much to explain, it would have explained too little to begin with.
+    more = replace(found, excess=10 * found.excess)
+    assert "explains too little" in taken_back(more)["coulomb_friction"]
+
+
+def test_a_value_on_its_bound_stands_first() -> None:
+    given, _ = sprung()
+    estimates = given.base.refit.estimates
+    bound = tuple(replace(e, on_bound=e.name == "offset") for e in estimates)
+    base = replace(given.base, refit=replace(given.base.refit, estimates=bound), share=0.0)
+    found = replace(given, base=base, extended=base, free_form=None)
+    found.verdict = conclude(found, [observe(servo_axis(), r) for r in sprung()[1]], (), {}, 1.0)
+    assert found.verdict.kind == "parameter"
+    page = diagnosis_page(found, Proof((), ()), name="axis")
+    assert page.sections[0].name == "parameters"
+    first, *others = _table(page, "Values with").cells
+    assert first[0].text.startswith("offset") and first[2].mark == "missed"
+    assert not any(cell.mark for row in others for cell in row)
+
+
+def test_unfit_recordings_come_with_the_usual_fix() -> None:
+    axis = servo_axis()
+    unfit = LikelyFit.__new__(LikelyFit)
+    rows = (
+        {"recording": "one", "check": "gaps", "result": "corrected", "note": "one gap bridged"},
+        {"recording": "two", "check": "clipping", "result": "unfit", "note": "half is clipped"},
+    )
+    verdict = Verdict("data_unfit", "Recording two cannot be judged: half", axis, data=rows)
+    page = diagnosis_page(Diagnosis(axis, unfit, unfit, verdict=verdict), Proof((), ()), name="x")
+    assert page.lead.endswith("half.")
+    assert "two fails the check of clipping: half is clipped. Usual fix: widen" in _words(page)
+    assert _table(page, "Checks").cells[0][2].mark == "missed"
+
+
+@pytest.mark.parametrize(("curve", "points"), [(True, 6), (False, 2)])
+def test_verdicts_without_a_name_can_be_scored(curve: bool, points: int, tmp_path: Path) -> None:
+    found, _ = sprung() if curve else shaken()
+    assert found.verdict is not None
+    folder, key, names = tmp_path / "verdicts", tmp_path / "key.json", tmp_path / "names.toml"
+    folder.mkdir()
+    (folder / "one.json").write_text(found.verdict.to_json())
+    key.write_text(json.dumps({"one": {"truth": [{"effect": "odd"}]}}))
+    names.write_text('[effects.odd]\nlibrary = []\nports = ["axis.force"]\n')
+    assert prove(folder, key, names=names).points == points

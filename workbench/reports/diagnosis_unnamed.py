@@ -1,0 +1,326 @@
+"""What the page of a diagnosis says where something is missing that has no name."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.free_form_result import Argument, FreeForm
+from workbench.diagnosis.isolability import Isolability
+from workbench.diagnosis.located import Located
+from workbench.diagnosis.search import LEAST_SHARE, LEAST_TOGETHER
+from workbench.diagnosis.select import Candidate
+from workbench.reports.figures.diagnosis_free_form import diagnosis_free_form
+from workbench.reports.figures.diagnosis_units import readable
+from workbench.reports.page import Block, Words
+from workbench.reports.pictures import Picture
+from workbench.reports.tables import Cell, Table, interval, number
+
+
+def accepted_term(diagnosis: Diagnosis) -> FreeForm | None:
+    """Return the term without a name that stands in the improved model.
+
+    Args:
+        diagnosis: A finished diagnosis.
+
+    Returns:
+        The term; None if an effect of the library was found, or nothing at all.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> accepted_term(example_diagnosis()[0]) is None
+        True
+    """
+    term = diagnosis.free_form
+    return term if term is not None and term.accepted and not diagnosis.accepted else None
+
+
+def improved(diagnosis: Diagnosis) -> bool:
+    """Return whether there is a model that is better than the refitted one.
+
+    Args:
+        diagnosis: A finished diagnosis.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> improved(example_diagnosis()[0])
+        True
+    """
+    return bool(diagnosis.accepted) or accepted_term(diagnosis) is not None
+
+
+def hull_sentence(term: FreeForm) -> str:
+    """Say where a fitted curve holds.
+
+    Args:
+        term: An accepted term.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.2)),)
+        >>> hull_sentence(FreeForm(example_diagnosis()[0].base, ("axis.force",), arguments=seen))
+        'The curve is empirical: valid inside its data hull, speed from −100 to 200 mm/s.'
+    """
+    ranges = []
+    for a in term.arguments:
+        unit, factor = readable(a.unit)
+        low, high = (number(_rounded(factor * end, a, factor)) for end in a.hull)
+        ranges.append(f"{_plain(a.name)} from {low} to {high} {unit}".removesuffix(" 1"))
+    curves = "curve is" if len(ranges) == 1 else "curves are"
+    return f"The {curves} empirical: valid inside its data hull, {' and '.join(ranges)}.".replace(
+        "are empirical: valid inside its", "are empirical: valid inside their"
+    )
+
+
+def _rounded(end: float, argument: Argument, factor: float) -> float:
+    """Set an end of a range to zero where it is nothing beside the range."""
+    low, high = argument.hull
+    return 0.0 if abs(end) < 1e-3 * factor * (high - low) else end
+
+
+def outside_sentence(term: FreeForm, located: Located) -> str:
+    """Say how much of the recordings lies where the curve is only continued.
+
+    Args:
+        term: An accepted term.
+        located: The signal at its place along recordings.
+
+    Returns:
+        A sentence with a blank before it; empty if all of them lie inside, or another quantity was
+        drawn.
+
+    Example:
+        >>> import numpy as np
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.1)),)
+        >>> term = FreeForm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
+        >>> x = np.linspace(-0.2, 0.2, 1001)
+        >>> outside_sentence(term, Located("axis.force", "N", x, x, x, x, "speed", "m/s", x))
+        ' 50 % of these samples lie outside the data hull, where the curve is only continued.'
+    """
+    own = [a for a in term.arguments if located.argument.startswith(a.name)]
+    if not own:
+        return ""
+    low, high = own[0].hull
+    x = located.argument_values
+    share = float(np.mean((x < low) | (x > high)))
+    if share < 0.01:
+        return ""
+    return (
+        f" {100 * share:.0f} % of these samples lie outside the data hull, where the curve is only"
+        " continued."
+    )
+
+
+def free_form_blocks(term: FreeForm) -> list[Block]:
+    """Show the curves of a term on what was measured, and the evidence for their arguments.
+
+    Args:
+        term: An accepted term.
+
+    Returns:
+        Words, a picture per argument, a table.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.2)),)
+        >>> term = FreeForm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
+        >>> [type(block).__name__ for block in free_form_blocks(term)]
+        ['Words', 'Table']
+    """
+    place = _plain(", ".join(term.ports))
+    over = " and ".join(_plain(a.name) for a in term.arguments)
+    form = (
+        f"The term changes {place} by a fraction that is a curve over {over}"
+        if term.relative
+        else f"The term adds to {place} a curve over {over}"
+    )
+    loop = ", with a loop that remembers the direction of the motion" if term.loop else ""
+    rest = " each less what the other takes," if len(term.arguments) > 1 else ""
+    blocks: list[Block] = [
+        Words(
+            f"{form}{loop}. Below is what the fitting recordings say,{rest} in classes of the"
+            " argument, and the curve that was fitted to it in the equations of motion."
+        )
+    ]
+    for i, argument in enumerate(term.arguments):
+        if argument.bins is None:
+            continue
+        blocks.append(
+            Picture(
+                f"free-form-{i + 1}",
+                diagnosis_free_form(argument, place=", ".join(term.ports), unit=term.unit),
+                f"What is missing at {place} over {_plain(argument.name)}: means of classes with"
+                " the scatter within each in grey, and the fitted curve.",
+                f"missing signal at {place} over {_plain(argument.name)} with the fitted curve",
+            )
+        )
+    blocks.append(arguments_table(term))
+    return blocks
+
+
+def arguments_table(term: FreeForm) -> Table:
+    """Build the table of the arguments of a term.
+
+    Args:
+        term: An accepted term.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> from workbench.diagnosis.terms import Term
+        >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.2), terms=(Term("x^2", 0.8),)),)
+        >>> term = FreeForm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
+        >>> arguments_table(term).rows[0]
+        ('speed in mm/s', '0.0100', '90 %', '−100 … 200', 'x² (80 %)')
+    """
+    rows: list[tuple[Cell | str, ...]] = []
+    for a in term.arguments:
+        unit, factor = readable(a.unit)
+        low, high = (_rounded(factor * end, a, factor) for end in a.hull)
+        like = ", ".join(str(t) for t in a.terms).replace("^2", "²").replace("^3", "³")
+        rows.append(
+            (
+                _plain(a.name) + (f" in {unit}" if unit != "1" else ""),
+                number(a.p_value),
+                f"{100 * a.share:.0f} %",
+                interval(low, high),
+                like or "–",
+            )
+        )
+    return Table(
+        "Arguments of the term without a name",
+        ("argument", "p-value", "share", "data hull", "described by"),
+        tuple(rows),
+        "p-value: chance of as strong a dependence on a signal shifted in time. Share: of the"
+        " missing signal, predicted across blocks of time beyond the arguments above it. Described"
+        " by: simple terms in x, the argument in SI units, with how often they are chosen when the"
+        " curve scatters as its uncertainty says; they describe, they do not name a cause.",
+    )
+
+
+def taken_back(diagnosis: Diagnosis) -> dict[str, str]:
+    """Say why effects that had been accepted were taken back.
+
+    Args:
+        diagnosis: A finished diagnosis.
+
+    Returns:
+        The reason by name of the effect, in the order of finding.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> taken_back(example_diagnosis()[0])
+        {}
+    """
+    from workbench.diagnosis.diagnose import LEAST_EXPLAINED
+
+    gone = {c.entry.name for c in diagnosis.withdrawn}
+    once = gone | {c.entry.name for c, _ in diagnosis.accepted}
+    # Each round adds at most one: the first candidate that no rule refuses.
+    order: list[Candidate] = []
+    for _, candidates in diagnosis.rounds:
+        best = next((c for c in candidates if not c.refused), None)
+        if best is not None and best.entry.name in once:
+            order.append(best)
+    count = len(order)
+    reasons: dict[str, str] = {}
+    while count:
+        least = LEAST_SHARE if count == 1 else LEAST_TOGETHER
+        share = sum(c.gain for c in order[:count]) / diagnosis.excess if diagnosis.excess else 1.0
+        if not share < least:
+            break
+        count -= 1
+        reasons[order[count].entry.name] = (
+            f"explains too little: {100 * share:.0f} % of what is missing"
+            + (" together with those before" if count else "")
+            + f", {100 * least:.0f} % is asked for"
+        )
+    last = (
+        "a later one makes it needless"
+        if diagnosis.accepted
+        else "what was found takes away less than"
+        f" {100 * LEAST_EXPLAINED:.0f} % of the error of the free run on held-out recordings"
+    )
+    names = dict.fromkeys(c.entry.name for c in (*order, *diagnosis.withdrawn))
+    return {name: reasons.get(name, last) for name in names if name in gone}
+
+
+def refusals(diagnosis: Diagnosis) -> list[Block]:
+    """Say what was found and taken back, and why a term without a name was refused.
+
+    Args:
+        diagnosis: A finished diagnosis.
+
+    Returns:
+        A paragraph for each; nothing where there is nothing to say.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> refusals(example_diagnosis()[0])
+        []
+    """
+    blocks: list[Block] = [
+        Words(f"Taken back: {_plain(name)}; {reason}.", "note")
+        for name, reason in taken_back(diagnosis).items()
+    ]
+    term = diagnosis.free_form
+    if term is not None and term.reason:
+        reason = term.reason.replace("_", " ")
+        blocks.append(
+            Words(
+                f"A law without a name at {_plain(', '.join(term.ports))} was tried and refused:"
+                f" {reason}.",
+                "note",
+            )
+        )
+    return blocks
+
+
+def group_sentence(told: Isolability | None, ports: tuple[str, ...]) -> str:
+    """Say with which other ports the located ones could be confused.
+
+    Args:
+        told: What the recorded outputs can tell apart; None if that is not known.
+        ports: Ports at which something was located.
+
+    Returns:
+        A sentence; empty if nothing was located.
+
+    Example:
+        >>> from workbench.diagnosis.isolability import isolability
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> group_sentence(isolability(servo_axis()), ("axis.force",))
+        'With these sensors, a signal at axis.force looks like one at position.reading.'
+    """
+    if told is None or not ports:
+        return ""
+    alike = [p for group in told.groups if set(group) & set(ports) for p in group]
+    others = ", ".join(p for p in alike if p not in ports)
+    here = ", ".join(ports)
+    if not others:
+        return f"With these sensors, a signal at {_plain(here)} looks like one at no other place."
+    return f"With these sensors, a signal at {_plain(here)} looks like one at {_plain(others)}."
+
+
+def share_sentence(share: float) -> str:
+    """Say how much of the held-out error goes away.
+
+    Args:
+        share: Share of the mean square error beyond the noise, 0 to 1, dimensionless.
+
+    Example:
+        >>> share_sentence(0.5)
+        'It takes away 50 % of the held-out mean square error beyond the noise of the sensors.'
+    """
+    if not math.isfinite(share):
+        return ""
+    return (
+        f"It takes away {100 * share:.0f} % of the held-out mean square error beyond the noise of"
+        " the sensors."
+    )
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")
