@@ -335,8 +335,8 @@ def _alternatives(diagnosis: Diagnosis) -> Section:
         tried = "effect of the library was" if charged == 1 else "effects of the library were"
         blocks[:0] = [
             Words(
-                f"{charged} {tried} tried on an equal footing; to be accepted, one has to pay for the size of the library, and to improve the held-out"
-                " recordings beyond chance."
+                f"{charged} {tried} tried on an equal footing; to be accepted, one has to pay for"
+                " the size of the library, and to improve the held-out recordings beyond chance."
             ),
             *refusals(diagnosis),
         ]
