@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from workbench.model import About, Effect, EffectView, Parameter, PortView, State
 from workbench.model.face import Expression
@@ -44,9 +44,6 @@ def supply_droop(
         0.001
     """
 
-    def transform(at: PortView) -> Expression:
-        return at.value + at.p.share * (at.x.pressure - at.value)
-
     def rates(effect: EffectView) -> Mapping[str, Expression]:
         at = effect.at[port]
         temperature = at.signals.temperature
@@ -62,38 +59,22 @@ def supply_droop(
         stiffness = AIR.heat_ratio * AIR.gas_constant * temperature / effect.p.volume
         return {"pressure": stiffness * (feed - effect.values["supply.flow"])}
 
-    def start(effect: EffectView) -> Mapping[str, Expression]:
-        return {"pressure": effect.at[port].value}
-
-    return Effect(
+    return _reservoir(
         name,
-        (port,),
-        transform,
-        parameters=(
-            Parameter(
-                "volume",
-                "m3",
-                value=volume,
-                lower=1e-5,
-                upper=0.1,
-                fitted=True,
-                description="reservoir volume",
-            ),
-            Parameter(
-                "conductance",
-                "m3/(s Pa)",
-                value=conductance,
-                lower=1e-10,
-                upper=1e-6,
-                fitted=True,
-                description="sonic conductance of the feed",
-            ),
-            Parameter("share", "1", 1.0, "share of the law; 0 is its absence", share, 0.0, 1.0),
+        port,
+        volume,
+        Parameter(
+            "conductance",
+            "m3/(s Pa)",
+            value=conductance,
+            lower=1e-10,
+            upper=1e-6,
+            fitted=True,
+            description="sonic conductance of the feed",
         ),
-        states=(State("pressure", "Pa", 1e5, "pressure of the reservoir", initial=7e5, lower=0.0),),
-        rates=rates,
-        start=start,
-        about=About(
+        share,
+        rates,
+        About(
             "dp/dt = gamma R T (flow_feed - flow_drawn) / V",
             "lumped reservoir; ISO 6358 restriction",
             look_alikes=("regulator_droop",),
@@ -134,14 +115,49 @@ def reservoir_droop(
         'kg/(s Pa)'
     """
 
-    def transform(at: PortView) -> Expression:
-        return at.value + at.p.share * (at.x.pressure - at.value)
-
     def rates(effect: EffectView) -> Mapping[str, Expression]:
         at = effect.at[port]
         refill = effect.p.gain * (at.value - effect.x.pressure)
         stiffness = AIR.gas_constant * at.signals.temperature / effect.p.volume
         return {"pressure": stiffness * (refill - effect.values["supply.flow"])}
+
+    return _reservoir(
+        name,
+        port,
+        volume,
+        Parameter(
+            "gain",
+            "kg/(s Pa)",
+            value=gain,
+            lower=1e-11,
+            upper=1e-6,
+            fitted=True,
+            description="refilling flow per missing pressure",
+        ),
+        share,
+        rates,
+        About(
+            "dp/dt = R T (gain (p_0 - p) - flow_drawn) / V",
+            "lumped reservoir behind a proportional regulator",
+            look_alikes=("supply_droop", "regulator_droop"),
+            separated_by="fill both muscles in quick succession, then hold",
+        ),
+    )
+
+
+def _reservoir(
+    name: str,
+    port: str,
+    volume: float,
+    feed: Parameter,
+    share: float,
+    rates: Callable[[EffectView], Mapping[str, Expression]],
+    about: About,
+) -> Effect:
+    """Build an effect that puts the pressure of a reservoir in the place of a constant one."""
+
+    def transform(at: PortView) -> Expression:
+        return at.value + at.p.share * (at.x.pressure - at.value)
 
     def start(effect: EffectView) -> Mapping[str, Expression]:
         return {"pressure": effect.at[port].value}
@@ -160,26 +176,13 @@ def reservoir_droop(
                 fitted=True,
                 description="reservoir volume",
             ),
-            Parameter(
-                "gain",
-                "kg/(s Pa)",
-                value=gain,
-                lower=1e-11,
-                upper=1e-6,
-                fitted=True,
-                description="refilling flow per missing pressure",
-            ),
+            feed,
             Parameter("share", "1", 1.0, "share of the law; 0 is its absence", share, 0.0, 1.0),
         ),
         states=(State("pressure", "Pa", 1e5, "pressure of the reservoir", initial=7e5, lower=0.0),),
         rates=rates,
         start=start,
-        about=About(
-            "dp/dt = R T (gain (p_0 - p) - flow_drawn) / V",
-            "lumped reservoir behind a proportional regulator",
-            look_alikes=("supply_droop", "regulator_droop"),
-            separated_by="fill both muscles in quick succession, then hold",
-        ),
+        about=about,
     )
 
 
