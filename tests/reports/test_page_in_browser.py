@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
-import html as entities
-import json
-import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import pytest
 
+from tests.reports.browser import BROWSER, measured
 from workbench.reports.page import Commands, Method, Page, Section, Words, html
 from workbench.reports.pictures import Picture
 from workbench.reports.style import PAPER, new_figure
 from workbench.reports.tables import Cell, Table
-
-BROWSER = next(
-    (
-        path
-        for name in ("chromium", "chromium-browser", "google-chrome")
-        if (path := shutil.which(name))
-    ),
-    None,
-)
 
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
 
@@ -94,41 +81,10 @@ def page() -> Page:
     )
 
 
-def measured(width: int, folder: Path, *, dark: bool = False) -> dict[str, object]:
-    # Windows of a browser have a smallest width; a frame has none.
-    frame = (
-        f'<iframe style="width:{width}px;height:900px;border:0"'
-        f' srcdoc="{entities.escape(html(page()))}"></iframe>'
-    )
-    path = folder / "frame.html"
-    path.write_text(f"<!doctype html><body>{frame}{MEASURE}</body>", encoding="utf-8")
-    assert BROWSER is not None
-    done = subprocess.run(
-        [
-            BROWSER,
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--window-size=1600,1000",
-            f"--user-data-dir={folder / 'profile'}",
-            f"--blink-settings=preferredColorScheme={0 if dark else 1}",
-            "--dump-dom",
-            path.as_uri(),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
-    found = re.search(r"<body>(\{.*\})</body>", done.stdout, re.DOTALL)
-    assert found, done.stdout[-500:]
-    return dict(json.loads(entities.unescape(found[1])))
-
-
 @pytest.mark.system
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_overflows(width: int, tmp_path: Path) -> None:
-    found = measured(width, tmp_path)
+    found = measured(html(page()), MEASURE, width, tmp_path)
     assert found["content"] == found["width"]
     assert found["outside"] == [] and found["cells"] == []
     # Text of pictures on a phone: no smaller than 8 px, with the height of its line.
@@ -139,4 +95,5 @@ def test_nothing_overflows(width: int, tmp_path: Path) -> None:
 def test_the_dark_page_is_dark(tmp_path: Path) -> None:
     channels = [int(PAPER.dark[i : i + 2], 16) for i in (1, 3, 5)]
     expected = f"rgb({channels[0]}, {channels[1]}, {channels[2]})"
-    assert measured(1280, tmp_path, dark=True)["ground"] == expected
+    found = measured(html(page()), MEASURE, 1280, tmp_path, dark=True)
+    assert found["ground"] == expected

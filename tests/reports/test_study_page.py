@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import html as entities
-import json
 import re
-import shutil
-import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
+from tests.reports.browser import BROWSER, measured
 from workbench.reports.page import Page, html
 from workbench.reports.study_page import study_page
 from workbench.reports.style import PAPER
@@ -20,10 +17,6 @@ from workbench.study import limits
 from workbench.study.outcome import Outcome, run_study
 from workbench.study.schema import load_study
 from workbench.study.shipped import shipped_study
-
-BROWSER = next(
-    (p for n in ("chromium", "chromium-browser", "google-chrome") if (p := shutil.which(n))), None
-)
 
 MEASURE = """
 <script>
@@ -120,41 +113,11 @@ def test_every_part_is_there(outcome: Outcome, page: Page) -> None:
     assert "src=" not in text and "http" not in text.replace("http-equiv", "")
 
 
-def measured(page: Page, width: int, folder: Path, *, dark: bool = False) -> dict[str, object]:
-    frame = (
-        f'<iframe style="width:{width}px;height:900px;border:0"'
-        f' srcdoc="{entities.escape(html(page))}"></iframe>'
-    )
-    path = folder / "frame.html"
-    path.write_text(f"<!doctype html><body>{frame}{MEASURE}</body>", encoding="utf-8")
-    assert BROWSER is not None
-    done = subprocess.run(
-        [
-            BROWSER,
-            "--headless",
-            "--no-sandbox",
-            "--disable-gpu",
-            "--window-size=1600,1000",
-            f"--user-data-dir={folder / 'profile'}",
-            f"--blink-settings=preferredColorScheme={0 if dark else 1}",
-            "--dump-dom",
-            path.as_uri(),
-        ],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=True,
-    )
-    found = re.search(r"<body>(\{.*\})</body>", done.stdout, re.DOTALL)
-    assert found, done.stdout[-500:]
-    return dict(json.loads(entities.unescape(found[1])))
-
-
 @pytest.mark.system
 @pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
 @pytest.mark.parametrize(("width", "dark"), [(390, True), (1280, False)])
 def test_in_a_browser(page: Page, width: int, dark: bool, tmp_path: Path) -> None:
-    found = measured(page, width, tmp_path, dark=dark)
+    found = measured(html(page), MEASURE, width, tmp_path, dark=dark)
     assert found["outside"] == []
     assert found["cells"] == [] and found["overlap"] == []
     assert found["content"] == found["width"]
