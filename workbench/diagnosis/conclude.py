@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.likely import LikelyFit
 from workbench.diagnosis.prediction_error import Observed
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
 
@@ -56,17 +57,8 @@ def conclude(
         findings=findings,
         fit=fit,
         units=units,
-        parameters={
-            e.name: {
-                "value": e.value,
-                "std": e.std,
-                "unit": e.unit,
-                "prior": e.prior.mean,
-                "prior_std": e.prior.std,
-                "on_bound": e.on_bound,
-            }
-            for e in diagnosis.base.refit.estimates
-        },
+        parameters=_parameters(diagnosis.base),
+        improved={} if diagnosis.extended is diagnosis.base else _parameters(diagnosis.extended),
         not_testable=tuple(
             {
                 "effect": s.entry.name,
@@ -87,6 +79,20 @@ def conclude(
         },
         seconds=seconds,
     )
+
+
+def _parameters(fit: LikelyFit) -> dict[str, dict[str, object]]:
+    return {
+        e.name: {
+            "value": e.value,
+            "std": e.std,
+            "unit": e.unit,
+            "prior": e.prior.mean,
+            "prior_std": e.prior.std,
+            "on_bound": e.on_bound,
+        }
+        for e in fit.refit.estimates
+    }
 
 
 def held_out_errors(

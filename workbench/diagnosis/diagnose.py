@@ -8,15 +8,15 @@ from collections.abc import Callable, Sequence
 from workbench.diagnosis.conclude import IMPERFECT, conclude, explained, held_out_errors
 from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.free_form import free_form
-from workbench.diagnosis.free_run import free_run
-from workbench.diagnosis.likely import LikelyFit, extended_start, fit_likely
+from workbench.diagnosis.held import with_held
+from workbench.diagnosis.held_out import settled_run
+from workbench.diagnosis.likely import LikelyFit, fit_likely
 from workbench.diagnosis.locate import locate
 from workbench.diagnosis.next_experiment import next_experiment
 from workbench.diagnosis.observe import observe
 from workbench.diagnosis.prediction_error import Observed
 from workbench.diagnosis.priors import Prior, default_priors
 from workbench.diagnosis.search import search, started, withdraw_all
-from workbench.diagnosis.start import fitted_start
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
@@ -31,8 +31,6 @@ LEAST_EXPLAINED = 0.3
 
 MOST_SEARCHES = 3
 """How many effects may be tried as the first one found."""
-
-_START_S = 0.5
 
 
 def diagnose(
@@ -116,7 +114,7 @@ def diagnose(
     judging = [observe(model, report.recording) for report in reports[len(fit_on) :]]
     known = tuple(priors if priors is not None else default_priors(model))
     say("refitting the nominal model")
-    base = fit_likely(model, fitting, known)
+    base = with_held(fit_likely(model, fitting, known), fitting)
     diagnosis = Diagnosis(model, base, base)
     say("locating the mismatch")
     diagnosis.before = locate(base.model, fitting)
@@ -137,6 +135,7 @@ def diagnose(
     if not diagnosis.accepted and base.share > IMPERFECT:
         _free(diagnosis, fitting, judging, known, say)
     if diagnosis.extended is not base:
+        diagnosis.extended = with_held(diagnosis.extended, started(fitting, diagnosis))
         say("locating what is left")
         diagnosis.after = locate(diagnosis.extended.model, started(fitting, diagnosis))
     say("running the models freely on the held-out recordings")
@@ -160,16 +159,10 @@ def _run_freely(diagnosis: Diagnosis, judging: Sequence[Observed], labels: Seque
     for label in labels:
         if label in diagnosis.runs:
             continue
-        fitted = models[label]
-        starts = [_settled(fitted, extended_start(r, diagnosis.nominal, fitted)) for r in judging]
-        diagnosis.runs[label] = {r.name: free_run(fitted, r) for r in starts}
+        diagnosis.runs[label] = {
+            r.name: settled_run(models[label], diagnosis.nominal, r) for r in judging
+        }
     diagnosis.runs = {label: diagnosis.runs[label] for label in models if label in diagnosis.runs}
-
-
-def _settled(model: Model, observed: Observed) -> Observed:
-    """Estimate the start: temperatures and speeds before the first sample are not read."""
-    samples = min(len(observed.outputs), max(2, round(_START_S / observed.sample_time)))
-    return fitted_start(model, observed, samples=samples)
 
 
 def _free(

@@ -120,6 +120,7 @@ def fit_likely(
     start: Mapping[str, float] | None = None,
     share: float = 3.0,
     follow: bool = True,
+    ladder: Sequence[float] = LADDER,
     enough: float = ENOUGH,
     progress: Callable[[str], None] | None = None,
 ) -> LikelyFit:
@@ -132,6 +133,7 @@ def fit_likely(
         start: Where to start some parameters, by name, in SI.
         share: Share to begin with, dimensionless.
         follow: Whether to go on to smaller shares.
+        ladder: Shares that are tried, falling, dimensionless.
         enough: A step that gains less log likelihood than this ends a refit, dimensionless.
         progress: Called with a line of text before each pass.
 
@@ -153,8 +155,8 @@ def fit_likely(
     """
     best: LikelyFit | None = None
     values = dict(start or {})
-    first = int(np.argmin(np.abs(np.log(np.array(LADDER) / share))))
-    for level in LADDER[first:] if follow else LADDER[first : first + 1]:
+    first = int(np.argmin(np.abs(np.log(np.array(ladder) / share))))
+    for level in ladder[first:] if follow else ladder[first : first + 1]:
         try:
             trial = refit(
                 model,

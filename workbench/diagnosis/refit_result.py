@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,8 +17,8 @@ from workbench.model.model import index_of
 
 Vector = npt.NDArray[np.float64]
 
-_BLOCK_S = 0.5
-"""Length over which prediction errors may be correlated, for the intervals, s."""
+_BLOCKS_S = (0.5, 2.0)
+"""Lengths over which prediction errors may be correlated, for the intervals, s."""
 
 
 @dataclass(frozen=True)
@@ -191,7 +192,8 @@ def summarise(
     scale = np.array([q.scale for q in quantities])
     std = np.array([p.std for p in priors])
     prior = np.diag((scale / std) ** 2)
-    information, scatter = np.zeros_like(prior), np.zeros_like(prior)
+    information = np.zeros_like(prior)
+    scatter = np.zeros((len(_BLOCKS_S), *prior.shape))
     single = []
     for part, observed in zip(outcome.parts, recordings, strict=True):
         one, spread = _information(part, observed.sample_time)
@@ -199,8 +201,7 @@ def summarise(
         single.append((one, spread, part))
     inverse = np.linalg.inv(information + prior)
     # Correlated errors carry less information than white ones: never report less than either.
-    sandwich = inverse @ (scatter + prior) @ inverse
-    inflation = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(inverse), 1.0))
+    inflation = np.sqrt(_spread(inverse, scatter, prior) / np.diag(inverse))
     covariance = np.outer(inflation * scale, inflation * scale) * inverse
     deviations = np.sqrt(np.diag(covariance))
     estimates = tuple(
@@ -232,15 +233,25 @@ def summarise(
 
 
 def _information(part: Innovations, sample_time: float) -> tuple[Vector, Vector]:
-    """Information of white errors, and the scatter of the score over blocks of time."""
+    """Information of white errors, and the scatter of the score over blocks of each length."""
     errors = np.nan_to_num(part.whitened)
     score = np.einsum("kyf,ky->kf", part.jacobian, errors)
     rows = part.jacobian.reshape(-1, part.jacobian.shape[2])
-    size = max(1, round(_BLOCK_S / sample_time))
-    edges = np.arange(0, len(score), size)
-    blocks = np.add.reduceat(score, edges, axis=0)
-    blocks = blocks - blocks.mean(axis=0)
-    return rows.T @ rows, blocks.T @ blocks
+    scatters = []
+    for length in _BLOCKS_S:
+        edges = np.arange(0, len(score), max(1, round(length / sample_time)))
+        blocks = np.add.reduceat(score, edges, axis=0)
+        blocks = blocks - blocks.mean(axis=0)
+        scatters.append(blocks.T @ blocks)
+    return rows.T @ rows, np.array(scatters)
+
+
+def _spread(inverse: npt.NDArray[np.floating[Any]], scatter: Vector, prior: Vector) -> Vector:
+    """Variances of the estimates: of white errors, or of correlated ones where that is more."""
+    sandwiches = inverse @ (scatter + prior) @ inverse
+    return np.asarray(
+        np.maximum(np.diag(inverse), np.diagonal(sandwiches, axis1=1, axis2=2).max(axis=0))
+    )
 
 
 def _unidentifiable(
@@ -273,9 +284,7 @@ def _disagreements(
         inverse = np.linalg.inv(information + prior)
         score = np.einsum("kyf,ky->f", part.jacobian, np.nan_to_num(part.whitened))
         steps.append(-inverse @ score)
-        variances.append(
-            np.maximum(np.diag(inverse), np.diag(inverse @ (scatter + prior) @ inverse))
-        )
+        variances.append(_spread(inverse, scatter, prior))
     found = []
     for i, name in enumerate(names):
         value = np.array([s[i] for s in steps])

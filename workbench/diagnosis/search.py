@@ -237,14 +237,16 @@ def _leave_out(
 
 
 def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> tuple[str, ...]:
-    """Name the accepted effect and those that explain the recordings as well."""
+    """Name the accepted effect, and those that explain the recordings as well or always do."""
     same = [
         c.entry.name
         for c in candidates
         if c is not best and c.followed and c.fit and best.gain - c.gain < _SAME and c.gain > 0
     ]
     names = {s.entry.name for s in scores.scores if s.testable}
-    return (best.entry.name, *[n for n in same if n in names])
+    known = {s.entry.name for s in scores.scores}
+    equal = [n for n in best.entry.same_as if n in known and n not in same]
+    return (best.entry.name, *[n for n in same if n in names], *equal)
 
 
 def started(

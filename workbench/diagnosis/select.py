@@ -8,14 +8,15 @@ from dataclasses import dataclass, replace
 
 import joblib
 import numpy as np
+import numpy.typing as npt
 
+from workbench.diagnosis.held_out import held_out_gain, runs_closer
 from workbench.diagnosis.likely import (
     LikelyFit,
     blocks_of_cost,
     disturbances,
     extended_start,
     fit_likely,
-    gain_interval,
     start_values,
 )
 from workbench.diagnosis.prediction_error import Observed, PredictionError
@@ -26,6 +27,8 @@ from workbench.diagnosis.shortlist import LEAST_SCORE
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.physics.library import Entry
+
+Vector = npt.NDArray[np.float64]
 
 LEAST_GAIN = 15.0
 """Gain of log likelihood per effect that is asked for beyond the charge for the library."""
@@ -41,6 +44,9 @@ IMPLAUSIBLE = 5.0
 SURPASSED = "another effect explains the recordings better"
 """Why an effect that passed every rule, or was not followed, is not taken."""
 
+UNRELIABLE = "it does not reliably improve the held-out recordings"
+"""Why an effect that may have passed all other rules is not taken."""
+
 _HEAD_S = 10.0
 """Length of each recording that the first refit of a hypothesis uses, s."""
 
@@ -49,6 +55,9 @@ _NEAR = 10.0
 
 _NEARER = 1.0
 """The same for the refit of those that are followed."""
+
+_STEEP = (3.0, 0.3, 0.03)
+"""Shares of the expected disturbance of a refit that begins far from where the last one ended."""
 
 _SIZES = (0.3, 1.0, 3.0)
 """Multiples of the usual size from which a refit may start."""
@@ -160,8 +169,9 @@ def refit_candidates(
         leaders = _leaders(first)
         if progress and leaders:
             progress("comparing " + " and ".join(chosen[i].entry.name for i in leaders))
+        before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
         finals = parallel(
-            joblib.delayed(_followed)(base, first[i], chosen[i], *given, tuple(hold_out))
+            joblib.delayed(_followed)(base, first[i], chosen[i], *given, tuple(hold_out), before)
             for i in leaders
         )
     for i, final in zip(leaders, finals, strict=True):
@@ -169,8 +179,21 @@ def refit_candidates(
     judged = sorted(
         (replace(c, refused=_refusal(c, charge, least_gain)) for c in first), key=lambda c: -c.gain
     )
+    for i, candidate in enumerate(judged):
+        if not candidate.refused:
+            break
+        if _runs_closer(base, candidate, hold_out):
+            judged[i] = replace(candidate, refused="")
+            break
     best = next((c for c in judged if not c.refused), None)
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in judged)
+
+
+def _runs_closer(base: LikelyFit, candidate: Candidate, hold_out: Sequence[Observed]) -> bool:
+    """Whether free runs show what single predictions leave open on the held-out recordings."""
+    if candidate.refused != UNRELIABLE or candidate.fit is None or candidate.held_out[0] <= 0.0:
+        return False
+    return runs_closer(base, candidate.fit, hold_out)
 
 
 def _leaders(first: Sequence[Candidate]) -> list[int]:
@@ -257,21 +280,38 @@ def _first(
     model = base.model.with_effect(effect)
     own, start = entry_priors(score)
     all_priors = (*priors, *own)
-    start |= start_values(base.refit, priors)
     fit_on_ = [extended_start(r, base.model, model) for r in fit_on]
+    fits: list[LikelyFit] = []
+    why = ""
+    ways: list[tuple[dict[str, float], tuple[float, ...]]] = [
+        (start_values(base.refit, priors), (base.share,))
+    ]
+    if effect.states or len(entry.shapes) > 1:
+        # Without the effect, the free parameters have gone where they imitate it best. One whose
+        # signature changes with its size may not be found from there: a second refit begins at the
+        # priors, and comes to trust the equations.
+        ways.append(({q.name: q.mean for q in priors}, _STEEP))
+    for known, ladder in ways:
+        try:
+            fits.append(
+                fit_likely(
+                    model,
+                    fit_on_,
+                    all_priors,
+                    start=_best_start(
+                        model, fit_on_, all_priors, _starts(score, {**start, **known}), ladder[0]
+                    ),
+                    share=ladder[0],
+                    ladder=ladder,
+                    enough=_NEAR,
+                )
+            )
+        except NumericalError as error:
+            why = str(error)
     unknown = (0.0, -math.inf, math.inf)
-    try:
-        fit = fit_likely(
-            model,
-            fit_on_,
-            all_priors,
-            start=_best_start(model, fit_on_, all_priors, _starts(score, start), base.share),
-            share=base.share,
-            follow=False,
-            enough=_NEAR,
-        )
-    except NumericalError as error:
-        return Candidate(entry, None, -math.inf, unknown, str(error), followed=False)
+    if not fits:
+        return Candidate(entry, None, -math.inf, unknown, why, followed=False)
+    fit = min(fits, key=lambda one: one.cost)
     return Candidate(entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
 
 
@@ -289,8 +329,17 @@ def _starts(score: Score, start: Mapping[str, float]) -> list[dict[str, float]]:
     sign = math.copysign(1.0, start[name]) if start[name] else 1.0
     sizes = [start[name], *(sign * k * entry.typical_size for k in _SIZES)]
     low, high = entry.size.lower, entry.size.upper
-    shape = {f"{entry.name}.{k}": v for k, v in score.shape.items()}
-    return [dict(start) | shape | {name: float(np.clip(s, low, high))} for s in sizes]
+    # A shape that no refit may change stays as it was scored.
+    shapes = [
+        {f"{entry.name}.{k}": v for k, v in shape.items()}
+        for shape in sorted(entry.shapes, key=lambda shape: shape != score.shape)
+    ]
+    return [
+        {**start, **shape, name: float(np.clip(s, low, high))}
+        for shape in shapes
+        if shape.keys() <= start.keys() or shape is shapes[0]
+        for s in sizes
+    ]
 
 
 def _best_start(
@@ -325,6 +374,7 @@ def _followed(
     priors: tuple[Prior, ...],
     fit_on: tuple[Observed, ...],
     hold_out: tuple[Observed, ...],
+    before: Vector | None,
 ) -> Candidate:
     """Go on from a first refit with more trust in the equations, and judge on held-out data."""
     assert first.fit is not None
@@ -340,9 +390,9 @@ def _followed(
             share=first.fit.share,
             enough=_NEARER,
         )
-        if hold_out:
+        if before is not None:
             judged = [extended_start(r, base.model, model) for r in hold_out]
-            held_out = gain_interval(blocks_of_cost(base, hold_out), blocks_of_cost(fit, judged))
+            held_out = held_out_gain(before, fit, judged)
     except NumericalError as error:
         return Candidate(entry, None, -math.inf, held_out, str(error))
     return Candidate(entry, fit, base.cost - fit.cost, held_out)
@@ -360,7 +410,7 @@ def _refusal(candidate: Candidate, charge: float, least_gain: float) -> str:
             return f"its size is within {SIGMA:g} standard deviations of zero"
         if abs(size.value) < entry.least_size:
             return f"its size is below the smallest worth naming, {entry.least_size:g} {size.unit}"
-        if abs(size.value) > 0.999 * entry.largest_size:
+        if abs(size.value) > 0.999 * entry.largest_size and not entry.whole:
             return "its size is on its bound"
         if abs(size.value) > IMPLAUSIBLE * entry.typical_size:
             usual = f"{entry.typical_size:g} {size.unit}"
@@ -370,7 +420,7 @@ def _refusal(candidate: Candidate, charge: float, least_gain: float) -> str:
     if candidate.gain < least_gain:
         return "it explains too little of what the model leaves out"
     if candidate.held_out[1] <= 0.0:
-        return "it does not reliably improve the held-out recordings"
+        return UNRELIABLE
     return ""
 
 

@@ -85,6 +85,7 @@ class Verdict:
             and output, in SI.
         units: Units of ``fit`` by output.
         parameters: Parameters of the refitted nominal model.
+        improved: Parameters of the improved model; empty where nothing was found.
         not_testable: Effects that these data could not have shown, with the reason.
         next_experiment: What to do next, with the predicted separation.
         data: Checks of the recordings.
@@ -107,6 +108,7 @@ class Verdict:
     fit: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    improved: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     not_testable: tuple[Mapping[str, str], ...] = ()
     next_experiment: Mapping[str, Any] = field(default_factory=dict)
     data: tuple[Mapping[str, str], ...] = ()
@@ -138,6 +140,7 @@ class Verdict:
                 ],
                 "fit": {"held_out": self.fit, "units": self.units},
                 "parameters": self.parameters,
+                "improved_parameters": self.improved,
                 "not_testable": list(self.not_testable),
                 "next_experiment": self.next_experiment,
                 "data": list(self.data),

@@ -149,6 +149,8 @@ class Parameter(Quantity):
         upper: Largest plausible value, in ``unit``.
         source: Where the number comes from: a document, a measurement, an estimate.
         fitted: Whether refitting may change it.
+        held: Whether refitting holds it only because it scales with others: its bounds then widen
+            their intervals.
 
     Raises:
         WorkbenchError: If the value is not finite or outside its bounds.
@@ -164,6 +166,7 @@ class Parameter(Quantity):
     upper: float = math.inf
     source: str = ""
     fitted: bool = False
+    held: bool = False
 
     def __post_init__(self) -> None:
         """Check the value against its bounds and derive the scale from it."""

@@ -8,7 +8,12 @@ from workbench.model import About, Effect, EffectView, Names, Parameter, PortVie
 from workbench.model.face import Expression
 
 FLOOR = 0.002
-"""Time, in s, that keeps a delay regular at zero size: the fastest rate is 870 1/s."""
+"""Time f, in s, that keeps a delay regular at zero size: the fastest rate is 1220 1/s."""
+
+
+def _spare(time: Expression) -> Expression:
+    """Time g = f^2 / (D + f), in s: f at zero delay, nothing beside a long one."""
+    return FLOOR * FLOOR / (time + FLOOR)
 
 
 def _time(time: float, lower: float, upper: float, typical: float) -> Parameter:
@@ -30,11 +35,11 @@ def delay(
 ) -> Effect:
     """Build a delay of continuous signals that vanishes at zero time.
 
-    ``Y / U = [1 + (b - D) s + (b^2/3 - b D + D^2/2) s^2] / [1 + b s + b^2 s^2 / 3]`` with
-    b = D/2 + f: the second-order Pade function of exp(-D s) for floor f = 0, exactly the identity
-    for D = 0, and equal to exp(-D s) up to s^2 in between. Down to -2 f it is a lead, so that a
-    fit may pass through zero. Steps come through at once in part: for a command that jumps use
-    `lag_chain`.
+    ``Y / U = E(g s) / E((D + g) s)`` with E(x) = 1 + x + x^2 / 2 + x^3 / 6 and g = f^2 / (D + f):
+    exactly the identity for D = 0, and exp(-D s) up to s^3 for all D. Its zeros are stable, so that
+    a filter can tell the signal from the reading; the error of its amplitude is (w D)^4 / 24 at the
+    frequency w. Down to -f / 2 it is a lead, so that a fit may pass through zero. Steps overshoot:
+    for a command that jumps use `command_delay`.
 
     Args:
         ports: Ports that are all late by the same time.
@@ -49,37 +54,38 @@ def delay(
         name: Name of the effect.
 
     Returns:
-        Effect of size ``time`` with two states per port.
+        Effect of size ``time`` with three states per port.
 
     Raises:
         WorkbenchError: If the time is outside its bounds.
 
     Example:
         >>> [state.name for state in delay().states]
-        ['late_1', 'slope_1']
+        ['late_1', 'slope_1', 'bend_1']
     """
     own_units = units or (unit,) * len(ports)
     own_scales = scales or (1.0,) * len(ports)
 
-    def remainder(at: PortView | int, value: Expression, x: Names) -> Expression:
-        number = at if isinstance(at, int) else at.index + 1
-        return value - x[f"late_{number}"] - x[f"slope_{number}"]
+    def rest(at: PortView, x: Names) -> Expression:
+        number = at.index + 1
+        return at.value - x[f"late_{number}"] - x[f"slope_{number}"] - 0.5 * x[f"bend_{number}"]
 
     def transform(at: PortView) -> Expression:
-        b = 0.5 * at.p.time + FLOOR
-        r = at.p.time / b
-        late, slope = at.x[f"late_{at.index + 1}"], at.x[f"slope_{at.index + 1}"]
-        rest = remainder(at, at.value, at.x)
-        return late + (1.0 - r) * slope + (1.0 - 3.0 * r + 1.5 * r * r) * rest
+        spare, number = _spare(at.p.time), at.index + 1
+        share = spare / (at.p.time + spare)
+        slope, bend = at.x[f"slope_{number}"], at.x[f"bend_{number}"]
+        smooth = at.x[f"late_{number}"] + share * (slope + 0.5 * share * bend)
+        return smooth + share * share * share * rest(at, at.x)
 
     def rates(effect: EffectView) -> Mapping[str, Expression]:
-        b = 0.5 * effect.p.time + FLOOR
+        whole = effect.p.time + _spare(effect.p.time)
         result = {}
         for at in effect.at.values():
             number = at.index + 1
-            # the slope is b times the rate, so that both states have the unit of the signal
-            result[f"late_{number}"] = effect.x[f"slope_{number}"] / b
-            result[f"slope_{number}"] = 3.0 / b * remainder(number, at.value, effect.x)
+            # Derivatives times powers of the time constant, so that all have the signal's unit.
+            result[f"late_{number}"] = effect.x[f"slope_{number}"] / whole
+            result[f"slope_{number}"] = effect.x[f"bend_{number}"] / whole
+            result[f"bend_{number}"] = 6.0 / whole * rest(at, effect.x)
         return result
 
     def start(effect: EffectView) -> Mapping[str, Expression]:
@@ -89,47 +95,51 @@ def delay(
         name,
         ports,
         transform,
-        parameters=(_time(time, -FLOOR, upper, typical),),
+        parameters=(_time(time, -0.5 * FLOOR, upper, typical),),
         states=tuple(
             State(
                 f"{kind}_{i + 1}", own_units[i], own_scales[i], text, start_rms=0.05 * own_scales[i]
             )
             for i in range(len(ports))
-            for kind, text in (("late", "filtered signal"), ("slope", "its rate times b"))
+            for kind, text in (
+                ("late", "filtered signal"),
+                ("slope", "its rate times D + g"),
+                ("bend", "the rate of that times D + g"),
+            )
         ),
         rates=rates,
         start=start,
         about=About(
-            "Y / U = exp(-D s), second-order Pade",
-            "H. Pade 1892",
+            "Y / U = exp(-D s), to third order",
+            "B. Taylor 1715, of the inverse",
             look_alikes,
             separated_by,
         ),
     )
 
 
-def lag_chain(
+def command_delay(
     port: str = "valve.command",
     *,
     time: float = 0.005,
-    stages: int = 3,
     unit: str = "V",
     scale: float = 1.0,
     upper: float = 0.1,
     typical: float = 0.005,
-    look_alikes: tuple[str, ...] = ("spool_bandwidth", "slew_limit"),
+    look_alikes: tuple[str, ...] = ("clock_shift", "spool_bandwidth", "slew_limit"),
     separated_by: str = "steps of the command beside a fast spool or flow sensor",
-    name: str = "lag_chain",
+    name: str = "command_delay",
 ) -> Effect:
-    """Build a delay of a command that may jump, as a chain of equal lags.
+    """Build a delay of a command that may jump.
 
-    ``Y / U = [(1 + f s) / (1 + (D/n + f) s)]^n`` with f = 1 ms: exactly the identity for D = 0, and
-    an Erlang-distributed delay with mean D and spread D / sqrt(n) for D >> n f.
+    ``Y / U = [1 + (2 b/3 - D) s + (b^2/6 - 2 b D/3 + D^2/2) s^2] / [1 + 2 b s/3 + b^2 s^2 / 6]``
+    with b = D + g and g = f^2 / (D + f): exactly the identity for D = 0, exp(-D s) up to s^2
+    between, and the Pade function of first over second order for D >> f, of which no part of a jump
+    comes through at once.
 
     Args:
         port: Port on which it acts.
         time: Delay D, in s.
-        stages: Number n of lags.
         unit: Unit of the port.
         scale: Typical size of the signal, in ``unit``.
         upper: Largest plausible delay, in s.
@@ -139,56 +149,49 @@ def lag_chain(
         name: Name of the effect.
 
     Returns:
-        Effect of size ``time`` with one state per stage.
+        Effect of size ``time`` with two states.
 
     Raises:
         WorkbenchError: If the time is outside its bounds.
 
     Example:
-        >>> len(lag_chain().states)
-        3
+        >>> [state.name for state in command_delay().states]
+        ['late', 'slope']
     """
-    floor = 0.5 * FLOOR
 
-    def stage_values(value: Expression, p: Names, x: Names) -> list[Expression]:
-        """Return the signal before each stage and after the last."""
-        each = p.time / stages
-        values = [value]
-        for i in range(stages):
-            before = values[-1]
-            values.append(before - each / (each + floor) * (before - x[f"stage_{i + 1}"]))
-        return values
+    def rest(value: Expression, x: Names) -> Expression:
+        return value - x.late - 2.0 / 3.0 * x.slope
 
     def transform(at: PortView) -> Expression:
-        return stage_values(at.value, at.p, at.x)[-1]
+        r = at.p.time / (at.p.time + _spare(at.p.time))
+        smooth = at.x.late + (2.0 / 3.0 - r) * at.x.slope
+        return smooth + (1.0 - 4.0 * r + 3.0 * r * r) * rest(at.value, at.x)
 
     def rates(effect: EffectView) -> Mapping[str, Expression]:
-        values = stage_values(effect.at[port].value, effect.p, effect.x)
-        constant = effect.p.time / stages + floor
+        b = effect.p.time + _spare(effect.p.time)
+        # The slope is b times the rate, so that both states have the unit of the signal.
         return {
-            f"stage_{i + 1}": (values[i] - effect.x[f"stage_{i + 1}"]) / constant
-            for i in range(stages)
+            "late": effect.x.slope / b,
+            "slope": 6.0 / b * rest(effect.at[port].value, effect.x),
         }
 
     def start(effect: EffectView) -> Mapping[str, Expression]:
-        return {f"stage_{i + 1}": effect.at[port].value for i in range(stages)}
+        return {"late": effect.at[port].value}
 
     return Effect(
         name,
         (port,),
         transform,
         parameters=(_time(time, 0.0, upper, typical),),
-        states=tuple(
-            State(
-                f"stage_{i + 1}", unit, scale, f"signal after lag {i + 1}", start_rms=0.05 * scale
-            )
-            for i in range(stages)
+        states=(
+            State("late", unit, scale, "filtered signal", start_rms=0.05 * scale),
+            State("slope", unit, scale, "its rate times b", start_rms=0.05 * scale),
         ),
         rates=rates,
         start=start,
         about=About(
-            "Y / U = [(1 + f s) / (1 + (D/n + f) s)]^n",
-            "A. K. Erlang; chain of lags",
+            "Y / U = exp(-D s), Pade function of first over second order",
+            "H. Pade 1892",
             look_alikes,
             separated_by,
         ),

@@ -27,6 +27,9 @@ class Entry:
             the first are the effect's own.
         stiff: Whether it brings rates well beyond 1000 1/s, for which explicit integrators need
             short steps.
+        whole: Whether the largest size is all that there can be, such as the whole of a load, and
+            not a bound of plausibility.
+        same_as: Names of entries that give the very same readings, whatever is recorded.
 
     Raises:
         WorkbenchError: If the effect has no parameter of that name or the group is unknown.
@@ -46,6 +49,8 @@ class Entry:
     law: str = ""
     shapes: tuple[Mapping[str, float], ...] = ({},)
     stiff: bool = False
+    whole: bool = False
+    same_as: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the names and fall back to the effect's name for the law."""

@@ -11,6 +11,11 @@ FLOOR = 0.001
 """Time, in s, that keeps a lag regular at zero size: the fastest rate is 1000 1/s."""
 
 
+def _constant(time: Expression) -> Expression:
+    """Time constant with what keeps it regular, in s: f at zero time, nothing beside a long one."""
+    return time + FLOOR * FLOOR / (time + FLOOR)
+
+
 def lag(
     ports: tuple[str, ...] = ("pressure_1.reading", "pressure_2.reading"),
     *,
@@ -25,9 +30,9 @@ def lag(
 ) -> Effect:
     """Build a first-order lag that vanishes at zero time.
 
-    ``Y / U = (1 + f s) / (1 + (time + f) s)`` with the floor f = 1 ms: exactly the identity at zero
-    time, and a lag of that time for time >> f. Written as ``dm/dt = (u - m) / (time + f)``,
-    ``y = u - time / (time + f) (u - m)``.
+    ``Y / U = (1 + g s) / (1 + (time + g) s)`` with g = f^2 / (time + f) and f = 1 ms: exactly the
+    identity at zero time, and a lag of that time for time >> f. Written as
+    ``dm/dt = (u - m) / (time + g)``, ``y = u - time / (time + g) (u - m)``.
 
     Args:
         ports: Ports on which the same law acts, each with a memory of its own.
@@ -53,13 +58,13 @@ def lag(
 
     def transform(at: PortView) -> Expression:
         late = at.value - at.x[f"memory_{at.index + 1}"]
-        return at.value - at.p.time / (at.p.time + FLOOR) * late
+        return at.value - at.p.time / _constant(at.p.time) * late
 
     def rates(effect: EffectView) -> Mapping[str, Expression]:
         result = {}
         for at in effect.at.values():
             key = f"memory_{at.index + 1}"
-            result[key] = (at.value - effect.x[key]) / (effect.p.time + FLOOR)
+            result[key] = (at.value - effect.x[key]) / _constant(effect.p.time)
         return result
 
     def start(effect: EffectView) -> Mapping[str, Expression]:
@@ -85,7 +90,7 @@ def lag(
         rates=rates,
         start=start,
         about=About(
-            "Y / U = (1 + f s) / (1 + (time + f) s)",
+            "Y / U = (1 + g s) / (1 + (time + g) s)",
             "first-order lag",
             look_alikes,
             separated_by,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -19,6 +20,19 @@ import numpy.typing as npt
 from workbench.errors import WorkbenchError
 
 _FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
+"""What every compiler takes. Products are rounded before they are added, so that machine code gives
+the very numbers that an interpreted model gives."""
+
+_FAST_FLAGS = (
+    "-O3",
+    "-march=native",
+    "-fno-semantic-interposition",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    *_FLAGS[1:],
+)
+"""The same numbers about twice as fast: products of matrices become part of the code around them,
+in the instructions of this very processor."""
 
 
 @functools.cache
@@ -52,6 +66,16 @@ def compiler() -> str | None:
     if sys.platform == "win32":
         return None
     return next((path for name in ("gcc", "clang", "cc") if (path := shutil.which(name))), None)
+
+
+@functools.cache
+def _processor() -> str:
+    """Return what tells this kind of processor from others that may share the cache."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return f"{platform.machine()} {platform.processor()}"
+    return next((line for line in lines if line.startswith(("flags", "Features"))), "")
 
 
 def cache_folder() -> Path:
@@ -100,7 +124,8 @@ def compiled(function: ca.Function) -> ca.Function:
     generator = ca.CodeGenerator(f"{name}.c")
     generator.add(function)
     source = generator.dump()
-    key = hashlib.sha256("\0".join((ca.CasadiMeta.version(), cc, *_FLAGS, source)).encode())
+    made_by = (ca.CasadiMeta.version(), cc, *_FAST_FLAGS, _processor())
+    key = hashlib.sha256("\0".join((*made_by, source)).encode())
     library = cache_folder() / f"{name}-{key.hexdigest()[:24]}.so"
     if not library.exists():
         _build(cc, source, library)
@@ -169,12 +194,15 @@ def _build(cc: str, source: str, library: Path) -> None:
         code = Path(folder) / "code.c"
         built = Path(folder) / "code.so"
         code.write_text(source)
-        done = subprocess.run(
-            [cc, *_FLAGS, "-o", str(built), str(code), "-lm"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        for flags in (_FAST_FLAGS, _FLAGS):
+            done = subprocess.run(
+                [cc, *flags, "-o", str(built), str(code), "-lm"],
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            if done.returncode == 0:
+                break
         if done.returncode == 0:
             built.replace(library)
         else:

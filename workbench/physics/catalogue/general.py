@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from workbench.model import Model, Port
 from workbench.physics.dead_band import dead_band
-from workbench.physics.delay import lag_chain
+from workbench.physics.delay import command_delay
 from workbench.physics.entry import Entry
 from workbench.physics.offset_gain import gain, offset
 from workbench.physics.overflow import overflow
@@ -108,7 +108,7 @@ def _drive(port: Port) -> Iterator[Entry]:
         law="dead_band",
     )
     yield Entry(
-        lag_chain(
+        command_delay(
             port.name,
             time=0.0,
             unit=port.unit,

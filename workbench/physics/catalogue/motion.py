@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from workbench.model import Model
 from workbench.physics.catalogue import friction
 from workbench.physics.catalogue.moved import Motion, motions
-from workbench.physics.delay import lag_chain
+from workbench.physics.delay import command_delay
 from workbench.physics.entry import Entry
 from workbench.physics.load_error import load_error
 from workbench.physics.loose_load import loose_load
@@ -81,7 +81,7 @@ def _forces(m: Motion) -> Iterator[Entry]:
 def _drive(m: Motion) -> Iterator[Entry]:
     scale = m.port.scale
     yield Entry(
-        lag_chain(
+        command_delay(
             m.port.name,
             time=0.0,
             unit=m.port.unit,
@@ -241,5 +241,6 @@ def _loads(model: Model) -> Iterator[Entry]:
             "share",
             1.0,
             0.1,
-            shapes=tuple({"frequency": f} for f in (40.0, 15.0, 100.0)),
+            shapes=tuple({"frequency": f} for f in (40.0, 20.0, 10.0, 100.0)),
+            whole=True,
         )

@@ -60,6 +60,9 @@ def entries(model: Model, outputs: tuple[str, ...] | None = None) -> Iterator[En
             0.01,
             0.002,
             "sensor",
+            same_as=(
+                ("valve_delay",) if len(model.inputs) == 1 and "valve.command" in ports else ()
+            ),
         )
 
 

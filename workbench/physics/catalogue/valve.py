@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from workbench.model import Model
 from workbench.physics.dead_band import dead_band
-from workbench.physics.delay import lag_chain
+from workbench.physics.delay import command_delay
 from workbench.physics.entry import Entry
 from workbench.physics.leakage import centre_leakage, edge_leakage
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
@@ -40,7 +40,13 @@ def entries(model: Model) -> Iterator[Entry]:
             0.005,
         )
         yield Entry(
-            lag_chain(time=0.0, name="valve_delay"), "time", 0.005, 0.001, law="valve_delay"
+            command_delay(time=0.0, name="valve_delay"),
+            "time",
+            0.005,
+            0.001,
+            law="valve_delay",
+            # Whatever moves is late by the same time, or is read late by it.
+            same_as=("clock_shift",) if len(model.inputs) == 1 else (),
         )
         yield Entry(
             slew_limit(share=0.0),

@@ -41,6 +41,7 @@ PARAMETERS = (
         lower=0.9,
         upper=1.25,
         source="nominal",
+        held=True,
     ),
     Parameter(
         "dead_volume",
