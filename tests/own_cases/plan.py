@@ -41,7 +41,10 @@ LOADS_KG = (1.0, 3.0, 5.0)
 COLOURED_S = 0.02
 """Correlation time of coloured noise of the pressure sensors."""
 
-_FIRST_SEED = 2000
+FIRST_SEED = 2000
+"""Seed of the first case of the plan. Other thousands give other cases of the same kinds: other
+background parameters, loads, excitations and noise."""
+
 _STRIDES = (13, 11, 17, 7, 5, 1)
 
 
@@ -136,11 +139,14 @@ _NOTHING = 12
 """Cases of each turn that hide nothing."""
 
 
-def plan() -> tuple[Planned, ...]:
+def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
     """Return the cases in the order in which they are run.
 
     Each turn has every single effect at one size, some of the pairs, some special cases and one in
     four or five with nothing hidden, spread so that any beginning of the plan is a fair sample.
+
+    Args:
+        first_seed: Seed of the first case, a multiple of 1000.
 
     Returns:
         Three turns of cases, each determined by its seed.
@@ -155,9 +161,10 @@ def plan() -> tuple[Planned, ...]:
         nothing = [_Item((), "nothing", coloured=k == _NOTHING - 1) for k in range(_NOTHING)]
         placed = 0
         for k, item in enumerate(_strided(hidden)):
-            cases.append(_planned(len(cases), item, factor))
+            cases.append(_planned(first_seed, len(cases), item, factor))
             if (k + 1) * _NOTHING >= (placed + 1) * len(hidden):
-                cases.append(_planned(len(cases), nothing[placed], 1.0, even=placed % 2 == 0))
+                even = placed % 2 == 0
+                cases.append(_planned(first_seed, len(cases), nothing[placed], 1.0, even=even))
                 placed += 1
     return tuple(cases)
 
@@ -168,18 +175,22 @@ def _strided(items: list[_Item]) -> list[_Item]:
     return [items[stride * i % len(items)] for i in range(len(items))]
 
 
-def _planned(number: int, item: _Item, factor: float, *, even: bool = False) -> Planned:
+def _planned(
+    first_seed: int, number: int, item: _Item, factor: float, *, even: bool = False
+) -> Planned:
     """Give an item its seed, load and sizes; `even` keeps the background nominal."""
     # Effects outside the library, pairs and limited recordings stay at the rig's own size.
     factor = factor if item.kind == "single" and not item.coloured else 1.0
     changes = {n: v for e in item.effects for n, v in sizes(e, factor).items()}
     if item.coloured:
         changes["pressure_noise_time"] = COLOURED_S
-    sign = 1.0 if number % 2 else -1.0
+    # The same kind of case has another load and the other sign in the next thousand.
+    turned = number + (first_seed - FIRST_SEED) // 1000
+    sign = 1.0 if turned % 2 else -1.0
     return Planned(
-        _FIRST_SEED + number,
+        first_seed + number,
         item.effects,
-        LOADS_KG[number % 3],
+        LOADS_KG[turned % len(LOADS_KG)],
         item.kind,
         factor,
         (0.0 if even else 2.0) if not item.effects else 1.0,

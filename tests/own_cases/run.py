@@ -95,7 +95,7 @@ def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> d
         row["located"] = diagnosis.before.best if diagnosis.before else None
         row["shares"] = _shares(diagnosis)
         row["excess"] = _finite(diagnosis.excess)
-        row["withdrawn"] = [c.entry.name for c in diagnosis.withdrawn]
+        row["withdrawn"] = [c.entry.name for c, _ in diagnosis.withdrawn]
         row["scores"], row["rounds"] = _scores(diagnosis), _rounds(diagnosis)
         row["baselines"] = _baselines(diagnosis, plant, fit_on, hold_out) if baselines else {}
     return _keep(kept, row)

@@ -128,7 +128,12 @@ def diagnose(
             say("running the improved model freely on the held-out recordings")
             _run_freely(diagnosis, judging, ("refitted", "extended"))
             if explained(held_out_errors(diagnosis, judging)) < LEAST_EXPLAINED:
-                withdraw_all(diagnosis)
+                withdraw_all(
+                    diagnosis,
+                    "what was found takes away less than"
+                    f" {100 * LEAST_EXPLAINED:.0f} % of the error of the free run on held-out"
+                    " recordings",
+                )
         if diagnosis.accepted or began_with is None:
             break
         failed.append(began_with)

@@ -29,8 +29,7 @@ class Diagnosis:
         after: The same in the extended model.
         runs: Free runs on held-out recordings, by model and recording.
         excess: Log likelihood that the refitted nominal model lacks, dimensionless.
-        withdrawn: Effects that were taken back because all together explained too little, or
-            because a later one made them needless.
+        withdrawn: Effects that were taken back, each with the reason.
         free_form: Term without a name that was tried because nothing of the library explained the
             recordings; None if there was no need.
         verdict: The verdict.
@@ -50,6 +49,6 @@ class Diagnosis:
     after: Location | None = None
     runs: dict[str, dict[str, FreeRun]] = field(default_factory=dict)
     excess: float = math.nan
-    withdrawn: list[Candidate] = field(default_factory=list)
+    withdrawn: list[tuple[Candidate, str]] = field(default_factory=list)
     free_form: FreeForm | None = None
     verdict: Verdict | None = None

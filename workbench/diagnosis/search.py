@@ -183,28 +183,35 @@ def _withdraw(diagnosis: Diagnosis, passed: Sequence[LikelyFit]) -> None:
     while diagnosis.accepted:
         count = len(diagnosis.accepted)
         least = LEAST_SHARE if count == 1 else LEAST_TOGETHER
-        if diagnosis.base.cost - passed[count].cost >= least * diagnosis.excess:
+        gain = diagnosis.base.cost - passed[count].cost
+        if gain >= least * diagnosis.excess:
             return
         candidate, _ = diagnosis.accepted.pop()
-        diagnosis.withdrawn.append(candidate)
+        why = (
+            f"explains too little: {100 * gain / diagnosis.excess:.0f} % of what is missing"
+            + (" together with those before" if count > 1 else "")
+            + f", {100 * least:.0f} % is asked for"
+        )
+        diagnosis.withdrawn.append((candidate, why))
         diagnosis.extended = passed[count - 1]
 
 
-def withdraw_all(diagnosis: Diagnosis) -> None:
+def withdraw_all(diagnosis: Diagnosis, why: str) -> None:
     """Take back everything that was found: the improved model does not run freely any better.
 
     Args:
         diagnosis: The diagnosis.
+        why: The reason, in a few words.
 
     Example:
         >>> from dataclasses import replace
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
         >>> copy = replace(example_diagnosis()[0], accepted=[], withdrawn=[], runs={})
-        >>> withdraw_all(copy)
+        >>> withdraw_all(copy, "it explains nothing")
         >>> copy.extended is copy.base
         True
     """
-    diagnosis.withdrawn += [candidate for candidate, _ in diagnosis.accepted]
+    diagnosis.withdrawn += [(candidate, why) for candidate, _ in diagnosis.accepted]
     diagnosis.accepted.clear()
     diagnosis.extended = diagnosis.base
     diagnosis.runs.pop("extended", None)
@@ -232,7 +239,7 @@ def _leave_out(
             continue
         if fit.cost - full.cost < least:
             diagnosis.accepted.remove(pair)
-            diagnosis.withdrawn.append(pair[0])
+            diagnosis.withdrawn.append((pair[0], "a later one makes it needless"))
             diagnosis.extended = fit
 
 

@@ -10,8 +10,6 @@ from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.free_form_result import Argument, FreeForm
 from workbench.diagnosis.isolability import Isolability
 from workbench.diagnosis.located import Located
-from workbench.diagnosis.search import LEAST_SHARE, LEAST_TOGETHER
-from workbench.diagnosis.select import Candidate
 from workbench.reports.figures.diagnosis_free_form import diagnosis_free_form
 from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Block, Words
@@ -214,37 +212,8 @@ def taken_back(diagnosis: Diagnosis) -> dict[str, str]:
         >>> taken_back(example_diagnosis()[0])
         {}
     """
-    from workbench.diagnosis.diagnose import LEAST_EXPLAINED
-
-    gone = {c.entry.name for c in diagnosis.withdrawn}
-    once = gone | {c.entry.name for c, _ in diagnosis.accepted}
-    # Each round adds at most one: the first candidate that no rule refuses.
-    order: list[Candidate] = []
-    for _, candidates in diagnosis.rounds:
-        best = next((c for c in candidates if not c.refused), None)
-        if best is not None and best.entry.name in once:
-            order.append(best)
-    count = len(order)
-    reasons: dict[str, str] = {}
-    while count:
-        least = LEAST_SHARE if count == 1 else LEAST_TOGETHER
-        share = sum(c.gain for c in order[:count]) / diagnosis.excess if diagnosis.excess else 1.0
-        if not share < least:
-            break
-        count -= 1
-        reasons[order[count].entry.name] = (
-            f"explains too little: {100 * share:.0f} % of what is missing"
-            + (" together with those before" if count else "")
-            + f", {100 * least:.0f} % is asked for"
-        )
-    last = (
-        "a later one makes it needless"
-        if diagnosis.accepted
-        else "what was found takes away less than"
-        f" {100 * LEAST_EXPLAINED:.0f} % of the error of the free run on held-out recordings"
-    )
-    names = dict.fromkeys(c.entry.name for c in (*order, *diagnosis.withdrawn))
-    return {name: reasons.get(name, last) for name in names if name in gone}
+    kept = {candidate.entry.name for candidate, _ in diagnosis.accepted}
+    return {c.entry.name: why for c, why in diagnosis.withdrawn if c.entry.name not in kept}
 
 
 def refusals(diagnosis: Diagnosis) -> list[Block]:
