@@ -11,7 +11,9 @@ At sample k, from the angle y, the pressures p1 and p2 and the reference r:
 and the inverse model along the plan, the feedforward:
 
     dp_r = dp0(theta_r, pm) + (alpha_r + a1 omega_r) / b
-    o_r  = [(j_r + a1 alpha_r + a0 omega_r) / b + e omega_r] / g
+    o_r  = [(j_r' + a1 alpha_r' + a0 omega_r') / b + e omega_r'] / g
+
+where ' is the plan as it will be when the opening has arrived, a lead later.
 
 w collects friction, muscle hysteresis and wrong loads. It is an acceleration, so the observer is
 the same for every angle and load: what the map knows enters with the acceleration.
@@ -89,6 +91,7 @@ class JointTracking:
         pressure_filter: Time constant of the pressures' filter, in s.
         sample_time: Time between samples, in s.
         hysteresis: Fitted hysteresis that is compensated along the plan; None for none.
+        lead: Time by which the opening of the feedforward leads the plan, in s.
 
     Example:
         >>> JointTracking.__dataclass_fields__["sample_time"].default
@@ -101,6 +104,7 @@ class JointTracking:
     pressure_filter: float = 0.002
     sample_time: float = 0.002
     hysteresis: HysteresisCompensation | None = None
+    lead: float = 0.0
 
     def start(
         self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
@@ -160,9 +164,10 @@ class JointTracking:
             lost = self.hysteresis.difference(turn, mean)
             wanted = wanted + lost
             alpha = alpha - joint.b * lost
+        then = self.planner.ahead(planner, plan, self.lead, arithmetic) if self.lead else plan
         rate = (
-            plan.jerk + planned.a1 * plan.acceleration + planned.a0 * plan.speed
-        ) / planned.b + planned.e * plan.speed
+            then.jerk + planned.a1 * then.acceleration + planned.a0 * then.speed
+        ) / planned.b + planned.e * then.speed
         following = (
             *planner,
             theta + h * omega + 0.5 * h * h * alpha,
@@ -227,9 +232,10 @@ def joint_tracking(
     jerk_limit: float = 1800.0,
     observer_bandwidth: float = 80.0,
     correction: tuple[float, float, float] | None = None,
-    pressure_reserve: float = 2.5e5,
+    pressure_reserve: float = 2.8e5,
     mean_pressure: float = 3.8e5,
     shortest: float = 0.05,
+    lead: float = 0.0,
     sample_time: float = 0.002,
 ) -> JointTracking:
     """Design planner and observer for a schedule.
@@ -249,6 +255,8 @@ def joint_tracking(
         pressure_reserve: Pressure difference for accelerating, in Pa.
         mean_pressure: Mean gauge pressure at which limits are taken, in Pa.
         shortest: Shortest planned move, in s.
+        lead: Time by which the opening of the feedforward leads the plan, in s: the lag of spool
+            and sample, so that the move goes where it is planned.
         sample_time: Time between samples, in s.
 
     Returns:
@@ -265,6 +273,7 @@ def joint_tracking(
     """
     check_range("share of the opening for a planned move", jerk_share, 0.01, 1.0)
     check_range("pressure reserve", pressure_reserve, 1e3, 1e7, "Pa")
+    check_range("lead of the feedforward", lead, 0.0, 0.1, "s")
     models = schedule.models(mean_pressure)
     planner = Planner(
         jerk=min(jerk_limit, jerk_share * min(m.opening_to_jerk for m in models)),
@@ -278,7 +287,7 @@ def joint_tracking(
         correction = design_joint_observer(
             free, bandwidth=observer_bandwidth, sample_time=sample_time
         ).correction
-    return JointTracking(schedule, planner, correction, sample_time=sample_time)
+    return JointTracking(schedule, planner, correction, sample_time=sample_time, lead=lead)
 
 
 def kalman_correction(

@@ -17,8 +17,8 @@ applied through the inverse valve curve: an optimiser of the voltage would see a
 the valve's flat centre. If the solver fails, the plan of the sample before is followed (fallback
 "plan").
 
-Without preview the reference passes two lags of speed omega_r, which also continue it over the
-horizon; with preview r_j is the reference itself.
+Without preview the reference is continued over the horizon by two lags or by a planner
+(`controllers.reference_ahead`); with preview r_j is the reference itself.
 
 Source: Diehl, Bock, Schloeder, A real-time iteration scheme for nonlinear optimization in optimal
 feedback control, SIAM J. Control Optim. 43, 2005; Rawlings, Mayne and Diehl, Model Predictive
@@ -36,7 +36,6 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from controllers.mpc import lagged
 from controllers.nonlinear_observer import ExtendedKalmanFilter
 from controllers.nonlinear_prediction import (
     Called,
@@ -50,6 +49,7 @@ from controllers.nonlinear_prediction import (
 from controllers.nonlinear_specification import NonlinearMPCSpecification
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program import quadratic_program
+from controllers.reference_ahead import ReferenceAhead
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.opening import FULL_STROKE, opening_plant
@@ -69,8 +69,7 @@ class NonlinearMPCState(NamedTuple):
         plan: Openings over the horizon, shape (N,), fractions.
         course: Scaled states at the starts of the stages and at the end, shape (n_p, N + 1).
         voltage: Voltage applied last, in V.
-        filtered: Reference after the first lag, in rad.
-        target: Reference after the second lag, in rad.
+        ahead: State of the reference's continuation (`controllers.reference_ahead`), in SI.
     """
 
     estimate: Matrix
@@ -78,8 +77,7 @@ class NonlinearMPCState(NamedTuple):
     plan: Matrix
     course: Matrix
     voltage: float
-    filtered: float
-    target: float
+    ahead: tuple[float, ...]
 
 
 class Step(NamedTuple):
@@ -147,6 +145,13 @@ class NonlinearMPC:
         want = self.specification
         return want.stages * want.stride if want.preview else 0
 
+    @property
+    def ahead(self) -> ReferenceAhead:
+        """How the reference goes on over the horizon where it is not previewed."""
+        want = self.specification
+        times = tuple(want.stage_time * j for j in range(want.stages + 1))
+        return ReferenceAhead(times, want.reference_speed, want.planner, want.sample_time)
+
     def initial_state(self, measurement: Measurement) -> NonlinearMPCState:
         """Return the state of a plant at rest with this measurement.
 
@@ -156,15 +161,13 @@ class NonlinearMPC:
         estimate, covariance = self.observer.initial(measurement, self.valve.centre)
         start = self.predicted(estimate)
         N = self.specification.stages
-        angle = measurement[0]
         return NonlinearMPCState(
             estimate,
             covariance,
             np.zeros(N),
             np.tile(start[:, None], (1, N + 1)),
             self.valve.centre,
-            angle,
-            angle,
+            self.ahead.start(measurement[0]),
         )
 
     def step(
@@ -188,13 +191,9 @@ class NonlinearMPC:
         estimate, covariance = self.observer.correct(
             state.estimate, state.covariance, measurement, state.voltage
         )
-        fresh = want.reference_speed * want.sample_time
-        filtered, target = lagged(state.filtered, state.target, reference[0], fresh)
+        path, ahead = self.ahead.follow(state.ahead, reference[0])
         if want.preview:
-            filtered = target = reference[0]
             path = np.array([reference[j * want.stride] for j in range(want.stages + 1)])
-        else:
-            path = self._path(filtered, target, reference[0])
         plan, course = self._shifted(state.plan, state.course)
         step = self.improve(
             plan, course, self.predicted(estimate), estimate[n:], path, state.plan[0]
@@ -221,8 +220,7 @@ class NonlinearMPC:
             moves,
             course,
             voltage,
-            filtered,
-            target,
+            ahead,
         )
         return (voltage,), memory, info
 
@@ -331,13 +329,6 @@ class NonlinearMPC:
         names = self.prediction.names
         wanted = (self.sensors[0], "speed", *self.sensors[1:])
         return [names.index(name) for name in wanted]
-
-    def _path(self, filtered: float, target: float, reference: float) -> Matrix:
-        """Continue the reference's lags over the horizon, exactly."""
-        want = self.specification
-        t = want.reference_speed * want.stage_time * np.arange(want.stages + 1)
-        left, second = filtered - reference, target - reference
-        return np.asarray(reference + (second + left * t) * np.exp(-t))
 
     def _shifted(self, plan: Matrix, course: Matrix) -> tuple[Matrix, Matrix]:
         """Move a plan on by one sample, a fraction of a stage."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from controllers.planned_reference import Planner
 from workbench.errors import check_range
 
 
@@ -30,7 +31,9 @@ class NonlinearMPCSpecification:
             offset.
         sensor_noise: Noise rms of angle (rad) and pressures (Pa).
         state_noise: Random walk of every state over one second, as a fraction of its scale.
-        reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
+        reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview or
+            a planner.
+        planner: Planner of the reference in place of the lags; not used with preview.
         preview: Whether the future reference over the horizon is used.
         sample_time: Time between steps, in s.
 
@@ -58,6 +61,7 @@ class NonlinearMPCSpecification:
     sensor_noise: tuple[float, ...] = (2e-5, 600.0, 600.0)
     state_noise: float = 0.1
     reference_speed: float = 40.0
+    planner: Planner | None = None
     preview: bool = False
     sample_time: float = 0.002
 

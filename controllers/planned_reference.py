@@ -14,7 +14,8 @@ from rest this is the move of least mean square jerk; T is the shortest time wit
     60 D / T^3 <= jerk,    5.7735 D / T^2 <= acceleration,    1.875 D / T <= speed
 
 A sine therefore passes without lag, with its speed and acceleration from differences, and a step
-never asks for more than the joint can do.
+never asks for more than the joint can do. What comes next is known too: the move goes along its
+quintic, the smooth course along its first three derivatives.
 
 Source: Flash and Hogan, J. Neuroscience 5, 1985 (quintic as minimum-jerk move); Biagiotti and
 Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 2.1.
@@ -81,6 +82,8 @@ class Planner:
         jump_speed: Speed from which the reference has jumped, in rad/s.
         jump_acceleration: Acceleration from which the reference's speed has jumped, in rad/s2.
         sample_time: Time between samples, in s.
+        reach: Time for which the derivatives of the course tell how it goes on, in s; after it, it
+            is taken to go straight on.
 
     Raises:
         WorkbenchError: If a limit is not positive.
@@ -103,6 +106,7 @@ class Planner:
     jump_speed: float = 8.0
     jump_acceleration: float = 150.0
     sample_time: float = 0.002
+    reach: float = 0.1
 
     def __post_init__(self) -> None:
         """Check the limits."""
@@ -185,6 +189,33 @@ class Planner:
                 jerk + where(moving, delta[3], 0.0),
             ),
             fresh,
+        )
+
+    def ahead(self, state: PlannerState, plan: Plan, time: Number, arithmetic: Arithmetic) -> Plan:
+        """Return where the joint shall be a little later, if no jump comes.
+
+        Args:
+            state: State after `plan`.
+            plan: What `plan` returned with it.
+            time: How much later, in s.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            The plan then, in SI.
+        """
+        now = _offset(state, state.elapsed)
+        jerk = plan.jerk - arithmetic.where(state.elapsed < state.duration, now[3], 0.0)
+        elapsed = arithmetic.clip(state.elapsed + time, 0.0, state.duration)
+        moving = elapsed < state.duration
+        then = [arithmetic.where(moving, part, 0.0) for part in _offset(state, elapsed)]
+        near = arithmetic.clip(time, 0.0, self.reach)
+        slope = state.slope + near * (state.curve + near * jerk / 2.0)
+        bent = near * (state.slope + near * (state.curve / 2.0 + near * jerk / 6.0))
+        return Plan(
+            state.reference + bent + (time - near) * slope + then[0],
+            slope + then[1],
+            state.curve + near * jerk + then[2],
+            jerk + then[3],
         )
 
     def _duration(self, offset: Number, speed: Number, arithmetic: Arithmetic) -> Number:

@@ -185,6 +185,7 @@ def design_scheduled_h_infinity(
     delay: float = 0.004,
     jerk_share: float = 0.7,
     jerk_limit: float = 1800.0,
+    lead: float = 0.0,
     compensation: float = 0.0,
     mean_pressure: float = 3.8e5,
     sample_time: float = 0.002,
@@ -202,6 +203,7 @@ def design_scheduled_h_infinity(
         jerk_share: Share of the valve's opening that a planned move may use, 0..1,
             dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3.
+        lead: Time by which the opening of the feedforward leads the plan, in s.
         compensation: Share of the unexplained acceleration that is compensated at once, 0..1,
             dimensionless.
         mean_pressure: Mean gauge pressure of the synthesis, in Pa.
@@ -238,6 +240,7 @@ def design_scheduled_h_infinity(
             schedule,
             jerk_share=jerk_share,
             jerk_limit=jerk_limit,
+            lead=lead,
             correction=kalman_correction(sample_time=sample_time),
             mean_pressure=mean_pressure,
             sample_time=sample_time,

@@ -278,6 +278,7 @@ def design_scheduled_mpc(
     move_weight: float = 0.02,
     jerk_share: float = 0.7,
     jerk_limit: float = 1800.0,
+    lead: float = 0.0,
     compensation: float = 0.3,
     lag: float = 0.0,
     prediction_time: float = 0.004,
@@ -299,6 +300,7 @@ def design_scheduled_mpc(
         jerk_share: Share of the valve's opening that a planned move may use, 0..1,
             dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3.
+        lead: Time by which the opening of the feedforward leads the plan, in s.
         compensation: Share of the unexplained acceleration that is compensated, 0..1,
             dimensionless.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
@@ -364,6 +366,7 @@ def design_scheduled_mpc(
             schedule,
             jerk_share=jerk_share,
             jerk_limit=jerk_limit,
+            lead=lead,
             correction=kalman_correction(sample_time=h),
             mean_pressure=mean_pressure,
             sample_time=h,

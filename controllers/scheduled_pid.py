@@ -188,6 +188,7 @@ def design_scheduled_pid(
     *,
     jerk_share: float = 0.7,
     jerk_limit: float = 1800.0,
+    lead: float = 0.0,
     frequency: float = 28.0,
     inner_bandwidth: float = 120.0,
     compensation: float = 0.3,
@@ -202,6 +203,7 @@ def design_scheduled_pid(
         jerk_share: Share of the valve's opening that a planned move may use, 0..1,
             dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3.
+        lead: Time by which the opening of the feedforward leads the plan, in s.
         frequency: Frequency of the placed pair, in rad/s.
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
         compensation: Share of the unexplained acceleration that is compensated at once, 0..1,
@@ -226,6 +228,7 @@ def design_scheduled_pid(
         schedule,
         jerk_share=jerk_share,
         jerk_limit=jerk_limit,
+        lead=lead,
         correction=kalman_correction(sample_time=sample_time),
         sample_time=sample_time,
     )

@@ -218,6 +218,7 @@ def design_scheduled_sliding_mode(
     lag: float = 0.0,
     jerk_share: float = 0.7,
     jerk_limit: float = 1800.0,
+    lead: float = 0.0,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> ScheduledSlidingMode:
@@ -239,6 +240,7 @@ def design_scheduled_sliding_mode(
         jerk_share: Share of the valve's opening that a planned move may use, 0..1,
             dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3.
+        lead: Time by which the opening of the feedforward leads the plan, in s.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
 
@@ -261,6 +263,7 @@ def design_scheduled_sliding_mode(
         schedule,
         jerk_share=jerk_share,
         jerk_limit=jerk_limit,
+        lead=lead,
         correction=kalman_correction(sample_time=sample_time),
         sample_time=sample_time,
     )

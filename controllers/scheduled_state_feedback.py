@@ -179,6 +179,7 @@ def design_scheduled_state_feedback(
     integral: float = 0.33,
     jerk_share: float = 0.7,
     jerk_limit: float = 1800.0,
+    lead: float = 0.0,
     angle_noise: float = 2e-5,
     acceleration_walk: float = 100.0,
     acceleration_noise: float = 0.5,
@@ -197,6 +198,7 @@ def design_scheduled_state_feedback(
         jerk_share: Share of the valve's opening that a planned move may use, 0..1,
             dimensionless.
         jerk_limit: Largest planned jerk, in rad/s3.
+        lead: Time by which the opening of the feedforward leads the plan, in s.
         angle_noise: Noise rms of the measured angle, in rad.
         acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
         acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
@@ -252,6 +254,7 @@ def design_scheduled_state_feedback(
         schedule,
         jerk_share=jerk_share,
         jerk_limit=jerk_limit,
+        lead=lead,
         correction=kalman_correction(
             angle_noise=angle_noise,
             acceleration_noise=acceleration_noise,

@@ -64,6 +64,34 @@ def test_a_sine_passes_without_lag() -> None:
     assert np.abs(np.diff(speed)).max() / H < PLANNER.acceleration + 12.0
 
 
+@pytest.mark.parametrize("time", [0.006, 0.05])
+def test_ahead_is_the_plan_that_comes(time: float) -> None:
+    seconds = np.arange(1000) * H
+    reference = 0.5 + 0.1 * np.sin(2 * np.pi * 0.5 * seconds) + np.where(seconds < 1.0, 0.0, 0.2)
+    state, now, then = PLANNER.start(0.5), [], []
+    for r in reference.tolist():
+        plan, state = PLANNER.plan(state, r, FLOATS)
+        now.append(plan)
+        then.append(PLANNER.ahead(state, plan, time, FLOATS))
+    later = round(time / H)
+    before, after = 510, 1000 - later
+    came = np.array(now)[before + later : after + later]
+    for k, tolerance in enumerate((1e-4, 6e-3, 0.15)):
+        np.testing.assert_allclose(np.array(then)[before:after, k], came[:, k], atol=tolerance)
+    # without the look ahead it is much further away while the arm moves
+    assert np.abs(np.array(now)[before:after, 0] - came[:, 0]).max() > 5e-3
+
+
+def test_far_ahead_a_course_goes_straight_on() -> None:
+    seconds = np.arange(500) * H
+    state = PLANNER.start(0.0)
+    for r in (0.2 * np.sin(2 * np.pi * seconds)).tolist():
+        plan, state = PLANNER.plan(state, r, FLOATS)
+    near, far, further = (PLANNER.ahead(state, plan, t, FLOATS) for t in (0.1, 0.3, 0.4))
+    assert further.speed == far.speed == near.speed
+    assert further.angle - far.angle == pytest.approx(0.1 * far.speed)
+
+
 def test_limits_must_be_positive() -> None:
     with pytest.raises(WorkbenchError, match="jerk of the planned reference"):
         Planner(jerk=0.0, acceleration=1.0, speed=1.0)
