@@ -32,6 +32,15 @@ from workbench.benchmark.designs import (
     design,
     fast_design,
 )
+from workbench.benchmark.evidence import (
+    EVIDENCE_FAMILY,
+    LADDER,
+    PACED_VARIATIONS,
+    PACES,
+    evidence_run,
+    is_evidence,
+    paced_name,
+)
 from workbench.benchmark.figures_of_run import LIMITED_DEG, figures_of_run, worst_of_all
 from workbench.benchmark.one_sample_late import OneSampleLate
 from workbench.errors import WorkbenchError, check_choice, check_range
@@ -45,16 +54,6 @@ FAST = "fast"
 
 LATE = "one sample late"
 """Variation with a delay of one sample between controller and valve, run as evidence."""
-
-
-DRY = "without hysteresis"
-"""Variation without muscle hysteresis, run as evidence."""
-
-EXACT = "without hysteresis, noise and converters"
-"""The same with exact sensors and a command that is not quantised, run as evidence."""
-
-EVIDENCE_FAMILY = "state feedback"
-"""Family whose design is run on these."""
 
 BUILT_WHERE_RUN = (FAST, "nonlinear MPC")
 """Designs that are made in the process that runs them."""
@@ -108,7 +107,8 @@ class Comparison:
     Args:
         figures: Figures by family, case and variation, in the units of their names.
         curves: Curves by family, case and scenario, nominal runs.
-        limits: Physical limits by case and size of step in °, in s; NaN with a reason.
+        limits: Physical limits by case and size of step in °, in s, with the unknown kilogram too;
+            NaN with a reason.
         margins: Speed in rad/s, Ms, Mt and Ms one sample late of each design by family and case.
         seed: Seed of the sensors' noise; with several, the first.
         seeds: Number of seeds; a figure is the worst of all.
@@ -129,7 +129,7 @@ class Comparison:
     def variations(self) -> tuple[str, ...]:
         """What differed, in the order of the comparison; the nominal one is among it."""
         every = dict.fromkeys(v for _, _, v in self.figures)
-        return tuple(v for v in every if v not in (CHANGES, LATE, DRY, EXACT))
+        return tuple(v for v in every if v not in (CHANGES, LATE) and not is_evidence(v))
 
     @property
     def families(self) -> tuple[str, ...]:
@@ -221,12 +221,25 @@ def compare_controllers(
         for v in ("nominal", "1 kg")
         if v in variations
     ]
-    if EVIDENCE_FAMILY in families:
-        runs += [Job(EVIDENCE_FAMILY, case, v, seed, False) for case in whole for v in (DRY, EXACT)]
-        runs += [Job(FAST, case, v, seed, False) for case in light for v in (DRY, EXACT)]
+    runs += [
+        Job(family, case, v, seed, False)
+        for case in whole
+        for family in (*families, *((FAST,) if case in light else ()))
+        for v in LADDER
+        if family != "nonlinear MPC"
+    ]
+    runs += [
+        Job(EVIDENCE_FAMILY, case, paced_name(v, pace), seed, False)
+        for case in whole
+        for pace in PACES
+        for v in PACED_VARIATIONS
+        if EVIDENCE_FAMILY in families and v in variations
+    ]
+    heavier = [Case(case.changed_load, case.plane) for case in whole]
+    moving = [*whole, *(case for case in heavier if case.load > min(c.load for c in whole))]
     wanted = [
         (case, round(abs(b - a)), math.radians(a), math.radians(b))
-        for case in whole
+        for case in dict.fromkeys(moving)
         for a, b in LIMITED_DEG
         if limits
     ]
@@ -305,10 +318,9 @@ def _run(job: Job, given: Controller | None) -> tuple[Job, dict[str, Figure], di
     elif job.variation == LATE:
         plant, own = varied_plant(job.case, "nominal"), scenarios("nominal")[:1]
         controller = OneSampleLate(controller)
-    elif job.variation in (DRY, EXACT):
-        plant, own = nominal_plant(job.case), scenarios("nominal")[:1]
-        if job.variation == EXACT:
-            own = (own[0].without_imperfections(),)
+    elif is_evidence(job.variation):
+        controller, plant, staircase = evidence_run(job.case, job.variation, controller)
+        own = (staircase,)
     else:
         plant, own = varied_plant(job.case, job.variation), scenarios(job.variation)
         own = own if job.whole else own[:1]

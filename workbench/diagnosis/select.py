@@ -286,10 +286,9 @@ def _first(
     ways: list[tuple[dict[str, float], tuple[float, ...]]] = [
         (start_values(base.refit, priors), (base.share,))
     ]
-    if effect.states or len(entry.shapes) > 1:
-        # Without the effect, the free parameters have gone where they imitate it best. One whose
-        # signature changes with its size may not be found from there: a second refit begins at the
-        # priors, and comes to trust the equations.
+    if entry.far:
+        # Without the effect, the free parameters have gone where they imitate it best, from where
+        # one that is far may not be found.
         ways.append(({q.name: q.mean for q in priors}, _STEEP))
     for known, ladder in ways:
         try:
@@ -299,7 +298,11 @@ def _first(
                     fit_on_,
                     all_priors,
                     start=_best_start(
-                        model, fit_on_, all_priors, _starts(score, {**start, **known}), ladder[0]
+                        model,
+                        fit_on_,
+                        all_priors,
+                        _starts(score, {**start, **known}, shapes=ladder is _STEEP),
+                        ladder[0],
                     ),
                     share=ladder[0],
                     ladder=ladder,
@@ -315,7 +318,7 @@ def _first(
     return Candidate(entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
 
 
-def _starts(score: Score, start: Mapping[str, float]) -> list[dict[str, float]]:
+def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[dict[str, float]]:
     """From where to refit: the size that the score expects, and usual ones; or several shapes.
 
     The score is a derivative at size zero, which for a large effect tells little of its size.
@@ -323,22 +326,20 @@ def _starts(score: Score, start: Mapping[str, float]) -> list[dict[str, float]]:
     entry = score.entry
     if entry.replaces:
         # The size of a law that is either there or not says nothing of its shape.
-        shapes = sorted(entry.shapes, key=lambda shape: shape != score.shape)
-        return [dict(start) | {f"{entry.name}.{k}": v for k, v in s.items()} for s in shapes]
+        ordered = sorted(entry.shapes, key=lambda shape: shape != score.shape)
+        return [dict(start) | {f"{entry.name}.{k}": v for k, v in s.items()} for s in ordered]
     name = f"{entry.name}.{entry.size_parameter}"
     sign = math.copysign(1.0, start[name]) if start[name] else 1.0
     sizes = [start[name], *(sign * k * entry.typical_size for k in _SIZES)]
     low, high = entry.size.lower, entry.size.upper
-    # A shape that no refit may change stays as it was scored.
-    shapes = [
-        {f"{entry.name}.{k}": v for k, v in shape.items()}
-        for shape in sorted(entry.shapes, key=lambda shape: shape != score.shape)
-    ]
+    usual = {f"{entry.name}.{k}": v for k, v in score.shape.items()}
+    tried = [usual]
+    if shapes:
+        others = [{f"{entry.name}.{k}": v for k, v in shape.items()} for shape in entry.shapes]
+        # A shape that no refit may change stays as it was scored.
+        tried += [shape for shape in others if shape != usual and shape.keys() <= start.keys()]
     return [
-        {**start, **shape, name: float(np.clip(s, low, high))}
-        for shape in shapes
-        if shape.keys() <= start.keys() or shape is shapes[0]
-        for s in sizes
+        {**start, **shape, name: float(np.clip(s, low, high))} for shape in tried for s in sizes
     ]
 
 

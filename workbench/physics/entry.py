@@ -29,6 +29,8 @@ class Entry:
             short steps.
         whole: Whether the largest size is all that there can be, such as the whole of a load, and
             not a bound of plausibility.
+        far: Whether its usual sizes are beyond where the derivative at size zero tells of them, as
+            with delays: a refit then begins at the priors too, not only where the last one ended.
         same_as: Names of entries that give the very same readings, whatever is recorded.
 
     Raises:
@@ -50,6 +52,7 @@ class Entry:
     shapes: tuple[Mapping[str, float], ...] = ({},)
     stiff: bool = False
     whole: bool = False
+    far: bool = False
     same_as: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

@@ -85,10 +85,12 @@ def _lines(names: object) -> Iterator[Entry]:
     backs = ({"conductance": 1e-8}, {"conductance": 6e-8})
     for i in tubes:
         effect = line(i, share=0.0)
-        yield Entry(effect, "share", 1.0, 0.5, law="line", shapes=conductances, stiff=True)
+        yield Entry(
+            effect, "share", 1.0, 0.5, law="line", shapes=conductances, stiff=True, far=True
+        )
     if len(tubes) == 2:
         both = shared(tuple(line(i, share=0.0) for i in numbers), name="lines")
-        yield Entry(both, "share", 1.0, 0.5, law="line", shapes=conductances, stiff=True)
+        yield Entry(both, "share", 1.0, 0.5, law="line", shapes=conductances, stiff=True, far=True)
     for i in exhausts:
         effect = silencer(i, share=0.0)
         yield Entry(effect, "share", 1.0, 0.5, law="silencer", shapes=backs, stiff=True)

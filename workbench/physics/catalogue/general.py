@@ -120,6 +120,7 @@ def _drive(port: Port) -> Iterator[Entry]:
         0.01,
         0.001,
         law="delay",
+        far=True,
     )
 
 

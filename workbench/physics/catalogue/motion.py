@@ -94,6 +94,7 @@ def _drive(m: Motion) -> Iterator[Entry]:
         0.005,
         0.0005,
         law="drive_delay",
+        far=True,
     )
     yield Entry(
         saturation(
@@ -243,4 +244,5 @@ def _loads(model: Model) -> Iterator[Entry]:
             0.1,
             shapes=tuple({"frequency": f} for f in (40.0, 20.0, 10.0, 100.0)),
             whole=True,
+            far=True,
         )

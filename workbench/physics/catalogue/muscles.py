@@ -120,7 +120,7 @@ def _forces(ports: tuple[str, ...]) -> Iterator[Entry]:
 
 
 def _tensions(ports: tuple[str, ...]) -> Iterator[Entry]:
-    yield Entry(series_elasticity(ports, compliance=0.0), "compliance", 7e-6, 1e-6)
+    yield Entry(series_elasticity(ports, compliance=0.0), "compliance", 7e-6, 1e-6, far=True)
     yield Entry(force_shape(ports, share=0.0), "share", 0.5, 0.05)
     yield Entry(contraction_force_correction(ports, gain=0.0), "gain", 0.1, 0.02)
     yield Entry(pressure_force_correction(ports, gain=0.0), "gain", 0.05, 0.01)

@@ -60,6 +60,7 @@ def entries(model: Model, outputs: tuple[str, ...] | None = None) -> Iterator[En
             0.01,
             0.002,
             "sensor",
+            far=True,
             same_as=(
                 ("valve_delay",) if len(model.inputs) == 1 and "valve.command" in ports else ()
             ),
@@ -110,6 +111,7 @@ def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
         0.002,
         "sensor",
         law="sensor_lag",
+        far=True,
     )
     yield Entry(
         delay(ports, time=0.0, unit=unit, scales=(output.scale,), name=f"sensor_delay_{where}"),
@@ -118,6 +120,7 @@ def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
         0.002,
         "sensor",
         law="sensor_delay",
+        far=True,
     )
     yield Entry(
         drift(
@@ -181,6 +184,7 @@ def _together(stem: str, ports: list[Port]) -> Iterator[Entry]:
         0.002,
         "sensor",
         law="sensor_lag",
+        far=True,
     )
     yield Entry(
         delay(
@@ -195,6 +199,7 @@ def _together(stem: str, ports: list[Port]) -> Iterator[Entry]:
         0.002,
         "sensor",
         law="sensor_delay",
+        far=True,
     )
     yield Entry(
         offset(

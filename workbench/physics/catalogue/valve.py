@@ -45,6 +45,7 @@ def entries(model: Model) -> Iterator[Entry]:
             0.005,
             0.001,
             law="valve_delay",
+            far=True,
             # Whatever moves is late by the same time, or is read late by it.
             same_as=("clock_shift",) if len(model.inputs) == 1 else (),
         )
