@@ -125,4 +125,4 @@ def _heat(model: Model) -> Iterator[Entry]:
         yield Entry(heat_exchange(heats, coefficient=0.0), "coefficient", 150.0, 20.0)
     signals = {"pressure", "enthalpy_flow", "volume_rate"}
     if all(signals <= set(q.signals) for q in model.ports if q.name in heats):
-        yield Entry(polytropic_exchange(heats, departure=0.0), "departure", 0.2, 0.03)
+        yield Entry(polytropic_exchange(heats, departure=0.0), "departure", 0.2, 0.03, far=True)
