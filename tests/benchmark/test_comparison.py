@@ -26,10 +26,11 @@ from workbench.benchmark.cases import (
     varied_plant,
 )
 from workbench.benchmark.designs import available_families, design
+from workbench.benchmark.evidence import DRY, EVIDENCE_FAMILY, EXACT, SWIFT
 from workbench.benchmark.figures_of_run import SIZES_DEG, step_figures, worst_of_all
 from workbench.benchmark.obstacles import obstacle_words, obstacles_table
 from workbench.benchmark.page import missed_table, write_comparison
-from workbench.benchmark.run import DRY, EVIDENCE_FAMILY, EXACT, Comparison, compare_controllers
+from workbench.benchmark.run import Comparison, compare_controllers
 from workbench.benchmark.table import comparison_table, figures_of, ratio_to_limit
 from workbench.verification.responses import Figure
 
@@ -148,6 +149,7 @@ def test_obstacles_are_counted_one_by_one(comparison: Comparison) -> None:
         (EVIDENCE_FAMILY, CASE.name, "nominal"): settled(0.30),
         (EVIDENCE_FAMILY, CASE.name, DRY): settled(0.25),
         (EVIDENCE_FAMILY, CASE.name, EXACT): settled(0.24),
+        (EVIDENCE_FAMILY, CASE.name, SWIFT): settled(0.21),
     }
     limits = {(CASE.name, 5): Figure(0.1), (CASE.name, 15): Figure(0.2)}
     some = replace(comparison, figures=made, limits=limits)
@@ -156,8 +158,9 @@ def test_obstacles_are_counted_one_by_one(comparison: Comparison) -> None:
     assert len(words) == 1
     assert "50 ms" in words[0]
     assert "10 ms" in words[0]
-    assert "140 ms" in words[0]
-    assert len(obstacles_table(some).rows) == 3
+    assert "30 ms" in words[0]
+    assert "110 ms" in words[0]
+    assert len(obstacles_table(some).rows) == 4
 
 
 def test_without_slycot_the_family_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:

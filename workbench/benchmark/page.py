@@ -7,13 +7,25 @@ from pathlib import Path
 
 from workbench.benchmark.cases import BEGIN, CASES, CHANGES, HOLD, STEPS_DEG
 from workbench.benchmark.figures import pressure_drift, tracking_errors
-from workbench.benchmark.obstacles import obstacle_words, obstacles_table
-from workbench.benchmark.run import Comparison, Curves
+from workbench.benchmark.figures_of_run import SIZES_DEG
+from workbench.benchmark.obstacles import (
+    DELAY,
+    HYSTERESIS,
+    KILOGRAM,
+    STEPS,
+    obstacle_words,
+    obstacles_table,
+    plan_table,
+    plan_words,
+    reason_of_miss,
+)
+from workbench.benchmark.run import LATE, Comparison, Curves
 from workbench.benchmark.table import (
     GOALS,
     SETTLING_15_S,
     changes_table,
     comparison_table,
+    courses_table,
     fast_table,
     figures_of,
     margins_table,
@@ -44,8 +56,6 @@ def comparison_page(comparison: Comparison, *, minutes: float = math.nan) -> Pag
         >>> comparison_page.__name__
         'comparison_page'
     """
-    nominal = comparison_table(comparison, nominal=True)
-    worst = comparison_table(comparison, nominal=False)
     sections = (
         Section(
             "figures",
@@ -60,8 +70,8 @@ def comparison_page(comparison: Comparison, *, minutes: float = math.nan) -> Pag
                     f" staircase ran with {_seeds(comparison)} of the sensors' noise; the worst"
                     " counts."
                 ),
-                nominal,
-                worst,
+                *(comparison_table(comparison, nominal=nominal) for nominal in (True, False)),
+                *(courses_table(comparison, nominal=nominal) for nominal in (True, False)),
                 changes_table(comparison),
             ),
         ),
@@ -71,11 +81,18 @@ def comparison_page(comparison: Comparison, *, minutes: float = math.nan) -> Pag
             "What is not reached, and what prevents it",
             (
                 missed_table(comparison),
-                *(Words(text) for text in _reasons(comparison)),
-                time_table(comparison),
-                obstacles_table(comparison),
-                fast_table(comparison),
+                Words(_kilogram(comparison)),
+                plan_table(comparison),
+                *(Words(text) for text in plan_words(comparison)),
                 limits_table(comparison),
+                fast_table(comparison),
+                Words(BY_HYSTERESIS),
+                obstacles_table(comparison),
+                *(Words(text) for text in obstacle_words(comparison)),
+                Words(BY_DELAY),
+                time_table(comparison),
+                *(Words(text) for text in _late(comparison)),
+                Words(BY_MEAN),
             ),
         ),
         Section("margins", "How close to the edge", (margins_table(comparison),)),
@@ -154,16 +171,17 @@ def limits_table(comparison: Comparison) -> Table:
         ()
     """
     rows: list[tuple[Cell | str, ...]] = []
-    for case in comparison.cases:
+    heavier = sorted({case for case, _ in comparison.limits} - set(comparison.cases))
+    for case in (*comparison.cases, *heavier):
         cells = []
-        for size in (5, 15, 30):
+        for size in SIZES_DEG:
             limit = comparison.limits.get((case, size))
             cells.append(
                 Cell(number(limit.value), reason=limit.reason)
                 if limit
                 else Cell("–", reason="not computed")
             )
-        rows.append((case, *cells))
+        rows.append((case if case in comparison.cases else f"{case}, with 1 kg more", *cells))
     return Table(
         "Physical limit: time-optimal moves of the full plant into the 2 % band",
         ("load", "35° to 30°, s", "20° to 35°, s", "5° to 35°, s"),
@@ -191,7 +209,7 @@ def time_table(comparison: Comparison) -> Table:
         for family in comparison.families:
             own = comparison.figures[family, case, "nominal"]
             cells = []
-            for size in (5, 15, 30):
+            for size in SIZES_DEG:
                 limit = comparison.limits.get((case, size))
                 plan = own.get(f"settling_planned_{size}_s")
                 course = (limit, plan, own[f"settling_limited_{size}_s"])
@@ -199,7 +217,7 @@ def time_table(comparison: Comparison) -> Table:
             rows.append((case, family, *cells))
     return Table(
         "Time into the 2 % band: limit / planned move / angle, in s",
-        ("load", "family", "35° to 30°", "20° to 35°", "5° to 35°"),
+        ("load", "family", *STEPS),
         tuple(rows),
     )
 
@@ -224,7 +242,7 @@ def missed_table(comparison: Comparison) -> Table:
         comparison: What was found.
 
     Returns:
-        Load, family, figure, nominal and worst value, goal.
+        Load, family, figure, nominal and worst value, goal, and the obstacle in a sentence.
 
     Example:
         >>> missed_table(Comparison({}, {}, {}, {}, 0)).rows
@@ -245,6 +263,7 @@ def missed_table(comparison: Comparison) -> Table:
                 if math.isnan(last[name].value) and "limit" in last[name].reason:
                     continue
                 what, unit = NAMES.get(name, ("settling 15°", "s"))
+                why = reason_of_miss(comparison, case, family, name, goal)
                 rows.append(
                     (
                         case,
@@ -253,47 +272,75 @@ def missed_table(comparison: Comparison) -> Table:
                         number(first[name].value),
                         number(last[name].value),
                         f"{goal:g} {unit}".strip(),
+                        why,
                     )
                 )
-    note = "" if rows else "Every goal is reached in every variation."
+    note = (
+        "The obstacles A, B and C are shown below, each with its runs."
+        if rows
+        else "Every goal is reached in every variation."
+    )
     return Table(
         "Goals that are missed",
-        ("load", "family", "figure", "nominal", "worst", "goal"),
+        ("load", "family", "figure", "nominal", "worst", "goal", "obstacle"),
         tuple(rows),
         note,
     )
 
 
-def _reasons(comparison: Comparison) -> list[str]:
-    """Say what physics prevents, as far as the runs show it."""
-    found = [
-        "Inertia. The empty arm has 0.056 kg m²; one kilogram more makes it 0.192 kg m². A design "
-        "that does not know of it either plans moves that the light arm could make, or plans for "
-        "the heavier arm and stays behind the light arm's limit. A table below shows both on the "
-        "same plants.",
-        "Small steps. Where the time of a step goes is shown below: the limit, the planned move, "
-        "and the angle. Between limit and plan lies a choice of the design, not physics: a smooth "
-        "move with a share of the valve held back for feedback. Between plan and angle lie the "
-        "spool and the loop, whose margins (Ms) bound its speed.",
-        "The mean pressure. One 5/3 valve commands the pressure difference only; the mean drifts "
-        "between the bounds in the last column of the tables with every move, and stiffness with "
-        "it. The designs measure it and interpolate over it, but cannot choose it.",
-    ]
-    found += obstacle_words(comparison)
+def _kilogram(comparison: Comparison) -> str:
+    """Say what the unknown kilogram does to the limit itself."""
+    text = (
+        f"{KILOGRAM}. The empty arm has 0.056 kg m²; one kilogram more makes it 0.192 kg m². A "
+        "design that does not know of it either plans moves that the light arm could make, or "
+        "plans for the heavier arm and stays behind the light arm's limit."
+    )
+    pair = [comparison.limits.get((f"{load} kg horizontal", 15)) for load in (0, 1)]
+    light, heavy = (limit.value if limit else math.nan for limit in pair)
+    if math.isnan(light + heavy):
+        return text
+    return (
+        f"{text} The limit itself grows with the kilogram, for 15° from {number(light)} s to "
+        f"{number(heavy)} s: a move in {number(2 * heavy)} s, twice the heavier arm's limit, is "
+        f"{number(2 * heavy / light)} times that of the arm as known. What shorter plans cost is "
+        "shown next, on the same plants."
+    )
+
+
+BY_HYSTERESIS = (
+    f"{HYSTERESIS}. A step of 5° is settled within ± 0.1°. Hysteresis holds the arm by more than "
+    "that until the feedback has found it, which takes as long as its bandwidth says, and no "
+    "design knows of it."
+)
+
+BY_DELAY = (
+    f"{DELAY}. Spool, held command and filter of the pressures lag by 5 to 6 ms. The feedforward "
+    "leads by as much; the feedback cannot, and its margins (Ms, and Ms with every command one "
+    "sample late) bound its speed. Where the time of a step goes:"
+)
+
+BY_MEAN = (
+    "The mean pressure. One 5/3 valve commands the pressure difference only; the mean drifts "
+    "between the bounds of the tables above with every move, and stiffness with it. The designs "
+    "measure it and interpolate over it, but cannot choose it."
+)
+
+
+def _late(comparison: Comparison) -> list[str]:
+    """Name the designs that do not bear a command one sample late."""
     late = [
         f"{family}, {case}"
         for family in comparison.families
         for case in comparison.cases
-        if (family, case, "one sample late") in comparison.figures
-        and not comparison.figures[family, case, "one sample late"]["swing_deg"].value
-        <= GOALS["swing_deg"]
+        if (family, case, LATE) in comparison.figures
+        and not comparison.figures[family, case, LATE]["swing_deg"].value <= GOALS["swing_deg"]
     ]
-    if late:
-        found.append(
-            "Delay. With every command 2 ms late, these limit-cycle: "
-            f"{'; '.join(late)}. The rig must answer within the sample."
-        )
-    return found
+    if not late:
+        return []
+    return [
+        f"With every command 2 ms late, these swing by more than {GOALS['swing_deg']:g}°: "
+        f"{'; '.join(late)}. The rig must answer within the sample."
+    ]
 
 
 def _pictures(comparison: Comparison) -> list[Picture]:

@@ -235,11 +235,10 @@ def compare_controllers(
         for v in PACED_VARIATIONS
         if EVIDENCE_FAMILY in families and v in variations
     ]
-    heavier = [Case(case.changed_load, case.plane) for case in whole]
-    moving = [*whole, *(case for case in heavier if case.load > min(c.load for c in whole))]
+    heavier = [Case(c.changed_load, c.plane) for c in whole if c.changed_load > c.load]
     wanted = [
         (case, round(abs(b - a)), math.radians(a), math.radians(b))
-        for case in dict.fromkeys(moving)
+        for case in dict.fromkeys((*whole, *heavier))
         for a, b in LIMITED_DEG
         if limits
     ]

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from workbench.benchmark.cases import CHANGES
+from workbench.benchmark.evidence import EVIDENCE_FAMILY, is_evidence
 from workbench.benchmark.figures_of_run import SIZES_DEG, worst_of_all
 from workbench.benchmark.run import FAST, LATE, Comparison
 from workbench.reports.tables import Cell, Mark, Table, number
@@ -33,7 +34,7 @@ GOALS = {
 NOT_RUN = Figure(math.nan, "only steps were run")
 """Figure of a scenario that was not run."""
 
-HEADINGS = (
+STEP_HEADINGS = (
     "load",
     "family",
     "settling 5° s",
@@ -45,12 +46,17 @@ HEADINGS = (
     "overshoot %",
     "steady error °",
     "swing °",
+)
+COURSE_HEADINGS = (
+    "load",
+    "family",
     "rmse 0.2 Hz °",
     "0.5 Hz °",
     "1 Hz °",
     "chatter V/s",
     "air g",
     "mean bar",
+    "fallbacks",
 )
 
 
@@ -117,7 +123,7 @@ def figures_of(
 
 
 def comparison_table(comparison: Comparison, *, nominal: bool) -> Table:
-    """Build the table of all loads and families.
+    """Build the table of steps of all loads and families.
 
     Args:
         comparison: What was found.
@@ -134,7 +140,6 @@ def comparison_table(comparison: Comparison, *, nominal: bool) -> Table:
     for case in comparison.cases:
         for family in comparison.families:
             found = figures_of(comparison, family, case, nominal=nominal)
-            low, high = (found[f"mean_pressure_{end}_bar"].value for end in ("lowest", "highest"))
             goal = next((g for load, g in SETTLING_15_S.items() if case.startswith(load)), math.inf)
             rows.append(
                 (
@@ -144,26 +149,66 @@ def comparison_table(comparison: Comparison, *, nominal: bool) -> Table:
                     _cell(found["settling_15_s"], goal),
                     _cell(found["settling_30_s"]),
                     *(_cell(found[f"ratio_{s}"], GOALS[f"ratio_{s}"]) for s in SIZES_DEG),
-                    _cell(found["overshoot_percent"], GOALS["overshoot_percent"]),
-                    _cell(found["steady_deg"], GOALS["steady_deg"]),
-                    _cell(found["swing_deg"], GOALS["swing_deg"]),
                     *(
-                        _cell(found.get(f"rmse_{f}_Hz_deg", NOT_RUN), GOALS[f"rmse_{f}_Hz_deg"])
-                        for f in ("0.2", "0.5", "1")
+                        _cell(found[name], GOALS[name])
+                        for name in ("overshoot_percent", "steady_deg", "swing_deg")
                     ),
+                )
+            )
+    return Table(
+        f"Steps with muscle hysteresis, {_which(nominal)}",
+        STEP_HEADINGS,
+        tuple(rows),
+        "Goals: settling after 15° at most 0.5 s (0.9 s with 8 kg) and twice the physical limit,"
+        " overshoot 5 %, steady error and swing 0.05°.",
+    )
+
+
+def courses_table(comparison: Comparison, *, nominal: bool) -> Table:
+    """Build the table of sines, effort and mean pressure of all loads and families.
+
+    Args:
+        comparison: What was found.
+        nominal: Whether the nominal figures or the worst of all variations are shown.
+
+    Returns:
+        The table, with marks where there is a goal.
+
+    Example:
+        >>> courses_table(Comparison({}, {}, {}, {}, 0), nominal=True).rows
+        ()
+    """
+    rows: list[tuple[Cell | str, ...]] = []
+    for case in comparison.cases:
+        for family in comparison.families:
+            found = figures_of(comparison, family, case, nominal=nominal)
+            low, high = (found[f"mean_pressure_{end}_bar"].value for end in ("lowest", "highest"))
+            errors = [
+                _cell(found.get(f"rmse_{f}_Hz_deg", NOT_RUN), GOALS[f"rmse_{f}_Hz_deg"])
+                for f in ("0.2", "0.5", "1")
+            ]
+            rows.append(
+                (
+                    case,
+                    family,
+                    *errors,
                     _cell(found["chatter_V_per_s"]),
                     _cell(found["air_g"]),
                     f"{low:.2f}–{high:.2f}",
+                    _cell(found["fallbacks"], GOALS["fallbacks"]) if "fallbacks" in found else "",
                 )
             )
-    which = "nominal" if nominal else "worst of all variations"
     return Table(
-        f"Controllers on the full plant with muscle hysteresis, {which}",
-        HEADINGS,
+        f"Sines of 15°, effort and mean pressure, {_which(nominal)}",
+        COURSE_HEADINGS,
         tuple(rows),
-        "Goals: settling after 15° at most 0.5 s (0.9 s with 8 kg) and twice the physical limit,"
-        " overshoot 5 %, steady error and swing 0.05°, rmse 0.3, 0.6 and 1.5°.",
+        "Goals: rmse 0.3, 0.6 and 1.5°, no fallback. Chatter, air and mean pressure are those of"
+        " the steps.",
     )
+
+
+def _which(nominal: bool) -> str:
+    return "nominal" if nominal else "worst of all variations"
 
 
 def changes_table(comparison: Comparison) -> Table:
@@ -328,7 +373,7 @@ def fast_table(comparison: Comparison) -> Table:
     rows: list[tuple[Cell | str, ...]] = []
     for (family, case, variation), found in comparison.figures.items():
         same = (FAST, case, variation) in comparison.figures
-        if family not in (FAST, "state feedback") or not same:
+        if family not in (FAST, EVIDENCE_FAMILY) or not same or is_evidence(variation):
             continue
         ratio = ratio_to_limit(comparison, case, found, 15)
         rows.append(

@@ -71,11 +71,13 @@ def controllers(
     from tqdm import tqdm
 
     from workbench.benchmark.designs import FAMILIES, available_families
+    from workbench.benchmark.obstacles import obstacles_table, plan_table
     from workbench.benchmark.page import missed_table, write_comparison
     from workbench.benchmark.run import compare_controllers
     from workbench.benchmark.table import (
         changes_table,
         comparison_table,
+        courses_table,
         fast_table,
         margins_table,
     )
@@ -101,10 +103,12 @@ def controllers(
             jobs=jobs,
             progress=progress,
         )
-    for nominal in (True, False):
-        typer.echo(f"{comparison_table(found, nominal=nominal)}\n")
+    for build in (comparison_table, courses_table):
+        for nominal in (True, False):
+            typer.echo(f"{build(found, nominal=nominal)}\n")
     missed = missed_table(found)
-    for table in (changes_table(found), margins_table(found), fast_table(found), missed):
+    evidence = (plan_table(found), obstacles_table(found), fast_table(found))
+    for table in (changes_table(found), margins_table(found), *evidence, missed):
         typer.echo(f"{table}\n")
     minutes = (time.perf_counter() - begin) / 60.0
     page = write_comparison(found, out, minutes=minutes)
