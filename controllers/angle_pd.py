@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 from controllers.arithmetic import FLOATS
 from controllers.protocol import Command, Info, Measurement, Reference
+from controllers.through_valve import ThroughValve
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
@@ -35,7 +36,7 @@ class AnglePDState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class AnglePD:
+class AnglePD(ThroughValve):
     """PD law on the angle without an inner loop.
 
     Args:
@@ -104,14 +105,3 @@ class AnglePD:
         derivative = fade * state.derivative - (1.0 - fade) * self.derivative * slope
         opening = FLOATS.clip(self.proportional * (reference[0] - angle) + derivative, -1.0, 1.0)
         return (self.valve.command(opening),), AnglePDState(derivative, angle), {"opening": opening}
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the command that gives a linear model the same opening.
-
-        Args:
-            command: Voltage on the plant, V.
-
-        Returns:
-            Voltage for a linear model, V.
-        """
-        return (self.valve.linear_command(command[0]),)

@@ -44,6 +44,7 @@ from controllers.mpc_prediction import Prediction, condense
 from controllers.opening_input import opening_input
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program import NOT_FINITE, quadratic_program
+from controllers.through_valve import ThroughValve
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
@@ -70,7 +71,7 @@ class MPCState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class LinearMPC:
+class LinearMPC(ThroughValve):
     """Linear MPC with constraints on opening, its rate and the pressures.
 
     Args:
@@ -172,17 +173,6 @@ class LinearMPC:
             "fallback": 0.0 if solution.solved else 1.0,
         }
         return (self.valve.command(opening),), following, info
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the command that gives a linear model the same opening.
-
-        Args:
-            command: Voltage on the plant, V.
-
-        Returns:
-            Voltage for a linear model, V.
-        """
-        return (self.valve.linear_command(command[0]),)
 
 
 def not_finite(opening: float) -> Info:

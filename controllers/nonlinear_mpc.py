@@ -50,6 +50,7 @@ from controllers.nonlinear_specification import NonlinearMPCSpecification
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program import quadratic_program
 from controllers.reference_ahead import ReferenceAhead
+from controllers.through_valve import ThroughValve
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.opening import FULL_STROKE, opening_plant
@@ -101,7 +102,7 @@ class Step(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearMPC:
+class NonlinearMPC(ThroughValve):
     """Real-time iteration MPC with disturbance estimate.
 
     Args:
@@ -223,17 +224,6 @@ class NonlinearMPC:
             ahead,
         )
         return (voltage,), memory, info
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the voltage at which the tangent of the valve's curve gives the same opening.
-
-        Args:
-            command: Voltage on the plant, in V.
-
-        Returns:
-            Voltage for a linear model, in V.
-        """
-        return (self.valve.linear_command(command[0]),)
 
     def improve(
         self,

@@ -31,6 +31,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.joint_model import JointModel, joint_model
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.sensitivity import peak_sensitivities
+from controllers.through_valve import ThroughValve
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import WorkbenchError, check_range
 
@@ -59,7 +60,7 @@ class PIDState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class CascadePID:
+class CascadePID(ThroughValve):
     """Cascaded PID on angle and pressure difference.
 
     Args:
@@ -192,17 +193,6 @@ class CascadePID:
         following = PIDState(integral, derivative, weighted, filtered, target, difference)
         command = self.valve.command(opening, arithmetic)
         return (command,), following, {"opening": opening, "wanted_difference": reached}
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the command that gives a linear model the same opening.
-
-        Args:
-            command: Voltage on the plant, V.
-
-        Returns:
-            Voltage for a linear model, V.
-        """
-        return (self.valve.linear_command(command[0]),)
 
 
 @dataclass(frozen=True)

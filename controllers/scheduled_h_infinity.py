@@ -34,8 +34,8 @@ from controllers.joint_tracking import (
     joint_tracking,
     kalman_correction,
 )
-from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.scheduled import JointSchedule
+from controllers.through_valve import ScheduledLaw
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
@@ -44,7 +44,7 @@ Rows = tuple[tuple[float, ...], ...]
 
 
 @dataclass(frozen=True)
-class ScheduledHInfinity:
+class ScheduledHInfinity(ScheduledLaw):
     """H-infinity controller with planned reference, scheduled around.
 
     Args:
@@ -108,21 +108,6 @@ class ScheduledHInfinity:
         """
         return (*self.tracking.start(measurement, arithmetic), *(0.0 for _ in self.B))
 
-    def step(
-        self, state: tuple[float, ...], measurement: Measurement, reference: Reference
-    ) -> tuple[Command, tuple[float, ...], Info]:
-        """Compute the valve voltage of one sample.
-
-        Args:
-            state: State of the step before, a tuple of numbers in SI.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction) and planned angle (rad).
-        """
-        return self.law(state, measurement, reference, FLOATS)
-
     def law(
         self,
         state: tuple[Number, ...],
@@ -162,17 +147,6 @@ class ScheduledHInfinity:
             following.append(moved)
         info = {"opening": clipped, "plan": look.plan.angle}
         return (self.valve.command(clipped, arithmetic),), (*front, *following), info
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the command that gives a linear model the same opening.
-
-        Args:
-            command: Voltage on the plant, V.
-
-        Returns:
-            Voltage for a linear model, V.
-        """
-        return (self.valve.linear_command(command[0]),)
 
 
 def design_scheduled_h_infinity(

@@ -49,6 +49,7 @@ from controllers.mpc_prediction import Prediction, condense
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program import quadratic_program
 from controllers.scheduled import JointSchedule
+from controllers.through_valve import ThroughValve
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
@@ -73,7 +74,7 @@ class Front(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ScheduledMPC:
+class ScheduledMPC(ThroughValve):
     """Gain-scheduled linear MPC with planned reference.
 
     Args:
@@ -257,17 +258,6 @@ class ScheduledMPC:
         move = opening - arithmetic.clip(front.opening, -1.0, 1.0)
         arrived = arrived_opening(arrived, move, self.lag, self.sample_time)
         return (*following, q, move, arrived)
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the command that gives a linear model the same opening.
-
-        Args:
-            command: Voltage on the plant, V.
-
-        Returns:
-            Voltage for a linear model, V.
-        """
-        return (self.valve.linear_command(command[0]),)
 
 
 def design_scheduled_mpc(

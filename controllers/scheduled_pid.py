@@ -33,14 +33,14 @@ from controllers.joint_tracking import (
     joint_tracking,
     kalman_correction,
 )
-from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.scheduled import JointSchedule
+from controllers.through_valve import ScheduledLaw
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
 
 @dataclass(frozen=True)
-class ScheduledPID:
+class ScheduledPID(ScheduledLaw):
     """Gain-scheduled cascade with planned reference and feedforward.
 
     Args:
@@ -116,21 +116,6 @@ class ScheduledPID:
         # What the model does not explain is held by the integral part from the start.
         return (*front, -(1.0 - self.compensation) * front[10], 0.0, 0.0, 0.0)
 
-    def step(
-        self, state: tuple[float, ...], measurement: Measurement, reference: Reference
-    ) -> tuple[Command, tuple[float, ...], Info]:
-        """Compute the valve voltage of one sample.
-
-        Args:
-            state: State of the step before, a tuple of numbers in SI.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction) and planned angle (rad).
-        """
-        return self.law(state, measurement, reference, FLOATS)
-
     def law(
         self,
         state: tuple[Number, ...],
@@ -170,17 +155,6 @@ class ScheduledPID:
         command = self.valve.command(clipped, arithmetic)
         info = {"opening": clipped, "plan": look.plan.angle}
         return (command,), (*front, integral, derivative, x, arrived), info
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the command that gives a linear model the same opening.
-
-        Args:
-            command: Voltage on the plant, V.
-
-        Returns:
-            Voltage for a linear model, V.
-        """
-        return (self.valve.linear_command(command[0]),)
 
 
 def design_scheduled_pid(

@@ -43,8 +43,8 @@ from controllers.joint_tracking import (
     joint_tracking,
     kalman_correction,
 )
-from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.scheduled import JointSchedule
+from controllers.through_valve import ScheduledLaw
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_choice, check_range
 
@@ -53,7 +53,7 @@ KINDS = ("boundary layer", "integral", "super-twisting")
 
 
 @dataclass(frozen=True)
-class ScheduledSlidingMode:
+class ScheduledSlidingMode(ScheduledLaw):
     """Gain-scheduled sliding mode with planned reference.
 
     Args:
@@ -126,22 +126,6 @@ class ScheduledSlidingMode:
         """
         return (*self.tracking.start(measurement, arithmetic), 0.0, 0.0, 0.0)
 
-    def step(
-        self, state: tuple[float, ...], measurement: Measurement, reference: Reference
-    ) -> tuple[Command, tuple[float, ...], Info]:
-        """Compute the valve voltage of one sample.
-
-        Args:
-            state: State of the step before, a tuple of numbers in SI.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction), the surface s (rad/s2) and the
-            planned angle (rad).
-        """
-        return self.law(state, measurement, reference, FLOATS)
-
     def law(
         self,
         state: tuple[Number, ...],
@@ -194,17 +178,6 @@ class ScheduledSlidingMode:
         following = (*front, q + free * h * summed, twist + free * h * twisted, arrived)
         info = {"opening": clipped, "surface": surface, "plan": look.plan.angle}
         return (self.valve.command(clipped, arithmetic),), following, info
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the command that gives a linear model the same opening.
-
-        Args:
-            command: Voltage on the plant, V.
-
-        Returns:
-            Voltage for a linear model, V.
-        """
-        return (self.valve.linear_command(command[0]),)
 
 
 def design_scheduled_sliding_mode(

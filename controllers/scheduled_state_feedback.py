@@ -43,14 +43,14 @@ from controllers.joint_tracking import (
     kalman_correction,
 )
 from controllers.observer import held
-from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.scheduled import JointSchedule
+from controllers.through_valve import ScheduledLaw
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
 
 @dataclass(frozen=True)
-class ScheduledStateFeedback:
+class ScheduledStateFeedback(ScheduledLaw):
     """Gain-scheduled LQI with planned reference and Kalman filter.
 
     Args:
@@ -103,21 +103,6 @@ class ScheduledStateFeedback:
         own = (0.0, 0.0) if self.lag > 0.0 else (0.0,)
         return (*self.tracking.start(measurement, arithmetic), *own)
 
-    def step(
-        self, state: tuple[float, ...], measurement: Measurement, reference: Reference
-    ) -> tuple[Command, tuple[float, ...], Info]:
-        """Compute the valve voltage of one sample.
-
-        Args:
-            state: State of the step before, a tuple of numbers in SI.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction) and planned angle (rad).
-        """
-        return self.law(state, measurement, reference, FLOATS)
-
     def law(
         self,
         state: tuple[Number, ...],
@@ -159,17 +144,6 @@ class ScheduledStateFeedback:
         following = (*front, q + free * self.sample_time * x, *arrived)
         info = {"opening": clipped, "plan": look.plan.angle}
         return (self.valve.command(clipped, arithmetic),), following, info
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the command that gives a linear model the same opening.
-
-        Args:
-            command: Voltage on the plant, V.
-
-        Returns:
-            Voltage for a linear model, V.
-        """
-        return (self.valve.linear_command(command[0]),)
 
 
 def design_scheduled_state_feedback(

@@ -31,6 +31,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.joint_model import JointModel, joint_model
 from controllers.observer import JointEstimate, JointObserver, design_joint_observer
 from controllers.protocol import Command, Info, Measurement, Reference
+from controllers.through_valve import ThroughValve
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
@@ -61,7 +62,7 @@ class SlidingModeState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class SlidingMode:
+class SlidingMode(ThroughValve):
     """First-order sliding mode with boundary layer, observer and reference model.
 
     Args:
@@ -204,17 +205,6 @@ class SlidingMode:
         )
         command = self.valve.command(opening, arithmetic)
         return (command,), following, {"opening": opening, "surface": surface, "speed": now.speed}
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the command that gives a linear model the same opening.
-
-        Args:
-            command: Voltage on the plant, V.
-
-        Returns:
-            Voltage for a linear model, V.
-        """
-        return (self.valve.linear_command(command[0]),)
 
 
 @dataclass(frozen=True)

@@ -135,6 +135,7 @@ def compare(
 
 LAWS = {
     "scheduled PID": lambda schedule, _: design_scheduled_pid(schedule),
+    "leading PID": lambda schedule, _: design_scheduled_pid(schedule, lead=0.0055, lag=0.005),
     "state feedback": lambda schedule, _: design_scheduled_state_feedback(schedule),
     "fixed PID": lambda _, linear: design_pid(linear),
     "fixed sliding mode": lambda _, linear: design_sliding_mode(linear),
