@@ -16,6 +16,7 @@ from workbench.benchmark.evidence import (
 )
 from workbench.benchmark.figures_of_run import SIZES_DEG
 from workbench.benchmark.run import FAST, Comparison
+from workbench.benchmark.table import figures_of
 from workbench.reports.tables import Cell, Mark, Table, number
 from workbench.verification.responses import Figure
 
@@ -27,6 +28,9 @@ HYSTERESIS = "B. Muscle hysteresis"
 
 DELAY = "C. Spool, sample and margins"
 """Obstacle: what a loop of finite bandwidth adds to the plan."""
+
+DESIGN = "D. The design, not physics"
+"""Obstacle: another family reaches the goal on the same plants."""
 
 ROWS = (
     ("nominal", "everything"),
@@ -240,6 +244,10 @@ def reason_of_miss(comparison: Comparison, case: str, family: str, name: str, go
     }
     if not runs:
         return ""
+    better = _rival(comparison, case, family, name, goal)
+    if better:
+        own_worst = figures_of(comparison, family, case, nominal=False)[name].value
+        return f"{DESIGN}: {better}; this one {number(own_worst)}."
     if name.startswith("ratio_"):
         return _reason_of_ratio(comparison, case, family, int(name.removeprefix("ratio_")), runs)
     values = {v: own[name].value for v, own in runs.items() if name in own}
@@ -253,7 +261,21 @@ def reason_of_miss(comparison: Comparison, case: str, family: str, name: str, go
         dry = comparison.figures.get((family, case, DRY), {}).get(name)
         if dry is not None and dry.value <= goal:
             return f"{HYSTERESIS}: {both}; {number(dry.value)} without it."
-    return f"{both}."
+    return f"{DELAY}: {both}."
+
+
+def _rival(comparison: Comparison, case: str, family: str, name: str, goal: float) -> str:
+    """Return which other family reaches a goal in all variations, with its figure, or nothing."""
+    found = {}
+    for other in comparison.families:
+        if other != family and (other, case, "nominal") in comparison.figures:
+            worst = figures_of(comparison, other, case, nominal=False).get(name)
+            if worst is not None and worst.value <= goal:
+                found[other] = worst.value
+    if not found:
+        return ""
+    best = min(found, key=lambda other: found[other])
+    return f"{best} reaches {number(found[best])} at worst"
 
 
 def _reason_of_ratio(

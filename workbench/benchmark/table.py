@@ -38,11 +38,11 @@ STEP_HEADINGS = (
     "load",
     "family",
     "settling 5° s",
-    "15° s",
-    "30° s",
-    "/ limit 5°",
-    "15°",
-    "30°",
+    "settling 15° s",
+    "settling 30° s",
+    "5° / limit",
+    "15° / limit",
+    "30° / limit",
     "overshoot %",
     "steady error °",
     "swing °",
@@ -51,8 +51,8 @@ COURSE_HEADINGS = (
     "load",
     "family",
     "rmse 0.2 Hz °",
-    "0.5 Hz °",
-    "1 Hz °",
+    "rmse 0.5 Hz °",
+    "rmse 1 Hz °",
     "chatter V/s",
     "air g",
     "mean bar",
@@ -122,6 +122,71 @@ def figures_of(
     return worst_of_all(list(every))
 
 
+def goals_of(case: str) -> dict[str, float]:
+    """Return the goals for a load.
+
+    Args:
+        case: Name of the case.
+
+    Returns:
+        Largest wanted figure by name, in the unit of the name.
+
+    Example:
+        >>> goals_of("8 kg horizontal")["settling_15_s"]
+        0.9
+    """
+    settling = next((g for load, g in SETTLING_15_S.items() if case.startswith(load)), math.inf)
+    return {**GOALS, "settling_15_s": settling}
+
+
+def is_missed(figure: Figure, goal: float) -> bool:
+    """Tell whether a goal is missed; one that cannot be judged without a limit is not.
+
+    Args:
+        figure: The figure, in the unit of the goal.
+        goal: Largest wanted value, in the same unit.
+
+    Returns:
+        Whether it is (a truth value, without unit).
+
+    Example:
+        >>> is_missed(Figure(0.3), 0.2), is_missed(Figure(math.nan, "no limit"), 0.2)
+        (True, False)
+    """
+    if math.isnan(figure.value) and "limit" in figure.reason:
+        return False
+    return not figure.value <= goal
+
+
+def reached_table(comparison: Comparison) -> Table:
+    """Build the table of how many goals every family reaches in all variations.
+
+    Args:
+        comparison: What was found.
+
+    Returns:
+        Goals reached of all that were judged (a count), for each family and load.
+
+    Example:
+        >>> reached_table(Comparison({}, {}, {}, {}, 0)).rows
+        ()
+    """
+    rows: list[tuple[Cell | str, ...]] = []
+    for family in comparison.families:
+        cells = []
+        for case in comparison.cases:
+            if (family, case, "nominal") not in comparison.figures:
+                cells.append(Cell("–", reason="not run"))
+                continue
+            found = figures_of(comparison, family, case, nominal=False)
+            judged = [(found[name], goal) for name, goal in goals_of(case).items() if name in found]
+            missed = sum(is_missed(figure, goal) for figure, goal in judged)
+            text = f"{len(judged) - missed} of {len(judged)}"
+            cells.append(Cell(text, "missed" if missed else "met"))
+        rows.append((family, *cells))
+    return Table("Goals reached in all variations", ("family", *comparison.cases), tuple(rows))
+
+
 def comparison_table(comparison: Comparison, *, nominal: bool) -> Table:
     """Build the table of steps of all loads and families.
 
@@ -140,7 +205,7 @@ def comparison_table(comparison: Comparison, *, nominal: bool) -> Table:
     for case in comparison.cases:
         for family in comparison.families:
             found = figures_of(comparison, family, case, nominal=nominal)
-            goal = next((g for load, g in SETTLING_15_S.items() if case.startswith(load)), math.inf)
+            goal = goals_of(case)["settling_15_s"]
             rows.append(
                 (
                     case,
@@ -238,8 +303,8 @@ def changes_table(comparison: Comparison) -> Table:
             rows.append((case, family, *cells))
     return Table(
         "Changes while the arm holds 30°",
-        ("load", "family", "1 kg: peak °", "left °", "5 bar: peak °", "left °",
-         "0.15 V: peak °", "left °"),
+        ("load", "family", "1 kg: peak °", "1 kg: left °", "5 bar: peak °", "5 bar: left °",
+         "0.15 V: peak °", "0.15 V: left °"),
         tuple(rows),
         "The load changes at 0.5 s, the supply at 2 s, the valve's centre at 3.5 s; peak, and what"
         " is left 1.1 to 1.5 s later.",
