@@ -8,6 +8,7 @@ from pathlib import Path
 from workbench.benchmark.cases import BEGIN, CASES, CHANGES, HOLD, STEPS_DEG
 from workbench.benchmark.figures import pressure_drift, tracking_errors
 from workbench.benchmark.figures_of_run import SIZES_DEG
+from workbench.benchmark.goals import GOALS, goals_of, is_missed
 from workbench.benchmark.obstacles import (
     DELAY,
     HYSTERESIS,
@@ -21,14 +22,11 @@ from workbench.benchmark.obstacles import (
 )
 from workbench.benchmark.run import LATE, Comparison, Curves
 from workbench.benchmark.table import (
-    GOALS,
     changes_table,
     comparison_table,
     courses_table,
     fast_table,
     figures_of,
-    goals_of,
-    is_missed,
     margins_table,
     reached_table,
     results,

@@ -9,27 +9,10 @@ from typing import Any
 from workbench.benchmark.cases import CHANGES
 from workbench.benchmark.evidence import EVIDENCE_FAMILY, is_evidence
 from workbench.benchmark.figures_of_run import SIZES_DEG, worst_of_all
+from workbench.benchmark.goals import GOALS, goals_of, is_missed
 from workbench.benchmark.run import FAST, LATE, Comparison
 from workbench.reports.tables import Cell, Mark, Table, number
 from workbench.verification.responses import Figure
-
-SETTLING_15_S = {"0 kg": 0.5, "3 kg": 0.5, "8 kg": 0.9}
-"""Goals for settling after 15°, s, by load."""
-
-GOALS = {
-    "overshoot_percent": 5.0,
-    "steady_deg": 0.05,
-    "swing_deg": 0.05,
-    "rmse_0.2_Hz_deg": 0.3,
-    "rmse_0.5_Hz_deg": 0.6,
-    "rmse_1_Hz_deg": 1.5,
-    "ratio_5": 2.0,
-    "ratio_15": 2.0,
-    "ratio_30": 2.0,
-    "fallbacks": 0.0,
-    "stop_impacts": 0.0,
-}
-"""Goals: the figure is at most so large, in the unit of its name."""
 
 NOT_RUN = Figure(math.nan, "only steps were run")
 """Figure of a scenario that was not run."""
@@ -120,42 +103,6 @@ def figures_of(
             own[f"ratio_{size}"] = ratio_to_limit(comparison, case, own, size)
         every.append(own)
     return worst_of_all(list(every))
-
-
-def goals_of(case: str) -> dict[str, float]:
-    """Return the goals for a load.
-
-    Args:
-        case: Name of the case.
-
-    Returns:
-        Largest wanted figure by name, in the unit of the name.
-
-    Example:
-        >>> goals_of("8 kg horizontal")["settling_15_s"]
-        0.9
-    """
-    settling = next((g for load, g in SETTLING_15_S.items() if case.startswith(load)), math.inf)
-    return {**GOALS, "settling_15_s": settling}
-
-
-def is_missed(figure: Figure, goal: float) -> bool:
-    """Tell whether a goal is missed; one that cannot be judged without a limit is not.
-
-    Args:
-        figure: The figure, in the unit of the goal.
-        goal: Largest wanted value, in the same unit.
-
-    Returns:
-        Whether it is (a truth value, without unit).
-
-    Example:
-        >>> is_missed(Figure(0.3), 0.2), is_missed(Figure(math.nan, "no limit"), 0.2)
-        (True, False)
-    """
-    if math.isnan(figure.value) and "limit" in figure.reason:
-        return False
-    return not figure.value <= goal
 
 
 def reached_table(comparison: Comparison) -> Table:
