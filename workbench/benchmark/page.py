@@ -111,12 +111,17 @@ def comparison_page(comparison: Comparison, *, minutes: float = math.nan) -> Pag
         facts.append(("duration", f"{minutes:.1f} min"))
     return Page(
         "Controllers on the full plant",
-        f"{len(comparison.families)} families, {len(comparison.cases)} loads,"
-        f" {len(comparison.variations)} plants each: settling, errors, air, and the distance"
-        " to what physics allows.",
+        f"{_count(comparison.families, 'family', 'families')},"
+        f" {_count(comparison.cases, 'load', 'loads')},"
+        f" {_count(comparison.variations, 'plant', 'plants')} each: settling, errors, air,"
+        " and the distance to what physics allows.",
         sections,
         tuple(facts),
     )
+
+
+def _count(things: tuple[str, ...], one: str, several: str) -> str:
+    return f"{len(things)} {one if len(things) == 1 else several}"
 
 
 def _seeds(comparison: Comparison) -> str:
