@@ -20,6 +20,8 @@ Vector = npt.NDArray[np.float64]
 _BLOCKS_S = (0.5, 2.0)
 """Lengths over which prediction errors may be correlated, for the intervals, s."""
 
+_LEAST_BLOCKS = 8
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -239,6 +241,10 @@ def _information(part: Innovations, sample_time: float) -> tuple[Vector, Vector]
     rows = part.jacobian.reshape(-1, part.jacobian.shape[2])
     scatters = []
     for length in _BLOCKS_S:
+        if scatters and len(score) * sample_time < _LEAST_BLOCKS * length:
+            # Too few blocks say nothing of their scatter.
+            scatters.append(scatters[-1])
+            continue
         edges = np.arange(0, len(score), max(1, round(length / sample_time)))
         blocks = np.add.reduceat(score, edges, axis=0)
         blocks = blocks - blocks.mean(axis=0)
