@@ -149,8 +149,8 @@ class Parameter(Quantity):
         upper: Largest plausible value, in ``unit``.
         source: Where the number comes from: a document, a measurement, an estimate.
         fitted: Whether refitting may change it.
-        held: Whether refitting holds it only because it scales with others: its bounds then widen
-            their intervals.
+        held: Whether refitting holds it although it is not known, because it scales with others or
+            shows in a few moments only: its bounds then widen the intervals of what is refitted.
 
     Raises:
         WorkbenchError: If the value is not finite or outside its bounds.

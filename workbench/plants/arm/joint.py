@@ -74,6 +74,7 @@ PARAMETERS = (
         lower=1e3,
         upper=1e6,
         source="estimate",
+        held=True,
     ),
     Parameter(
         "stop_damping",
@@ -83,6 +84,7 @@ PARAMETERS = (
         lower=0.0,
         upper=1e3,
         source="estimate",
+        held=True,
     ),
     Parameter(
         "load_cell_arm",
