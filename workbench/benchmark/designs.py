@@ -111,6 +111,10 @@ EMPTY_NONLINEAR_JERK = 600.0
 JERK_SHARE = 0.8
 """Share of the valve's opening that a planned move may use; the rest is for the feedback."""
 
+FULL_LOAD, FULL_LOAD_SHARE = 7.0, 0.68
+"""The same from this load on, kg: what the arm needs to hold and brake such a load leaves less of
+the valve when the supply drops."""
+
 LEAD = 0.0055
 """Lead of the feedforward's opening, s: the spool lags by 2.3 ms, a held command by half a sample,
 1 ms, and the filter of the measured pressures by 2 ms."""
@@ -222,7 +226,7 @@ def design(family: str, case: Case) -> MarginedDesign[Controller]:
         share = EMPTY_COMPENSATION.get(family, EMPTY_COMPENSATION_OTHERS)
 
     def make(speed: float, share: float) -> Controller:
-        planned: Any = {"jerk_limit": JERK_LIMIT[empty], "jerk_share": JERK_SHARE, "lead": LEAD}
+        planned: Any = {"jerk_limit": JERK_LIMIT[empty], "jerk_share": _share(case), "lead": LEAD}
         if family == "cascade PID":
             return design_scheduled_pid(
                 joint, frequency=speed, compensation=share, lag=lag, **planned
@@ -271,6 +275,10 @@ def design(family: str, case: Case) -> MarginedDesign[Controller]:
     return _fastest(family, partial(make, share=SHARES[-1] * share), case, ms, mt)
 
 
+def _share(case: Case) -> float:
+    return FULL_LOAD_SHARE if case.load >= FULL_LOAD else JERK_SHARE
+
+
 def _fastest(
     family: str, make: Callable[[float], Controller], case: Case, ms: float, mt: float
 ) -> MarginedDesign[Controller]:
@@ -291,7 +299,7 @@ def _nonlinear(case: Case, heavier: float) -> Controller:
     empty = case.load == 0.0
     front = joint_tracking(
         schedule(case, heavier),
-        jerk_share=JERK_SHARE,
+        jerk_share=_share(case),
         jerk_limit=EMPTY_NONLINEAR_JERK if empty else JERK_LIMIT[empty],
     )
     want = NonlinearMPCSpecification(
