@@ -239,7 +239,7 @@ def _information(part: Innovations, sample_time: float) -> tuple[Vector, Vector]
     errors = np.nan_to_num(part.whitened)
     score = np.einsum("kyf,ky->kf", part.jacobian, errors)
     rows = part.jacobian.reshape(-1, part.jacobian.shape[2])
-    scatters = []
+    scatters: list[Vector] = []
     for length in _BLOCKS_S:
         if scatters and len(score) * sample_time < _LEAST_BLOCKS * length:
             # Too few blocks say nothing of their scatter.
