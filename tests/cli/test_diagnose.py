@@ -77,7 +77,7 @@ def test_an_interruption_keeps_what_was_found(
     def stop(*_: Any, **__: Any) -> Any:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(engine, "free_run" if found else "locate", stop)
+    monkeypatch.setattr(engine, "settled_run" if found else "locate", stop)
     out = tmp_path / "out"
     assert run(["diagnose", *axis_options, "--out", str(out)]) == INTERRUPTED
     assert "interrupted" in capsys.readouterr().err
