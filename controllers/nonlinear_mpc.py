@@ -225,6 +225,8 @@ class NonlinearMPC(ThroughValve):
         )
         return (voltage,), memory, info
 
+    # A plan that no longer fits the plant overflows: the solver's status then says so.
+    @np.errstate(over="ignore", invalid="ignore")
     def improve(
         self,
         plan: Matrix,

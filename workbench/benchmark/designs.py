@@ -59,7 +59,7 @@ HEAVIER = {
 """With a load, the feedback is designed for so much more than the known one, kg: it bears 1 kg
 more."""
 
-EMPTY_HEAVIER = {"nonlinear MPC": 0.6, "linear MPC": 0.7, "H-infinity": 0.7}
+EMPTY_HEAVIER = {"nonlinear MPC": 0.5, "linear MPC": 0.7, "H-infinity": 0.7}
 """The same for the empty arm, whose inertia one kilogram makes 3.4 times as large."""
 
 EMPTY_HEAVIER_OTHERS = 0.6
@@ -114,6 +114,9 @@ JERK_SHARE = 0.8
 FULL_LOAD, FULL_LOAD_SHARE = 7.0, 0.68
 """The same from this load on, kg: what the arm needs to hold and brake such a load leaves less of
 the valve when the supply drops."""
+
+VERTICAL_SHARE = 0.75
+"""The same in the vertical plane, where gravity takes a part of it."""
 
 LEAD = 0.0055
 """Lead of the feedforward's opening, s: the spool lags by 2.3 ms, a held command by half a sample,
@@ -276,7 +279,9 @@ def design(family: str, case: Case) -> MarginedDesign[Controller]:
 
 
 def _share(case: Case) -> float:
-    return FULL_LOAD_SHARE if case.load >= FULL_LOAD else JERK_SHARE
+    if case.load >= FULL_LOAD:
+        return FULL_LOAD_SHARE
+    return VERTICAL_SHARE if case.plane == "vertical" else JERK_SHARE
 
 
 def _fastest(
