@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 LAYERS: tuple[tuple[str, ...], ...] = (
     ("workbench.errors",),
-    ("workbench.data_folder", "workbench.files"),
+    ("workbench.data_folder", "workbench.files", "workbench.registry"),
     ("workbench.model",),
     ("workbench.physics",),
     ("workbench.plants",),

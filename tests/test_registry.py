@@ -1,0 +1,69 @@
+"""The registry: built-in, installed and own members."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.registry import Registry, load_object
+
+
+def _write(folder: Path, name: str, text: str) -> None:
+    (folder / f"{name}.py").write_text(text)
+
+
+def test_members_are_the_objects_of_a_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "numbers_of_mine").mkdir()
+    for name, text in (
+        ("__init__", ""),
+        ("a", "from types import SimpleNamespace\none = SimpleNamespace(name='number-one')\n"),
+        ("b", "from numbers_of_mine.a import one\nother = 3\n"),
+    ):
+        _write(tmp_path / "numbers_of_mine", name, text)
+    monkeypatch.syspath_prepend(tmp_path)
+    registry = Registry("number", SimpleNamespace, package="numbers_of_mine", group="tests.nothing")
+    assert registry.names() == ("number-one",)
+    assert registry.get("number_one").name == "number-one"
+    with pytest.raises(WorkbenchError, match=r"'number-two'.*number-one.*module:object"):
+        registry.get("number-two")
+    with pytest.raises(WorkbenchError, match=r"is a float; it must be a SimpleNamespace"):
+        registry.get("math:pi")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("def broken(:\n", r"SyntaxError.*line 1"),
+        ("import math\nmath.nothing\n", r"AttributeError.*line 2"),
+        ("import sys\nsys.exit(0)\n", r"SystemExit.*line 2"),
+        ("import nowhere_at_all\n", r"No module named 'nowhere_at_all'"),
+    ],
+)
+def test_a_mistake_in_a_users_module_is_a_sentence(tmp_path: Path, text: str, told: str) -> None:
+    name = f"own_{abs(hash(text))}"
+    _write(tmp_path, name, text)
+    with pytest.raises(WorkbenchError, match=told):
+        load_object("design", f"{name}:best", folder=tmp_path)
+
+
+def test_modules_of_the_same_name_in_two_folders_are_told_apart(tmp_path: Path) -> None:
+    for folder, value in (("a", 1.0), ("b", 2.0)):
+        (tmp_path / folder).mkdir()
+        _write(tmp_path / folder, "my_own_numbers", f"value = {value}\n")
+    found = [
+        load_object("number", "my_own_numbers:value", folder=tmp_path / f) for f in ("a", "b", "a")
+    ]
+    assert found == [1.0, 2.0, 1.0]
+
+
+def test_what_is_no_reference_is_refused() -> None:
+    for bad in ("math", ":pi", "math:", "not a module:x"):
+        with pytest.raises(WorkbenchError, match="module:object"):
+            load_object("number", bad)
+    assert load_object("number", "math:pi") == math.pi

@@ -1,0 +1,248 @@
+"""Registries: each kind of thing that a user can add to the workbench stands in one of them.
+
+A registry collects its members from three places, none of which is a list of names: the modules of
+one package of the workbench (every object of the member's class is a member), installed packages
+that announce an entry point, and the user's own modules, where a member is written as
+``module:object``.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Generic, TypeVar, cast
+
+from workbench.errors import WorkbenchError, check_choice
+
+Member = TypeVar("Member")
+
+
+class Registry(Generic[Member]):
+    """All members of one kind, by name.
+
+    A member is an object of ``member`` with an attribute ``name``. Names are compared with hyphens
+    and underscores taken as the same.
+
+    Args:
+        kind: What a member is, as the user knows it: ``"plant"``.
+        member: Class of the members.
+        package: Package of the workbench whose modules define the built-in members; searched when
+            a name is first asked for.
+        group: Group of entry points through which installed packages add members.
+        adopt: Turns another object that a user named, such as a plain function, into a member; it
+            gets the object and the reference. Without it only objects of ``member`` are taken.
+
+    Example:
+        >>> from workbench.errors import WorkbenchError
+        >>> errors = Registry("error", type, package="workbench.errors", group="example.errors")
+        >>> errors.get("workbench.errors:WorkbenchError") is WorkbenchError
+        True
+    """
+
+    def __init__(
+        self,
+        kind: str,
+        member: type[Member],
+        *,
+        package: str,
+        group: str,
+        adopt: Callable[[Any, str], Member] | None = None,
+    ) -> None:
+        self.kind, self.member, self.package, self.group = kind, member, package, group
+        self._adopt = adopt
+        self._members: dict[str, Member] | None = None
+
+    def members(self) -> dict[str, Member]:
+        """Return the built-in and the installed members by name, in the order of their names.
+
+        Raises:
+            WorkbenchError: If two members have the same name, or an entry point cannot be loaded.
+        """
+        if self._members is None:
+            found: dict[str, Member] = {}
+            for origin, member in (*self._built_in(), *self._installed()):
+                name = self._name(member)
+                if found.setdefault(name, member) is not member:
+                    raise WorkbenchError(
+                        f"{self.kind} {name!r} of {origin} has the name of another {self.kind};"
+                        " rename one of them"
+                    )
+            self._members = dict(sorted(found.items()))
+        return dict(self._members)
+
+    def names(self) -> tuple[str, ...]:
+        """Return the names of all members."""
+        return tuple(self.members())
+
+    def get(self, name: str, *, folder: Path | None = None) -> Member:
+        """Return a member by its name or as ``module:object`` of the user's own.
+
+        Args:
+            name: Name, or module and object.
+            folder: Where the user's module may stand, beside the Python path.
+
+        Raises:
+            WorkbenchError: If there is no such member, or the module cannot be imported; says
+                where.
+        """
+        if ":" in name:
+            return self.taken(load_object(self.kind, name, folder=folder), name)
+        members = self.members()
+        wanted = _plain(name)
+        for known, member in members.items():
+            if _plain(known) == wanted:
+                return member
+        try:
+            check_choice(self.kind, name, members)
+        except WorkbenchError as error:
+            raise WorkbenchError(f"{error}; write one of your own as module:object") from None
+        raise AssertionError("unreachable")
+
+    def taken(self, found: object, reference: str) -> Member:
+        """Return an object that a user named, as a member.
+
+        Args:
+            found: The object.
+            reference: How the user named it.
+
+        Raises:
+            WorkbenchError: If it cannot serve as a member.
+        """
+        if isinstance(found, self.member):
+            return found
+        if self._adopt is None:
+            raise WorkbenchError(
+                f"{self.kind} {reference!r} is a {type(found).__name__}; it must be a"
+                f" {self.member.__name__}"
+            )
+        return self._adopt(found, reference)
+
+    def _built_in(self) -> Iterator[tuple[str, Member]]:
+        seen: set[int] = set()
+        for module in _modules(self.package):
+            for value in vars(module).values():
+                if isinstance(value, self.member) and id(value) not in seen:
+                    seen.add(id(value))
+                    yield module.__name__, value
+
+    def _installed(self) -> Iterator[tuple[str, Member]]:
+        for entry in entry_points(group=self.group):
+            with user_code(f"{self.kind} {entry.name!r} of an installed package"):
+                found = entry.load()
+            yield entry.value, self.taken(found, entry.value)
+
+    def _name(self, member: Member) -> str:
+        return str(cast(Any, member).name)
+
+
+def load_object(kind: str, reference: str, *, folder: Path | None = None) -> Any:
+    """Return an object of a user's own module.
+
+    Args:
+        kind: What the object stands for, as the user knows it.
+        reference: ``module:object``; the object may be dotted.
+        folder: Folder of the module; searched before the Python path, for this import only.
+
+    Raises:
+        WorkbenchError: If the reference is not of that form, the module cannot be imported or has
+            no such object; a mistake inside the module is told with its file and line.
+
+    Example:
+        >>> load_object("number", "math:pi")
+        3.141592653589793
+    """
+    module_name, sign, path = reference.partition(":")
+    if not sign or not path or not module_name.replace(".", "_").isidentifier():
+        raise WorkbenchError(f"{kind} is {reference!r}; write one of your own as module:object")
+    with user_code(f"{kind} {reference!r}"), _searched(folder):
+        found: Any = _import(module_name, folder)
+    for part in path.split("."):
+        if not hasattr(found, part):
+            known = [n for n in vars(found) if not n.startswith("_")] if path else []
+            check_choice(f"object of {module_name} for {kind}", part, known)
+        found = getattr(found, part)
+    return found
+
+
+@contextmanager
+def user_code(what: str) -> Iterator[None]:
+    """Turn whatever a user's own code raises into one sentence with file and line.
+
+    ``SystemExit`` counts as a mistake too: a module that leaves the process must not look like a
+    run without misses.
+
+    Args:
+        what: What was being done with the code, as the user knows it.
+
+    Raises:
+        WorkbenchError: The mistake; errors of the workbench pass unchanged.
+
+    Example:
+        >>> with user_code("design 'mine:fast'"):
+        ...     1 / 0
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: design 'mine:fast' failed: ZeroDivisionError: ...
+    """
+    try:
+        yield
+    except WorkbenchError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise WorkbenchError(f"{what} failed: {_told(error)}") from error
+
+
+def _told(error: BaseException) -> str:
+    text = f"{type(error).__name__}: {error}"
+    if isinstance(error, SyntaxError):
+        return f"{text.split(' (')[0]} ({error.filename}, line {error.lineno})"
+    frames = traceback.extract_tb(error.__traceback__)
+    outside = [f for f in frames if not f.filename.startswith("<") and f.filename != __file__]
+    if not outside or isinstance(error, ModuleNotFoundError):
+        return text
+    return f"{text} ({outside[-1].filename}, line {outside[-1].lineno})"
+
+
+def _plain(name: str) -> str:
+    return name.replace("-", "_").lower()
+
+
+def _modules(package: str) -> Iterator[ModuleType]:
+    root = importlib.import_module(package)
+    yield root
+    for found in pkgutil.walk_packages(getattr(root, "__path__", ()), f"{package}."):
+        if not found.name.rpartition(".")[2].startswith("__"):
+            yield importlib.import_module(found.name)
+
+
+def _import(name: str, folder: Path | None) -> ModuleType:
+    known = sys.modules.get(name)
+    if known is not None and folder is not None:
+        # A module of the same name from another folder must not answer for this one.
+        file = getattr(known, "__file__", None)
+        here = folder / Path(*name.split("."))
+        ours = {here.with_suffix(".py").resolve(), (here / "__init__.py").resolve()}
+        if file is not None and any(p.exists() for p in ours) and Path(file).resolve() not in ours:
+            del sys.modules[name]
+    importlib.invalidate_caches()
+    return importlib.import_module(name)
+
+
+@contextmanager
+def _searched(folder: Path | None) -> Iterator[None]:
+    if folder is None:
+        yield
+        return
+    path = str(folder.resolve())
+    sys.path.insert(0, path)
+    try:
+        yield
+    finally:
+        sys.path.remove(path)
