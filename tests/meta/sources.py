@@ -43,5 +43,5 @@ def texts(suffixes: set[str], root: Path = ROOT) -> Iterator[Path]:
         if path.is_dir():
             if path.name == ".ci" or not path.name.startswith("."):
                 yield from texts(suffixes, path)
-        elif path.suffix in suffixes:
+        elif path.suffix in suffixes and path.name != ".git":
             yield path

@@ -1,4 +1,4 @@
-"""The texts of the checkout are clean and its files are about one thing."""
+"""The texts of the checkout are clean and its files have names that say what is in them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ import pytest
 from tests.meta.hygiene import SUFFIXES, check_text
 from tests.meta.sources import ROOT, SKIPPED_FOLDERS, module_files, module_name, texts
 
-MOST_LINES = 450
 DRAWERS = {"utils", "util", "helpers", "misc", "common", "tools", "stuff"}
 TOP_LEVEL = {"workbench", "controllers", "notebooks", "tests", "data"}
 
@@ -60,9 +59,7 @@ def test_the_exception_holds_for_one_file_only() -> None:
 
 
 @pytest.mark.parametrize("path", module_files(), ids=module_name)
-def test_a_file_is_about_one_thing(path: Path) -> None:
-    lines = len(path.read_text(encoding="utf-8").splitlines())
-    assert lines <= MOST_LINES, f"{lines} lines; split the file by what its parts are about"
+def test_a_files_name_says_what_is_in_it(path: Path) -> None:
     assert path.stem not in DRAWERS, f"{path.name} says nothing about what is in it"
 
 
