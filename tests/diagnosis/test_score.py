@@ -9,19 +9,19 @@ from tests.diagnosis.axis_case import COULOMB_N, observed
 from workbench.diagnosis.likely import fit_likely
 from workbench.diagnosis.priors import default_priors
 from workbench.diagnosis.score import ABSORBED, Scores, by_name, score_library
-from workbench.physics.entry import Entry
 from workbench.physics.friction import coulomb_friction, viscous_friction
+from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
 
 _AT = "axis.force"
 
 
-def _coulomb() -> Entry:
+def _coulomb() -> Hypothesis:
     effect = coulomb_friction(
         _AT, level=0.0, transition_speed=1e-3, unit="N", speed_unit="m/s", upper=100.0
     )
-    return Entry(effect, "level", 20.0, 2.0)
+    return Hypothesis(effect, "level", 20.0, 2.0)
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +66,7 @@ def test_the_same_law_twice_is_one_class() -> None:
     seen = [observed(2, hidden=False, n=400)]
     base = fit_likely(model, seen, default_priors(model), follow=False)
     one = viscous_friction(_AT, coefficient=0.0, unit="N", speed_unit="m/s")
-    entries = [Entry(one.renamed(name), "coefficient", 100.0, 10.0) for name in ("one", "two")]
+    entries = [Hypothesis(one.renamed(name), "coefficient", 100.0, 10.0) for name in ("one", "two")]
     other = next(e for e in library(base.model) if e.name == "cubic_stiffness")
     scores = score_library(
         base.model, seen, default_priors(model), [*entries, other], share=base.share

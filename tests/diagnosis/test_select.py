@@ -13,18 +13,18 @@ from tests.diagnosis.axis_case import diagnosed
 from workbench.diagnosis.score import Score, Scores
 from workbench.diagnosis.select import LEAST_GAIN, charge_for
 from workbench.diagnosis.shortlist import shortlist, where
-from workbench.physics.entry import Entry
 from workbench.physics.friction import coulomb_friction
+from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import library
 from workbench.plants.arm import arm
 
 
-def _score(entry: Entry, gain: float, absorption: float = 0.2) -> Score:
+def _score(entry: Hypothesis, gain: float, absorption: float = 0.2) -> Score:
     return Score(entry, gain, 9.0, entry.typical_size, 0.1, absorption, 0.01 * entry.largest_size)
 
 
 @pytest.fixture(scope="module")
-def entries() -> dict[str, Entry]:
+def entries() -> dict[str, Hypothesis]:
     """Entries of the arm by name."""
     return {entry.name: entry for entry in library(arm(3))}
 
@@ -37,7 +37,7 @@ def test_charge_grows_with_library_samples_and_parameters() -> None:
 
 
 def test_shortlist_takes_look_alikes_and_the_best_of_other_places(
-    entries: dict[str, Entry],
+    entries: dict[str, Hypothesis],
 ) -> None:
     ranked = [
         ("tilt_gravity", 900.0),
@@ -59,7 +59,7 @@ def test_shortlist_takes_look_alikes_and_the_best_of_other_places(
 
 
 def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted(
-    entries: dict[str, Entry],
+    entries: dict[str, Hypothesis],
 ) -> None:
     scores = Scores(
         (
@@ -72,9 +72,9 @@ def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted(
     assert shortlist(scores) == ()
 
 
-def test_location_of_an_effect_is_that_of_its_ports(entries: dict[str, Entry]) -> None:
+def test_location_of_an_effect_is_that_of_its_ports(entries: dict[str, Hypothesis]) -> None:
     assert where(entries["cross_leakage"]) == ("chamber_1", "chamber_2")
-    assert where(Entry(coulomb_friction(level=0.0), "level", 0.5, 0.05)) == ("joint",)
+    assert where(Hypothesis(coulomb_friction(level=0.0), "level", 0.5, 0.05)) == ("joint",)
 
 
 def test_refused_effects_say_why_and_the_accepted_one_passed_every_rule() -> None:
@@ -94,7 +94,7 @@ def test_nothing_is_accepted_where_nothing_is_hidden() -> None:
     assert all(candidate.refused for _, candidates in found.rounds for candidate in candidates)
 
 
-def test_a_candidate_that_failed_has_no_size(entries: dict[str, Entry]) -> None:
+def test_a_candidate_that_failed_has_no_size(entries: dict[str, Hypothesis]) -> None:
     from workbench.diagnosis.select import Candidate
 
     failed = Candidate(entries["ripple"], None, -math.inf, (0.0, -math.inf, math.inf), "failed")

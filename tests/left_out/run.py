@@ -11,7 +11,7 @@ from typing import Any
 from tests.left_out.plan import LeftOut, recordings
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.physics.library import Entry, library
+from workbench.physics.library import Hypothesis, library
 
 SHOWN = {"rad": ("deg", 180.0 / math.pi), "N": ("N", 1.0)}
 """Unit and factor in which the held-out error of the first output is shown."""
@@ -78,7 +78,7 @@ def run(
     """
     fit_on, hold_out = recordings(case.trial, folder, seconds=seconds)
     model = case.nominal()
-    entries: list[Entry] | None = None
+    entries: list[Hypothesis] | None = None
     if only is not None:
         outputs = tuple(q.name for q in model.outputs if q.name in fit_on[0])
         entries = [e for e in library(model, outputs=outputs) if e.name in only]

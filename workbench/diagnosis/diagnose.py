@@ -20,7 +20,7 @@ from workbench.diagnosis.search import search, started, withdraw_all
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
-from workbench.physics.library import Entry
+from workbench.physics.library import Hypothesis
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
 
@@ -38,7 +38,7 @@ def diagnose(
     fit_on: Sequence[Recording],
     hold_out: Sequence[Recording],
     *,
-    entries: Sequence[Entry] | None = None,
+    entries: Sequence[Hypothesis] | None = None,
     priors: Sequence[Prior] | None = None,
     jobs: int = 2,
     advise: bool = True,

@@ -21,7 +21,7 @@ from workbench.diagnosis.separation import (
     visible,
 )
 from workbench.model import Model
-from workbench.physics.library import Entry
+from workbench.physics.library import Hypothesis
 
 if TYPE_CHECKING:
     from workbench.diagnosis.diagnosis import Diagnosis
@@ -245,7 +245,7 @@ def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str
     scores = [s for s in diagnosis.rounds[0][0].scores if not s.testable]
     # Those whose typical size is nearest to what these recordings could have shown.
     scores.sort(key=lambda s: s.smallest / max(abs(s.entry.typical_size), 1e-300))
-    entries: list[Entry] = [s.entry for s in scores[:_MOST_UNSEEN]]
+    entries: list[Hypothesis] = [s.entry for s in scores[:_MOST_UNSEEN]]
     if not entries:
         return {}
     explanation = Explanation("the model", diagnosis.base)

@@ -17,7 +17,7 @@ from workbench.diagnosis.likely import disturbances, extended_start
 from workbench.diagnosis.prediction_error import Innovations, Observed, PredictionError
 from workbench.diagnosis.priors import Prior
 from workbench.model import Effect, Model
-from workbench.physics.library import Entry
+from workbench.physics.library import Hypothesis
 
 Vector = npt.NDArray[np.float64]
 
@@ -46,7 +46,7 @@ class Score:
             by short name.
     """
 
-    entry: Entry
+    entry: Hypothesis
     gain: float
     sigma: float
     size: float
@@ -107,7 +107,7 @@ def score_library(
     model: Model,
     recordings: Sequence[Observed],
     priors: Sequence[Prior],
-    entries: Sequence[Entry],
+    entries: Sequence[Hypothesis],
     *,
     share: float,
 ) -> Scores:
@@ -157,12 +157,12 @@ def score_library(
 class _Variant:
     """An effect at size zero with one choice of its other parameters."""
 
-    entry: Entry
+    entry: Hypothesis
     shape: Mapping[str, float]
     effect: Effect
 
 
-def _variants(entry: Entry) -> list[_Variant]:
+def _variants(entry: Hypothesis) -> list[_Variant]:
     shapes = entry.shapes[:1] if entry.stiff else entry.shapes
     made = []
     for number, shape in enumerate(shapes):

@@ -26,7 +26,7 @@ from workbench.diagnosis.select import (
 from workbench.diagnosis.shortlist import shortlist
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.physics.library import Entry, library
+from workbench.physics.library import Hypothesis, library
 
 Progress = Callable[[str], None]
 
@@ -60,7 +60,7 @@ def search(
     fitting: Sequence[Observed],
     judging: Sequence[Observed],
     priors: Sequence[Prior],
-    entries: Sequence[Entry] | None,
+    entries: Sequence[Hypothesis] | None,
     jobs: int,
     say: Progress,
     *,

@@ -26,7 +26,7 @@ from workbench.diagnosis.score import Score
 from workbench.diagnosis.shortlist import LEAST_SCORE
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.physics.library import Entry
+from workbench.physics.library import Hypothesis
 
 Vector = npt.NDArray[np.float64]
 
@@ -79,7 +79,7 @@ class Candidate:
             on the beginning of the recordings.
     """
 
-    entry: Entry
+    entry: Hypothesis
     fit: LikelyFit | None
     gain: float
     held_out: tuple[float, float, float]

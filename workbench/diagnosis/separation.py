@@ -26,7 +26,7 @@ from workbench.diagnosis.prediction_error import (
 )
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.physics.library import Entry
+from workbench.physics.library import Hypothesis
 
 Vector = npt.NDArray[np.float64]
 
@@ -280,7 +280,7 @@ class Sight:
     """
 
     experiment: Experiment
-    entry: Entry
+    entry: Hypothesis
     now: float
     then: float
     absorption: float
@@ -289,7 +289,7 @@ class Sight:
 def visible(
     separator: Separator,
     explanation: Explanation,
-    entries: Sequence[Entry],
+    entries: Sequence[Hypothesis],
     recordings: Sequence[Observed],
     experiments: Sequence[Experiment],
 ) -> list[Sight]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.diagnosis.score import Score, Scores
-from workbench.physics.library import Entry
+from workbench.physics.library import Hypothesis
 
 LEAST_SCORE = 8.0
 """Expected gain of log likelihood below which an effect is not refitted."""
@@ -76,7 +76,7 @@ def _plain(score: Score) -> bool:
     return abs(score.sigma) > _SIGMA and score.gain > _PLAIN
 
 
-def where(entry: Entry) -> tuple[str, ...]:
+def where(entry: Hypothesis) -> tuple[str, ...]:
     """Return the components on whose ports an effect acts, which location cannot split.
 
     Args:
@@ -87,7 +87,7 @@ def where(entry: Entry) -> tuple[str, ...]:
 
     Example:
         >>> from workbench.physics.friction import coulomb_friction
-        >>> where(Entry(coulomb_friction(level=0.0), "level", 0.5, 0.05))
+        >>> where(Hypothesis(coulomb_friction(level=0.0), "level", 0.5, 0.05))
         ('joint',)
     """
     return tuple(dict.fromkeys(port.split(".")[0] for port in entry.ports))

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from workbench.model import Effect, Model
 from workbench.physics.catalogue import air, general, motion, muscles, sensors, valve
-from workbench.physics.entry import Entry, look_alikes
+from workbench.physics.hypothesis import Hypothesis, look_alikes
 
-__all__ = ["Entry", "library", "look_alikes"]
+__all__ = ["Hypothesis", "library", "look_alikes"]
 
 
-def library(model: Model, *, outputs: tuple[str, ...] | None = None) -> tuple[Entry, ...]:
+def library(model: Model, *, outputs: tuple[str, ...] | None = None) -> tuple[Hypothesis, ...]:
     """Return every effect of the library that can act on the ports of a model, at zero size.
 
     A law that is attached to one of the ports already is left out: its size is a parameter of the
@@ -44,7 +44,7 @@ def library(model: Model, *, outputs: tuple[str, ...] | None = None) -> tuple[En
     )
 
 
-def _same(entry: Entry, attached: Effect) -> bool:
+def _same(entry: Hypothesis, attached: Effect) -> bool:
     if entry.effect.about.equation == attached.about.equation:
         return bool(set(entry.ports) & set(attached.ports))
     places = [{port.split(".")[0] for port in ports} for ports in (entry.ports, attached.ports)]

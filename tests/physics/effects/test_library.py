@@ -10,7 +10,7 @@ import pytest
 
 from workbench.model import Model
 from workbench.physics.braid_volume import flattened_ends
-from workbench.physics.entry import Entry
+from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.isothermal import isothermal_gas
 from workbench.physics.library import library, look_alikes
 from workbench.plants.arm import arm
@@ -74,14 +74,14 @@ CASES = [
 class Excited:
     """A model with an entry attached, and states in which its own states are not at rest."""
 
-    entry: Entry
+    entry: Hypothesis
     base: Model
     model: Model
     x: list[np.ndarray]
     u: list[float]
 
 
-def excite(plant: str, entry: Entry) -> Excited:
+def excite(plant: str, entry: Hypothesis) -> Excited:
     base = PLANTS[plant]
     model = base.with_effect(entry.effect)
     u = inputs_of(plant)
@@ -96,7 +96,7 @@ def excite(plant: str, entry: Entry) -> Excited:
 
 
 @pytest.mark.parametrize(("plant", "entry"), CASES)
-def test_zero_size_changes_nothing_and_has_a_derivative(plant: str, entry: Entry) -> None:
+def test_zero_size_changes_nothing_and_has_a_derivative(plant: str, entry: Hypothesis) -> None:
     case = excite(plant, entry)
     n = len(case.base.states)
     scale = np.array(
@@ -130,7 +130,7 @@ def test_zero_size_changes_nothing_and_has_a_derivative(plant: str, entry: Entry
 
 
 @pytest.mark.parametrize(("plant", "entry"), CASES)
-def test_derivatives_are_finite_also_at_rest(plant: str, entry: Entry) -> None:
+def test_derivatives_are_finite_also_at_rest(plant: str, entry: Hypothesis) -> None:
     case = excite(plant, entry)
     rest = case.model.initial_state(u=case.base.nominal_input)
     sized = case.model.with_parameters({f"{entry.name}.{entry.size_parameter}": entry.typical_size})
@@ -147,7 +147,7 @@ def test_derivatives_are_finite_also_at_rest(plant: str, entry: Entry) -> None:
 
 
 @pytest.mark.parametrize(("plant", "entry"), CASES)
-def test_only_stiff_entries_are_fast(plant: str, entry: Entry) -> None:
+def test_only_stiff_entries_are_fast(plant: str, entry: Hypothesis) -> None:
     case = excite(plant, entry)
     n = len(case.base.states)
     model = case.model.with_parameters({f"{entry.name}.{entry.size_parameter}": entry.typical_size})
@@ -167,7 +167,7 @@ def test_only_stiff_entries_are_fast(plant: str, entry: Entry) -> None:
 
 
 @pytest.mark.parametrize(("plant", "entry"), CASES)
-def test_entries_are_described(plant: str, entry: Entry) -> None:
+def test_entries_are_described(plant: str, entry: Hypothesis) -> None:
     about = entry.effect.about
     assert about.equation
     assert about.source

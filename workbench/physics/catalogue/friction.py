@@ -6,15 +6,15 @@ from collections.abc import Iterator
 
 from workbench.physics.catalogue.moved import Motion
 from workbench.physics.drag import direction_dependent_viscous, quadratic_drag
-from workbench.physics.entry import Entry
 from workbench.physics.friction import coulomb_friction, viscous_friction
+from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.load_friction import load_dependent_friction
 from workbench.physics.lugre import lugre_friction
 from workbench.physics.maxwell_slip import prandtl_ishlinskii
 from workbench.physics.stribeck import stribeck_friction
 
 
-def entries(m: Motion) -> Iterator[Entry]:
+def entries(m: Motion) -> Iterator[Hypothesis]:
     """Yield the laws of friction that may act on one motion.
 
     Args:
@@ -29,7 +29,7 @@ def entries(m: Motion) -> Iterator[Entry]:
     name, unit, v = m.port.name, m.port.unit, m.speed
     level, most = 0.05 * m.port.scale, 0.5 * m.port.scale
     least = 0.005 * m.port.scale
-    yield Entry(
+    yield Hypothesis(
         coulomb_friction(
             name,
             level=0.0,
@@ -44,7 +44,7 @@ def entries(m: Motion) -> Iterator[Entry]:
         least,
         law="coulomb_friction",
     )
-    yield Entry(
+    yield Hypothesis(
         viscous_friction(
             name,
             coefficient=0.0,
@@ -58,7 +58,7 @@ def entries(m: Motion) -> Iterator[Entry]:
         least / v,
         law="viscous_friction",
     )
-    yield Entry(
+    yield Hypothesis(
         stribeck_friction(
             name,
             break_away=0.0,
@@ -76,7 +76,7 @@ def entries(m: Motion) -> Iterator[Entry]:
         law="stribeck_friction",
         shapes=tuple({"stribeck_speed": k * v} for k in (0.1, 0.03, 0.3)),
     )
-    yield Entry(
+    yield Hypothesis(
         lugre_friction(
             name,
             level=0.0,
@@ -94,7 +94,7 @@ def entries(m: Motion) -> Iterator[Entry]:
         law="lugre_friction",
         shapes=tuple({"presliding": k * m.position} for k in (2e-3, 5e-4, 1e-2)),
     )
-    yield Entry(
+    yield Hypothesis(
         prandtl_ishlinskii(
             name,
             level=0.0,
@@ -111,7 +111,7 @@ def entries(m: Motion) -> Iterator[Entry]:
         law="joint_hysteresis",
         shapes=tuple({"breakaway": k * m.position} for k in (2e-3, 1e-2)),
     )
-    yield Entry(
+    yield Hypothesis(
         quadratic_drag(
             name,
             coefficient=0.0,
@@ -126,7 +126,7 @@ def entries(m: Motion) -> Iterator[Entry]:
         least / v**2,
         law="quadratic_drag",
     )
-    yield Entry(
+    yield Hypothesis(
         direction_dependent_viscous(
             name,
             difference=0.0,
@@ -149,7 +149,7 @@ def entries(m: Motion) -> Iterator[Entry]:
         (("gauge_pressure",), "Pa", 1e-7 * scale),
     ):
         if set(loads) <= set(m.port.signals):
-            yield Entry(
+            yield Hypothesis(
                 load_dependent_friction(
                     (name,),
                     coefficient=0.0,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from workbench.model import Model, Port
 from workbench.physics.dead_band import dead_band
 from workbench.physics.delay import command_delay
-from workbench.physics.entry import Entry
+from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.offset_gain import gain, offset
 from workbench.physics.overflow import overflow
 from workbench.physics.saturation import rectification, saturation
@@ -17,7 +17,7 @@ _FLOWS = (".flow", ".inflow", ".outflow")
 _HANDLED = ("valve.", "chamber", "supply.", "exhaust_", "line_", "muscle")
 
 
-def entries(model: Model) -> Iterator[Entry]:
+def entries(model: Model) -> Iterator[Hypothesis]:
     """Yield what drives and flows of any plant may lack.
 
     Args:
@@ -38,9 +38,9 @@ def entries(model: Model) -> Iterator[Entry]:
             yield from _flow(model, port)
 
 
-def _basic(port: Port) -> Iterator[Entry]:
+def _basic(port: Port) -> Iterator[Hypothesis]:
     where = port.name.replace(".", "_")
-    yield Entry(
+    yield Hypothesis(
         offset(
             (port.name,),
             amount=0.0,
@@ -55,14 +55,14 @@ def _basic(port: Port) -> Iterator[Entry]:
         0.005 * port.scale,
         law="offset",
     )
-    yield Entry(
+    yield Hypothesis(
         gain((port.name,), excess=0.0, look_alikes=("offset",), name=f"gain_{where}"),
         "excess",
         0.05,
         0.01,
         law="gain",
     )
-    yield Entry(
+    yield Hypothesis(
         saturation(
             (port.name,),
             share=0.0,
@@ -80,7 +80,7 @@ def _basic(port: Port) -> Iterator[Entry]:
     )
     # An inflow or outflow has its direction in its name: cutting its negative part does nothing.
     if not port.name.endswith((".inflow", ".outflow")):
-        yield Entry(
+        yield Hypothesis(
             rectification((port.name,), share=0.0, scale=port.scale, name=f"rectification_{where}"),
             "share",
             1.0,
@@ -89,10 +89,10 @@ def _basic(port: Port) -> Iterator[Entry]:
         )
 
 
-def _drive(port: Port) -> Iterator[Entry]:
+def _drive(port: Port) -> Iterator[Hypothesis]:
     where = port.name.replace(".", "_")
     yield from _basic(port)
-    yield Entry(
+    yield Hypothesis(
         dead_band(
             (port.name,),
             half_width=0.0,
@@ -107,7 +107,7 @@ def _drive(port: Port) -> Iterator[Entry]:
         0.005 * port.scale,
         law="dead_band",
     )
-    yield Entry(
+    yield Hypothesis(
         command_delay(
             port.name,
             time=0.0,
@@ -124,7 +124,7 @@ def _drive(port: Port) -> Iterator[Entry]:
     )
 
 
-def _flow(model: Model, port: Port) -> Iterator[Entry]:
+def _flow(model: Model, port: Port) -> Iterator[Hypothesis]:
     yield from _basic(port)
     levels = [s for s in port.signals if s in ("level", f"{port.group}_level")]
     if not port.name.endswith((".flow", ".inflow")) or not levels:
@@ -135,7 +135,7 @@ def _flow(model: Model, port: Port) -> Iterator[Entry]:
     # What runs over falls, if anywhere, into the next store that the equations fill.
     inflows = [q for q in model.ports if q.name.endswith(".inflow") and q.unit == port.unit]
     below = inflows[inflows.index(port) + 1 :] if port in inflows else []
-    yield Entry(
+    yield Hypothesis(
         overflow(
             port.name,
             coefficient=0.0,

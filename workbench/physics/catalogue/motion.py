@@ -9,7 +9,7 @@ from workbench.model import Model
 from workbench.physics.catalogue import friction
 from workbench.physics.catalogue.moved import Motion, motions
 from workbench.physics.delay import command_delay
-from workbench.physics.entry import Entry
+from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.load_error import load_error
 from workbench.physics.loose_load import loose_load
 from workbench.physics.offset_gain import offset
@@ -24,7 +24,7 @@ _PITCHES = (0.005, 0.01, 0.02)
 _PLACES = 6
 
 
-def entries(model: Model) -> Iterator[Entry]:
+def entries(model: Model) -> Iterator[Hypothesis]:
     """Yield what forces and torques may lack: friction, springs, ripple, loads, stops.
 
     Args:
@@ -47,12 +47,12 @@ def entries(model: Model) -> Iterator[Entry]:
     yield from _loads(model)
     stops = tuple(q.name for q in model.ports if "penetration" in q.signals)
     if stops:
-        yield Entry(stop_compliance(stops, stiffness=0.0), "stiffness", 50.0, 5.0)
+        yield Hypothesis(stop_compliance(stops, stiffness=0.0), "stiffness", 50.0, 5.0)
 
 
-def _forces(m: Motion) -> Iterator[Entry]:
+def _forces(m: Motion) -> Iterator[Hypothesis]:
     kind = "constant_torque" if m.port.unit == "N m" else "constant_force"
-    yield Entry(
+    yield Hypothesis(
         offset(
             (m.port.name,),
             amount=0.0,
@@ -69,7 +69,7 @@ def _forces(m: Motion) -> Iterator[Entry]:
         law=kind,
     )
     if {"angle", "load"} <= set(m.port.signals):
-        yield Entry(
+        yield Hypothesis(
             tilt_gravity(m.port.name, tilt=0.0, name=f"tilt_gravity{m.suffix}"),
             "tilt",
             0.05,
@@ -78,9 +78,9 @@ def _forces(m: Motion) -> Iterator[Entry]:
         )
 
 
-def _drive(m: Motion) -> Iterator[Entry]:
+def _drive(m: Motion) -> Iterator[Hypothesis]:
     scale = m.port.scale
-    yield Entry(
+    yield Hypothesis(
         command_delay(
             m.port.name,
             time=0.0,
@@ -96,7 +96,7 @@ def _drive(m: Motion) -> Iterator[Entry]:
         law="drive_delay",
         far=True,
     )
-    yield Entry(
+    yield Hypothesis(
         saturation(
             (m.port.name,),
             share=0.0,
@@ -114,9 +114,9 @@ def _drive(m: Motion) -> Iterator[Entry]:
     )
 
 
-def _springs(m: Motion) -> Iterator[Entry]:
+def _springs(m: Motion) -> Iterator[Hypothesis]:
     stiffness = 0.1 * m.port.scale / m.position
-    yield Entry(
+    yield Hypothesis(
         linear_spring(
             m.port.name,
             stiffness=0.0,
@@ -134,7 +134,7 @@ def _springs(m: Motion) -> Iterator[Entry]:
         law="linear_spring",
     )
     cubic = 0.5 * m.port.scale / m.position**3
-    yield Entry(
+    yield Hypothesis(
         cubic_stiffness(
             m.port.name,
             stiffness=0.0,
@@ -153,14 +153,14 @@ def _springs(m: Motion) -> Iterator[Entry]:
     )
 
 
-def _places(m: Motion) -> Iterator[Entry]:
+def _places(m: Motion) -> Iterator[Hypothesis]:
     rotary = m.coordinate_unit == "rad"
     turns = _TEETH if rotary else tuple(2 * math.pi / pitch for pitch in _PITCHES)
     grid = tuple(
         {"frequency": frequency, "phase": phase} for frequency in turns for phase in (0.0, 1.5708)
     )
     size, least, most = 0.03 * m.port.scale, 0.005 * m.port.scale, 0.5 * m.port.scale
-    yield Entry(
+    yield Hypothesis(
         ripple(
             m.port.name,
             amplitude=0.0,
@@ -182,7 +182,7 @@ def _places(m: Motion) -> Iterator[Entry]:
     width = (upper - lower) / (2 * _PLACES)
     centres = tuple({"centre": lower + width * (2 * i + 1)} for i in range(_PLACES))
     reach = max(abs(lower), abs(upper))
-    yield Entry(
+    yield Hypothesis(
         local_catch(
             m.port.name,
             height=0.0,
@@ -202,7 +202,7 @@ def _places(m: Motion) -> Iterator[Entry]:
         law="local_catch",
         shapes=centres,
     )
-    yield Entry(
+    yield Hypothesis(
         local_friction(
             m.port.name,
             level=0.0,
@@ -225,7 +225,7 @@ def _places(m: Motion) -> Iterator[Entry]:
     )
 
 
-def _loads(model: Model) -> Iterator[Entry]:
+def _loads(model: Model) -> Iterator[Hypothesis]:
     ports = {q.name: q for q in model.ports}
     inertia = ports.get("joint.inertia")
     torque = ports.get("joint.torque")
@@ -233,11 +233,11 @@ def _loads(model: Model) -> Iterator[Entry]:
         return
     vertical = any(effect.name == "gravity" for effect in model.effects)
     where = (inertia.name, torque.name) if vertical else (inertia.name,)
-    yield Entry(
+    yield Hypothesis(
         load_error(where, mass=0.0, gravity_share=1.0 if vertical else 0.0), "mass", 0.5, 0.05
     )
     if {"angle", "speed", "load"} <= set(torque.signals):
-        yield Entry(
+        yield Hypothesis(
             loose_load((inertia.name, torque.name), share=0.0),
             "share",
             1.0,

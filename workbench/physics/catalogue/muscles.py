@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from workbench.model import Model
 from workbench.physics.braid_volume import braid_volume, flattened_ends
 from workbench.physics.creep import creep
-from workbench.physics.entry import Entry
 from workbench.physics.force_shape import (
     contraction_force_correction,
     force_shape,
     phi_term,
     pressure_force_correction,
 )
+from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.hysteresis import bouc_wen_hysteresis
 from workbench.physics.load_friction import load_dependent_friction
 from workbench.physics.maxwell_slip import maxwell_slip_hysteresis
@@ -22,7 +22,7 @@ from workbench.physics.offset_gain import gain
 from workbench.physics.series_elasticity import series_elasticity
 
 
-def entries(model: Model) -> Iterator[Entry]:
+def entries(model: Model) -> Iterator[Hypothesis]:
     """Yield what muscles may lack.
 
     Args:
@@ -50,20 +50,20 @@ def entries(model: Model) -> Iterator[Entry]:
         yield from _tensions(tensions)
     volumes = having(".volume", "fibre_length")
     if volumes:
-        yield Entry(flattened_ends(volumes, share=0.0), "share", 1.0, 0.3)
+        yield Hypothesis(flattened_ends(volumes, share=0.0), "share", 1.0, 0.3)
         if any(effect.about.equation.startswith("V = constant") for effect in model.effects):
-            yield Entry(braid_volume(volumes, share=0.0), "share", 1.0, 0.3)
+            yield Hypothesis(braid_volume(volumes, share=0.0), "share", 1.0, 0.3)
 
 
-def _forces(ports: tuple[str, ...]) -> Iterator[Entry]:
-    yield Entry(
+def _forces(ports: tuple[str, ...]) -> Iterator[Hypothesis]:
+    yield Hypothesis(
         maxwell_slip_hysteresis(ports, level=0.0),
         "level",
         10.0,
         2.0,
         shapes=({"breakaway": 2.5e-4},),
     )
-    yield Entry(
+    yield Hypothesis(
         bouc_wen_hysteresis(ports, level=0.0, level_per_pressure=0.0),
         "level_per_pressure",
         7e-5,
@@ -75,15 +75,15 @@ def _forces(ports: tuple[str, ...]) -> Iterator[Entry]:
             {"breakaway": 5e-4, "exponent": 2.0},
         ),
     )
-    yield Entry(
+    yield Hypothesis(
         creep(ports, share=0.0),
         "share",
         0.02,
         0.003,
         shapes=({"time_constant": 1.0}, {"time_constant": 0.3}, {"slow_part": 1.0}),
     )
-    yield Entry(muscle_viscosity(ports, coefficient=0.0), "coefficient", 300.0, 20.0)
-    yield Entry(
+    yield Hypothesis(muscle_viscosity(ports, coefficient=0.0), "coefficient", 300.0, 20.0)
+    yield Hypothesis(
         load_dependent_friction(
             ports,
             coefficient=0.0,
@@ -103,7 +103,7 @@ def _forces(ports: tuple[str, ...]) -> Iterator[Entry]:
     )
     for port in ports:
         number = port.split(".")[0].rpartition("_")[2]
-        yield Entry(
+        yield Hypothesis(
             gain(
                 (port,),
                 excess=0.0,
@@ -119,9 +119,9 @@ def _forces(ports: tuple[str, ...]) -> Iterator[Entry]:
         )
 
 
-def _tensions(ports: tuple[str, ...]) -> Iterator[Entry]:
-    yield Entry(series_elasticity(ports, compliance=0.0), "compliance", 7e-6, 1e-6, far=True)
-    yield Entry(force_shape(ports, share=0.0), "share", 0.5, 0.05)
-    yield Entry(contraction_force_correction(ports, gain=0.0), "gain", 0.1, 0.02)
-    yield Entry(pressure_force_correction(ports, gain=0.0), "gain", 0.05, 0.01)
-    yield Entry(phi_term(ports, share=0.0), "share", 1.0, 0.1)
+def _tensions(ports: tuple[str, ...]) -> Iterator[Hypothesis]:
+    yield Hypothesis(series_elasticity(ports, compliance=0.0), "compliance", 7e-6, 1e-6, far=True)
+    yield Hypothesis(force_shape(ports, share=0.0), "share", 0.5, 0.05)
+    yield Hypothesis(contraction_force_correction(ports, gain=0.0), "gain", 0.1, 0.02)
+    yield Hypothesis(pressure_force_correction(ports, gain=0.0), "gain", 0.05, 0.01)
+    yield Hypothesis(phi_term(ports, share=0.0), "share", 1.0, 0.1)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from workbench.model import Model, Output, Port
 from workbench.physics.delay import delay
 from workbench.physics.drift import drift
-from workbench.physics.entry import Entry
+from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.lag import lag
 from workbench.physics.offset_gain import gain, offset
 from workbench.physics.saturation import saturation
@@ -19,7 +19,7 @@ _OFFSETS = {"Pa": (1e4, 1e3), "rad": (0.01, 0.001)}
 _CLIPS = {"Pa": (4e5, 3e5, 5e5)}
 
 
-def entries(model: Model, outputs: tuple[str, ...] | None = None) -> Iterator[Entry]:
+def entries(model: Model, outputs: tuple[str, ...] | None = None) -> Iterator[Hypothesis]:
     """Yield what sensors may do: errors of one sensor, of all of a kind, of the common clock.
 
     Args:
@@ -46,7 +46,7 @@ def entries(model: Model, outputs: tuple[str, ...] | None = None) -> Iterator[En
             yield from _together(stem, same)
     if len(sensors) > 1:
         readings = [port for _, port in sensors]
-        yield Entry(
+        yield Hypothesis(
             delay(
                 tuple(q.name for q in readings),
                 time=0.0,
@@ -71,10 +71,10 @@ def _offset_sizes(unit: str, scale: float) -> tuple[float, float]:
     return _OFFSETS.get(unit, (0.02 * scale, 0.002 * scale))
 
 
-def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
+def _single(model: Model, output: Output, port: Port) -> Iterator[Hypothesis]:
     size, least = _offset_sizes(port.unit, output.scale)
     where, ports, unit = output.name, (port.name,), port.unit
-    yield Entry(
+    yield Hypothesis(
         offset(
             ports,
             amount=0.0,
@@ -91,7 +91,7 @@ def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
         "sensor",
         law="sensor_offset",
     )
-    yield Entry(
+    yield Hypothesis(
         gain(
             ports,
             excess=0.0,
@@ -104,7 +104,7 @@ def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
         "sensor",
         law="sensor_gain",
     )
-    yield Entry(
+    yield Hypothesis(
         lag(ports, time=0.0, unit=unit, scale=output.scale, name=f"sensor_lag_{where}"),
         "time",
         0.02,
@@ -113,7 +113,7 @@ def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
         law="sensor_lag",
         far=True,
     )
-    yield Entry(
+    yield Hypothesis(
         delay(ports, time=0.0, unit=unit, scales=(output.scale,), name=f"sensor_delay_{where}"),
         "time",
         0.01,
@@ -122,7 +122,7 @@ def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
         law="sensor_delay",
         far=True,
     )
-    yield Entry(
+    yield Hypothesis(
         drift(
             ports,
             amount=0.0,
@@ -138,7 +138,7 @@ def _single(model: Model, output: Output, port: Port) -> Iterator[Entry]:
         law="sensor_drift",
     )
     limits = _clip_limits(model, output, port)
-    yield Entry(
+    yield Hypothesis(
         saturation(
             ports,
             share=0.0,
@@ -166,11 +166,11 @@ def _clip_limits(model: Model, output: Output, port: Port) -> tuple[float, ...]:
     return tuple(share * top for share in (0.75, 0.5, 0.9))
 
 
-def _together(stem: str, ports: list[Port]) -> Iterator[Entry]:
+def _together(stem: str, ports: list[Port]) -> Iterator[Hypothesis]:
     names, unit = tuple(q.name for q in ports), ports[0].unit
     scale = ports[0].scale
     size, least = _offset_sizes(unit, scale)
-    yield Entry(
+    yield Hypothesis(
         lag(
             names,
             time=0.0,
@@ -186,7 +186,7 @@ def _together(stem: str, ports: list[Port]) -> Iterator[Entry]:
         law="sensor_lag",
         far=True,
     )
-    yield Entry(
+    yield Hypothesis(
         delay(
             names,
             time=0.0,
@@ -201,7 +201,7 @@ def _together(stem: str, ports: list[Port]) -> Iterator[Entry]:
         law="sensor_delay",
         far=True,
     )
-    yield Entry(
+    yield Hypothesis(
         offset(
             names,
             amount=0.0,
@@ -218,7 +218,7 @@ def _together(stem: str, ports: list[Port]) -> Iterator[Entry]:
         "sensor",
         law="sensor_offset",
     )
-    yield Entry(
+    yield Hypothesis(
         gain(
             names,
             excess=0.0,

@@ -7,14 +7,14 @@ from collections.abc import Iterator
 from workbench.model import Model
 from workbench.physics.dead_band import dead_band
 from workbench.physics.delay import command_delay
-from workbench.physics.entry import Entry
+from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.leakage import centre_leakage, edge_leakage
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
 from workbench.physics.play import command_play, play, spool_hysteresis
 from workbench.physics.slew_limit import slew_limit
 
 
-def entries(model: Model) -> Iterator[Entry]:
+def entries(model: Model) -> Iterator[Hypothesis]:
     """Yield what a servovalve may lack.
 
     Args:
@@ -28,7 +28,7 @@ def entries(model: Model) -> Iterator[Entry]:
     """
     ports = {q.name: q for q in model.ports}
     if "valve.command" in ports:
-        yield Entry(
+        yield Hypothesis(
             offset(
                 amount=0.0,
                 look_alikes=("asymmetric_gain", "constant_torque", "edge_gain", "edge_leakage"),
@@ -39,7 +39,7 @@ def entries(model: Model) -> Iterator[Entry]:
             0.1,
             0.005,
         )
-        yield Entry(
+        yield Hypothesis(
             command_delay(time=0.0, name="valve_delay"),
             "time",
             0.005,
@@ -49,26 +49,26 @@ def entries(model: Model) -> Iterator[Entry]:
             # Whatever moves is late by the same time, or is read late by it.
             same_as=("clock_shift",) if len(model.inputs) == 1 else (),
         )
-        yield Entry(
+        yield Hypothesis(
             slew_limit(share=0.0),
             "share",
             1.0,
             0.5,
             shapes=tuple({"largest_rate": r} for r in (1000.0, 300.0, 100.0)),
         )
-        yield Entry(command_play(half_width=0.0), "half_width", 0.03, 0.005, law="play")
+        yield Hypothesis(command_play(half_width=0.0), "half_width", 0.03, 0.005, law="play")
     if "valve.spool" in ports:
-        yield Entry(dead_band(half_width=0.0), "half_width", 0.1, 0.01)
-        yield Entry(asymmetric_gain(difference=0.0), "difference", 0.1, 0.01)
+        yield Hypothesis(dead_band(half_width=0.0), "half_width", 0.1, 0.01)
+        yield Hypothesis(asymmetric_gain(difference=0.0), "difference", 0.1, 0.01)
         if "speed" in ports["valve.spool"].signals:
-            yield Entry(play(half_width=0.0), "half_width", 0.03, 0.005)
-            yield Entry(spool_hysteresis(half_width=0.0), "half_width", 0.02, 0.005)
+            yield Hypothesis(play(half_width=0.0), "half_width", 0.03, 0.005)
+            yield Hypothesis(spool_hysteresis(half_width=0.0), "half_width", 0.02, 0.005)
     edges = [name for name in ports if name.startswith(("valve.supply_", "valve.exhaust_"))]
     if len(edges) > 1:
-        yield Entry(centre_leakage(tuple(edges), fraction=0.0), "fraction", 0.004, 0.001)
+        yield Hypothesis(centre_leakage(tuple(edges), fraction=0.0), "fraction", 0.004, 0.001)
     for edge in edges:
         where = edge.removeprefix("valve.")
-        yield Entry(
+        yield Hypothesis(
             gain(
                 (edge,),
                 excess=0.0,
@@ -82,7 +82,7 @@ def entries(model: Model) -> Iterator[Entry]:
             0.02,
             law="edge_gain",
         )
-        yield Entry(
+        yield Hypothesis(
             edge_leakage(edge, fraction=0.0, name=f"edge_leakage_{where}"),
             "fraction",
             0.004,

@@ -1,4 +1,4 @@
-"""An entry of the library of effects: an effect at zero size, and how large it usually is."""
+"""A hypothesis: an effect at zero size that a model may lack, and how large it usually is."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Group = Literal["process", "sensor"]
 
 
 @dataclass(frozen=True)
-class Entry:
+class Hypothesis:
     """An effect that a model may lack.
 
     Args:
@@ -38,7 +38,7 @@ class Entry:
 
     Example:
         >>> from workbench.physics.friction import coulomb_friction
-        >>> entry = Entry(coulomb_friction(level=0.0), "level", 0.5, 0.05)
+        >>> entry = Hypothesis(coulomb_friction(level=0.0), "level", 0.5, 0.05)
         >>> entry.name, entry.unit, entry.at_size(1.0).parameters[0].value
         ('coulomb_friction', 'N m', 1.0)
     """
@@ -119,7 +119,7 @@ class Entry:
         return self.at_size(self.typical_size)
 
 
-def look_alikes(entry: Entry, entries: Iterable[Entry]) -> tuple[Entry, ...]:
+def look_alikes(entry: Hypothesis, entries: Iterable[Hypothesis]) -> tuple[Hypothesis, ...]:
     """Return the entries that the same data may not separate from one, by what is known of both.
 
     Args:
@@ -132,8 +132,8 @@ def look_alikes(entry: Entry, entries: Iterable[Entry]) -> tuple[Entry, ...]:
     Example:
         >>> from workbench.physics.friction import coulomb_friction
         >>> from workbench.physics.stribeck import stribeck_friction
-        >>> dry = Entry(coulomb_friction(level=0.0), "level", 0.5, 0.05)
-        >>> break_away = Entry(stribeck_friction(break_away=0.0), "break_away", 1.0, 0.1)
+        >>> dry = Hypothesis(coulomb_friction(level=0.0), "level", 0.5, 0.05)
+        >>> break_away = Hypothesis(stribeck_friction(break_away=0.0), "break_away", 1.0, 0.1)
         >>> [other.name for other in look_alikes(dry, (dry, break_away))]
         ['stribeck_friction']
     """
