@@ -13,18 +13,18 @@ from dataclasses import replace
 from typing import Any
 
 from workbench.diagnosis.diagnose import Diagnosis
-from workbench.diagnosis.free_run import free_run
-from workbench.diagnosis.likely import (
-    LikelyFit,
+from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.process_noise import (
+    ProcessNoiseFit,
     blocks_of_cost,
     extended_start,
-    fit_likely,
+    fit_with_process_noise,
     start_values,
 )
-from workbench.diagnosis.prediction_error import Observed
-from workbench.diagnosis.priors import Prior
-from workbench.diagnosis.score import Score, score_library
-from workbench.diagnosis.select import entry_priors
+from workbench.diagnosis.selection.candidates import entry_priors
+from workbench.diagnosis.selection.score import Score, score_library
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.physics.library import library
 
@@ -104,7 +104,7 @@ def greedy(
 
 def _best(
     diagnosis: Diagnosis,
-    current: LikelyFit,
+    current: ProcessNoiseFit,
     heads: Sequence[Observed],
     free: Sequence[Prior],
     *,
@@ -123,13 +123,13 @@ def _best(
 
 def _with(
     diagnosis: Diagnosis,
-    current: LikelyFit,
+    current: ProcessNoiseFit,
     best: Score,
     free: Sequence[Prior],
     heads: Sequence[Observed],
     *,
     first: bool,
-) -> LikelyFit | None:
+) -> ProcessNoiseFit | None:
     """Refit with an effect, or take the tool's own refit of it."""
     if first and diagnosis.rounds:
         for candidate in diagnosis.rounds[0][1]:
@@ -140,7 +140,7 @@ def _with(
     model = current.model.with_effect(effect)
     own, start = entry_priors(best)
     try:
-        return fit_likely(
+        return fit_with_process_noise(
             model,
             [extended_start(r, diagnosis.nominal, model) for r in heads],
             (*free, *own),
@@ -153,7 +153,7 @@ def _with(
         return None
 
 
-def _cost(diagnosis: Diagnosis, fit: LikelyFit, heads: Sequence[Observed]) -> float:
+def _cost(diagnosis: Diagnosis, fit: ProcessNoiseFit, heads: Sequence[Observed]) -> float:
     started = [extended_start(r, diagnosis.nominal, fit.model) for r in heads]
     try:
         return float(blocks_of_cost(fit, started).sum())
@@ -161,7 +161,9 @@ def _cost(diagnosis: Diagnosis, fit: LikelyFit, heads: Sequence[Observed]) -> fl
         return math.inf
 
 
-def _errors(diagnosis: Diagnosis, fit: LikelyFit, judging: Sequence[Observed]) -> dict[str, float]:
+def _errors(
+    diagnosis: Diagnosis, fit: ProcessNoiseFit, judging: Sequence[Observed]
+) -> dict[str, float]:
     runs = [
         free_run(fit.model, extended_start(r, diagnosis.nominal, fit.model)).rmse for r in judging
     ]

@@ -19,9 +19,9 @@ from tests.own_cases.sindy import sindy
 from tests.rig.cases import make_case
 from tests.rig.parameters import nominal
 from workbench.diagnosis.diagnose import Diagnosis, diagnose
-from workbench.diagnosis.observe import observe
-from workbench.diagnosis.prediction_error import Observed
-from workbench.diagnosis.priors import default_priors
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.verdict import SCHEMA
 from workbench.model import Model
 from workbench.plants.arm import arm

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from workbench.diagnosis.likely import disturbances
-from workbench.diagnosis.prediction_error import Observed, PredictionError
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
+from workbench.diagnosis.estimation.process_noise import disturbances
 from workbench.model import Model
 
 Array = NDArray[np.float64]

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed, held_out
+from workbench.diagnosis.comparison import Proof, proof_of
 from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.free_run import FreeRun
-from workbench.diagnosis.likely import LikelyFit
-from workbench.diagnosis.proof import Proof, proof_of
+from workbench.diagnosis.estimation.free_run import FreeRun
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.verdict import Verdict
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_page import diagnosis_page
@@ -123,7 +123,7 @@ def test_a_page_without_findings_claims_none() -> None:
 
 def test_a_page_of_unfit_recordings_says_so_and_no_more() -> None:
     model = servo_axis()
-    unfit = LikelyFit.__new__(LikelyFit)
+    unfit = ProcessNoiseFit.__new__(ProcessNoiseFit)
     row = {"recording": "one", "check": "gaps", "result": "unfit", "note": "half is missing"}
     verdict = Verdict("data_unfit", "Recording one cannot be judged.", model, data=(row,))
     found = Diagnosis(model, unfit, unfit, verdict=verdict)

@@ -10,14 +10,14 @@ from pathlib import Path
 import pytest
 
 from tests.diagnosis.unnamed_case import shaken, sprung
+from workbench.diagnosis.comparison import Proof, proof_of
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.likely import LikelyFit
-from workbench.diagnosis.observe import observe
-from workbench.diagnosis.proof import Proof, proof_of
 from workbench.diagnosis.prove import prove
-from workbench.diagnosis.search import withdraw_all
+from workbench.diagnosis.selection.search import withdraw_all
 from workbench.diagnosis.verdict import Verdict
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_page import diagnosis_page
@@ -124,7 +124,7 @@ def test_a_value_on_its_bound_stands_first() -> None:
 
 def test_unfit_recordings_come_with_the_usual_fix() -> None:
     axis = servo_axis()
-    unfit = LikelyFit.__new__(LikelyFit)
+    unfit = ProcessNoiseFit.__new__(ProcessNoiseFit)
     rows = (
         {"recording": "one", "check": "gaps", "result": "corrected", "note": "one gap bridged"},
         {"recording": "two", "check": "clipping", "result": "unfit", "note": "half is clipped"},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from workbench.diagnosis.free_form_result import Argument, Bins
+from workbench.diagnosis.nonparametric.result import Argument, Bins
 from workbench.errors import WorkbenchError
 from workbench.reports.figures.diagnosis_free_form import diagnosis_free_form
 

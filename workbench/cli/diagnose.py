@@ -272,7 +272,7 @@ def _run(model: Model, task: _Task, jobs: int, out: Path | None) -> Diagnosis:
 
 
 def _write(found: Diagnosis, task: _Task, out: Path) -> None:
-    from workbench.diagnosis.proof import proof_of
+    from workbench.diagnosis.comparison import proof_of
     from workbench.files import whole_folder, write_whole
     from workbench.reports.diagnosis_page import diagnosis_page
     from workbench.reports.page import write_page

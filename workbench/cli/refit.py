@@ -46,7 +46,7 @@ def refit(
             ...
         workbench.errors.WorkbenchError: 'nowhere' is neither a folder with a case nor one of ...
     """
-    from workbench.diagnosis.refit_report import run_refit
+    from workbench.diagnosis.estimation.refit_report import run_refit
 
     task = _task(what, data)
     report = run_refit(task, progress=lambda text: typer.echo(text, err=True))

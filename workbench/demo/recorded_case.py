@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from workbench.data_folder import shipped_cases, shipped_data
 from workbench.demo.part import Part
-from workbench.diagnosis.free_run import FreeRun, free_run
-from workbench.diagnosis.observe import observe
-from workbench.diagnosis.refit import refit
-from workbench.diagnosis.start import fitted_start
+from workbench.diagnosis.estimation.free_run import FreeRun, free_run
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.refit import refit
+from workbench.diagnosis.estimation.start import fitted_start
 from workbench.model import Model
 from workbench.physics.maxwell_slip import maxwell_slip_hysteresis
 from workbench.plants.arm import arm

@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.likely import LikelyFit
-from workbench.diagnosis.prediction_error import Observed
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
 
 IMPERFECT = 0.1
@@ -37,7 +37,7 @@ def conclude(
 
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> from workbench.diagnosis.observe import observe
+        >>> from workbench.diagnosis.estimation.observe import observe
         >>> found, hold_out = example_diagnosis()
         >>> seen = [observe(found.nominal, recording) for recording in hold_out]
         >>> conclude(found, seen, (), {}, 1.0).kind == found.verdict.kind
@@ -81,7 +81,7 @@ def conclude(
     )
 
 
-def _parameters(fit: LikelyFit) -> dict[str, dict[str, object]]:
+def _parameters(fit: ProcessNoiseFit) -> dict[str, dict[str, object]]:
     return {
         e.name: {
             "value": e.value,
@@ -110,7 +110,7 @@ def held_out_errors(
 
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> from workbench.diagnosis.observe import observe
+        >>> from workbench.diagnosis.estimation.observe import observe
         >>> found, hold_out = example_diagnosis()
         >>> errors = held_out_errors(found, [observe(found.nominal, r) for r in hold_out])
         >>> errors["extended"]["position"] < errors["refitted"]["position"]

@@ -7,16 +7,16 @@ from collections.abc import Callable, Sequence
 
 from workbench.diagnosis.conclude import IMPERFECT, conclude, explained, held_out_errors
 from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.free_form import free_form
-from workbench.diagnosis.held import with_held
-from workbench.diagnosis.held_out import settled_run
-from workbench.diagnosis.likely import LikelyFit, fit_likely
-from workbench.diagnosis.locate import locate
-from workbench.diagnosis.next_experiment import next_experiment
-from workbench.diagnosis.observe import observe
-from workbench.diagnosis.prediction_error import Observed
-from workbench.diagnosis.priors import Prior, default_priors
-from workbench.diagnosis.search import search, started, withdraw_all
+from workbench.diagnosis.estimation.fixed_parameters import with_held
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.priors import Prior, default_priors
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.experiment.next_experiment import next_experiment
+from workbench.diagnosis.location.locate import locate
+from workbench.diagnosis.nonparametric.fit import free_form
+from workbench.diagnosis.selection.held_out import settled_run
+from workbench.diagnosis.selection.search import search, started, withdraw_all
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
@@ -64,7 +64,7 @@ def diagnose(
         NumericalError: If the nominal model cannot be refitted.
 
     Example:
-        >>> from workbench.diagnosis.example import made_up_recording, pushes
+        >>> from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
         >>> from workbench.plants.servo_axis import servo_axis
         >>> axis = servo_axis()
         >>> runs = [
@@ -100,7 +100,7 @@ def diagnose(
     if not all(report.fit for report in reports):
         bad = next(report for report in reports if not report.fit)
         reason = next(c.note for c in bad.checks if c.result == "unfit")
-        unfit = LikelyFit.__new__(LikelyFit)
+        unfit = ProcessNoiseFit.__new__(ProcessNoiseFit)
         diagnosis = Diagnosis(model, unfit, unfit)
         diagnosis.verdict = Verdict(
             "data_unfit",
@@ -114,7 +114,7 @@ def diagnose(
     judging = [observe(model, report.recording) for report in reports[len(fit_on) :]]
     known = tuple(priors if priors is not None else default_priors(model))
     say("refitting the nominal model")
-    base = with_held(fit_likely(model, fitting, known), fitting)
+    base = with_held(fit_with_process_noise(model, fitting, known), fitting)
     diagnosis = Diagnosis(model, base, base)
     say("locating the mismatch")
     diagnosis.before = locate(base.model, fitting)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from workbench.diagnosis.free_form_result import FreeForm
-from workbench.diagnosis.free_run import FreeRun
-from workbench.diagnosis.likely import LikelyFit
-from workbench.diagnosis.locate import Location
-from workbench.diagnosis.score import Scores
-from workbench.diagnosis.select import Candidate
+from workbench.diagnosis.estimation.free_run import FreeRun
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.location.locate import Location
+from workbench.diagnosis.nonparametric.result import NonparametricTerm
+from workbench.diagnosis.selection.candidates import Candidate
+from workbench.diagnosis.selection.score import Scores
 from workbench.diagnosis.verdict import Verdict
 from workbench.model import Model
 
@@ -41,8 +41,8 @@ class Diagnosis:
     """
 
     nominal: Model
-    base: LikelyFit
-    extended: LikelyFit
+    base: ProcessNoiseFit
+    extended: ProcessNoiseFit
     accepted: list[tuple[Candidate, tuple[str, ...]]] = field(default_factory=list)
     rounds: list[tuple[Scores, tuple[Candidate, ...]]] = field(default_factory=list)
     before: Location | None = None
@@ -50,5 +50,5 @@ class Diagnosis:
     runs: dict[str, dict[str, FreeRun]] = field(default_factory=dict)
     excess: float = math.nan
     withdrawn: list[tuple[Candidate, str]] = field(default_factory=list)
-    free_form: FreeForm | None = None
+    free_form: NonparametricTerm | None = None
     verdict: Verdict | None = None

@@ -6,7 +6,7 @@ from functools import cache
 
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.example import made_up_recording, pushes
+from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording

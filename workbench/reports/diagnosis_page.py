@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from workbench.diagnosis.comparison import Proof
 from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.free_run import FreeRun
-from workbench.diagnosis.located import Located
-from workbench.diagnosis.proof import Proof
+from workbench.diagnosis.estimation.free_run import FreeRun
+from workbench.diagnosis.location.missing_signal import Located
 from workbench.diagnosis.verdict import Verdict
 from workbench.reports.diagnosis_tables import (
     METHODS,
@@ -59,7 +59,7 @@ def diagnosis_page(
 
     Args:
         diagnosis: A finished diagnosis.
-        proof: What `workbench.diagnosis.proof.proof_of` computed for it.
+        proof: What `workbench.diagnosis.comparison.proof_of` computed for it.
         name: What was diagnosed, such as the name of a case.
         commands: Command lines that reproduce it.
 
@@ -72,7 +72,7 @@ def diagnosis_page(
 
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> from workbench.diagnosis.proof import proof_of
+        >>> from workbench.diagnosis.comparison import proof_of
         >>> found, hold_out = example_diagnosis()
         >>> page = diagnosis_page(found, proof_of(found, hold_out), name="axis")
         >>> [section.name for section in page.sections]

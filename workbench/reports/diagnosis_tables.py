@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+from workbench.diagnosis.comparison import ErrorRow
 from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.proof import ErrorRow
-from workbench.diagnosis.refit_result import Estimate
-from workbench.diagnosis.score import ABSORBED, Scores
-from workbench.diagnosis.select import Candidate
+from workbench.diagnosis.estimation.refit_result import Estimate
+from workbench.diagnosis.selection.candidates import Candidate
+from workbench.diagnosis.selection.score import ABSORBED, Scores
 from workbench.diagnosis.verdict import Verdict
 from workbench.reports.diagnosis_unnamed import improved
 from workbench.reports.figures.diagnosis_units import readable

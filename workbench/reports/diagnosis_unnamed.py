@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.free_form_result import Argument, FreeForm
-from workbench.diagnosis.isolability import Isolability
-from workbench.diagnosis.located import Located
+from workbench.diagnosis.location.isolability import Isolability
+from workbench.diagnosis.location.missing_signal import Located
+from workbench.diagnosis.nonparametric.result import Argument, NonparametricTerm
 from workbench.reports.figures.diagnosis_free_form import diagnosis_free_form
 from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Block, Words
@@ -17,7 +17,7 @@ from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, interval, number
 
 
-def accepted_term(diagnosis: Diagnosis) -> FreeForm | None:
+def accepted_term(diagnosis: Diagnosis) -> NonparametricTerm | None:
     """Return the term without a name that stands in the improved model.
 
     Args:
@@ -49,7 +49,7 @@ def improved(diagnosis: Diagnosis) -> bool:
     return bool(diagnosis.accepted) or accepted_term(diagnosis) is not None
 
 
-def hull_sentence(term: FreeForm) -> str:
+def hull_sentence(term: NonparametricTerm) -> str:
     """Say where a fitted curve holds.
 
     Args:
@@ -58,7 +58,8 @@ def hull_sentence(term: FreeForm) -> str:
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
         >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.2)),)
-        >>> hull_sentence(FreeForm(example_diagnosis()[0].base, ("axis.force",), arguments=seen))
+        >>> base = example_diagnosis()[0].base
+        >>> hull_sentence(NonparametricTerm(base, ("axis.force",), arguments=seen))
         'The curve is empirical: valid inside its data hull, speed from −100 to 200 mm/s.'
     """
     ranges = []
@@ -78,7 +79,7 @@ def _rounded(end: float, argument: Argument, factor: float) -> float:
     return 0.0 if abs(end) < 1e-3 * factor * (high - low) else end
 
 
-def outside_sentence(term: FreeForm, located: Located) -> str:
+def outside_sentence(term: NonparametricTerm, located: Located) -> str:
     """Say how much of the recordings lies where the curve is only continued.
 
     Args:
@@ -93,7 +94,7 @@ def outside_sentence(term: FreeForm, located: Located) -> str:
         >>> import numpy as np
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
         >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.1)),)
-        >>> term = FreeForm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
+        >>> term = NonparametricTerm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
         >>> x = np.linspace(-0.2, 0.2, 1001)
         >>> outside_sentence(term, Located("axis.force", "N", x, x, x, x, "speed", "m/s", x))
         ' 50 % of these samples lie outside the data hull, where the curve is only continued.'
@@ -112,7 +113,7 @@ def outside_sentence(term: FreeForm, located: Located) -> str:
     )
 
 
-def free_form_blocks(term: FreeForm) -> list[Block]:
+def free_form_blocks(term: NonparametricTerm) -> list[Block]:
     """Show the curves of a term on what was measured, and the evidence for their arguments.
 
     Args:
@@ -124,7 +125,7 @@ def free_form_blocks(term: FreeForm) -> list[Block]:
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
         >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.2)),)
-        >>> term = FreeForm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
+        >>> term = NonparametricTerm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
         >>> [type(block).__name__ for block in free_form_blocks(term)]
         ['Words', 'Table']
     """
@@ -159,7 +160,7 @@ def free_form_blocks(term: FreeForm) -> list[Block]:
     return blocks
 
 
-def arguments_table(term: FreeForm) -> Table:
+def arguments_table(term: NonparametricTerm) -> Table:
     """Build the table of the arguments of a term.
 
     Args:
@@ -167,9 +168,9 @@ def arguments_table(term: FreeForm) -> Table:
 
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> from workbench.diagnosis.terms import Term
+        >>> from workbench.diagnosis.nonparametric.curve_description import Term
         >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.2), terms=(Term("x^2", 0.8),)),)
-        >>> term = FreeForm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
+        >>> term = NonparametricTerm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
         >>> arguments_table(term).rows[0]
         ('speed in mm/s', '0.0100', '90 %', '−100 … 200', 'x² (80 %)')
     """
@@ -258,7 +259,7 @@ def group_sentence(told: Isolability | None, ports: tuple[str, ...]) -> str:
         A sentence; empty if nothing was located.
 
     Example:
-        >>> from workbench.diagnosis.isolability import isolability
+        >>> from workbench.diagnosis.location.isolability import isolability
         >>> from workbench.plants.servo_axis import servo_axis
         >>> group_sentence(isolability(servo_axis()), ("axis.force",))
         'With these sensors, a signal at axis.force looks like one at position.reading.'

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from workbench.diagnosis.isolability import Isolability
+from workbench.diagnosis.location.isolability import Isolability
 from workbench.reports.tables import Cell, Table, number
 
 _SENSORS = 3
@@ -22,7 +22,7 @@ def isolability_table(found: Isolability, located: Sequence[str] = ()) -> Table:
         One row per group, with the group that is hardest to tell from it.
 
     Example:
-        >>> from workbench.diagnosis.isolability import isolability
+        >>> from workbench.diagnosis.location.isolability import isolability
         >>> from workbench.plants.servo_axis import servo_axis
         >>> print(isolability_table(isolability(servo_axis()), ["axis.force"]))
         What these sensors can tell apart

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 
-from workbench.diagnosis.free_run import FreeRun
-from workbench.diagnosis.refit_report import RefitReport
+from workbench.diagnosis.estimation.free_run import FreeRun
+from workbench.diagnosis.estimation.refit_report import RefitReport
 from workbench.model.model import index_of
 from workbench.model.units import parse_unit
 from workbench.reports.figures.held_out import held_out
@@ -25,8 +25,8 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
         The page.
 
     Example:
-        >>> from workbench.diagnosis.example import made_up_axis
-        >>> from workbench.diagnosis.refit_report import RefitTask, run_refit
+        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
+        >>> from workbench.diagnosis.estimation.refit_report import RefitTask, run_refit
         >>> from workbench.plants.servo_axis import servo_axis
         >>> seen, unseen = made_up_axis(0), made_up_axis(1, name="test")
         >>> report = run_refit(RefitTask("axis", "servo axis", servo_axis(), (seen,), (unseen,)))
@@ -85,8 +85,8 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
         One picture per recording on which the refitted run reached the end.
 
     Example:
-        >>> from workbench.diagnosis.example import made_up_axis
-        >>> from workbench.diagnosis.refit_report import RefitTask, run_refit
+        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
+        >>> from workbench.diagnosis.estimation.refit_report import RefitTask, run_refit
         >>> from workbench.plants.servo_axis import servo_axis
         >>> seen, unseen = made_up_axis(0), made_up_axis(1, name="test")
         >>> report = run_refit(RefitTask("axis", "servo axis", servo_axis(), (seen,), (unseen,)))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.diagnosis.refit_report import run_refit
+from workbench.diagnosis.estimation.refit_report import run_refit
 from workbench.diagnosis.tasks import machine_task
 from workbench.recordings.public_data import public_file
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import cast
 
-from workbench.diagnosis.observe import observe
-from workbench.diagnosis.refit_report import RefitTask
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.refit_report import RefitTask
 from workbench.plants.arm import arm
 from workbench.plants.arm.inertia import Plane
 from workbench.recordings.case import Case

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from workbench.data_folder import shipped_folder
-from workbench.diagnosis.observe import observe
-from workbench.diagnosis.prediction_error import Observed
-from workbench.diagnosis.refit_report import RefitTask
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.refit_report import RefitTask
 from workbench.model import Model
 from workbench.plants.cylinder import cylinder
 from workbench.recordings import Signal, read_recording

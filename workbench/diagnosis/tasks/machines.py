@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from workbench.diagnosis.refit_report import RefitTask
+from workbench.diagnosis.estimation.refit_report import RefitTask
 from workbench.diagnosis.tasks.cylinder import cylinder_task
 from workbench.diagnosis.tasks.emps import emps_task
 from workbench.diagnosis.tasks.pendulum import pendulum_task

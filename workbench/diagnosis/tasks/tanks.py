@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from workbench.data_folder import shipped_folder
-from workbench.diagnosis.observe import observe
-from workbench.diagnosis.refit_report import RefitTask
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.refit_report import RefitTask
 from workbench.plants.cascaded_tanks import cascaded_tanks
 from workbench.recordings import read_recording
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from workbench.diagnosis.free_form_result import Argument
+from workbench.diagnosis.nonparametric.result import Argument
 from workbench.errors import WorkbenchError
 from workbench.reports.figures.diagnosis_runs import AFTER
 from workbench.reports.figures.diagnosis_units import readable, titled
@@ -30,7 +30,7 @@ def diagnosis_free_form(argument: Argument, *, place: str, unit: str) -> Figure:
 
     Example:
         >>> import numpy as np
-        >>> from workbench.diagnosis.free_form_result import Bins
+        >>> from workbench.diagnosis.nonparametric.result import Bins
         >>> x = np.linspace(-1.0, 1.0, 20)
         >>> seen = Argument("speed", "rad/s", 0.01, 0.8, (-1.0, 1.0), Bins(x, x, 0 * x, x))
         >>> diagnosis_free_form(seen, place="joint.torque", unit="N m").axes[0].get_xlabel()

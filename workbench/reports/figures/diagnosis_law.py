@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workbench.diagnosis.located import Located
+from workbench.diagnosis.location.missing_signal import Located
 from workbench.reports.figures.diagnosis_runs import AFTER
 from workbench.reports.figures.diagnosis_units import readable, titled
 from workbench.reports.style import FAINT, MEASURED, key, label, new_figure

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.free_run import FreeRun
+from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.reports.figures.diagnosis_units import readable, titled
 from workbench.reports.style import (
     BAND,

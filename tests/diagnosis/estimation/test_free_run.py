@@ -1,0 +1,87 @@
+"""Free runs beside recordings."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.errors import WorkbenchError
+from workbench.physics.friction import viscous_friction
+from workbench.plants.servo_axis import servo_axis
+
+
+def _pushed(n: int = 400, *, force: float = 150.0) -> Observed:
+    inputs = np.full((n, 1), force)
+    return Observed(
+        "push",
+        0.005,
+        inputs,
+        np.zeros((n, 1)),
+        ("position",),
+        np.array([1e-6]),
+        np.zeros(2),
+        np.zeros(2),
+    )
+
+
+def test_position_under_constant_force_is_that_of_the_closed_form() -> None:
+    axis = servo_axis().without("coulomb_friction")
+    run = free_run(axis, _pushed(), values={"mass": 100.0})
+    tau = 100.0 / 200.0
+    exact = 150.0 / 200.0 * (run.time - tau * (1 - np.exp(-run.time / tau)))
+    # 1e-6 of the scale 0.1 m per step, and errors of the steps add.
+    assert np.max(np.abs(run.simulated[:, 0] - exact)) < 1e-6
+    assert run.rmse["position"] == pytest.approx(float(np.sqrt(np.mean(exact**2))), rel=1e-4)
+
+
+def test_samples_without_reading_do_not_count() -> None:
+    seen = _pushed(force=0.0)
+    seen.outputs[::2] = np.nan
+    seen.outputs[1::2] = 0.25
+    assert free_run(servo_axis(), seen).rmse["position"] == pytest.approx(0.25)
+
+
+def test_a_model_with_a_further_effect_runs_on_the_same_recording() -> None:
+    stiff = servo_axis().with_effect(
+        viscous_friction("axis.force", coefficient=100.0, unit="N", speed_unit="m/s").renamed(
+            "more"
+        )
+    )
+    assert (
+        free_run(stiff, _pushed()).simulated[-1, 0]
+        < free_run(servo_axis(), _pushed()).simulated[-1, 0]
+    )
+
+
+def test_commands_beyond_the_range_are_those_of_the_saturated_actuator() -> None:
+    high, limit = (
+        free_run(servo_axis(), _pushed(force=900.0)),
+        free_run(servo_axis(), _pushed(force=350.0)),
+    )
+    assert np.array_equal(high.simulated, limit.simulated)
+
+
+def test_a_run_that_leaves_the_numbers_is_returned_with_the_reason() -> None:
+    axis = servo_axis()
+    unstable = axis.values
+    unstable[[q.name for q in axis.parameters].index("viscous_friction.coefficient")] = -1e6
+    run = free_run(axis, _pushed(4000), values=unstable)
+    assert not run.finite
+    assert run.rmse["position"] == np.inf
+    assert "integrator" in run.failure
+
+
+def test_states_of_another_model_are_refused() -> None:
+    seen = _pushed()
+    wrong = Observed(
+        *(
+            getattr(seen, f)
+            for f in ("name", "sample_time", "inputs", "outputs", "used", "noise_rms")
+        ),
+        np.zeros(5),
+        np.zeros(5),
+    )
+    with pytest.raises(WorkbenchError, match="observed with 5 states"):
+        free_run(servo_axis(), wrong)

@@ -1,0 +1,103 @@
+"""Prediction errors and their derivatives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.diagnosis.estimation.made_up import made_up_axis
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, stack
+from workbench.errors import WorkbenchError
+from workbench.plants.servo_axis import servo_axis
+
+AXIS = servo_axis()
+FREE = ("mass", "offset", "viscous_friction.coefficient", "coulomb_friction.level")
+
+
+def _sure(seen: Observed) -> Observed:
+    """Take the start as certain: without process noise the filter then simulates."""
+    return replace(seen, start_rms=np.zeros_like(seen.start_rms))
+
+
+def test_derivatives_are_those_of_a_simulation_when_nothing_is_corrected() -> None:
+    seen = _sure(made_up_axis(3, samples=250))
+    filter_ = PredictionError(AXIS, 0.01, seen.used, FREE)
+    p = AXIS.values
+    jacobian = filter_.run(seen, p).jacobian[:, 0, :]
+    for column, name in enumerate(FREE):
+        i = [q.name for q in AXIS.parameters].index(name)
+        step = 1e-4 * filter_.free_scale[column]
+        ends = []
+        for sign in (1, -1):
+            moved = p.copy()
+            moved[i] += sign * step
+            part = filter_.run(seen, moved)
+            # A certain start leaves the noise of the sensor as the only deviation.
+            ends.append(part.whitened[:, 0] * np.exp(part.log_deviation[:, 0]))
+        noise = seen.noise_rms[0] / AXIS.outputs[0].scale
+        difference = (ends[0] - ends[1]) / (2e-4) / noise
+        plain = np.abs(filter_.run(seen, p).whitened[:, 0]) < 4.9
+        # Rounded friction makes the derivative of a reversal rough; elsewhere 1 % is the
+        # error of the midpoint rule for the sensitivity.
+        error = np.abs(jacobian[plain, column] - difference[plain])
+        assert np.all(error <= 0.02 * np.max(np.abs(difference)) + 1e-6)
+
+
+def test_whitened_errors_of_the_true_model_have_unit_variance() -> None:
+    axis = replace(AXIS, outputs=(replace(AXIS.outputs[0], noise_rms=2e-4),))
+    seen = replace(made_up_axis(1, samples=4000), noise_rms=np.array([2e-4]))
+    noise = np.random.default_rng(0).normal(0.0, 2e-4, seen.outputs.shape)
+    seen = replace(seen, outputs=seen.outputs + noise)
+    p = axis.with_parameters({"mass": 100.0, "offset": 2.0}).values
+    whitened = PredictionError(axis, 0.01, seen.used, ()).run(seen, p).whitened
+    # Chi-squared with 4000 degrees of freedom: 1 +- 0.022; three standard deviations.
+    assert np.mean(whitened**2) == pytest.approx(1.0, abs=0.07)
+
+
+def test_length_need_not_be_a_multiple_of_the_block() -> None:
+    seen = made_up_axis(2, samples=230)
+    filter_ = PredictionError(AXIS, 0.01, seen.used, ("mass",), {"axis.force": 1.0})
+    whole = filter_.run(seen, AXIS.values)
+    part = filter_.run(
+        replace(seen, inputs=seen.inputs[:123], outputs=seen.outputs[:123]), AXIS.values
+    )
+    assert np.array_equal(part.whitened, whole.whitened[:123])
+    assert np.array_equal(part.jacobian, whole.jacobian[:123])
+
+
+def test_missing_readings_are_left_out() -> None:
+    seen = made_up_axis(2, samples=200)
+    gaps = seen.outputs.copy()
+    gaps[50:60] = np.nan
+    part = PredictionError(AXIS, 0.01, seen.used, ("mass",)).run(
+        replace(seen, outputs=gaps), AXIS.values
+    )
+    errors, rows = stack([part])
+    assert len(errors) == len(rows) == 190
+    assert np.isnan(part.whitened[50:60]).all()
+
+
+def test_an_outlier_counts_five_and_pulls_as_its_logarithm() -> None:
+    seen = replace(_sure(made_up_axis(2, samples=100)), start=np.zeros(2))
+    seen = replace(seen, noise_rms=np.array([1e-4]))
+    p = AXIS.with_parameters({"mass": 100.0, "offset": 2.0}).values
+    filter_ = PredictionError(AXIS, 0.01, seen.used, ("offset",))
+    plain = filter_.run(seen, p)
+    spoilt = seen.outputs.copy()
+    spoilt[80] += 1.0
+    part = filter_.run(replace(seen, outputs=spoilt), p)
+    assert part.whitened[80, 0] == pytest.approx(5.0)
+    # d log|e| / dp = (de / dp) / e, where the whitened error is 5.
+    size = np.exp(plain.log_deviation[80, 0])
+    slope = plain.jacobian[80, 0, 0] * size
+    expected = slope / (1.0 / AXIS.outputs[0].scale)
+    assert part.jacobian[80, 0, 0] * 5.0 == pytest.approx(expected, rel=1e-3)
+
+
+def test_unknown_names_are_refused() -> None:
+    with pytest.raises(WorkbenchError, match="parameter is 'mas'"):
+        PredictionError(AXIS, 0.01, ("position",), ("mas",))
+    with pytest.raises(WorkbenchError, match="port is 'axis'"):
+        PredictionError(AXIS, 0.01, ("position",), (), {"axis": 1.0})

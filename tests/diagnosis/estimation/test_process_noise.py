@@ -1,0 +1,95 @@
+"""The likelihood under imperfect equations: start, blocks, bootstrap, share of disturbance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.axis_case import diagnosed, observed
+from workbench.diagnosis.estimation.prediction_error import PredictionError
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import (
+    blocks_of_cost,
+    disturbances,
+    extended_start,
+    fit_with_process_noise,
+    gain_interval,
+    start_values,
+)
+from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.plants.arm import arm
+from workbench.plants.servo_axis import servo_axis
+
+
+def test_disturbances_scale_with_the_share() -> None:
+    whole, tenth = disturbances(arm(3), 1.0), disturbances(arm(3), 0.1)
+    assert set(whole) == {"joint.torque", "chamber_1.flow", "chamber_2.flow"}
+    assert tenth == pytest.approx({name: 0.1 * size for name, size in whole.items()})
+
+
+def test_a_start_is_extended_by_the_states_of_new_effects() -> None:
+    model = arm(3)
+    seen = observed(1, hidden=False, n=50)
+    assert extended_start(seen, servo_axis(), servo_axis()) is seen
+    more = model.with_effect(bouc_wen_hysteresis())
+    start = model.initial_state()
+    rms = np.full(len(start), 0.01)
+    given = type(seen)(
+        "arm", 0.002, seen.inputs, seen.outputs, ("angle",), seen.noise_rms, start, rms
+    )
+    longer = extended_start(given, model, more)
+    assert len(longer.start) == len(more.states) > len(start)
+    own = [i for i, q in enumerate(more.states) if q.name in {p.name for p in model.states}]
+    np.testing.assert_allclose(longer.start[own], start)
+    np.testing.assert_allclose(longer.start_rms[own], rms)
+
+
+def test_bootstrap_interval_holds_the_sum_and_has_its_coverage() -> None:
+    rng = np.random.default_rng(3)
+    inside = 0
+    for seed in range(100):
+        gains = rng.normal(0.5, 1.0, 80)
+        gain, low, high = gain_interval(gains, np.zeros(80), draws=400, seed=seed)
+        assert gain == pytest.approx(gains.sum()) and low < gain < high
+        inside += low <= 40.0 <= high
+    # 99 % intervals; the bootstrap of 80 blocks is a little narrow.  Below 92 of 100 has a
+    # probability of less than 1e-4 at a coverage of 98 %.
+    assert inside >= 92
+
+
+def test_bootstrap_tells_a_gain_from_chance() -> None:
+    rng = np.random.default_rng(4)
+    nothing = rng.normal(0.0, 1.0, 200)
+    assert gain_interval(nothing, np.zeros(200))[1] < 0 < gain_interval(nothing, np.zeros(200))[2]
+    assert gain_interval(nothing + 1.0, np.zeros(200))[1] > 0
+
+
+def test_blocks_add_up_to_the_cost_of_the_filter() -> None:
+    seen = observed(1, hidden=False, n=400)
+    model = servo_axis()
+    fit = fit_with_process_noise(model, [seen], default_priors(model), follow=False)
+    blocks = blocks_of_cost(fit, [seen])
+    filter_ = PredictionError(
+        fit.model, seen.sample_time, seen.used, (), disturbances(fit.model, fit.share)
+    )
+    assert blocks.sum() == pytest.approx(filter_.run(seen, fit.model.values).cost)
+
+
+def test_the_share_falls_only_for_the_right_equations() -> None:
+    right, wrong = diagnosed(False).base, diagnosed(True).base
+    assert right.share <= 0.03 < wrong.share
+    # The true mass is 100 kg, the model's 95 kg.
+    assert right.refit.estimate("mass").value == pytest.approx(100.0, abs=0.5)
+
+
+def test_estimates_on_a_bound_start_again_from_their_prior() -> None:
+    model = servo_axis()
+    fit = fit_with_process_noise(
+        model, [observed(1, hidden=True, n=400)], default_priors(model), follow=False
+    )
+    priors = default_priors(model)
+    values = start_values(fit.refit, priors)
+    means = {p.name: p.mean for p in priors}
+    for estimate in fit.refit.estimates:
+        wanted = means[estimate.name] if estimate.on_bound else estimate.value
+        assert values[estimate.name] == wanted

@@ -1,0 +1,166 @@
+"""Refits of a small plant: intervals, bounds, gauges, disagreement."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.profile import profile
+from workbench.diagnosis.estimation.refit import default_priors, refit, widened, without_prior
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.plants.servo_axis import servo_axis
+
+TRUE = {
+    "mass": 100.0,
+    "offset": 2.0,
+    "viscous_friction.coefficient": 220.0,
+    "coulomb_friction.level": 24.0,
+}
+SEEDS = 150
+NO_DISTURBANCE = (0.03, 0.001)
+"""Shares that leave no room for unmodelled forces, as there are none in what is made up."""
+
+
+def _axis(noise: float = 2e-4) -> Model:
+    axis = servo_axis()
+    outputs = (replace(axis.outputs[0], noise_rms=noise),)
+    return replace(axis, outputs=outputs).with_parameters(
+        {"coulomb_friction.transition_speed": 5e-3}
+    )
+
+
+def _seen(axis: Model, seed: int, **values: float) -> Observed:
+    forces = pushes(600, largest=200.0, seed=seed)
+    return made_up(
+        axis, forces, sample_time=0.01, values=TRUE | values, seed=seed, name=f"trial {seed}"
+    )
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
+    axis = _axis()
+    held = dict.fromkeys(TRUE, 0)
+    scores: dict[str, list[float]] = {name: [] for name in TRUE}
+    for seed in range(SEEDS):
+        found = refit(axis, [_seen(axis, seed)], stages=NO_DISTURBANCE)
+        for name, value in TRUE.items():
+            estimate = found.estimate(name)
+            low, high = estimate.interval
+            held[name] += low <= value <= high
+            scores[name].append((estimate.value - value) / estimate.std)
+    # 95 % of 150: 142.5 +- 2.7; 90 to 99 % is three standard deviations either way.
+    for name, count in held.items():
+        assert 0.90 * SEEDS <= count <= 0.99 * SEEDS + 1, (name, count)
+        # Mean of 150 standard scores: 0 +- 0.08; the linearisation may add a tenth.
+        assert abs(np.mean(scores[name])) < 0.4, name
+        assert 0.85 < np.std(scores[name]) < 1.2, name
+
+
+def test_room_for_disturbances_only_widens_the_intervals() -> None:
+    axis = _axis()
+    seen = [_seen(axis, 0)]
+    tight, wide = (refit(axis, seen, stages=s) for s in (NO_DISTURBANCE, (1.0, 0.3)))
+    for name in TRUE:
+        assert wide.estimate(name).std > tight.estimate(name).std
+
+
+def test_two_recordings_say_more_than_one() -> None:
+    axis = _axis()
+    seen = [_seen(axis, 0), _seen(axis, 1)]
+    one, both = (refit(axis, seen[:n], stages=NO_DISTURBANCE) for n in (1, 2))
+    for name in TRUE:
+        # 0.71 for equal excitation; the forces differ.
+        assert both.estimate(name).std < 0.95 * one.estimate(name).std
+    assert both.disagreements == ()
+
+
+def test_recordings_of_different_machines_disagree() -> None:
+    axis = _axis()
+    seen = [_seen(axis, 0), _seen(axis, 1), _seen(axis, 2, offset=3.0)]
+    found = refit(axis, seen, stages=NO_DISTURBANCE)
+    assert any(text.startswith("offset: trial 2") for text in found.disagreements)
+
+
+def test_combinations_that_the_data_do_not_determine_are_named() -> None:
+    axis = _axis()
+    rest = Observed(
+        "rest",
+        0.01,
+        np.zeros((200, 1)),
+        np.zeros((200, 1)),
+        ("position",),
+        np.array([2e-4]),
+        np.zeros(2),
+        np.array([1e-4, 1e-4]),
+    )
+    found = refit(axis, [rest], stages=NO_DISTURBANCE)
+    assert any("mass" in text for text in found.unidentifiable)
+    # What the data do not say, the prior does.
+    assert found.estimate("mass").std == pytest.approx(found.estimate("mass").prior.std, rel=0.05)
+
+
+def test_a_parameter_on_its_bound_is_said_to_be() -> None:
+    axis = _axis()
+    narrow = tuple(replace(p, upper=98.0) if p.name == "mass" else p for p in default_priors(axis))
+    estimate = refit(axis, [_seen(axis, 0)], priors=narrow).estimate("mass")
+    assert estimate.on_bound
+    assert estimate.value == pytest.approx(98.0)
+    assert "ON BOUND" in str(estimate)
+
+
+def test_a_fixed_parameter_stays() -> None:
+    axis = _axis()
+    found = refit(axis, [_seen(axis, 0)], priors=without_prior(default_priors(axis), "mass"))
+    assert found.model.parameter("mass").value == 95.0
+    with pytest.raises(WorkbenchError, match="was not refitted"):
+        found.estimate("mass")
+
+
+def test_several_starts_find_the_same_place_and_are_repeatable() -> None:
+    axis = _axis()
+    seen = [_seen(axis, 0)]
+    priors = [widened(p, 0.5) for p in default_priors(axis)]
+    one = refit(axis, seen, priors=priors, stages=(1.0, 0.001))
+    several = refit(axis, seen, priors=priors, stages=(1.0, 0.001), starts=3, seed=4)
+    assert several.cost <= one.cost + 1e-9
+    for name in TRUE:
+        a, b = one.estimate(name), several.estimate(name)
+        assert abs(a.value - b.value) < 0.1 * a.std
+
+
+def test_no_recording_and_mixed_recordings_are_refused() -> None:
+    axis = servo_axis()
+    with pytest.raises(WorkbenchError, match="no recording"):
+        refit(axis, [])
+    slow = replace(made_up_axis(0), sample_time=0.02)
+    with pytest.raises(WorkbenchError, match="same outputs and sample time"):
+        refit(axis, [made_up_axis(0), slow])
+
+
+def test_profile_agrees_with_the_interval_where_the_model_is_nearly_linear() -> None:
+    axis = _axis()
+    seen = [_seen(axis, 0)]
+    found = refit(axis, seen, stages=NO_DISTURBANCE)
+    shape = profile(found, seen, "mass")
+    low, high = found.estimate("mass").interval
+    half = 0.5 * (high - low)
+    assert shape.interval[0] == pytest.approx(low, abs=0.25 * half)
+    assert shape.interval[1] == pytest.approx(high, abs=0.25 * half)
+    assert shape.loss.min() == 0.0
+    with pytest.raises(WorkbenchError, match="was not refitted"):
+        profile(found, seen, "stiffness")
+
+
+def test_profile_of_what_the_data_do_not_determine_never_ends() -> None:
+    axis = _axis()
+    rest = replace(
+        _seen(axis, 0), inputs=np.zeros((600, 1)), outputs=np.zeros((600, 1)), start=np.zeros(2)
+    )
+    found = refit(axis, [rest], stages=NO_DISTURBANCE)
+    wide = [widened(p, 100.0) for p in default_priors(axis)]
+    shape = profile(found, [rest], "viscous_friction.coefficient", points=3, priors=wide)
+    assert shape.interval == (-np.inf, np.inf)

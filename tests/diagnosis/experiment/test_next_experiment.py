@@ -1,0 +1,163 @@
+"""The next experiment: predictions against filters run on made-up recordings of the truth."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.axis_case import diagnosed, observed
+from workbench.diagnosis.estimation.made_up import made_up, pushes
+from workbench.diagnosis.estimation.prediction_error import Innovations, Observed
+from workbench.diagnosis.estimation.priors import Prior, default_priors
+from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.experiment.menu import Experiment, menu, other_settings, with_setting
+from workbench.diagnosis.experiment.next_experiment import next_experiment, separate
+from workbench.diagnosis.experiment.separation import Explanation, Separator, reduced, spread_after
+from workbench.errors import WorkbenchError
+from workbench.physics.drag import quadratic_drag
+from workbench.physics.friction import viscous_friction
+from workbench.plants.arm import arm
+from workbench.plants.servo_axis import servo_axis
+
+SAMPLE_TIME = 0.01
+
+SMOOTH_AXIS = servo_axis().without("coulomb_friction")
+"""Without stiction, which the filter and the simulation integrate differently."""
+
+
+def test_reduced_is_the_least_squares_with_what_is_known() -> None:
+    rng = np.random.default_rng(0)
+    e, j = rng.normal(size=(40, 1)), rng.normal(size=(40, 1, 3))
+    known = np.diag([1.0, 4.0, 0.25])
+    # An independent route: the knowledge as further rows.
+    rows = np.vstack([j[:, 0], np.sqrt(known)])
+    right = np.concatenate([e[:, 0], np.zeros(3)])
+    step, *_ = np.linalg.lstsq(rows, -right, rcond=None)
+    expected = 0.5 * np.sum((right + rows @ step) ** 2)
+    assert reduced(Innovations(e, j, e, e), known) == pytest.approx(expected)
+
+
+def test_the_menu_of_the_arm_stays_within_its_range() -> None:
+    plant = arm(load_kg=3)
+    volts = 5.0 + 0.02 * pushes(1500, largest=30.0, hold=150)
+    seen = made_up(plant, volts, sample_time=0.004)
+    offered = menu(plant, [seen])
+    assert len(offered) > 10
+    assert len({e.text for e in offered}) == len(offered)
+    names = [q.name for q in plant.outputs]
+    for e in offered:
+        assert e.duration <= 20.0
+        assert np.all((e.inputs >= 0.0) & (e.inputs <= 10.0))
+        read = e.readings(plant, seen.start)
+        assert read is not None
+        angle = np.degrees(read[:, names.index("angle")])
+        assert angle.min() >= -1.0 and angle.max() <= 61.0
+    loops = [e for e in offered if e.text.startswith("in closed loop, a slow triangle")]
+    read = loops[0].readings(plant, seen.start)
+    assert read is not None
+    # The loop moves the arm through most of its range, which no open-loop input needs to do.
+    assert np.ptp(np.degrees(read[:, names.index("angle")])) > 20.0
+
+
+def test_settings_are_those_a_user_can_change() -> None:
+    words = dict(other_settings(arm(load_kg=3)))
+    assert words["at 1 kg load"] == {"load": 1.0}
+    assert words["at 7 bar supply"] == {"supply_pressure": 7e5}
+    assert not any("load" in w for w, _ in other_settings(arm(load_kg=3), ["load"]))
+    assert other_settings(servo_axis()) == ()
+    rest = Experiment("rest", 0.01, np.full((100, 1), 5.0))
+    heavy = with_setting(rest, "at 5 kg load", {"load": 5.0})
+    assert heavy.on(arm(load_kg=3)).parameter("load").value == 5.0
+    assert rest.on(arm(load_kg=3)).parameter("load").value == 3.0
+
+
+@lru_cache(maxsize=1)
+def drags() -> tuple[tuple[Explanation, Explanation], Observed]:
+    """Quadratic drag, or a linear spring, on weak pushes that show little of either."""
+    axis = SMOOTH_AXIS
+    units = {"unit": "N", "speed_unit": "m/s"}
+    drag = quadratic_drag("axis.force", coefficient=30.0, upper=2000.0, **units)
+    # At rest first: the start is read from the first samples.
+    force = np.concatenate([np.zeros(10), pushes(290, largest=60.0, seed=4)])
+    seen = made_up(axis.with_effect(drag), force, sample_time=SAMPLE_TIME)
+    rival = viscous_friction("axis.force", coefficient=20.0, upper=500.0, name="more", **units)
+    found = []
+    for effect, own in ((drag, "quadratic_drag.coefficient"), (rival, "more.coefficient")):
+        model = axis.with_effect(effect)
+        priors = [*default_priors(axis, ["mass", "offset"])]
+        size = model.parameter(own)
+        priors.append(Prior(own, 0.0, size.upper, size.lower, size.upper))
+        fit = fit_with_process_noise(model, [seen], priors, share=0.03)
+        found.append(Explanation(effect.name, fit, own))
+    return (found[0], found[1]), seen
+
+
+def test_the_predicted_gain_is_that_of_a_made_up_recording() -> None:
+    (true, other), seen = drags()
+    ranked = separate([true, other], [seen], SMOOTH_AXIS)
+    assert ranked[0].sigma > 3.0
+    assert ranked[0].sigma >= ranked[-1].sigma
+    for told in ranked[:10:3]:
+        # An independent route: make the recording, with noise, and refit both to the two.
+        force = np.concatenate([np.zeros((10, 1)), told.experiment.inputs])
+        made = made_up(true.fit.model, force, sample_time=SAMPLE_TIME, seed=5)
+        costs = {}
+        for e in (true, other):
+            priors = [q.prior for q in e.fit.refit.estimates]
+            for number, recordings in ((1, [seen]), (2, [seen, made])):
+                costs[e.name, number] = fit_with_process_noise(
+                    e.fit.model,
+                    recordings,
+                    priors,
+                    start={q.name: q.value for q in e.fit.refit.estimates},
+                    share=min(true.fit.share, other.fit.share),
+                    follow=False,
+                ).cost
+        gain = (costs[other.name, 2] - costs[true.name, 2]) - (
+            costs[other.name, 1] - costs[true.name, 1]
+        )
+        # A factor: far apart, models are not linear and outliers count less. And noise, which
+        # moves the gain by about the root of twice itself.
+        noise = 4 * np.sqrt(2 * told.gain) + 2.0
+        assert told.gain / 3 - noise < gain < 3 * told.gain + noise
+
+
+def test_an_experiment_on_which_rivals_agree_separates_nothing() -> None:
+    (true, other), seen = drags()
+    rest = Experiment("rest", SAMPLE_TIME, np.zeros((300, 1)))
+    (told,) = separate([true, other], [seen], SMOOTH_AXIS, experiments=[rest])
+    assert told.sigma < 1.0
+    (same,) = separate([true, true], [seen], SMOOTH_AXIS, experiments=[rest])
+    assert same.sigma == 0.0
+
+
+def test_the_spread_of_a_size_shrinks_as_a_refit_shrinks_it() -> None:
+    (true, _), seen = drags()
+    force = np.concatenate([np.zeros(10), pushes(590, largest=300.0, hold=100, seed=3)])
+    experiment = Experiment("strong pushes", SAMPLE_TIME, force[:, None])
+    now, then = spread_after(Separator(seen, SMOOTH_AXIS), true, experiment)
+    made = made_up(true.fit.model, force, sample_time=SAMPLE_TIME, seed=6)
+    priors = [q.prior for q in true.fit.refit.estimates]
+    both = fit_with_process_noise(
+        true.fit.model, [seen, made], priors, share=true.fit.share, follow=False
+    )
+    assert now == true.fit.refit.estimate(true.size).std
+    # The prediction keeps the present factor for correlated errors, the refit finds its own.
+    assert then < 0.5 * now
+    assert then == pytest.approx(both.refit.estimate(true.size).std, rel=0.6)
+
+
+def test_nothing_to_plan_from_is_refused() -> None:
+    with pytest.raises(WorkbenchError, match="planned from recordings"):
+        menu(servo_axis(), [])
+
+
+def test_what_is_proposed_after_a_name_and_after_silence() -> None:
+    for hidden in (True, False):
+        step = next_experiment(diagnosed(hidden), [observed(1, hidden=hidden)])
+        if step:
+            assert str(step["sentence"]).endswith(".")
+            # One explanation is left, or none: there is nothing to separate.
+            assert step["separation_sigma"] is None

@@ -1,0 +1,103 @@
+"""Selection: charge, shortlist, and the rules by which an effect is refused."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.axis_case import diagnosed
+from workbench.diagnosis.selection.candidates import LEAST_GAIN, charge_for
+from workbench.diagnosis.selection.score import Score, Scores
+from workbench.diagnosis.selection.shortlist import shortlist, where
+from workbench.physics.friction import coulomb_friction
+from workbench.physics.hypothesis import Hypothesis
+from workbench.physics.library import library
+from workbench.plants.arm import arm
+
+
+def _score(entry: Hypothesis, gain: float, absorption: float = 0.2) -> Score:
+    return Score(entry, gain, 9.0, entry.typical_size, 0.1, absorption, 0.01 * entry.largest_size)
+
+
+@pytest.fixture(scope="module")
+def entries() -> dict[str, Hypothesis]:
+    """Entries of the arm by name."""
+    return {entry.name: entry for entry in library(arm(3))}
+
+
+def test_charge_grows_with_library_samples_and_parameters() -> None:
+    base = charge_for(40, 1000, 1)
+    assert base == pytest.approx(LEAST_GAIN + 0.5 * math.log(1000) + math.log(40))
+    assert charge_for(80, 1000, 1) - base == pytest.approx(math.log(2))
+    assert charge_for(40, 1000, 3) - base == pytest.approx(math.log(1000))
+
+
+def test_shortlist_takes_look_alikes_and_the_best_of_other_places(
+    entries: dict[str, Hypothesis],
+) -> None:
+    ranked = [
+        ("tilt_gravity", 900.0),
+        ("constant_torque", 800.0),
+        ("linear_spring", 700.0),
+        ("stribeck_friction", 690.0),
+        ("ripple", 680.0),
+        ("local_catch", 670.0),
+        ("valve_offset", 50.0),
+        ("chamber_leakage_1", 3.0),
+    ]
+    confusion = np.eye(len(ranked))
+    confusion[0, 1] = confusion[1, 0] = 0.99
+    scores = Scores(tuple(_score(entries[name], gain) for name, gain in ranked), confusion, 1.0)
+    names = [score.entry.name for score in shortlist(scores, most=3)]
+    assert names[0] == "tilt_gravity"
+    # The look-alike, and the best of another component although others at the joint score more.
+    assert set(names[1:]) == {"constant_torque", "valve_offset"}
+
+
+def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted(
+    entries: dict[str, Hypothesis],
+) -> None:
+    scores = Scores(
+        (
+            _score(entries["tilt_gravity"], 90.0, absorption=0.999),
+            _score(entries["ripple"], 2.0),
+        ),
+        np.eye(2),
+        1.0,
+    )
+    assert shortlist(scores) == ()
+
+
+def test_location_of_an_effect_is_that_of_its_ports(entries: dict[str, Hypothesis]) -> None:
+    assert where(entries["cross_leakage"]) == ("chamber_1", "chamber_2")
+    assert where(Hypothesis(coulomb_friction(level=0.0), "level", 0.5, 0.05)) == ("joint",)
+
+
+def test_refused_effects_say_why_and_the_accepted_one_passed_every_rule() -> None:
+    found = diagnosed(True)
+    (best, _) = found.accepted[0]
+    assert best.refused == "" and best.size is not None
+    assert abs(best.size.value) > 3 * best.size.std
+    assert best.held_out[1] > 0
+    for candidate in found.rounds[0][1]:
+        if candidate is not best:
+            assert candidate.refused
+
+
+def test_nothing_is_accepted_where_nothing_is_hidden() -> None:
+    found = diagnosed(False)
+    assert not found.accepted
+    assert all(candidate.refused for _, candidates in found.rounds for candidate in candidates)
+
+
+def test_a_candidate_that_failed_has_no_size(entries: dict[str, Hypothesis]) -> None:
+    from workbench.diagnosis.selection.candidates import Candidate
+
+    failed = Candidate(entries["ripple"], None, -math.inf, (0.0, -math.inf, math.inf), "failed")
+    assert failed.size is None and "failed" in str(failed)
+    held = Candidate(entries["lines"], cast(Any, SimpleNamespace()), 1.0, (0.0, 0.0, 0.0))
+    assert held.entry.replaces is (held.size is None)

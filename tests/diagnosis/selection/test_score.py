@@ -1,0 +1,74 @@
+"""Scores: expected size and gain against a full refit, absorption, confusion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.axis_case import COULOMB_N, observed
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.selection.score import ABSORBED, Scores, by_name, score_library
+from workbench.physics.friction import coulomb_friction, viscous_friction
+from workbench.physics.hypothesis import Hypothesis
+from workbench.physics.library import library
+from workbench.plants.servo_axis import servo_axis
+
+_AT = "axis.force"
+
+
+def _coulomb() -> Hypothesis:
+    effect = coulomb_friction(
+        _AT, level=0.0, transition_speed=1e-3, unit="N", speed_unit="m/s", upper=100.0
+    )
+    return Hypothesis(effect, "level", 20.0, 2.0)
+
+
+@pytest.fixture(scope="module")
+def without_friction() -> Scores:
+    """Scores of an axis whose model lacks the Coulomb friction that the recording has."""
+    model = servo_axis().without("coulomb_friction")
+    seen = [observed(1, hidden=False, n=800)]
+    priors = default_priors(model)
+    base = fit_with_process_noise(model, seen, priors)
+    entries = [e for e in library(base.model) if e.name != "coulomb_friction" and not e.stiff]
+    return score_library(base.model, seen, priors, [_coulomb(), *entries], share=base.share)
+
+
+def test_the_missing_effect_scores_near_its_size(without_friction: Scores) -> None:
+    score = by_name(without_friction)["coulomb_friction"]
+    # The derivative at size zero is exact for small effects; this one is as large as the drive.
+    assert score.size == pytest.approx(COULOMB_N, rel=0.35)
+    assert score.gain > 0.5 * without_friction.scores[0].gain
+    assert score.sigma > 4 and score.testable
+
+
+def test_scores_are_sorted_and_confusion_is_a_cosine(without_friction: Scores) -> None:
+    gains = [score.gain for score in without_friction.scores]
+    assert gains == sorted(gains, reverse=True)
+    confusion = without_friction.confusion
+    # An effect that these data never touch, such as a clipping, has no signature at all.
+    diagonal = np.diag(confusion)
+    np.testing.assert_allclose(diagonal[diagonal > 0], 1.0, atol=1e-6)
+    assert np.count_nonzero(diagonal == 0) <= 2
+    np.testing.assert_allclose(confusion, confusion.T, atol=1e-9)
+    assert confusion.max() <= 1.0 + 1e-6
+
+
+def test_what_a_parameter_imitates_is_absorbed(without_friction: Scores) -> None:
+    # The axis has a free constant force of its own, as fitted parameter ``offset``.
+    assert by_name(without_friction)["constant_force"].absorption > ABSORBED
+    assert not by_name(without_friction)["constant_force"].testable
+
+
+def test_the_same_law_twice_is_one_class() -> None:
+    model = servo_axis().without("viscous_friction")
+    seen = [observed(2, hidden=False, n=400)]
+    base = fit_with_process_noise(model, seen, default_priors(model), follow=False)
+    one = viscous_friction(_AT, coefficient=0.0, unit="N", speed_unit="m/s")
+    entries = [Hypothesis(one.renamed(name), "coefficient", 100.0, 10.0) for name in ("one", "two")]
+    other = next(e for e in library(base.model) if e.name == "cubic_stiffness")
+    scores = score_library(
+        base.model, seen, default_priors(model), [*entries, other], share=base.share
+    )
+    assert scores.look_alikes("one") == ("two",)

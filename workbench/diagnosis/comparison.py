@@ -1,0 +1,185 @@
+"""What the proof of a diagnosis shows: errors on held-out recordings and the located signal."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.location.isolability import Isolability, isolability
+from workbench.diagnosis.location.locate import groups_of
+from workbench.diagnosis.location.missing_signal import Located, located_signal
+from workbench.errors import NumericalError
+from workbench.model import Model
+from workbench.recordings.checks import check_recording
+from workbench.recordings.recording import Recording
+
+_NOTHING_LEFT = ("nothing_missing", "parameter")
+
+
+@dataclass(frozen=True)
+class ErrorRow:
+    """Free-run errors of one output over all held-out recordings.
+
+    Args:
+        output: Name of the output.
+        unit: SI unit.
+        spread: Standard deviation of the readings, in ``unit``.
+        noise: Noise of the sensor, in ``unit``.
+        rmse: Root mean square error by model, in ``unit``.
+
+    Example:
+        >>> ErrorRow("angle", "rad", 0.2, 1e-4, {"refitted": 0.01}).over_noise("refitted")
+        100.0
+    """
+
+    output: str
+    unit: str
+    spread: float
+    noise: float
+    rmse: Mapping[str, float]
+
+    def normalised(self, label: str) -> float:
+        """Return the error of a model over the spread of the readings, dimensionless.
+
+        Args:
+            label: The model: ``nominal``, ``refitted`` or ``extended``.
+        """
+        return self.rmse[label] / self.spread if self.spread > 0 else math.nan
+
+    def over_noise(self, label: str) -> float:
+        """Return the error of a model over the noise of the sensor, dimensionless.
+
+        Args:
+            label: The model: ``nominal``, ``refitted`` or ``extended``.
+        """
+        return self.rmse[label] / self.noise if self.noise > 0 else math.nan
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What the page of a diagnosis shows beyond the diagnosis itself.
+
+    Args:
+        located: The signal that is missing at each port of the first finding, or of the located
+            group.
+        errors: Errors of the free runs by output.
+        note: Why there is no located signal; empty if there is one.
+        isolability: What the recorded outputs can tell apart at all; None if nothing was run.
+        ports: Ports of all findings, or of the located group.
+
+    Example:
+        >>> Proof((), (), "nothing is missing").located
+        ()
+    """
+
+    located: tuple[Located, ...]
+    errors: tuple[ErrorRow, ...]
+    note: str = ""
+    isolability: Isolability | None = None
+    ports: tuple[str, ...] = ()
+
+
+def proof_of(diagnosis: Diagnosis, hold_out: Sequence[Recording]) -> Proof:
+    """Compute what the proof page shows.
+
+    The located signal is estimated from the held-out recordings; the law beside it was fitted to
+    the others.
+
+    Args:
+        diagnosis: A finished diagnosis.
+        hold_out: The held-out recordings.
+
+    Returns:
+        The located signals and the table of errors.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> found, hold_out = example_diagnosis()
+        >>> [located.argument for located in proof_of(found, hold_out).located]
+        ['speed']
+    """
+    if not diagnosis.runs:
+        return Proof((), (), "the diagnosis did not get as far as the held-out recordings")
+    errors = error_rows(diagnosis)
+    told = isolability(diagnosis.nominal, outputs=[row.output for row in errors])
+    ports = located_ports(diagnosis)
+    if not ports:
+        return Proof((), errors, "nothing was located", told)
+    found = tuple(dict.fromkeys(p for c, _ in diagnosis.accepted for p in c.entry.ports)) or ports
+    seen = [_observed(diagnosis.nominal, recording) for recording in hold_out]
+    try:
+        return Proof(located_signal(diagnosis, seen, ports), errors, "", told, found)
+    except NumericalError as error:
+        return Proof((), errors, str(error), told, found)
+
+
+def _observed(model: Model, recording: Recording) -> Observed:
+    """Bring a recording into the shape in which it was judged."""
+    read = [q.name for q in model.outputs if q.name in recording]
+    needed = [*(q.name for q in model.inputs), *read]
+    return observe(model, check_recording(recording, model=model, required=needed).recording)
+
+
+def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Return the ports at which the unknown input is shown.
+
+    Args:
+        diagnosis: A finished diagnosis.
+
+    Returns:
+        Ports of the first finding, with or without a name; else those of the located group, if
+        something is missing at all.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> found, hold_out = example_diagnosis()
+        >>> located_ports(found)
+        ('axis.force',)
+    """
+    if diagnosis.accepted:
+        return diagnosis.accepted[0][0].entry.ports
+    if diagnosis.free_form is not None and diagnosis.free_form.accepted:
+        return diagnosis.free_form.ports
+    verdict = diagnosis.verdict
+    if diagnosis.before is None or verdict is None or verdict.kind in _NOTHING_LEFT:
+        return ()
+    if verdict.findings:
+        return verdict.findings[0].where
+    return groups_of(diagnosis.base.model)[diagnosis.before.best]
+
+
+def error_rows(diagnosis: Diagnosis) -> tuple[ErrorRow, ...]:
+    """Return the free-run errors over all held-out recordings, output by output.
+
+    Args:
+        diagnosis: A finished diagnosis.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> found, hold_out = example_diagnosis()
+        >>> [row.output for row in error_rows(found)]
+        ['position']
+    """
+    verdict = diagnosis.verdict
+    noise = verdict.fit.get("noise_floor", {}) if verdict else {}
+    labels = [label for label, runs in diagnosis.runs.items() if runs]
+    first = list(diagnosis.runs[labels[0]].values()) if labels else []
+    rows = []
+    for i, name in enumerate(first[0].used if first else ()):
+        spread = float(np.nanstd(np.concatenate([run.measured[:, i] for run in first])))
+        rmse = {
+            label: _rms([run.rmse[name] for run in diagnosis.runs[label].values()])
+            for label in labels
+        }
+        rows.append(ErrorRow(name, first[0].units[i], spread, noise.get(name, math.nan), rmse))
+    return tuple(rows)
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

@@ -1,0 +1,1 @@
+"""Parameters from recordings: filter, prediction errors, priors, refits, free runs."""

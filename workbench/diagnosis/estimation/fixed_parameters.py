@@ -1,0 +1,83 @@
+"""Intervals that count what a refit holds although it is not known exactly.
+
+Some parameters scale with others, so that no recording tells them apart: the volume of the muscles
+with every flow. One of them is held; its uncertainty then belongs to the intervals of the others,
+after S. F. Schmidt's consider analysis (1966).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, disturbances
+from workbench.diagnosis.estimation.refit_result import Outcome, summarise
+from workbench.errors import NumericalError
+
+
+def with_held(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNoiseFit:
+    """Widen the intervals of a refit by what the parameters that it held may be wrong.
+
+    ``P = (J^T J + diag(prior variances)^-1)^-1`` over free and held parameters together, of which
+    the block of the free ones is kept; the estimates stay.
+
+    Args:
+        fit: The refit.
+        recordings: Its recordings, with a start for its model.
+
+    Returns:
+        The same refit with wider intervals; unchanged where its model holds nothing of that kind.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
+        >>> from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
+        >>> with_held(fit, [seen]) is fit
+        True
+    """
+    model = fit.model
+    estimates = {e.name: e.value for e in fit.refit.estimates}
+    names = [q.name for q in model.parameters if q.held and q.name not in estimates]
+    if not names:
+        return fit
+    own = [e.prior for e in fit.refit.estimates]
+    # The nominal value is the best guess of what is held: only its uncertainty counts here.
+    every = [*own, *default_priors(model, names)]
+    held = {q.name: q.value for q in model.parameters if q.name in names}
+    filter_ = PredictionError(
+        model,
+        recordings[0].sample_time,
+        recordings[0].used,
+        tuple(p.name for p in every),
+        disturbances(model, fit.share),
+    )
+    try:
+        parts = [filter_.run(observed, model.values) for observed in recordings]
+    except NumericalError:
+        return fit
+    outcome = Outcome(
+        np.array([(estimates | held)[p.name] for p in every]),
+        parts,
+        fit.cost,
+        fit.refit.converged,
+        fit.refit.iterations,
+        fit.refit.share,
+    )
+    wide = summarise(model, recordings, every, outcome)
+    count = len(own)
+    return replace(
+        fit,
+        refit=replace(
+            fit.refit,
+            estimates=wide.estimates[:count],
+            covariance=wide.covariance[:count, :count],
+            inflations=wide.inflations[:count],
+        ),
+    )

@@ -1,0 +1,165 @@
+"""Free run: the model alone along the inputs of a recording, beside what was read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.errors import NumericalError, WorkbenchError
+from workbench.model import Model
+from workbench.model.model import check_vector, index_of
+from workbench.simulation import simulate
+
+Vector = npt.NDArray[np.float64]
+
+_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class FreeRun:
+    """A model simulated along a recording, never corrected by the readings.
+
+    Args:
+        name: Name of the recording.
+        used: Names of the outputs that were read, n_used of them.
+        units: Their SI units.
+        time: Time from the first sample, shape (n,), in s.
+        measured: Readings, shape (n, n_used), in SI; NaN where there is none.
+        simulated: What the model would read, shape (n, n_used), in SI; NaN if the run failed.
+        failure: Why the run failed; empty if it did not.
+
+    Example:
+        >>> one = np.zeros((2, 1))
+        >>> FreeRun("trial", ("angle",), ("rad",), np.arange(2.0), one, one + 0.1).rmse
+        {'angle': 0.1}
+    """
+
+    name: str
+    used: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Vector
+    measured: Vector
+    simulated: Vector
+    failure: str = ""
+
+    @property
+    def finite(self) -> bool:
+        """Whether the run reached the end."""
+        return not self.failure
+
+    @property
+    def error(self) -> Vector:
+        """Readings minus simulation, shape (n, n_used), in SI; NaN where there is no reading."""
+        return self.measured - self.simulated
+
+    @property
+    def rmse(self) -> dict[str, float]:
+        """Root mean square of the error by output, in its SI unit; infinite if the run failed."""
+        if not self.finite:
+            return dict.fromkeys(self.used, float("inf"))
+        return dict(zip(self.used, _rms(self.error).tolist(), strict=True))
+
+    @property
+    def spread(self) -> dict[str, float]:
+        """Standard deviation of the readings by output, in its SI unit."""
+        return dict(zip(self.used, np.nanstd(self.measured, axis=0).tolist(), strict=True))
+
+    def __str__(self) -> str:
+        """Return a short aligned table."""
+        lines = [f"free run on {self.name}" + (f": {self.failure}" if self.failure else "")]
+        lines += [
+            f"  {name:<20} rmse {self.rmse[name]:<12.4g} {unit}"
+            for name, unit in zip(self.used, self.units, strict=True)
+        ]
+        return "\n".join(lines)
+
+
+def free_run(
+    model: Model,
+    observed: Observed,
+    *,
+    values: npt.ArrayLike | Mapping[str, float] | None = None,
+) -> FreeRun:
+    """Simulate a model along the inputs of a recording, from the start that it shows.
+
+    Args:
+        model: The plant; it may carry effects that the recording was not observed with, whose
+            states start where the effects put them.
+        observed: A recording as `observe` returns it.
+        values: Parameter values, shape (n_parameters,), in SI, or some of them by name; the
+            model's own by default.
+
+    Returns:
+        The run beside the readings. A run that the integrator gives up is returned with the
+        reason, because a model that diverges is a result.
+
+    Raises:
+        WorkbenchError: If the recording was observed with another model or a value is unknown.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> zero = np.zeros((50, 1))
+        >>> rest = Observed(
+        ...     "rest", 0.01, zero, zero, ("position",), zero[0], np.zeros(2), np.zeros(2)
+        ... )
+        >>> free_run(servo_axis(), rest).rmse
+        {'position': 0.0}
+    """
+    rows = [index_of("output", name, model.outputs) for name in observed.used]
+    units = tuple(model.outputs[i].unit for i in rows)
+    lower = [q.lower for q in model.inputs]
+    upper = [q.upper for q in model.inputs]
+    inputs = np.clip(observed.inputs, lower, upper)
+    start = _start(model, observed, inputs[0])
+    time = observed.sample_time * np.arange(len(inputs), dtype=np.float64)
+    try:
+        run = simulate(
+            model,
+            inputs,
+            sample_time=observed.sample_time,
+            start=start,
+            tolerance=_TOLERANCE,
+            values=_values(model, values),
+            check=False,
+        )
+    except NumericalError as error:
+        nothing = np.full_like(observed.outputs, np.nan)
+        return FreeRun(
+            observed.name, observed.used, units, time, observed.outputs, nothing, str(error)
+        )
+    return FreeRun(
+        observed.name, observed.used, units, time, observed.outputs, run.outputs[:, rows]
+    )
+
+
+def _rms(error: Vector) -> Vector:
+    return np.asarray(np.sqrt(np.nanmean(error**2, axis=0)))
+
+
+def _values(model: Model, values: npt.ArrayLike | Mapping[str, float] | None) -> Vector:
+    if values is None:
+        return model.values
+    if isinstance(values, Mapping):
+        full = model.values
+        for name, value in values.items():
+            full[index_of("parameter", name, model.parameters)] = value
+        return full
+    return check_vector("parameter", values, model.parameters)
+
+
+def _start(model: Model, observed: Observed, u: Vector) -> Vector:
+    """Return the start, with the states of effects attached since it was estimated."""
+    own = len(observed.start)
+    if own == len(model.states):
+        return observed.start
+    if own > len(model.states):
+        raise WorkbenchError(
+            f"recording {observed.name!r} was observed with {own} states; {model.name!r} has"
+            f" {len(model.states)}: observe it again with this model"
+        )
+    given = {q.name: float(v) for q, v in zip(model.states, observed.start, strict=False)}
+    return model.initial_state(given, u=u)

@@ -1,0 +1,145 @@
+"""Made-up recordings of a model, for examples and for proving that estimates are right."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.model import Model
+from workbench.plants.servo_axis import servo_axis
+from workbench.recordings.recording import Recording, Signal
+from workbench.simulation import simulate
+
+Vector = npt.NDArray[np.float64]
+
+
+def made_up(
+    model: Model,
+    inputs: npt.ArrayLike,
+    *,
+    sample_time: float,
+    values: Mapping[str, float] | None = None,
+    seed: int = 0,
+    name: str = "made up",
+) -> Observed:
+    """Simulate a recording of a model, with the noise and the resolution of its sensors.
+
+    Args:
+        model: The plant.
+        inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI.
+        sample_time: Time between samples, in s.
+        values: True values of some parameters by name, in SI; the model's own by default.
+        seed: Seed of the noise.
+        name: Name of the recording.
+
+    Returns:
+        The recording as `observe` returns it for the model with its own values.
+
+    Raises:
+        WorkbenchError: If a parameter is unknown or the inputs do not fit.
+
+    Example:
+        >>> seen = made_up(servo_axis(), np.full(50, 100.0), sample_time=0.01)
+        >>> seen.outputs.shape
+        (50, 1)
+    """
+    return observe(
+        model,
+        made_up_recording(
+            model, inputs, sample_time=sample_time, values=values, seed=seed, name=name
+        ),
+    )
+
+
+def made_up_recording(
+    model: Model,
+    inputs: npt.ArrayLike,
+    *,
+    sample_time: float,
+    values: Mapping[str, float] | None = None,
+    seed: int = 0,
+    name: str = "made up",
+) -> Recording:
+    """Simulate a recording of a model, with the noise and the resolution of its sensors.
+
+    Args:
+        model: The plant.
+        inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI.
+        sample_time: Time between samples, in s.
+        values: True values of some parameters by name, in SI; the model's own by default.
+        seed: Seed of the noise.
+        name: Name of the recording.
+
+    Returns:
+        The recording.
+
+    Raises:
+        WorkbenchError: If a parameter is unknown or the inputs do not fit.
+
+    Example:
+        >>> len(made_up_recording(servo_axis(), np.full(50, 100.0), sample_time=0.01))
+        50
+    """
+    true = model.with_parameters(dict(values or {}))
+    run = simulate(true, inputs, sample_time=sample_time, check=False)
+    rng = np.random.default_rng(seed)
+    signals = [
+        Signal(q.name, column, q.unit, role="command")
+        for q, column in zip(model.inputs, run.inputs.T, strict=True)
+    ]
+    for quantity, column in zip(model.outputs, run.outputs.T, strict=True):
+        read = column + quantity.noise_rms * rng.normal(size=len(column))
+        if quantity.resolution:
+            read = quantity.resolution * np.round(read / quantity.resolution)
+        signals.append(Signal(quantity.name, read, quantity.unit))
+    return Recording(name, run.time, tuple(signals))
+
+
+def pushes(samples: int, *, largest: float, hold: int = 40, seed: int = 0) -> Vector:
+    """Return random levels, each held for some samples.
+
+    Args:
+        samples: Number of samples.
+        largest: Largest level, in the unit of the input.
+        hold: Samples per level.
+        seed: Seed of the levels.
+
+    Returns:
+        Levels, shape (samples,), in the unit of the input.
+
+    Example:
+        >>> pushes(3, largest=100.0).shape
+        (3,)
+    """
+    levels = np.random.default_rng(seed).uniform(-largest, largest, samples // hold + 1)
+    return np.repeat(levels, hold)[:samples]
+
+
+def made_up_axis(seed: int = 0, *, samples: int = 800, name: str = "made up") -> Observed:
+    """Simulate a recording of the servo axis with a mass of 100 kg instead of 95 kg.
+
+    Args:
+        seed: Seed of forces and noise.
+        samples: Number of samples, 10 ms apart.
+        name: Name of the recording.
+
+    Returns:
+        The recording as `observe` returns it.
+
+    Example:
+        >>> made_up_axis(1).used
+        ('position',)
+    """
+    forces = pushes(samples, largest=200.0, seed=seed)
+    return made_up(
+        servo_axis(),
+        forces,
+        sample_time=0.01,
+        values={"mass": 100.0, "offset": 2.0},
+        seed=seed,
+        name=name,
+    )

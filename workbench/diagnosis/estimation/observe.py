@@ -1,0 +1,119 @@
+"""From a recording to what the filter needs: inputs, readings, their noise, the start."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.recordings.recording import Recording
+
+Vector = npt.NDArray[np.float64]
+
+_START_SAMPLES = 3
+"""Samples averaged for the first reading, which is the best known of a rig at rest."""
+
+
+def observe(
+    model: Model, recording: Recording, *, used: Sequence[str] | None = None, every: int = 1
+) -> Observed:
+    """Bring a recording into the shape that the filter of a model needs.
+
+    Args:
+        model: The plant; signals of the recording are found by the names of its inputs and
+            outputs.
+        recording: A uniformly sampled recording.
+        used: Names of the outputs to use; all that were recorded by default.
+        every: Use every n-th reading; inputs are all used.
+
+    Returns:
+        Inputs, readings, noise from the sensors' data, and the start: states that the first
+        readings determine from those, the others where the model starts.
+
+    Raises:
+        WorkbenchError: If an input is missing, no output was recorded, or the time is not uniform.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> from workbench.recordings.recording import Signal
+        >>> time = 0.01 * np.arange(50)
+        >>> signals = Signal("force", 0 * time, "N"), Signal("position", 0 * time + 0.1, "m")
+        >>> seen = observe(servo_axis(), Recording("rest", time, signals))
+        >>> seen.used, seen.start.round(3).tolist()
+        (('position',), [0.1, 0.0])
+    """
+    missing = [q.name for q in model.inputs if q.name not in recording]
+    if missing:
+        raise WorkbenchError(
+            f"recording {recording.name!r} has no signal {missing[0]!r}, an input of"
+            f" {model.name!r}; it has: {', '.join(recording.names)}. Map a column to it"
+        )
+    names = [q.name for q in model.outputs if q.name in recording] if used is None else list(used)
+    if not names:
+        raise WorkbenchError(
+            f"recording {recording.name!r} has no output of {model.name!r}; it has:"
+            f" {', '.join(recording.names)}; wanted:"
+            f" {', '.join(q.name for q in model.outputs)}"
+        )
+    steps = np.diff(recording.time)
+    sample_time = float(np.median(steps))
+    if np.max(np.abs(steps - sample_time)) > 0.01 * sample_time:
+        raise WorkbenchError(
+            f"recording {recording.name!r} is not uniformly sampled (steps from"
+            f" {steps.min():g} to {steps.max():g} s); resample it first"
+        )
+    outputs = [q for q in model.outputs if q.name in names]
+    noise = np.array(
+        [np.hypot(q.noise_rms, q.resolution / np.sqrt(12)) or 1e-6 * q.scale for q in outputs]
+    )
+    read = recording.matrix([q.name for q in outputs])
+    for column, quantity in enumerate(outputs):
+        read[~recording.valid(quantity.name), column] = np.nan
+    inputs = recording.matrix([q.name for q in model.inputs])
+    start, start_rms = _start(model, inputs[0], read, [q.name for q in outputs], noise)
+    if every > 1:
+        kept = np.zeros(len(read), dtype=bool)
+        kept[::every] = True
+        read[~kept] = np.nan
+    return Observed(
+        recording.name,
+        sample_time,
+        inputs,
+        read,
+        tuple(q.name for q in outputs),
+        noise,
+        start,
+        start_rms,
+    )
+
+
+def _start(
+    model: Model, inputs: Vector, read: Vector, names: Sequence[str], noise: Vector
+) -> tuple[Vector, Vector]:
+    """Correct the model's starting state by the first readings, in one Kalman update."""
+    spread = np.array([q.start_rms or q.scale for q in model.states])
+    rows = [i for i, q in enumerate(model.outputs) if q.name in names]
+    known = np.asarray(np.isfinite(read[:_START_SAMPLES]).any(axis=0), dtype=bool)
+    first = np.array(
+        [np.nanmean(c[:_START_SAMPLES]) if k else 0.0 for c, k in zip(read.T, known, strict=True)]
+    )
+    x = model.initial_state(u=inputs)
+    slope = np.asarray(model.exact.jacobian_function(x, inputs, model.values)[2])[rows][known]
+    error = (first - model.read(x, inputs)[rows])[known]
+    covariance = np.diag(spread**2)
+    variance = slope @ covariance @ slope.T + np.diag(noise[known] ** 2 / _START_SAMPLES)
+    gain = np.linalg.solve(variance, slope @ covariance).T
+    x = x + gain @ error
+    given = {
+        q.name: value
+        for q, value, moved in zip(model.states, x, gain @ error, strict=True)
+        if moved != 0.0
+    }
+    # States of effects start where the corrected states put them.
+    x = model.initial_state(given, u=inputs)
+    spread = np.sqrt(np.diag(covariance - gain @ slope @ covariance))
+    return x, np.maximum(spread, 1e-9 * np.array([q.scale for q in model.states]))

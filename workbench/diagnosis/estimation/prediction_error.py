@@ -1,0 +1,256 @@
+"""Prediction errors of a model along a recording, with their derivatives.
+
+An extended Kalman filter runs along the recording. Its innovations, divided by their own standard
+deviations, are white if the model is right; their derivatives with respect to the parameters follow
+from the sensitivity of the filtered state, with the filter gain held. One pass gives all that a
+Gauss-Newton step and a score test need.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.filter import FilterCall, filter_function, substeps_of
+from workbench.errors import NumericalError, WorkbenchError, check_choice
+from workbench.model import EXACT, Face, Model
+from workbench.model.model import index_of
+
+Vector = npt.NDArray[np.float64]
+
+CORRELATION_TIME = 0.1
+"""Time over which an unmodelled signal at a port is taken as correlated, s."""
+
+_BLOCK = 100
+"""Samples per call of the filter."""
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A recording in the shape that the filter needs.
+
+    Args:
+        name: Name of the recording.
+        sample_time: Time between samples, in s.
+        inputs: Inputs held from each sample to the next, shape (n, n_inputs), in SI.
+        outputs: Readings, shape (n, n_used), in SI; NaN where there is none.
+        used: Names of the model's outputs that were read, n_used of them.
+        noise_rms: Root mean square of the readings' noise, shape (n_used,), in SI.
+        start: Estimated states at the first sample, shape (n_states,), in SI.
+        start_rms: Their uncertainty, shape (n_states,), in SI.
+
+    Raises:
+        WorkbenchError: If shapes do not agree.
+    """
+
+    name: str
+    sample_time: float
+    inputs: Vector
+    outputs: Vector
+    used: tuple[str, ...]
+    noise_rms: Vector
+    start: Vector
+    start_rms: Vector
+
+    def __post_init__(self) -> None:
+        """Check the shapes."""
+        if len(self.inputs) != len(self.outputs) or self.outputs.shape[1] != len(self.used):
+            raise WorkbenchError(
+                f"recording {self.name!r} has inputs of shape {self.inputs.shape} and outputs of"
+                f" shape {self.outputs.shape} for {len(self.used)} outputs; the numbers of samples"
+                " and of outputs must agree"
+            )
+
+
+@dataclass(frozen=True)
+class Innovations:
+    """Whitened prediction errors along a recording.
+
+    Args:
+        whitened: Prediction errors over their standard deviations, shape (n, n_used).
+        jacobian: Their derivatives with respect to the scaled parameters, shape
+            (n, n_used, n_free).
+        log_deviation: Logarithm of the standard deviations, shape (n, n_used).
+        states: Filtered states, shape (n, n_states), in SI.
+    """
+
+    whitened: Vector
+    jacobian: Vector
+    log_deviation: Vector
+    states: Vector
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of squares plus the logarithms: minus the log likelihood, dimensionless."""
+        used = np.isfinite(self.whitened)
+        return float(0.5 * np.sum(self.whitened[used] ** 2) + np.sum(self.log_deviation[used]))
+
+
+@dataclass
+class PredictionError:
+    """The filter of a model for a choice of free parameters.
+
+    Args:
+        model: The plant.
+        sample_time: Time between samples, in s.
+        used: Names of the outputs that were read.
+        free: Names of the parameters whose derivatives are wanted.
+        disturbances: Root mean square of an unmodelled signal at a port, by name of the port, in
+            the port's unit; it is taken as correlated over `CORRELATION_TIME`.
+        face: Exact or smooth equations.
+        certain: Names of states that are simulated but not corrected by the filter. That is exact
+            for the derivatives at size zero of effects that own these states: there no reading
+            depends on them.
+
+    Raises:
+        WorkbenchError: If a name is unknown.
+    """
+
+    model: Model
+    sample_time: float
+    used: tuple[str, ...]
+    free: tuple[str, ...]
+    disturbances: Mapping[str, float] = field(default_factory=dict)
+    face: Face = EXACT
+    certain: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Look the names up and build the filter."""
+        model = self.model
+        self._rows = tuple(index_of("output", name, model.outputs) for name in self.used)
+        self._columns = tuple(index_of("parameter", name, model.parameters) for name in self.free)
+        self.state_scale = np.array([q.scale for q in model.states])
+        self.free_scale = np.array([model.parameters[i].scale for i in self._columns])
+        names = [port.name for port in model.ports]
+        # White noise of the same power at low frequency as the correlated signal.
+        white = 2 * CORRELATION_TIME * self.sample_time
+        variances: dict[int, list[float]] = {}
+        for i, port in enumerate(model.ports):
+            if port.disturbance > 0 or port.relative_disturbance > 0:
+                variances[i] = [0.0, port.relative_disturbance**2 * white]
+        for name, rms in self.disturbances.items():
+            check_choice("port", name, names)
+            variances.setdefault(names.index(name), [0.0, 0.0])[0] = rms**2 * white
+        self._ports = tuple(sorted(variances))
+        self._variances = np.array([variances[i] for i in self._ports]).reshape(-1, 2)
+        self._output_scale = np.array([model.outputs[i].scale for i in self._rows])
+        self._substeps = substeps_of(model, self.sample_time)
+        certain = {index_of("state", name, model.states) for name in self.certain}
+        self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
+        self._call: FilterCall | None = None
+
+    def run(self, observed: Observed, values: npt.ArrayLike) -> Innovations:
+        """Run the filter along a recording.
+
+        Args:
+            observed: The recording.
+            values: Parameter values, shape (n_parameters,), in SI.
+
+        Returns:
+            Innovations and their derivatives.
+
+        Raises:
+            NumericalError: If the filter leaves the finite numbers.
+        """
+        n, n_y = observed.outputs.shape
+        n_x, n_f = len(self._corrected), len(self.free)
+        p = np.asarray(values, dtype=float)
+        read = observed.outputs / self._output_scale
+        missing = ~np.isfinite(read)
+        noise = (observed.noise_rms / self._output_scale) ** 2
+        # A reading that is not there is one with a very large noise.
+        variance = np.where(missing, 1e12, noise)
+        read = np.where(missing, 0.0, read)
+        z = observed.start / self.state_scale
+        corrected = list(self._corrected)
+        covariance = np.diag((observed.start_rms / self.state_scale)[corrected] ** 2)
+        sensitivity = np.zeros((n_x, n_f))
+        whitened, jacobian = np.empty((n, n_y)), np.empty((n, n_y, n_f))
+        log_deviation, states = np.empty((n, n_y)), np.empty((n, len(z)))
+        call = self._filter()
+        for k in range(0, n, _BLOCK):
+            rows = np.minimum(np.arange(k, k + _BLOCK), n - 1)
+            size = min(_BLOCK, n - k)
+            block = slice(k, k + size)
+            ends, covariances, sensitivities, e, j, logs, filtered = call(
+                z[:, None],
+                covariance,
+                sensitivity,
+                observed.inputs[rows].T,
+                read[rows].T,
+                variance[rows].T,
+                p[:, None],
+                self._variances,
+            )
+            z, covariance = ends[:, -1].copy(), covariances[:, -n_x:].copy()
+            sensitivity = sensitivities[:, sensitivities.shape[1] - n_f :].copy()
+            whitened[block], log_deviation[block] = e.T[:size], logs.T[:size]
+            jacobian[block] = j.reshape(n_y, _BLOCK, n_f, order="C").transpose(1, 0, 2)[:size]
+            states[block] = filtered.T[:size] * self.state_scale
+        whitened[missing], log_deviation[missing] = np.nan, np.nan
+        jacobian[missing] = 0.0
+        if not (np.isfinite(states).all() and np.isfinite(jacobian).all()):
+            raise NumericalError(
+                f"the filter of {self.model.name!r} left the finite numbers on"
+                f" {observed.name!r}; the parameters are far from those of the recording"
+            )
+        return Innovations(whitened, jacobian, log_deviation, states)
+
+    def _filter(self) -> FilterCall:
+        if self._call is None:
+            self._call = FilterCall(
+                filter_function(
+                    self.model.face(self.face),
+                    tuple(self.state_scale),
+                    tuple(self._output_scale),
+                    self._rows,
+                    self._columns,
+                    self._corrected,
+                    tuple(self.free_scale),
+                    self._ports,
+                    self.sample_time,
+                    self._substeps,
+                    _BLOCK,
+                )
+            )
+        return self._call
+
+
+def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:
+    """Stack the innovations of several recordings for least squares.
+
+    Args:
+        parts: Innovations of each recording.
+
+    Returns:
+        Whitened errors, shape (m,), and their derivatives, shape (m, n_free); samples without a
+        reading are left out.
+
+    Example:
+        >>> pair = np.ones((2, 1))
+        >>> one = Innovations(pair, np.ones((2, 1, 3)), pair, pair)
+        >>> [array.shape for array in stack([one, one])]
+        [(4,), (4, 3)]
+    """
+    errors = np.concatenate([part.whitened.ravel() for part in parts])
+    rows = np.concatenate([part.jacobian.reshape(errors_of(part), -1) for part in parts])
+    used = np.isfinite(errors)
+    return errors[used], rows[used]
+
+
+def errors_of(part: Innovations) -> int:
+    """Return how many prediction errors a recording has, samples times outputs.
+
+    Args:
+        part: Innovations of a recording.
+
+    Example:
+        >>> errors_of(
+        ...     Innovations(np.ones((2, 3)), np.ones((2, 3, 1)), np.ones((2, 3)), np.ones((2, 1)))
+        ... )
+        6
+    """
+    return int(part.whitened.size)

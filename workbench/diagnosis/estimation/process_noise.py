@@ -1,0 +1,340 @@
+"""The likelihood of recordings under a model whose equations may be imperfect.
+
+How much the equations leave out is itself estimated: the share of the disturbance expected at the
+ports is lowered step by step, with a refit at each, as long as the recordings become more likely.
+A model that lacks physics stops early, the right one goes down to the noise of the sensors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.prediction_error import Innovations, Observed, PredictionError
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.refit import ENOUGH, refit
+from workbench.diagnosis.estimation.refit_result import Refit
+from workbench.errors import NumericalError
+from workbench.model import Model
+from workbench.model.model import index_of
+
+Vector = npt.NDArray[np.float64]
+
+LADDER = (30.0, 3.0, 1.0, 0.3, 0.03)
+"""Shares of the expected disturbance that are tried, from a poor model to a perfect one."""
+
+_BLOCK_S = 0.5
+
+
+@dataclass(frozen=True)
+class ProcessNoiseFit:
+    """A refit at the most likely share of the expected disturbance.
+
+    Args:
+        refit: Estimates at that share.
+        share: The share, dimensionless: small where the model explains the recordings.
+        passed: The fit one step higher on the ladder, from which this one was reached; None at the
+            step where it began.
+    """
+
+    refit: Refit
+    share: float
+    passed: ProcessNoiseFit | None = None
+
+    @property
+    def model(self) -> Model:
+        """The model with the estimated parameter values."""
+        return self.refit.model
+
+    @property
+    def cost(self) -> float:
+        """Minus the log likelihood of the recordings, with the priors; dimensionless."""
+        return self.refit.cost
+
+
+def disturbances(model: Model, share: float) -> dict[str, float]:
+    """Return the disturbance at each port, as a share of what is expected there.
+
+    Args:
+        model: The plant.
+        share: Share of the expected disturbance, dimensionless.
+
+    Returns:
+        Root mean square by name of port, in each port's SI unit.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> disturbances(servo_axis(), 0.5)
+        {'axis.force': 1.0}
+    """
+    return {q.name: share * q.disturbance for q in model.ports if share * q.disturbance > 0}
+
+
+def extended_start(observed: Observed, model: Model, extended: Model) -> Observed:
+    """Return a recording whose start covers the states of attached effects.
+
+    Args:
+        observed: The recording, with a start for ``model``.
+        model: The model that the recording was brought into shape for.
+        extended: The same model with more effects.
+
+    Returns:
+        The recording with the states of the effects where the effects put them.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
+        >>> from workbench.physics.lugre import lugre_friction
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(50, largest=200.0), sample_time=0.01)
+        >>> bristles = lugre_friction("axis.force", unit="N", speed_unit="m/s")
+        >>> len(extended_start(seen, axis, axis.with_effect(bristles)).start)
+        3
+    """
+    if len(extended.states) == len(observed.start):
+        return observed
+    given = dict(zip((q.name for q in model.states), observed.start.tolist(), strict=True))
+    start = extended.initial_state(given, u=observed.inputs[0])
+    known = {q.name: r for q, r in zip(model.states, observed.start_rms, strict=True)}
+    rms = np.array([known.get(q.name, 0.3 * q.scale) for q in extended.states])
+    return Observed(
+        observed.name,
+        observed.sample_time,
+        observed.inputs,
+        observed.outputs,
+        observed.used,
+        observed.noise_rms,
+        start,
+        rms,
+    )
+
+
+def fit_with_process_noise(
+    model: Model,
+    recordings: Sequence[Observed],
+    priors: Sequence[Prior],
+    *,
+    start: Mapping[str, float] | None = None,
+    share: float = 3.0,
+    follow: bool = True,
+    ladder: Sequence[float] = LADDER,
+    enough: float = ENOUGH,
+    progress: Callable[[str], None] | None = None,
+) -> ProcessNoiseFit:
+    """Refit a model at the most likely share of the expected disturbance.
+
+    Args:
+        model: The plant.
+        recordings: Recordings as `observe` returns them, for this model.
+        priors: The free parameters.
+        start: Where to start some parameters, by name, in SI.
+        share: Share to begin with, dimensionless.
+        follow: Whether to go on to smaller shares.
+        ladder: Shares that are tried, falling, dimensionless.
+        enough: A step that gains less log likelihood than this ends a refit, dimensionless.
+        progress: Called with a line of text before each pass.
+
+    Returns:
+        The refit at the best share of the ladder at or below the first.
+
+    Raises:
+        NumericalError: If the first refit could not be evaluated.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
+        >>> from workbench.diagnosis.estimation.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
+        >>> abs(fit.refit.estimate("mass").value - 95.0) < 1.0
+        True
+    """
+    best: ProcessNoiseFit | None = None
+    values = dict(start or {})
+    first = int(np.argmin(np.abs(np.log(np.array(ladder) / share))))
+    for level in ladder[first:] if follow else ladder[first : first + 1]:
+        try:
+            trial = refit(
+                model,
+                recordings,
+                priors=priors,
+                stages=(level,),
+                start=values,
+                enough=enough,
+                progress=progress,
+            )
+        except NumericalError:
+            # Equations trusted more than they deserve throw the filter out of its range.
+            if best is None:
+                raise
+            break
+        if best is not None and trial.cost >= best.cost:
+            break
+        best = ProcessNoiseFit(trial, level, best and replace(best, passed=None))
+        values = {e.name: e.value for e in trial.estimates}
+    assert best is not None
+    return best
+
+
+def blocks_of_cost(
+    fit: ProcessNoiseFit, recordings: Sequence[Observed], *, block: float = _BLOCK_S
+) -> Vector:
+    """Return minus the log likelihood of recordings under a fitted model, by blocks of time.
+
+    Args:
+        fit: The fitted model and its share.
+        recordings: Recordings with a start for this model, used or not used for the fit.
+        block: Length of a block, in s.
+
+    Returns:
+        One value per block, dimensionless.
+
+    Raises:
+        NumericalError: If the filter leaves the finite numbers.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
+        >>> from workbench.diagnosis.estimation.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
+        >>> blocks_of_cost(fit, [seen]).shape
+        (4,)
+    """
+    filter_ = PredictionError(
+        fit.model,
+        recordings[0].sample_time,
+        recordings[0].used,
+        (),
+        disturbances(fit.model, fit.share),
+    )
+    parts = [filter_.run(r, fit.model.values) for r in recordings]
+    return np.concatenate(
+        [_blocks(p, r.sample_time, block) for p, r in zip(parts, recordings, strict=True)]
+    )
+
+
+def _blocks(part: Innovations, sample_time: float, block: float) -> Vector:
+    costs = np.nan_to_num(0.5 * part.whitened**2 + part.log_deviation).sum(axis=1)
+    size = max(1, round(block / sample_time))
+    return np.asarray(np.add.reduceat(costs, np.arange(0, len(costs), size)))
+
+
+def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
+    """Return minus the log likelihood to be expected if the model left nothing out.
+
+    The filter runs along readings that the model itself gives for the inputs, with the noise and
+    the smallest share of the ladder: ``sum (1/2 + log s)``, s the standard deviations of its
+    prediction errors.
+
+    Args:
+        model: The plant, with parameters near those of the recordings.
+        recordings: Recordings as `observe` returns them, with a start for this model.
+
+    Returns:
+        The cost, dimensionless.
+
+    Raises:
+        NumericalError: If the model leaves the finite numbers.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> perfect_cost(axis, [made_up(axis, pushes(50, largest=200.0), sample_time=0.01)]) < 0.0
+        True
+    """
+    first = recordings[0]
+    tight, blind = (
+        PredictionError(model, first.sample_time, first.used, (), disturbances(model, share))
+        for share in (LADDER[-1], 1e-9)
+    )
+    scales = {q.name: q.scale for q in model.outputs}
+    scale = np.array([scales[name] for name in first.used])
+    total = 0.0
+    for observed in recordings:
+        # A filter that trusts no reading simulates.
+        unread = replace(observed, noise_rms=1e9 * observed.noise_rms)
+        run = blind.run(unread, model.values)
+        own = observed.outputs - run.whitened * np.exp(run.log_deviation) * scale
+        part = tight.run(replace(observed, outputs=own), model.values)
+        used = np.isfinite(part.log_deviation)
+        total += float(np.sum(0.5 + part.log_deviation[used]))
+    return total
+
+
+def gain_interval(
+    before: Vector, after: Vector, *, draws: int = 2000, seed: int = 0
+) -> tuple[float, float, float]:
+    """Return how much log likelihood a model gains over another, with a bootstrap interval.
+
+    Args:
+        before: Cost by block under the one model, shape (n_blocks,), dimensionless.
+        after: Cost by block under the other, shape (n_blocks,), dimensionless.
+        draws: Number of bootstrap draws.
+        seed: Seed of the draws.
+
+    Returns:
+        The gain, and the 0.5 % and 99.5 % points of its distribution over resampled blocks, in
+        units of log likelihood, dimensionless.
+
+    Example:
+        >>> gain, low, high = gain_interval(np.full(50, 2.0), np.full(50, 1.0))
+        >>> gain, low
+        (50.0, 50.0)
+    """
+    gains = before - after
+    rng = np.random.default_rng(seed)
+    sums = rng.choice(gains, size=(draws, len(gains))).sum(axis=1)
+    low, high = np.quantile(sums, [0.005, 0.995])
+    return float(gains.sum()), float(low), float(high)
+
+
+def start_values(fit: Refit, priors: Sequence[Prior]) -> dict[str, float]:
+    """Return where to start the next refit: estimates, but priors for those on a bound.
+
+    Args:
+        fit: A refit.
+        priors: Priors of the free parameters.
+
+    Returns:
+        Values in SI, by name.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
+        >>> from workbench.diagnosis.estimation.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> priors = default_priors(axis, ["mass"])
+        >>> list(start_values(fit_with_process_noise(axis, [seen], priors).refit, priors))
+        ['mass']
+    """
+    means = {p.name: p.mean for p in priors}
+    return {e.name: means.get(e.name, e.value) if e.on_bound else e.value for e in fit.estimates}
+
+
+def free_parameter(model: Model, name: str) -> float:
+    """Return the value of a parameter of a model, in its SI unit.
+
+    Args:
+        model: The plant.
+        name: Name of the parameter.
+
+    Returns:
+        The value, in the parameter's SI unit.
+
+    Raises:
+        WorkbenchError: If there is no such parameter.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> free_parameter(servo_axis(), "mass")
+        95.0
+    """
+    return model.parameters[index_of("parameter", name, model.parameters)].value

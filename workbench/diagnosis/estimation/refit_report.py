@@ -1,0 +1,355 @@
+"""What a refit is worth: errors on recordings that it has not seen, against the noise."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.free_run import FreeRun, free_run
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.priors import Prior, default_priors
+from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.estimation.refit import refit
+from workbench.diagnosis.estimation.refit_result import Refit
+from workbench.diagnosis.estimation.start import fitted_start
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.model.model import index_of
+from workbench.model.units import parse_unit
+
+Vector = npt.NDArray[np.float64]
+
+FLOOR_FACTOR = 3.0
+"""A held-out error up to this many times the noise-limited one counts as reaching it: the latter is
+itself known from a few draws only."""
+
+DRIFT_FACTOR = 5.0
+"""An error beyond this many times the noise of the readings is a drift."""
+
+EXPLAINED_SHARE = 0.1
+"""Up to this share of the expected disturbance, the equations count as complete."""
+
+_DRAWS = 8
+
+
+@dataclass(frozen=True)
+class RefitTask:
+    """A model, recordings to fit on, recordings to judge on.
+
+    Args:
+        name: Short name, for files.
+        title: What is refitted, in a few words.
+        model: The plant with its nominal values.
+        fit: Recordings to fit on.
+        hold_out: Recordings to judge on.
+        priors: Free parameters; `default_priors` if there are none.
+        stages: Shares of the expected disturbance, pass by pass, dimensionless; the most likely
+            share if none.
+        start_samples: Samples over which hidden states at the start of a free run are estimated; 0
+            to take the start from the first readings.
+        starts: Number of starts of the search.
+        noise_known: Whether the noise of the recordings is that of the sensors; if it stands for
+            what the equations are expected to leave, no floor can be reached.
+        in_loop: Further recordings to judge on, each with the model that runs on it: one that has
+            the free parameters too, such as the plant in the loop of its controller.
+        published: Values that others identified, by parameter, in SI.
+        published_from: Who did.
+        notes: What to know when reading the result.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> RefitTask("axis", "servo axis", servo_axis(), (), ()).starts
+        1
+    """
+
+    name: str
+    title: str
+    model: Model
+    fit: tuple[Observed, ...]
+    hold_out: tuple[Observed, ...]
+    priors: tuple[Prior, ...] = ()
+    stages: tuple[float, ...] = ()
+    start_samples: int = 0
+    starts: int = 1
+    noise_known: bool = True
+    in_loop: tuple[tuple[Model, Observed], ...] = ()
+    published: Mapping[str, float] = field(default_factory=dict)
+    published_from: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Free-run errors of one output on one held-out recording, rms in ``unit``.
+
+    Args:
+        recording: Name of the recording.
+        output: Name of the output.
+        unit: Unit in which people read the output.
+        spread: Standard deviation of the readings, in ``unit``.
+        nominal: Error with the nominal parameters, in ``unit``.
+        refitted: Error with the refitted ones, in ``unit``.
+        limited: Error that noise alone would leave: that of the readings and what the uncertainty
+            of the parameters makes of it, in ``unit``.
+        noise: Noise of the readings, in ``unit``.
+
+    Example:
+        >>> row = HeldOut("validate", "angle", "deg", 10.0, 1.0, 0.02, 0.015, 0.01)
+        >>> row.at_floor
+        True
+    """
+
+    recording: str
+    output: str
+    unit: str
+    spread: float
+    nominal: float
+    refitted: float
+    limited: float
+    noise: float
+
+    @property
+    def as_expected(self) -> bool:
+        """Whether the refitted error is what noise alone would leave."""
+        return self.refitted <= FLOOR_FACTOR * self.limited
+
+    @property
+    def at_floor(self) -> bool:
+        """Whether, besides, it is near the noise of the readings.
+
+        Where the parameters' uncertainty alone makes a free run drift far off, a small error
+        would prove nothing.
+        """
+        return self.as_expected and self.refitted <= DRIFT_FACTOR * self.noise
+
+
+@dataclass(frozen=True)
+class RefitReport:
+    """A refit and what it is worth.
+
+    Args:
+        task: What was asked.
+        refit: The estimates with intervals.
+        nominal: Free runs of the nominal model on the held-out recordings.
+        refitted: Free runs of the refitted model on them.
+        rows: Errors by recording and output.
+        seconds: Time that the refit took, in s.
+
+    Raises:
+        WorkbenchError: From `row`, if there is none of that recording and output.
+    """
+
+    task: RefitTask
+    refit: Refit
+    nominal: tuple[FreeRun, ...]
+    refitted: tuple[FreeRun, ...]
+    rows: tuple[HeldOut, ...]
+    seconds: float
+
+    @property
+    def reaches_floor(self) -> bool:
+        """Whether every held-out error is what noise alone would leave.
+
+        A filter that had to take up much at the ports leaves the parameters so uncertain that any
+        error would do; then the floor is not reached either.
+        """
+        explained = self.refit.share <= EXPLAINED_SHARE
+        return explained and bool(self.rows) and all(row.at_floor for row in self.rows)
+
+    def row(self, recording: str, output: str) -> HeldOut:
+        """Return the errors of one output on one held-out recording.
+
+        Args:
+            recording: Name of the recording.
+            output: Name of the output.
+
+        Raises:
+            WorkbenchError: If there is none of that recording and output.
+        """
+        for row in self.rows:
+            if (row.recording, row.output) == (recording, output):
+                return row
+        raise WorkbenchError(
+            f"there is no held-out error of {output!r} on {recording!r}; there is:"
+            f" {', '.join(f'{r.output} on {r.recording}' for r in self.rows)}"
+        )
+
+    def differences(self) -> tuple[tuple[str, float, float, float], ...]:
+        """Return estimates beside published values.
+
+        Returns:
+            Name, estimate and published value in SI, and how many standard deviations they are
+            apart, dimensionless.
+        """
+        found = []
+        for name, value in self.task.published.items():
+            estimate = self.refit.estimate(name)
+            found.append((name, estimate.value, value, (estimate.value - value) / estimate.std))
+        return tuple(found)
+
+    def __str__(self) -> str:
+        """Return short aligned tables."""
+        lines = [f"{self.task.title}: refitted on {len(self.task.fit)} recording(s)", ""]
+        lines += [str(self.refit), f"  share of the expected disturbance: {self.refit.share:g}"]
+        for name, value, published, sigmas in self.differences():
+            lines.append(
+                f"  {name}: {value:.5g}, published {published:.5g},"
+                f" {100 * (value / published - 1):+.2f} %, {sigmas:+.1f} standard deviations"
+            )
+        lines += ["", "free run on held-out recordings, rms"]
+        lines.append(
+            f"  {'recording':<28} {'output':<12} {'unit':<5} {'spread':>9} {'nominal':>9}"
+            f" {'refitted':>9} {'limit':>9} {'noise':>9}"
+        )
+        for r in self.rows:
+            lines.append(
+                f"  {r.recording:<28} {r.output:<12} {r.unit:<5} {r.spread:>9.4g}"
+                f" {r.nominal:>9.4g} {r.refitted:>9.4g} {r.limited:>9.4g} {_plain(r.noise):>9}"
+                + _remark(r)
+            )
+        lines += [f"  {note}" for note in self.task.notes]
+        return "\n".join(lines)
+
+
+def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None) -> RefitReport:
+    """Refit a model and judge it on recordings that it has not seen.
+
+    Args:
+        task: Model and recordings.
+        progress: Called with a line of text before each part.
+
+    Returns:
+        Estimates, held-out errors of the nominal and the refitted model, and the errors that noise
+        alone would leave.
+
+    Raises:
+        WorkbenchError: If there is no recording to fit on.
+        NumericalError: If no start could be evaluated.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> seen, unseen = made_up_axis(0), made_up_axis(1, name="test")
+        >>> report = run_refit(RefitTask("axis", "servo axis", servo_axis(), (seen,), (unseen,)))
+        >>> row = report.row("test", "position")
+        >>> row.refitted < 0.1 * row.nominal
+        True
+    """
+    if not task.fit:
+        raise WorkbenchError(f"{task.title} has no recording to fit on; give at least one")
+    known = task.priors or default_priors(task.model)
+    began = time.perf_counter()
+    if task.stages:
+        found = refit(
+            task.model,
+            task.fit,
+            priors=known,
+            stages=task.stages,
+            starts=task.starts,
+            progress=progress,
+        )
+    else:
+        found = fit_with_process_noise(task.model, task.fit, known, progress=progress).refit
+    seconds = time.perf_counter() - began
+    if progress:
+        progress("free runs on held-out recordings")
+    nominal, refitted, rows = [], [], []
+    values = {e.name: e.value for e in found.estimates}
+    for model, observed in (*((task.model, seen) for seen in task.hold_out), *task.in_loop):
+        changed = model.with_parameters(values)
+        before = free_run(model, _started(task, model, observed))
+        started = _started(task, changed, observed)
+        after = free_run(changed, started)
+        limited = noise_limited(found, started, model=changed)
+        nominal.append(before)
+        refitted.append(after)
+        for k, name in enumerate(observed.used):
+            unit = model.outputs[index_of("output", name, model.outputs)].display_unit
+            size = parse_unit(unit).factor
+            rows.append(
+                HeldOut(
+                    observed.name,
+                    name,
+                    unit,
+                    after.spread[name] / size,
+                    before.rmse[name] / size,
+                    after.rmse[name] / size,
+                    limited[name] / size,
+                    float(observed.noise_rms[k]) / size if task.noise_known else float("nan"),
+                )
+            )
+    return RefitReport(task, found, tuple(nominal), tuple(refitted), tuple(rows), seconds)
+
+
+def noise_limited(
+    found: Refit,
+    observed: Observed,
+    *,
+    model: Model | None = None,
+    draws: int = _DRAWS,
+    seed: int = 0,
+) -> dict[str, float]:
+    """Return the free-run error that noise alone would leave.
+
+    The parameters are drawn from the distribution of their estimates and the model is run with
+    each; what these runs differ by adds to the noise of the readings.
+
+    Args:
+        found: A refit.
+        observed: The recording to run on.
+        model: The model to run, with the free parameters; the refitted one by default.
+        draws: Number of draws.
+        seed: Seed of the draws.
+
+    Returns:
+        Root mean square error by output, in its SI unit.
+
+    Raises:
+        WorkbenchError: If the recording was observed with another model.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> found = refit(servo_axis(), [made_up_axis(0)])
+        >>> list(noise_limited(found, made_up_axis(1), draws=2))
+        ['position']
+    """
+    rng = np.random.default_rng(seed)
+    middle = np.array([e.value for e in found.estimates])
+    low = np.array([e.prior.lower for e in found.estimates])
+    high = np.array([e.prior.upper for e in found.estimates])
+    eigenvalues, vectors = np.linalg.eigh(found.covariance)
+    root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+    used = found.model if model is None else model
+    centre = free_run(used, observed)
+    squares = []
+    for _ in range(draws):
+        drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
+        names = [e.name for e in found.estimates]
+        run = free_run(used, observed, values=dict(zip(names, drawn.tolist(), strict=True)))
+        if run.finite and centre.finite:
+            squares.append(np.mean((run.simulated - centre.simulated) ** 2, axis=0))
+    spread = np.mean(squares, axis=0) if squares else np.zeros(len(observed.used))
+    total = np.sqrt(spread + observed.noise_rms**2)
+    return dict(zip(observed.used, total.tolist(), strict=True))
+
+
+def _plain(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "-"
+
+
+def _remark(row: HeldOut) -> str:
+    if row.at_floor:
+        return "  at the noise floor"
+    return "  within what was expected" if row.as_expected else ""
+
+
+def _started(task: RefitTask, model: Model, observed: Observed) -> Observed:
+    if not task.start_samples:
+        return observed
+    samples = min(task.start_samples, len(observed.outputs))
+    return fitted_start(model, observed, samples=samples)

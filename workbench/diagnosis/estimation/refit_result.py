@@ -1,0 +1,306 @@
+"""Result of a refit: estimates with intervals, what the data do not determine, who disagrees."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.prediction_error import Innovations, Observed
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.model.model import index_of
+
+Vector = npt.NDArray[np.float64]
+
+_BLOCKS_S = (0.5, 2.0)
+"""Lengths over which prediction errors may be correlated, for the intervals, s."""
+
+_LEAST_BLOCKS = 8
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A refitted parameter.
+
+    Args:
+        name: Name of the parameter.
+        unit: SI unit.
+        value: Estimate, in ``unit``.
+        std: Standard deviation of the estimate, in ``unit``.
+        prior: What was known before.
+        on_bound: Whether the estimate sits on one of its bounds.
+
+    Example:
+        >>> prior = Prior("load", 3.0, 0.1, 0.0, 8.0)
+        >>> print(Estimate("load", "kg", 3.02, 0.01, prior, False))
+        load                                 3.02 +- 0.01       kg             prior 3 +- 0.1
+    """
+
+    name: str
+    unit: str
+    value: float
+    std: float
+    prior: Prior
+    on_bound: bool
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Lower and upper end of the 95 % interval, in ``unit``."""
+        return self.value - 1.96 * self.std, self.value + 1.96 * self.std
+
+    def __str__(self) -> str:
+        """Return one aligned line."""
+        line = (
+            f"{self.name:<30} {self.value:>10.5g} +- {self.std:<10.2g} {self.unit:<14}"
+            f" prior {self.prior.mean:.5g} +- {self.prior.std:.2g}"
+        )
+        return line + ("  ON BOUND" if self.on_bound else "")
+
+
+@dataclass(frozen=True)
+class Refit:
+    """Result of a refit.
+
+    Args:
+        model: The model with the estimated parameter values.
+        estimates: The free parameters.
+        covariance: Covariance of the estimates, shape (n_free, n_free), in SI.
+        cost: Minus the log likelihood of the last pass, with the priors; dimensionless.
+        converged: Whether the last pass converged.
+        iterations: Gauss-Newton steps of all passes.
+        whiteness: Mean square of the whitened prediction errors by output, dimensionless; 1
+            where the model explains the recordings to the noise.
+        unidentifiable: Combinations of parameters that the recordings do not determine.
+        disagreements: Parameters whose estimates from single recordings disagree.
+        share: Share of the expected disturbance that the filter allowed, dimensionless.
+        inflations: Factor of each standard deviation for correlated errors, shape (n_free,),
+            dimensionless.
+
+    Raises:
+        WorkbenchError: From `estimate`, if the parameter was not free.
+    """
+
+    model: Model
+    estimates: tuple[Estimate, ...]
+    covariance: Vector
+    cost: float
+    converged: bool
+    iterations: int
+    whiteness: Mapping[str, float]
+    unidentifiable: tuple[str, ...]
+    disagreements: tuple[str, ...]
+    share: float = 0.0
+    inflations: Vector = field(default_factory=lambda: np.ones(0))
+
+    def estimate(self, name: str) -> Estimate:
+        """Return the estimate of a parameter.
+
+        Args:
+            name: Name of the parameter.
+
+        Raises:
+            WorkbenchError: If the parameter was not free.
+        """
+        for estimate in self.estimates:
+            if estimate.name == name:
+                return estimate
+        raise WorkbenchError(
+            f"parameter {name!r} was not refitted; these were:"
+            f" {', '.join(e.name for e in self.estimates)}"
+        )
+
+    def inflation(self, name: str) -> float:
+        """Return by how much correlated errors enlarge the standard deviation of an estimate.
+
+        Args:
+            name: Name of the parameter.
+
+        Returns:
+            Factor, 1 or more, dimensionless.
+
+        Raises:
+            WorkbenchError: If the parameter was not free.
+        """
+        self.estimate(name)
+        return float(self.inflations[[e.name for e in self.estimates].index(name)])
+
+    @property
+    def correlation(self) -> Vector:
+        """Correlation of the estimates, shape (n_free, n_free), dimensionless."""
+        std = np.sqrt(np.diag(self.covariance))
+        return np.asarray(self.covariance / np.outer(std, std))
+
+    def __str__(self) -> str:
+        """Return a short aligned table."""
+        state = "converged" if self.converged else "NOT CONVERGED"
+        lines = [f"refit of {self.model.name}: {state}, {self.iterations} steps"]
+        lines += [f"  {estimate}" for estimate in self.estimates]
+        white = ", ".join(f"{k} {v:.3g}" for k, v in self.whiteness.items())
+        lines += [f"  mean square of whitened prediction errors: {white}"]
+        lines += [f"  not determined by the data: {text}" for text in self.unidentifiable]
+        lines += [f"  recordings disagree on {text}" for text in self.disagreements]
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Where a search for the best parameters ended.
+
+    Args:
+        values: Values of the free parameters, shape (n_free,), in SI.
+        parts: Innovations of each recording there.
+        cost: Minus the log likelihood with the priors, dimensionless.
+        converged: Whether further steps gain nothing.
+        iterations: Number of steps.
+        share: Share of the expected disturbance in the last pass, dimensionless.
+    """
+
+    values: Vector
+    parts: Sequence[Innovations]
+    cost: float
+    converged: bool
+    iterations: int
+    share: float
+
+
+def summarise(
+    model: Model, recordings: Sequence[Observed], priors: Sequence[Prior], outcome: Outcome
+) -> Refit:
+    """Turn the end of a search into estimates with intervals.
+
+    Args:
+        model: The plant.
+        recordings: The recordings.
+        priors: Priors of the free parameters.
+        outcome: Where the search ended.
+
+    Returns:
+        Estimates, their covariance, and what to know when reading them.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
+        >>> from workbench.diagnosis.estimation.refit import refit
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> print(refit(servo_axis(), [made_up_axis()]).estimate("mass"))
+        mass ... kg ...
+    """
+    names = [p.name for p in priors]
+    quantities = [model.parameters[index_of("parameter", n, model.parameters)] for n in names]
+    scale = np.array([q.scale for q in quantities])
+    std = np.array([p.std for p in priors])
+    prior = np.diag((scale / std) ** 2)
+    information = np.zeros_like(prior)
+    scatter = np.zeros((len(_BLOCKS_S), *prior.shape))
+    single = []
+    for part, observed in zip(outcome.parts, recordings, strict=True):
+        one, spread = _information(part, observed.sample_time)
+        information, scatter = information + one, scatter + spread
+        single.append((one, spread, part))
+    inverse = np.linalg.inv(information + prior)
+    # Correlated errors carry less information than white ones: never report less than either.
+    inflation = np.sqrt(_spread(inverse, scatter, prior) / np.diag(inverse))
+    covariance = np.outer(inflation * scale, inflation * scale) * inverse
+    deviations = np.sqrt(np.diag(covariance))
+    estimates = tuple(
+        Estimate(
+            p.name,
+            q.unit,
+            float(v),
+            float(s),
+            p,
+            bool(min(v - p.lower, p.upper - v) < 1e-3 * (p.upper - p.lower)),
+        )
+        for p, q, v, s in zip(priors, quantities, outcome.values, deviations, strict=True)
+    )
+    used = recordings[0].used
+    squares = np.concatenate([part.whitened for part in outcome.parts]) ** 2
+    return Refit(
+        model=model.with_parameters(dict(zip(names, outcome.values.tolist(), strict=True))),
+        estimates=estimates,
+        covariance=covariance,
+        cost=outcome.cost,
+        converged=outcome.converged,
+        iterations=outcome.iterations,
+        share=outcome.share,
+        inflations=inflation,
+        whiteness=dict(zip(used, np.nanmean(squares, axis=0).tolist(), strict=True)),
+        unidentifiable=_unidentifiable(names, information, std / scale),
+        disagreements=_disagreements(names, recordings, single, prior),
+    )
+
+
+def _information(part: Innovations, sample_time: float) -> tuple[Vector, Vector]:
+    """Information of white errors, and the scatter of the score over blocks of each length."""
+    errors = np.nan_to_num(part.whitened)
+    score = np.einsum("kyf,ky->kf", part.jacobian, errors)
+    rows = part.jacobian.reshape(-1, part.jacobian.shape[2])
+    scatters: list[Vector] = []
+    for length in _BLOCKS_S:
+        if scatters and len(score) * sample_time < _LEAST_BLOCKS * length:
+            # Too few blocks say nothing of their scatter.
+            scatters.append(scatters[-1])
+            continue
+        edges = np.arange(0, len(score), max(1, round(length / sample_time)))
+        blocks = np.add.reduceat(score, edges, axis=0)
+        blocks = blocks - blocks.mean(axis=0)
+        scatters.append(blocks.T @ blocks)
+    return rows.T @ rows, np.array(scatters)
+
+
+def _spread(inverse: npt.NDArray[np.floating[Any]], scatter: Vector, prior: Vector) -> Vector:
+    """Variances of the estimates: of white errors, or of correlated ones where that is more."""
+    sandwiches = inverse @ (scatter + prior) @ inverse
+    return np.asarray(
+        np.maximum(np.diag(inverse), np.diagonal(sandwiches, axis1=1, axis2=2).max(axis=0))
+    )
+
+
+def _unidentifiable(
+    names: Sequence[str], information: Vector, prior_std: Vector
+) -> tuple[str, ...]:
+    """Name the combinations of parameters on which the data say less than the priors."""
+    relative = np.outer(prior_std, prior_std) * information
+    eigenvalues, vectors = np.linalg.eigh(relative)
+    found = []
+    for value, vector in zip(eigenvalues, vectors.T, strict=True):
+        if value < 1.0:
+            order = np.argsort(-np.abs(vector))
+            kept = [i for i in order if abs(vector[i]) > 0.3]
+            terms = [f"{vector[i]:+.2f} {names[i]}" for i in kept]
+            found.append(" ".join(terms) + " (in units of the priors)")
+    return tuple(found)
+
+
+def _disagreements(
+    names: Sequence[str],
+    recordings: Sequence[Observed],
+    single: Sequence[tuple[Vector, Vector, Innovations]],
+    prior: Vector,
+) -> tuple[str, ...]:
+    """Compare one Gauss-Newton step of each recording alone, in standard deviations."""
+    if len(single) < 2:
+        return ()
+    steps, variances = [], []
+    for information, scatter, part in single:
+        inverse = np.linalg.inv(information + prior)
+        score = np.einsum("kyf,ky->f", part.jacobian, np.nan_to_num(part.whitened))
+        steps.append(-inverse @ score)
+        variances.append(_spread(inverse, scatter, prior))
+    found = []
+    for i, name in enumerate(names):
+        value = np.array([s[i] for s in steps])
+        weight = 1 / np.array([v[i] for v in variances])
+        mean = np.sum(weight * value) / np.sum(weight)
+        distance = np.abs(value - mean) * np.sqrt(weight)
+        worst = int(np.argmax(distance))
+        if distance[worst] > 4.0:
+            found.append(
+                f"{name}: {recordings[worst].name} is {distance[worst]:.1f} standard deviations"
+                " from the others"
+            )
+    return tuple(found)

@@ -1,0 +1,96 @@
+"""The start of a recording where the first readings do not tell all states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.errors import check_range
+from workbench.model import Model
+
+Vector = npt.NDArray[np.float64]
+
+_ITERATIONS = 12
+
+
+def fitted_start(
+    model: Model, observed: Observed, *, samples: int, values: npt.ArrayLike | None = None
+) -> Observed:
+    """Estimate the start of a recording so that a free run meets its first readings.
+
+    Levenberg-Marquardt on the free-run error over the first samples, with the start that the
+    recording came with, and its uncertainty, as prior. States that the readings determine at once
+    keep their value; a hidden one, such as the level of an upper tank, takes some samples to show.
+
+    Args:
+        model: The plant.
+        observed: A recording as `observe` returns it.
+        samples: Number of samples to meet, 2 to the length of the recording.
+        values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
+
+    Returns:
+        The recording with the estimated start; its uncertainty stays.
+
+    Raises:
+        WorkbenchError: If the number of samples is outside its range.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> still = np.zeros((50, 1))
+        >>> seen = Observed(
+        ...     "rest",
+        ...     0.01,
+        ...     still,
+        ...     still + 0.1,
+        ...     ("position",),
+        ...     np.array([1e-4]),
+        ...     np.zeros(2),
+        ...     np.ones(2),
+        ... )
+        >>> fitted_start(servo_axis(), seen, samples=20).start.round(3).tolist()
+        [0.1, 0.0]
+    """
+    count = round(check_range("samples", samples, 2, len(observed.outputs)))
+    first = replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])
+    low = np.array([q.lower for q in model.states])[: len(observed.start)]
+    high = np.array([q.upper for q in model.states])[: len(observed.start)]
+    rms = np.maximum(observed.start_rms, 1e-12)
+
+    def misfit(x: Vector) -> Vector:
+        run = free_run(model, replace(first, start=x), values=values)
+        error = np.nan_to_num(run.error / observed.noise_rms, nan=0.0 if run.finite else 1e6)
+        return np.concatenate([error.ravel(), (observed.start - x) / rms])
+
+    x, damping = observed.start.astype(float), 1e-3
+    e = misfit(x)
+    for _ in range(_ITERATIONS):
+        step = 1e-3 * rms
+        # One-sided differences: a start on its limit must not be stepped across it.
+        sides = np.where(x + step > high, -step, step)
+        jacobian = np.column_stack(
+            [
+                (misfit(x + np.where(np.arange(len(x)) == i, sides, 0.0)) - e) / sides[i]
+                for i in range(len(x))
+            ]
+        )
+        normal = jacobian.T @ jacobian
+        moved = False
+        for _ in range(5):
+            damped = normal + damping * np.diag(np.diag(normal))
+            trial = np.clip(x - np.linalg.solve(damped, jacobian.T @ e), low, high)
+            trial_e = misfit(trial)
+            if trial_e @ trial_e < e @ e:
+                moved = True
+                break
+            damping *= 10
+        if not moved:
+            break
+        gained = e @ e - trial_e @ trial_e
+        x, e, damping = trial, trial_e, max(damping / 10, 1e-9)
+        if gained < 1e-3:
+            break
+    return replace(observed, start=x)

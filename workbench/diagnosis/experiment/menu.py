@@ -1,0 +1,382 @@
+"""A menu of experiments that a machine can run: inputs within what recordings show is admissible.
+
+Some inputs are played as they are, others come from a loop that follows a reference. Each can be
+repeated with another load or supply, where the model has such a setting.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.errors import NumericalError, WorkbenchError
+from workbench.model import Model
+from workbench.model.model import index_of
+from workbench.model.units import from_si
+from workbench.simulation import simulate
+from workbench.simulation.stepper import Stepper
+
+Vector = npt.NDArray[np.float64]
+
+LONGEST = 20.0
+"""Duration of an experiment, in s; a thousand samples where they are longer apart."""
+
+SETTINGS: Mapping[str, tuple[str, float, str]] = {
+    "supply_pressure": ("supply", 1e5, "bar"),
+    "load": ("load", 2.0, "kg"),
+}
+"""Parameters that the user of a machine sets: in words, by how much in SI, the unit to read."""
+
+_TOLERANCE = 1e-6
+_OUTSIDE = 0.25
+_PULSE_SHARE = 0.7
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An input to play on a machine.
+
+    Args:
+        text: What to do, in words.
+        sample_time: Time between samples, in s.
+        inputs: Inputs held from each sample to the next, shape (n, n_inputs), in SI.
+        settings: Parameters that are set to another value for it, in SI, by name.
+        planned: The model that planned it and what that would read, shape (n, n_outputs), in SI.
+
+    Example:
+        >>> Experiment("rest", 0.1, np.zeros((11, 1))).duration
+        1.0
+    """
+
+    text: str
+    sample_time: float
+    inputs: Vector
+    settings: Mapping[str, float] = field(default_factory=dict)
+    planned: tuple[Model, Vector] | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first sample to the last, in s."""
+        return self.sample_time * (len(self.inputs) - 1)
+
+    def readings(self, model: Model, start: npt.ArrayLike) -> Vector | None:
+        """Simulate what the sensors of a model would read, without noise.
+
+        Args:
+            model: The plant, with its own settings.
+            start: States at the first sample, shape (n_states,), in SI.
+
+        Returns:
+            All readings, shape (n, n_outputs), in SI; None if the integrator gives up.
+        """
+        if self.planned is not None and self.planned[0] is model:
+            return self.planned[1]
+        try:
+            run = simulate(
+                self.on(model),
+                self.inputs,
+                sample_time=self.sample_time,
+                start=start,
+                tolerance=_TOLERANCE,
+                check=False,
+            )
+        except NumericalError:
+            return None
+        return run.outputs
+
+    def on(self, model: Model) -> Model:
+        """Return a model as it is set for the experiment.
+
+        Args:
+            model: The plant.
+        """
+        return model.with_parameters(self.settings) if self.settings else model
+
+
+def menu(model: Model, recordings: Sequence[Observed]) -> tuple[Experiment, ...]:
+    """Return experiments that stay within what the recordings show.
+
+    Amplitudes are half, once and twice those of the recorded inputs. Readings stay within the
+    validity of the state that they show or the range of their sensor; where neither is known,
+    within the recorded range and a quarter of it on either side. References use 80 % of that.
+
+    Args:
+        model: The plant that predicts where an input leads.
+        recordings: Recordings as `observe` returns them; their sample time is that of the menu.
+
+    Returns:
+        Experiments at the settings of the model.
+
+    Raises:
+        WorkbenchError: If there are no recordings.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> print(menu(servo_axis(), [made_up_axis()])[0].text)
+        a pulse train of 0.625 Hz of force, +-174 N, for 8 s
+    """
+    if not recordings:
+        raise WorkbenchError("experiments are planned from recordings, and there are none")
+    first = recordings[0]
+    longest = max(len(r.inputs) for r in recordings)
+    n = min(longest, max(1000, round(LONGEST / first.sample_time)))
+    plan = _Plan(model, recordings, n)
+    candidates = (*plan.open_loop(), *plan.closed_loop())
+    return tuple(kept for e in candidates if (kept := plan.kept(e)) is not None)
+
+
+def other_settings(
+    model: Model, free: Sequence[str] = ()
+) -> tuple[tuple[str, dict[str, float]], ...]:
+    """Return changed settings of a model within their bounds.
+
+    Args:
+        model: The plant.
+        free: Names of parameters that are being fitted and so are no settings.
+
+    Returns:
+        Words, and the changed value in SI by name.
+
+    Example:
+        >>> from workbench.plants.arm import arm
+        >>> other_settings(arm(load_kg=0))[0]
+        ('at 2 kg load', {'load': 2.0})
+    """
+    found = []
+    for q in model.parameters:
+        if q.name not in SETTINGS or q.name in free:
+            continue
+        word, step, unit = SETTINGS[q.name]
+        for value in (q.value - step, q.value + step):
+            if q.lower <= value <= q.upper:
+                shown = value / 1e5 if unit == "bar" else value
+                found.append((f"at {shown:.3g} {unit} {word}", {q.name: value}))
+    return tuple(found)
+
+
+def with_setting(experiment: Experiment, words: str, values: Mapping[str, float]) -> Experiment:
+    """Return an experiment at another setting.
+
+    Args:
+        experiment: The experiment.
+        words: The setting in words.
+        values: Changed parameters, in SI, by name.
+
+    Example:
+        >>> rest = Experiment("rest", 0.1, np.zeros((11, 1)))
+        >>> with_setting(rest, "at 5 kg load", {"load": 5.0}).text
+        'rest, at 5 kg load'
+    """
+    return replace(
+        experiment, text=f"{experiment.text}, {words}", settings=dict(values), planned=None
+    )
+
+
+class _Plan:
+    """What the recordings admit, and inputs within it."""
+
+    def __init__(self, model: Model, recordings: Sequence[Observed], n: int) -> None:
+        first = recordings[0]
+        self.model, self.n, self.sample_time = model, n, first.sample_time
+        self.duration = n * first.sample_time
+        self.share = np.arange(n) / n
+        self.start = first.start
+        inputs = np.concatenate([r.inputs for r in recordings])
+        self.rest = np.clip(model.nominal_input, inputs.min(axis=0), inputs.max(axis=0))
+        # A recording may hold a single spike; what is admissible is what was held for some time.
+        low, high = np.quantile(inputs, [0.01, 0.99], axis=0)
+        self.reach = np.maximum(np.minimum(high - self.rest, self.rest - low), 0.0)
+        wide = np.maximum(high - self.rest, self.rest - low)
+        self.reach = np.where(self.reach > 0.2 * wide, self.reach, wide)
+        self.sign = np.where(high - self.rest >= 0.2 * wide, 1.0, -1.0)
+        self.rows = [index_of("output", name, model.outputs) for name in first.used]
+        outputs = np.concatenate([r.outputs for r in recordings])
+        self.low, self.high = self._limits(outputs)
+        self.limits = (
+            np.array([q.lower for q in model.inputs]),
+            np.array([q.upper for q in model.inputs]),
+        )
+
+    def _limits(self, outputs: Vector) -> tuple[Vector, Vector]:
+        """Return where the readings may be."""
+        ends = np.array([np.nanmin(outputs, axis=0), np.nanmax(outputs, axis=0)])
+        ends += _OUTSIDE * np.array([[-1.0], [1.0]]) * (ends[1] - ends[0])
+        states = {q.name: (q, x) for q, x in zip(self.model.states, self.start, strict=True)}
+        read = self.model.read(self.start, self.rest)
+        for i, row in enumerate(self.rows):
+            q = self.model.outputs[row]
+            shown, value = states.get(q.name, (None, math.nan))
+            for known in (q, shown if math.isclose(value, read[row], rel_tol=1e-9) else None):
+                if known is not None and math.isfinite(known.lower) and math.isfinite(known.upper):
+                    ends[:, i] = known.lower, known.upper
+        return ends[0], ends[1]
+
+    def kept(self, experiment: Experiment) -> Experiment | None:
+        """Return an experiment with its prediction if every reading stays near the recorded."""
+        read = experiment.readings(self.model, self.start)
+        if read is None:
+            return None
+        seen = read[:, self.rows]
+        inside = (seen >= self.low) & (seen <= self.high)
+        return replace(experiment, planned=(self.model, read)) if inside.all() else None
+
+    def open_loop(self) -> list[Experiment]:
+        """Return inputs played as they are, one input after the other."""
+        made = []
+        for channel, reach in enumerate(self.reach):
+            if reach <= 0:
+                continue
+            q = self.model.inputs[channel]
+            for part in (1.0, 0.5, 2.0):
+                size = part * reach
+                for words, shape in self._shapes():
+                    inputs = np.tile(self.rest, (self.n, 1))
+                    inputs[:, channel] += self.sign[channel] * size * shape
+                    if (inputs < self.limits[0]).any() or (inputs > self.limits[1]).any():
+                        continue
+                    text = f"{words} of {q.name}, +-{size:.3g} {q.unit}, for {self.duration:.3g} s"
+                    made.append(Experiment(text, self.sample_time, inputs))
+        made.append(
+            Experiment(
+                f"rest for {self.duration:.3g} s", self.sample_time, np.tile(self.rest, (self.n, 1))
+            )
+        )
+        return made
+
+    def _shapes(self) -> list[tuple[str, Vector]]:
+        """Return signals between -1 and 1 over the duration."""
+        t, base = self.share, 1.0 / self.duration
+        pulses = _pulses(self.n, self.n // 36, np.random.default_rng(0))
+        shapes = [
+            ("random pulses", pulses),
+            (f"a pulse train of {5 * base:.3g} Hz", np.where((5 * t) % 1 < 0.5, 1.0, -1.0)),
+            (f"a slow triangle of {base:.3g} Hz", _triangle(t)),
+            (f"a triangle of {4 * base:.3g} Hz", _triangle(4 * t)),
+        ]
+        return shapes + [
+            (f"a sine of {cycles * base:.3g} Hz", np.sin(2 * np.pi * cycles * t))
+            for cycles in (4, 20, 80)
+        ]
+
+    def closed_loop(self) -> list[Experiment]:
+        """Return inputs with which a loop lets the first output follow a reference."""
+        low, high = self.low[0], self.high[0]
+        middle, half = 0.5 * (low + high), 0.4 * (high - low)
+        channel = int(np.argmax(self.reach))
+        if not (half > 0 and self.reach[channel] > 0):
+            return []
+        loop = _Loop(self, channel)
+        if not loop.works:
+            return []
+        q = self.model.outputs[self.rows[0]]
+        t, base = self.share, 1.0 / self.duration
+        rng = np.random.default_rng(1)
+        stairs = np.array([0.0, 0.5, 1.0, 0.5, 0.0, -0.5, -1.0, -0.5])
+        shapes = [
+            ("holds at several values", stairs[np.minimum((8 * t).astype(int), 7)]),
+            (f"a slow triangle of {base:.3g} Hz", _triangle(t)),
+            (f"a triangle of {4 * base:.3g} Hz", _triangle(4 * t)),
+            (f"a sine of {4 * base:.3g} Hz", np.sin(2 * np.pi * 4 * t)),
+            (f"a small sine of {8 * base:.3g} Hz", 0.2 * np.sin(2 * np.pi * 8 * t)),
+            ("random steps", _pulses(self.n, self.n // 12, rng)),
+        ]
+        made = []
+        for words, shape in shapes:
+            inputs = loop.follow(middle + half * shape)
+            if inputs is None:
+                continue
+            # A recorded input may have left the bounds of the model.
+            unread = Experiment("", self.sample_time, np.clip(inputs, *self.limits))
+            read = unread.readings(self.model, self.start)
+            if read is None:
+                continue
+            # What the loop reaches, which is less than what it is asked for.
+            ends = [from_si(f(read[:, self.rows[0]]), q.display_unit) for f in (np.min, np.max)]
+            text = (
+                f"in closed loop, {words} of {q.name} between {ends[0]:.3g} and {ends[1]:.3g}"
+                f" {q.display_unit}, for {self.duration:.3g} s"
+            )
+            made.append(replace(unread, text=text, planned=(self.model, read)))
+        return made
+
+
+class _Loop:
+    """A cautious loop from the first output to one input, tuned on a step of the model."""
+
+    def __init__(self, plan: _Plan, channel: int) -> None:
+        self.plan, self.channel = plan, channel
+        self.row = plan.rows[0]
+        # The loop acts some times per window, the window is a small share of the experiment.
+        self.every = max(1, plan.n // 2000)
+        self.window = max(2 * self.every, plan.n // 40)
+        self.stepper = Stepper(plan.model, plan.sample_time, _TOLERANCE)
+        self.gain = self._tuned()
+
+    @property
+    def works(self) -> bool:
+        """Whether the input moves the output."""
+        return self.gain != 0.0
+
+    def _tuned(self) -> float:
+        plan = self.plan
+        rest = np.tile(plan.rest, (self.window, 1))
+        pushed = rest.copy()
+        step = 0.5 * plan.sign[self.channel] * plan.reach[self.channel]
+        pushed[:, self.channel] += step
+        reads = [
+            Experiment("step", plan.sample_time, u).readings(plan.model, plan.start)
+            for u in (rest, pushed)
+        ]
+        if reads[0] is None or reads[1] is None:
+            return 0.0
+        moved = float(reads[1][-1, self.row] - reads[0][-1, self.row])
+        reach = 1e-3 * float(plan.high[0] - plan.low[0])
+        return float(step / moved) if abs(moved) > reach else 0.0
+
+    def follow(self, reference: Vector) -> Vector | None:
+        """Return the inputs with which the output follows a reference; None if it does not."""
+        plan, every = self.plan, self.every
+        x = plan.start.copy()
+        limit = 2 * plan.reach[self.channel]
+        inputs = np.tile(plan.rest, (plan.n, 1))
+        output = np.empty(plan.n)
+        before = slope = 0.0
+        ahead = self.window / every
+        try:
+            for k in range(0, plan.n, every):
+                u = inputs[k : k + every]
+                now = float(self.stepper.read(x, u[0])[self.row])
+                slope = 0.5 * slope + 0.5 * (now - before if k else 0.0)
+                before = now
+                push = self.gain * (reference[k] - now - ahead * slope)
+                u[:, self.channel] += np.clip(push, -limit, limit)
+                output[k : k + every] = now
+                x = self.stepper.run(x, u)[-1]
+        except NumericalError:
+            return None
+        settled = slice(4 * self.window, None)
+        error = np.sqrt(np.mean((output - reference)[settled] ** 2))
+        return inputs if error < 0.5 * float(plan.high[0] - plan.low[0]) else None
+
+
+def _triangle(turns: Vector) -> Vector:
+    """Return a triangle between -1 and 1 that begins at 0, by turns."""
+    return np.asarray(2 * np.abs(2 * ((turns + 0.75) % 1) - 1) - 1)
+
+
+def _pulses(n: int, hold: int, rng: np.random.Generator) -> Vector:
+    """Return levels between -1 and 1, a third of them 0, each held for some ``hold`` samples."""
+    signal = np.zeros(n)
+    k = 0
+    while k < n:
+        held = int(rng.integers(max(1, hold // 2), max(2, 2 * hold)))
+        if rng.random() < _PULSE_SHARE:
+            signal[k : k + held] = rng.choice([-1.0, 1.0]) * rng.uniform(0.4, 1.0)
+        k += held
+    return signal

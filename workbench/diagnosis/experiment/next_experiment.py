@@ -1,0 +1,279 @@
+"""The next experiment: what to record so that the open question of a diagnosis is decided."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from workbench.diagnosis.conclude import IMPERFECT
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.process_noise import extended_start
+from workbench.diagnosis.experiment.menu import Experiment, menu, other_settings, with_setting
+from workbench.diagnosis.experiment.separation import (
+    Explanation,
+    Separation,
+    Separator,
+    sensors,
+    separation,
+    spread_after,
+    visible,
+)
+from workbench.diagnosis.location.isolability import isolability
+from workbench.diagnosis.selection.score import ABSORBED
+from workbench.model import Model
+from workbench.physics.library import Hypothesis
+
+if TYPE_CHECKING:
+    from workbench.diagnosis.diagnosis import Diagnosis
+
+DECISIVE = 3.0
+"""Standard deviations that an experiment should reach."""
+
+SEEN = 4.0
+"""Standard deviations from which an effect would be seen."""
+
+_REPEATED = 3
+_MOST_UNSEEN = 4
+_WORTHWHILE = 0.8
+_MOST_EXPLANATIONS = 3
+
+
+def separate(
+    explanations: Sequence[Explanation],
+    recordings: Sequence[Observed],
+    observed_with: Model,
+    *,
+    experiments: Sequence[Experiment] | None = None,
+) -> tuple[Separation, ...]:
+    """Rank experiments by how well they separate explanations of the same recordings.
+
+    The first explanation is taken as true and told from each of the others, refitted; for the best
+    experiments also the other way round. The smaller separation counts.
+
+    Args:
+        explanations: Two or more fitted explanations, the most likely first.
+        recordings: The recordings that they were fitted to, as `observe` returns them.
+        observed_with: The model that the recordings were observed with.
+        experiments: What to choose from; by default a menu within what the recordings show, the
+            best of it also at other settings of load and supply.
+
+    Returns:
+        Experiments with the predicted separation, best first.
+
+    Raises:
+        WorkbenchError: If there are no recordings.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
+        >>> from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+        >>> from workbench.diagnosis.estimation.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis, seen = servo_axis(), made_up_axis(1, samples=300)
+        >>> fits = {
+        ...     name: fit_with_process_noise(model, [seen], default_priors(model, ["mass"]))
+        ...     for name, model in (("with", axis), ("without", axis.without("coulomb_friction")))
+        ... }
+        >>> told = separate([Explanation(n, f) for n, f in fits.items()], [seen], axis)
+        >>> told[0].sigma > 3.0
+        True
+    """
+    first, *others = explanations[:_MOST_EXPLANATIONS]
+    separator = Separator(recordings[0], observed_with)
+    free = sorted({name for e in explanations for name in e.free})
+    offered = list(experiments or ())
+    if experiments is None:
+        offered = list(_offered(first.fit.model, recordings, observed_with))
+
+    def told(experiment: Experiment) -> Separation:
+        found = (separation(separator, first, other, experiment) for other in others)
+        return min(found, key=lambda s: s.sigma)
+
+    ranked = sorted((told(e) for e in offered), key=lambda s: -s.sigma)
+    if experiments is None:
+        settings = other_settings(first.fit.model, free)
+        ranked += [
+            told(with_setting(s.experiment, *setting))
+            for s in ranked[:_REPEATED]
+            for setting in settings
+        ]
+        ranked.sort(key=lambda s: -s.sigma)
+    for i, found in enumerate(ranked[:_REPEATED]):
+        back = [separation(separator, other, first, found.experiment) for other in others]
+        ranked[i] = min(found, *back, key=lambda s: s.sigma)
+    return tuple(sorted(ranked, key=lambda s: -s.sigma))
+
+
+def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str, object]:
+    """Propose what to record next.
+
+    Where several explanations are left, what separates them best, or the sensor to add if nothing
+    does; where one is left, what sharpens its size; where nothing is missing, what would show the
+    effects that these recordings could not have shown; where something unnamed is missing, the
+    sensor that narrows down its place.
+
+    Args:
+        diagnosis: A diagnosis whose search is finished.
+        recordings: The fitting recordings, observed with the nominal model.
+
+    Returns:
+        ``sentence``, ``experiment``, and ``separation_sigma``: the standard deviations by which it
+        is predicted to separate the explanations, None where only one is left; with ``sensor`` and
+        ``sensor_sigma`` where a sensor does better; empty where nothing is worth recording.
+
+    Raises:
+        WorkbenchError: If there are no recordings.
+
+    Example:
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> from workbench.diagnosis.estimation.observe import observe
+        >>> found, hold_out = example_diagnosis()
+        >>> step = next_experiment(found, [observe(found.nominal, r) for r in hold_out])
+        >>> sorted(step) in ([], ["experiment", "sentence", "separation_sigma"])
+        True
+    """
+    nominal = diagnosis.nominal
+    if diagnosis.accepted:
+        for best, alike in diagnosis.accepted:
+            # Of the round in which it was found, where its rivals were fitted to the same model.
+            rounds = (candidates for _, candidates in diagnosis.rounds)
+            tried = {
+                c.entry.name: c
+                for candidates in rounds
+                if best.entry.name in {c.entry.name for c in candidates}
+                for c in candidates
+            }
+            left = [
+                Explanation(name, fit)
+                for name in (best.entry.name, *alike[1:])
+                if (fit := tried[name].fit if name in tried else None) is not None
+            ]
+            if len(left) > 1:
+                return _deciding(left, recordings, nominal)
+        return _sharpening(diagnosis, recordings)
+    if diagnosis.base.share > IMPERFECT:
+        return _locating(diagnosis, recordings[0].used)
+    if not diagnosis.rounds:
+        return {}
+    return _revealing(diagnosis, recordings)
+
+
+def _offered(
+    model: Model, recordings: Sequence[Observed], observed_with: Model
+) -> tuple[Experiment, ...]:
+    return menu(model, [extended_start(r, observed_with, model) for r in recordings])
+
+
+def _plain(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def _bare(explanation: Explanation) -> str:
+    return _plain(explanation.name)
+
+
+def _deciding(
+    left: Sequence[Explanation], recordings: Sequence[Observed], nominal: Model
+) -> dict[str, object]:
+    ranked = separate(left, recordings, nominal)
+    if not ranked or not ranked[0].gain > 0.0:
+        return {}
+    best = ranked[0]
+    names = f"{_bare(left[0])} from {' and '.join(_bare(e) for e in left[1:])}"
+    step: dict[str, object] = {
+        "experiment": best.experiment.text,
+        "separation_sigma": round(float(best.sigma), 1),
+        "sentence": f"{_capital(best.experiment.text)} would tell {names} by {best.sigma:.1f}"
+        " standard deviations.",
+    }
+    if best.sigma < DECISIVE:
+        separator = Separator(recordings[0], nominal)
+        read = sensors(separator, left[0], left[1], best.experiment)
+        step["sentence"] = (
+            f"No admissible input tells {names} well: the best, {best.experiment.text}, by"
+            f" {best.sigma:.1f} standard deviations."
+        )
+        if read and read[0][1] > best.sigma:
+            name, sigma = read[0]
+            step |= {"sensor": name, "sensor_sigma": round(float(sigma), 1)}
+            step["sentence"] = f"{step['sentence']} A sensor of {name} in it would, by {sigma:.1f}."
+    return step
+
+
+def _sharpening(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str, object]:
+    best = diagnosis.accepted[0][0]
+    if best.size is None or diagnosis.extended is diagnosis.base:
+        return {}
+    name = f"{best.entry.name}.{best.entry.size_parameter}"
+    explanation = Explanation(best.entry.name, diagnosis.extended, name)
+    separator = Separator(recordings[0], diagnosis.nominal)
+    offered = _offered(diagnosis.extended.model, recordings, diagnosis.nominal)
+    spreads = [(spread_after(separator, explanation, e), e) for e in offered]
+    if not spreads:
+        return {}
+    (now, then), experiment = min(spreads, key=lambda pair: pair[0][1])
+    if then > _WORTHWHILE * now:
+        return {}
+    size = diagnosis.extended.refit.estimate(name)
+    return {
+        "experiment": experiment.text,
+        "separation_sigma": None,
+        "sentence": f"{_capital(experiment.text)} would bring the size of"
+        f" {_bare(explanation)}, {size.value:.3g} {size.unit}, from +-{now:.2g} to"
+        f" +-{then:.2g} {size.unit}.",
+    }
+
+
+def _locating(diagnosis: Diagnosis, outputs: Sequence[str]) -> dict[str, object]:
+    """Propose the sensor that splits the group in which something unknown is missing."""
+    ports = diagnosis.before.ports(diagnosis.base.model) if diagnosis.before else ()
+    if not ports:
+        return {}
+    told = isolability(diagnosis.base.model, outputs=outputs)
+    best = next(iter(told.sensors_that_split(ports[:1])), None)
+    if best is None:
+        return {}
+    parts = "; ".join(", ".join(part) for part in best.splits[0])
+    return {
+        "sensor": best.text,
+        "separation_sigma": None,
+        "sentence": f"A sensor of {best.text} would tell apart what these readings cannot:"
+        f" {parts}.",
+    }
+
+
+def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str, object]:
+    scores = [s for s in diagnosis.rounds[0][0].scores if not s.testable]
+    # Those whose typical size is nearest to what these recordings could have shown.
+    scores.sort(key=lambda s: s.smallest / max(abs(s.entry.typical_size), 1e-300))
+    entries: list[Hypothesis] = [s.entry for s in scores[:_MOST_UNSEEN]]
+    if not entries:
+        return {}
+    explanation = Explanation("the model", diagnosis.base)
+    separator = Separator(recordings[0], diagnosis.nominal)
+    offered = list(menu(diagnosis.base.model, recordings))
+    found = visible(separator, explanation, entries, recordings, offered)
+    settings = other_settings(diagnosis.base.model, explanation.free)
+    best = max(found, key=lambda sight: sight.now / sight.then, default=None)
+    if best is not None and settings:
+        again = [with_setting(best.experiment, *setting) for setting in settings]
+        found += visible(separator, explanation, entries, recordings, again)
+    found = [
+        sight
+        for sight in found
+        if sight.absorption < ABSORBED and abs(sight.entry.typical_size) > SEEN * sight.then
+    ]
+    if not found:
+        return {}
+    best = max(found, key=lambda sight: sight.now / sight.then)
+    unit = best.entry.unit
+    return {
+        "experiment": best.experiment.text,
+        "separation_sigma": None,
+        "sentence": f"{_capital(best.experiment.text)} would show {_plain(best.entry.name)} of"
+        f" {SEEN * best.then:.2g} {unit} or more; these recordings could have shown"
+        f" {SEEN * best.now:.2g} {unit} at best.",
+    }
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,439 @@
+"""How well an experiment would separate two explanations, show an effect, or sharpen its size.
+
+Nothing is measured here: one model plays the experiment, the filter of the other runs along what
+the sensors would read. Its whitened errors, less what its free parameters can still make up for,
+are what the recording would decide on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.prediction_error import (
+    CORRELATION_TIME,
+    Innovations,
+    Observed,
+    PredictionError,
+    stack,
+)
+from workbench.diagnosis.estimation.process_noise import (
+    ProcessNoiseFit,
+    disturbances,
+    extended_start,
+)
+from workbench.diagnosis.experiment.menu import Experiment
+from workbench.errors import NumericalError
+from workbench.model import Model
+from workbench.physics.library import Hypothesis
+
+Vector = npt.NDArray[np.float64]
+
+SENSOR_NOISE = 0.01
+"""Noise of a sensor that is not there yet, as a share of the scale of what it reads."""
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A fitted model that could explain the recordings.
+
+    Args:
+        name: The explanation in words.
+        fit: Its fit.
+        size: Name of the parameter that is the size of the effect; empty for none.
+
+    Example:
+        >>> Explanation.__name__
+        'Explanation'
+    """
+
+    name: str
+    fit: ProcessNoiseFit
+    size: str = ""
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the parameters that were fitted."""
+        return tuple(e.name for e in self.fit.refit.estimates)
+
+    @property
+    def inflation(self) -> float:
+        """Factor by which correlated errors enlarge standard deviations, the largest."""
+        factors = self.fit.refit.inflations
+        return float(max(1.0, *factors)) if len(factors) else 1.0
+
+
+class Separator:
+    """Filters of fitted models, kept for many experiments.
+
+    Args:
+        recording: A recording as `observe` returns it, for the outputs, their noise and the start.
+        observed_with: The model that it was observed with.
+    """
+
+    def __init__(self, recording: Observed, observed_with: Model) -> None:
+        """Remember the recording."""
+        self.recording, self.model = recording, observed_with
+        self._filters: dict[tuple[str, float], PredictionError] = {}
+
+    def start(self, explanation: Explanation, inputs: Vector) -> Observed:
+        """Return the start of the recording for an explanation.
+
+        Args:
+            explanation: The explanation.
+            inputs: Inputs of an experiment, shape (n, n_inputs), in SI.
+        """
+        r = self.recording
+        first = Observed(
+            r.name, r.sample_time, inputs, r.outputs[:1].repeat(len(inputs), axis=0), r.used,
+            r.noise_rms, r.start, r.start_rms,
+        )  # fmt: skip
+        return extended_start(first, self.model, explanation.fit.model)
+
+    def played(self, truth: Explanation, experiment: Experiment) -> Observed | None:
+        """Return what the sensors would read if an explanation is true.
+
+        Args:
+            truth: The explanation.
+            experiment: The experiment.
+
+        Returns:
+            A recording without noise; None if the model does not reach the end.
+        """
+        begin = self.start(truth, experiment.inputs)
+        read = experiment.readings(truth.fit.model, begin.start)
+        if read is None:
+            return None
+        names = [q.name for q in truth.fit.model.outputs]
+        r = self.recording
+        return Observed(
+            experiment.text, r.sample_time, experiment.inputs,
+            read[:, [names.index(name) for name in r.used]], r.used, r.noise_rms, r.start,
+            r.start_rms,
+        )  # fmt: skip
+
+    def errors(
+        self, explanation: Explanation, seen: Observed, experiment: Experiment, share: float
+    ) -> Innovations | None:
+        """Run the filter of an explanation along what would be read.
+
+        Args:
+            explanation: The explanation.
+            seen: What would be read.
+            experiment: The experiment, for its settings.
+            share: Share of the expected disturbance, dimensionless.
+
+        Returns:
+            Whitened errors; None if the filter leaves the finite numbers.
+        """
+        key = explanation.name, share
+        if key not in self._filters:
+            model = explanation.fit.model
+            self._filters[key] = PredictionError(
+                model, seen.sample_time, seen.used, explanation.free, disturbances(model, share)
+            )
+        begun = extended_start(seen, self.model, explanation.fit.model)
+        try:
+            return self._filters[key].run(begun, experiment.on(explanation.fit.model).values)
+        except NumericalError:
+            return None
+
+
+@dataclass(frozen=True)
+class Separation:
+    """What an experiment is predicted to tell.
+
+    Args:
+        experiment: The experiment.
+        sigma: Standard deviations by which it separates the explanations, dimensionless.
+        gain: Log likelihood that the true one would gain over the refitted other, dimensionless.
+
+    Example:
+        >>> Separation(Experiment("rest", 0.1, np.zeros((11, 1))), 2.0, 2.0).sigma
+        2.0
+    """
+
+    experiment: Experiment
+    sigma: float
+    gain: float
+
+
+def separation(
+    separator: Separator, truth: Explanation, other: Explanation, experiment: Experiment
+) -> Separation:
+    """Predict by how much an experiment would tell an explanation from a refitted other.
+
+    With the whitened errors e of the other's filter on what the truth would read, their
+    derivatives J with respect to its free parameters, and the covariance P of those by the
+    recordings that exist, ``gain = min_d (|e + J d|^2 + d' P^-1 d) / 2``; the standard deviations
+    are the root of twice the gain over the factor by which correlated errors enlarge the standard
+    deviations of the present fits.
+
+    Args:
+        separator: The filters.
+        truth: The explanation that is taken as true.
+        other: The one to be ruled out.
+        experiment: The experiment.
+
+    Returns:
+        The predicted separation; none at all if a model leaves the finite numbers.
+
+    Example:
+        >>> separation.__name__
+        'separation'
+    """
+    share = min(truth.fit.share, other.fit.share)
+    seen = separator.played(truth, experiment)
+    if seen is None:
+        return Separation(experiment, 0.0, 0.0)
+    wrong = separator.errors(other, seen, experiment, share)
+    right = separator.errors(truth, seen, experiment, share)
+    if wrong is None or right is None:
+        return Separation(experiment, 0.0, 0.0)
+    left, own = reduced(wrong, _information(other)), reduced(right, _information(truth))
+    gain = max(left - own, 0.0)
+    inflation = max(truth.inflation, other.inflation)
+    return Separation(experiment, math.sqrt(2 * gain) / inflation, gain)
+
+
+def _information(explanation: Explanation) -> Vector:
+    """Return what the present recordings and the priors know, in scaled parameters."""
+    refit = explanation.fit.refit
+    names = [q.name for q in refit.model.parameters]
+    scale = np.array([refit.model.parameters[names.index(n)].scale for n in explanation.free])
+    # A parameter on its bound has no spread of its own: it stays there.
+    covariance = refit.covariance / np.outer(scale, scale)
+    spread = np.maximum(np.diag(covariance), 1e-20)
+    covariance = covariance + np.diag(1e-9 * spread)
+    return np.asarray(np.linalg.inv(covariance))
+
+
+def reduced(part: Innovations, information: Vector) -> float:
+    """Return half the sum of squares that the free parameters cannot make up for.
+
+    Args:
+        part: Whitened errors and their derivatives.
+        information: What is known of the parameters before, shape (n_free, n_free), scaled.
+
+    Returns:
+        ``min_d (|e + J d|^2 + d' information d) / 2``, dimensionless.
+
+    Example:
+        >>> e = np.array([[1.0], [1.0]])
+        >>> j = np.array([[[1.0]], [[1.0]]])
+        >>> round(reduced(Innovations(e, j, e, e), np.array([[1e-9]])), 6)
+        0.0
+    """
+    errors, rows = stack([part])
+    gradient = rows.T @ errors
+    step = np.linalg.solve(rows.T @ rows + information, gradient)
+    return float(0.5 * (errors @ errors - gradient @ step))
+
+
+def spread_after(
+    separator: Separator, explanation: Explanation, experiment: Experiment
+) -> tuple[float, float]:
+    """Predict the standard deviation of an effect's size now and after an experiment.
+
+    Args:
+        separator: The filters.
+        explanation: The explanation with its effect.
+        experiment: The experiment.
+
+    Returns:
+        Standard deviation now and then, in the unit of the size; the same twice if the model does
+        not reach the end.
+
+    Example:
+        >>> spread_after.__name__
+        'spread_after'
+    """
+    now = explanation.fit.refit.estimate(explanation.size).std
+    seen = separator.played(explanation, experiment)
+    if seen is None:
+        return now, now
+    part = separator.errors(explanation, seen, experiment, explanation.fit.share)
+    if part is None:
+        return now, now
+    rows = stack([part])[1] / explanation.inflation
+    after = np.linalg.inv(_information(explanation) + rows.T @ rows)
+    k = explanation.free.index(explanation.size)
+    return now, now * math.sqrt(after[k, k] / np.linalg.inv(_information(explanation))[k, k])
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How clearly an effect shows before and after an experiment.
+
+    Args:
+        experiment: The experiment.
+        entry: The effect.
+        now: Standard deviation of its size by the present recordings, in the unit of the size.
+        then: The same with the experiment, in the same unit.
+        absorption: Share of its signature that the free parameters can then imitate, 0 to 1,
+            dimensionless.
+
+    Example:
+        >>> Sight.__name__
+        'Sight'
+    """
+
+    experiment: Experiment
+    entry: Hypothesis
+    now: float
+    then: float
+    absorption: float
+
+
+def visible(
+    separator: Separator,
+    explanation: Explanation,
+    entries: Sequence[Hypothesis],
+    recordings: Sequence[Observed],
+    experiments: Sequence[Experiment],
+) -> list[Sight]:
+    """Predict how clearly experiments would show effects.
+
+    The free parameters can imitate an effect as far as the present recordings and the experiment
+    together let them.
+
+    Args:
+        separator: The filters.
+        explanation: The model without the effects.
+        entries: The effects, at size zero.
+        recordings: The present recordings, observed with the separator's model.
+        experiments: The experiments.
+
+    Returns:
+        One per experiment and effect.
+
+    Example:
+        >>> visible.__name__
+        'visible'
+    """
+    base = explanation.fit.model
+    model = base.with_effect(*(e.effect for e in entries))
+    sizes = tuple(f"{e.name}.{e.size_parameter}" for e in entries)
+    own = {q.name for q in base.states}
+    filter_ = PredictionError(
+        model,
+        separator.recording.sample_time,
+        separator.recording.used,
+        (*explanation.free, *sizes),
+        disturbances(model, explanation.fit.share),
+        certain=tuple(q.name for q in model.states if q.name not in own),
+    )
+    n = len(explanation.free)
+    known = np.zeros((n + len(sizes), n + len(sizes)))
+    priors = [e.prior.std for e in explanation.fit.refit.estimates]
+    known[range(n), range(n)] = (filter_.free_scale[:n] / np.array(priors)) ** 2
+    for recording in recordings:
+        begun = extended_start(recording, separator.model, model)
+        known += _known(filter_, begun, model, explanation.inflation)
+    found = []
+
+    def spread(total: Vector, i: int) -> tuple[float, float]:
+        cross, whole = total[n + i, :n], max(float(total[n + i, n + i]), 1e-300)
+        kept = max(float(whole - cross @ np.linalg.solve(total[:n, :n], cross)), 1e-12 * whole)
+        return float(filter_.free_scale[n + i]) / math.sqrt(kept), 1.0 - kept / whole
+
+    for experiment in experiments:
+        seen = separator.played(explanation, experiment)
+        if seen is None:
+            continue
+        begun = extended_start(seen, separator.model, model)
+        total = known + _known(filter_, begun, experiment.on(model), explanation.inflation)
+        for i, entry in enumerate(entries):
+            found.append(Sight(experiment, entry, spread(known, i)[0], *spread(total, i)))
+    return found
+
+
+def _known(filter_: PredictionError, seen: Observed, model: Model, inflation: float) -> Vector:
+    """Return the information of a recording on scaled parameters; none where the filter fails."""
+    try:
+        rows = stack([filter_.run(seen, model.values)])[1] / inflation
+    except NumericalError:
+        rows = np.zeros((1, len(filter_.free)))
+    return np.asarray(rows.T @ rows)
+
+
+def sensors(
+    separator: Separator, truth: Explanation, other: Explanation, experiment: Experiment
+) -> list[tuple[str, float]]:
+    """Predict by how much a further sensor would separate two explanations.
+
+    The other explanation's filter follows the present readings; what its equations make of the
+    signal is compared with the signal of the truth, less what its free parameters can make up for.
+    Values within the correlation time of disturbances count once.
+
+    Args:
+        separator: The filters.
+        truth: The explanation that is taken as true.
+        other: The one to be ruled out.
+        experiment: The experiment.
+
+    Returns:
+        Names of ports and published signals, with standard deviations, dimensionless, the best
+        first.
+
+    Example:
+        >>> sensors.__name__
+        'sensors'
+    """
+    seen = separator.played(truth, experiment)
+    if seen is None:
+        return []
+    share = min(truth.fit.share, other.fit.share)
+    right = separator.errors(truth, seen, experiment, share)
+    wrong = separator.errors(other, seen, experiment, share)
+    if right is None or wrong is None:
+        return []
+    signals = [
+        _signals(truth, right.states, experiment)[0],
+        (followed := _signals(other, wrong.states, experiment))[0],
+    ]
+    slopes = followed[1]
+    names = other.fit.model.exact.signal_names
+    readings = {f"{q}.reading" for q in seen.used}
+    ports = {q.name: q.scale for q in other.fit.model.ports}
+    information = _information(other)
+    each = min(1.0, seen.sample_time / (2 * CORRELATION_TIME))
+    found = []
+    for i, name in enumerate(names):
+        if name not in truth.fit.model.exact.signal_names or name in readings:
+            continue
+        j = truth.fit.model.exact.signal_names.index(name)
+        scale = ports.get(name, float(np.abs(signals[1][:, i]).max()))
+        if not scale > 0:
+            continue
+        noise = SENSOR_NOISE * scale / math.sqrt(each)
+        error = (signals[0][:, j] - signals[1][:, i]) / noise
+        rows = -slopes[:, i] / noise
+        gradient = rows.T @ error
+        step = np.linalg.solve(rows.T @ rows + information, gradient)
+        found.append((name, math.sqrt(max(float(error @ error - gradient @ step), 0.0))))
+    return sorted(found, key=lambda pair: -pair[1])
+
+
+def _signals(
+    explanation: Explanation, states: Vector, experiment: Experiment
+) -> tuple[Vector, Vector]:
+    """Return every signal along states, (n, n_signals), and its slope by the free parameters."""
+    model = experiment.on(explanation.fit.model)
+    traced = model.exact
+    names = [q.name for q in model.parameters]
+    columns = [names.index(n) for n in explanation.free]
+    scale = np.array([model.parameters[c].scale for c in columns])
+    slope = ca.densify(ca.jacobian(traced.signals, traced.p)[:, columns])
+    function = ca.Function("signals", [traced.x, traced.u, traced.p], [traced.signals, slope])
+    values, slopes = function.map(len(states))(
+        states.T, experiment.inputs.T, np.tile(model.values[:, None], (1, len(states)))
+    )
+    n_s = len(traced.signal_names)
+    by_time = np.asarray(slopes).reshape(n_s, len(states), len(columns)).transpose(1, 0, 2)
+    return np.asarray(values).T, by_time * scale

@@ -1,0 +1,159 @@
+"""Locating a mismatch: which group of equations needs another signal.
+
+An unknown input, random but correlated in time, is allowed at one group of ports after the other;
+how much more likely that makes the recordings says where the equations leave something out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
+from workbench.diagnosis.estimation.process_noise import disturbances
+from workbench.errors import NumericalError
+from workbench.model import Model
+
+Vector = npt.NDArray[np.float64]
+
+LEVELS = (1.0, 3.0, 10.0)
+"""Shares of the expected disturbance that are tried at a group."""
+
+TRUSTED = (0.03, 0.3)
+"""Shares that remain at the other groups: the first with which the filter stays finite."""
+
+_LOST = 1e9
+"""Cost of a filter that left the finite numbers: larger than any that did not."""
+
+
+@dataclass(frozen=True)
+class Location:
+    """Log likelihood that an unknown input gains.
+
+    Args:
+        alone: Gain of an input at this group only, by group of ports, dimensionless.
+        needed: Loss when this group is the only one without, by group, dimensionless.
+        together: Gain of an input at all groups, dimensionless.
+
+    Example:
+        >>> Location({"joint": 90.0, "valve": 2.0}, {"joint": 88.0, "valve": 1.0}, 91.0).best
+        'joint'
+    """
+
+    alone: dict[str, float]
+    needed: dict[str, float]
+    together: float
+
+    @property
+    def best(self) -> str:
+        """The group whose input alone gains the most."""
+        return max(self.alone, key=self.alone.__getitem__)
+
+    def ports(self, model: Model) -> tuple[str, ...]:
+        """Return where the mismatch is, as far as an unknown input tells.
+
+        Args:
+            model: The model that was located in.
+
+        Returns:
+            The ports of the best group, with those of its twins that gain at least half as much:
+            groups that differ by their number only. None if no input gains anything.
+        """
+        if not self.alone or self.alone[self.best] <= 0.0:
+            return ()
+        groups = groups_of(model)
+        kind = self.best.rstrip("0123456789")
+        near = [
+            group
+            for group, gain in sorted(self.alone.items(), key=lambda pair: -pair[1])
+            if group.rstrip("0123456789") == kind and gain >= 0.5 * self.alone[self.best]
+        ]
+        return tuple(port for group in near for port in groups[group])
+
+    def __str__(self) -> str:
+        """Return a short aligned table."""
+        lines = [f"unknown input at every group gains {self.together:.0f}"]
+        lines += [
+            f"  {group:<16} alone {self.alone[group]:>10.0f}   left out {self.needed[group]:>10.0f}"
+            for group in sorted(self.alone, key=lambda g: -self.alone[g])
+        ]
+        return "\n".join(lines)
+
+
+def groups_of(model: Model) -> dict[str, tuple[str, ...]]:
+    """Return the ports at which the equations may leave something out, by group.
+
+    Args:
+        model: The plant.
+
+    Returns:
+        Names of ports by the part of the name before the dot.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> groups_of(servo_axis())
+        {'axis': ('axis.force',)}
+    """
+    groups: dict[str, tuple[str, ...]] = {}
+    for port in model.ports:
+        if port.disturbance > 0:
+            groups[port.group] = (*groups.get(port.group, ()), port.name)
+    return groups
+
+
+def locate(model: Model, recordings: Sequence[Observed]) -> Location:
+    """Find the group of ports that needs another signal.
+
+    Args:
+        model: The refitted model.
+        recordings: Recordings as `observe` returns them.
+
+    Returns:
+        Gains of log likelihood by group.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> locate(axis.with_parameters({"mass": 80.0}), [seen]).alone["axis"] > 100.0
+        True
+    """
+    groups = groups_of(model)
+    sizes = disturbances(model, 1.0)
+
+    def cost(shares: dict[str, float]) -> float:
+        pushed = {
+            port: shares[group] * sizes[port] for group, ports in groups.items() for port in ports
+        }
+        filter_ = PredictionError(model, recordings[0].sample_time, recordings[0].used, (), pushed)
+        try:
+            return sum(filter_.run(r, model.values).cost for r in recordings)
+        except NumericalError:
+            # Trusted equations that are badly wrong throw the filter out of their range.
+            return _LOST
+
+    trusted = TRUSTED[-1]
+    for level in TRUSTED:
+        if cost(dict.fromkeys(groups, level)) < _LOST:
+            trusted = level
+            break
+
+    def best(free: Sequence[str]) -> float:
+        costs: list[float] = []
+        for level in (3 * trusted, *LEVELS):
+            costs.append(cost({g: level if g in free else trusted for g in groups}))
+            if len(costs) > 1 and costs[-1] > costs[-2]:
+                break
+        return min(costs)
+
+    rest = cost(dict.fromkeys(groups, trusted))
+    everywhere = min(best(list(groups)), rest)
+    alone = {g: max(rest - best([g]), 0.0) for g in groups}
+    needed = {
+        g: max(min(best([h for h in groups if h != g]), rest) - everywhere, 0.0) for g in groups
+    }
+    return Location(alone, needed, rest - everywhere)

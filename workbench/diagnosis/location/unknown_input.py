@@ -1,0 +1,327 @@
+"""The unknown input at a port, smoothed: what the equations there would have to add.
+
+The signal of one or several ports gets an unknown addition that is random but correlated in time.
+A smoother finds the addition, the states and their uncertainty that explain the readings best; all
+other equations are trusted but for a small disturbance. Nothing is assumed of the law behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.filter import substeps_of
+from workbench.diagnosis.estimation.prediction_error import (
+    CORRELATION_TIME,
+    Observed,
+    PredictionError,
+)
+from workbench.errors import NumericalError, check_choice
+from workbench.model import Model
+from workbench.model.model import index_of
+
+Vector = npt.NDArray[np.float64]
+
+TRUSTED = 0.1
+"""Share of the expected disturbance that is left to the other ports."""
+
+MEMORY = 0.05
+"""Time over which the unknown input is taken as correlated, s."""
+
+_PASSES = 2
+_MOST_STEPS = 3000
+
+
+@dataclass(frozen=True)
+class UnknownInput:
+    """An unknown input along a recording.
+
+    Args:
+        name: Name of the recording.
+        ports: Names of the ports at which it acts.
+        units: Their SI units.
+        time: Times, shape (n,), in s.
+        signal: The unknown input, shape (n, n_ports), each in its unit.
+        std: Its standard deviation, shape (n, n_ports), each in its unit.
+        states: Smoothed states, shape (n, n_states), in SI.
+        inputs: Inputs of the model, shape (n, n_inputs), in SI.
+
+    Example:
+        >>> one = np.ones((2, 1))
+        >>> UnknownInput("trial", ("axis.force",), ("N",), np.arange(2.0), one, one, one, one).rms
+        array([1.])
+    """
+
+    name: str
+    ports: tuple[str, ...]
+    units: tuple[str, ...]
+    time: Vector
+    signal: Vector
+    std: Vector
+    states: Vector
+    inputs: Vector
+
+    @property
+    def rms(self) -> Vector:
+        """Root mean square by port, shape (n_ports,), each in its unit."""
+        return np.asarray(np.sqrt(np.mean(self.signal**2, axis=0)))
+
+
+def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> UnknownInput:
+    """Estimate what is added at some ports along a recording.
+
+    Iterated extended Kalman smoother (Bell 1994) in the form of Bryson and Frazier: the equations
+    are linearised about the last estimate, and the size of the unknown input follows from its own
+    estimate.
+
+    Args:
+        model: The model whose equations leave something out.
+        observed: A recording, with a start for this model.
+        ports: Names of the ports that may add an unknown signal.
+
+    Returns:
+        The unknown input with its uncertainty.
+
+    Raises:
+        WorkbenchError: If a port does not exist.
+        NumericalError: If the filter cannot follow the recording.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> found = unknown_input(servo_axis(), made_up_axis(samples=100), ["axis.force"])
+        >>> found.signal.shape, found.units
+        ((100, 1), ('N',))
+    """
+    known = {port.name: i for i, port in enumerate(model.ports)}
+    for name in ports:
+        check_choice("port", name, known)
+    chosen = [known[name] for name in ports]
+    every = max(1, -(-len(observed.inputs) // _MOST_STEPS))
+    grid = np.arange(0, len(observed.inputs), every)
+    problem = _Linearised(model, observed, chosen, every)
+    states = _filtered(model, observed, ports)[grid]
+    signal = np.zeros((len(grid), len(chosen)))
+    rms: Vector = np.array([0.1 * model.ports[i].scale for i in chosen])
+    for _ in range(_PASSES):
+        states, signal, std = _smooth(problem.around(states, signal), rms, states, signal)
+        if not np.isfinite(states).all():
+            raise NumericalError(
+                f"the smoother left the finite numbers on {observed.name!r}; the model is too far"
+                " from the recording to tell what it lacks"
+            )
+        rms = np.maximum(np.sqrt(np.mean(signal**2 + std**2, axis=0)), 1e-12)
+    return UnknownInput(
+        observed.name,
+        tuple(ports),
+        tuple(model.ports[i].unit for i in chosen),
+        observed.sample_time * grid.astype(np.float64),
+        signal,
+        std,
+        states,
+        observed.inputs[grid],
+    )
+
+
+def _filtered(model: Model, observed: Observed, ports: Sequence[str]) -> Vector:
+    """States that follow the readings, as the first estimate of the smoother."""
+    rms = {q.name: q.disturbance for q in model.ports if q.disturbance > 0}
+    rms |= {q.name: 0.1 * q.scale for q in model.ports if q.name in ports}
+    filter_ = PredictionError(model, observed.sample_time, observed.used, (), rms)
+    return filter_.run(observed, model.values).states
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """Linear equations about an estimate, state and unknown input stacked and scaled.
+
+    ``transition`` and ``offset`` carry one time to the next, ``slope`` and ``error`` give the
+    whitened readings, ``noise`` is the covariance that one step adds to the states.
+    """
+
+    transition: Vector
+    offset: Vector
+    slope: Vector
+    error: Vector
+    noise: Vector
+    start: Vector
+    start_rms: Vector
+    step: float
+    state_scale: Vector
+    port_scale: Vector
+
+
+class _Linearised:
+    """The equations of a model along a recording, ready to be linearised."""
+
+    def __init__(self, model: Model, observed: Observed, ports: list[int], every: int) -> None:
+        self.model, self.observed, self.ports, self.every = model, observed, ports, every
+        trace = model.exact
+        rows = [index_of("output", name, model.outputs) for name in observed.used]
+        push = ca.SX.sym("push", len(ports))
+        full = ca.SX.zeros(len(trace.ports))
+        full[ports] = push
+        rates, outputs = ca.substitute(
+            [trace.pushed_rates, trace.pushed_outputs[rows]], [trace.push], [full]
+        )
+        arguments = [trace.x, trace.u, trace.p, push]
+        self._rates = ca.Function("rates", arguments, [rates], {"cse": True})
+        names = [trace.signal_names.index(port.name) for port in trace.ports]
+        self._slopes = ca.Function(
+            "slopes",
+            arguments,
+            [
+                ca.densify(ca.jacobian(rates, trace.x)),
+                ca.densify(ca.jacobian(rates, push)),
+                ca.densify(ca.jacobian(outputs, trace.x)),
+                ca.densify(ca.jacobian(outputs, push)),
+                outputs,
+                ca.densify(trace.rates_by_port),
+                trace.signals[names],
+            ],
+            {"cse": True},
+        )
+        self._substeps = substeps_of(model, observed.sample_time)
+
+    def around(self, states: Vector, signal: Vector) -> _Linear:
+        """Linearise about an estimate."""
+        model, seen, every = self.model, self.observed, self.every
+        n, n_x, n_d = len(states), states.shape[1], signal.shape[1]
+        sx = np.array([q.scale for q in model.states])
+        sd = np.array([model.ports[i].scale for i in self.ports])
+        grid = np.arange(0, len(seen.inputs), every)
+        p = np.tile(model.values[:, None], (1, n))
+        a, b, h, d, read, by_port, at_port = (
+            np.asarray(result).reshape(len(result), n, -1).transpose(1, 0, 2)
+            for result in map(
+                np.asarray, self._slopes.map(n)(states.T, seen.inputs[grid].T, p, signal.T)
+            )
+        )
+        step = every * seen.sample_time
+        # Mean of both ends of the step: second order in its length.
+        rate_a = 0.5 * step * (a + np.concatenate([a[1:], a[-1:]]))
+        rate_b = 0.5 * step * (b + np.concatenate([b[1:], b[-1:]]))
+        forward, integral = _exponential(rate_a)
+        transition = np.zeros((n, n_x + n_d, n_x + n_d))
+        transition[:, :n_x, :n_x] = forward / sx[:, None] * sx
+        transition[:, :n_x, n_x:] = integral @ rate_b / sx[:, None] * sd
+        decay = np.exp(-step / max(MEMORY, 5 * step))
+        transition[:, n_x:, n_x:] = decay * np.eye(n_d)
+        estimate = np.concatenate([states / sx, signal / sd], axis=1)
+        offset = np.zeros((n, n_x + n_d))
+        reached = self._forward(states, signal) / sx
+        offset[:, :n_x] = reached - np.einsum("kij,kj->ki", transition, estimate)[:, :n_x]
+        noise_rms = np.where(np.isfinite(seen.outputs[grid]), seen.noise_rms, 1e6 * seen.noise_rms)
+        slope = np.concatenate([h * sx, d * sd], axis=2) / noise_rms[:, :, None]
+        measured = np.nan_to_num(seen.outputs[grid])
+        error = (measured - read[:, :, 0]) / noise_rms
+        error += np.einsum("kij,kj->ki", slope, estimate)
+        return _Linear(
+            transition,
+            offset,
+            slope,
+            error,
+            self._noise(by_port, at_port[:, :, 0], step) / np.outer(sx, sx),
+            np.concatenate([seen.start / sx, np.zeros(n_d)]),
+            seen.start_rms / sx,
+            step,
+            sx,
+            sd,
+        )
+
+    def _noise(self, by_port: Vector, at_port: Vector, step: float) -> Vector:
+        """Covariance that what is left out at the other ports adds in one step."""
+        white = 2 * CORRELATION_TIME * step
+        ports = self.model.ports
+        rms = np.array(
+            [0.0 if i in self.ports else TRUSTED * q.disturbance for i, q in enumerate(ports)]
+        )
+        relative = np.array([q.relative_disturbance for q in ports])
+        variance = white * (rms**2 + (relative * at_port) ** 2)
+        return np.asarray(np.einsum("kip,kp,kjp->kij", by_port, variance, by_port))
+
+    def _forward(self, states: Vector, signal: Vector) -> Vector:
+        """Carry every estimate one step on by the nonlinear equations (Runge-Kutta)."""
+        seen, every = self.observed, self.every
+        n = len(states)
+        p = np.tile(self.model.values[:, None], (1, n))
+        rates = self._rates.map(n)
+        h = seen.sample_time / self._substeps
+        x, d = states.T, signal.T
+        for i in range(every):
+            rows = np.minimum(np.arange(n) * every + i, len(seen.inputs) - 1)
+            u = seen.inputs[rows].T
+            for _ in range(self._substeps):
+                k1 = np.asarray(rates(x, u, p, d))
+                k2 = np.asarray(rates(x + 0.5 * h * k1, u, p, d))
+                k3 = np.asarray(rates(x + 0.5 * h * k2, u, p, d))
+                k4 = np.asarray(rates(x + h * k3, u, p, d))
+                x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        return np.asarray(x.T)
+
+
+def _exponential(matrices: Vector) -> tuple[Vector, Vector]:
+    """Exponentials and their integrals over the unit interval, by scaling and squaring."""
+    size = max(float(np.abs(matrices).sum(axis=2).max(initial=0.0)), 1e-12)
+    halvings = max(0, int(np.ceil(np.log2(size))) + 2)
+    small = matrices / 2.0**halvings
+    identity = np.eye(matrices.shape[1])
+    term = np.broadcast_to(identity, matrices.shape)
+    forward, integral = term.copy(), term.copy()
+    for order in range(1, 9):
+        term = term @ small / order
+        forward = forward + term
+        integral = integral + term / (order + 1)
+    for _ in range(halvings):
+        integral = 0.5 * (integral + forward @ integral)
+        forward = forward @ forward
+    return forward, integral
+
+
+def _smooth(
+    linear: _Linear, rms: Vector, states: Vector, signal: Vector
+) -> tuple[Vector, Vector, Vector]:
+    """Filter forwards, smooth backwards (modified Bryson-Frazier: no covariance is inverted)."""
+    n, n_x = states.shape
+    size = n_x + signal.shape[1]
+    decay = linear.transition[0, n_x, n_x]
+    level = (rms / linear.port_scale) ** 2
+    added = np.zeros((n, size, size))
+    added[:, :n_x, :n_x] = linear.noise
+    added[:, range(n_x, size), range(n_x, size)] = (1 - decay**2) * level
+    mean, covariance = linear.start, np.diag(np.concatenate([linear.start_rms**2, level]))
+    means, covariances = np.empty((n, size)), np.empty((n, size, size))
+    kept, gains = np.empty((n, size, size)), np.empty((n, size))
+    weights = np.empty((n, size, size))
+    identity, unit = np.eye(size), np.eye(linear.slope.shape[1])
+    for k in range(n):
+        h, f = linear.slope[k], linear.transition[k]
+        innovation = linear.error[k] - h @ mean
+        inverse = np.linalg.inv(h @ covariance @ h.T + unit)
+        gain = covariance @ h.T @ inverse
+        kept[k] = identity - gain @ h
+        gains[k] = h.T @ (inverse @ innovation)
+        weights[k] = h.T @ inverse @ h
+        mean, covariance = mean + gain @ innovation, kept[k] @ covariance
+        covariance = 0.5 * (covariance + covariance.T)
+        means[k], covariances[k] = mean, covariance
+        mean = f @ mean + linear.offset[k]
+        covariance = f @ covariance @ f.T + added[k]
+    adjoint, information = np.zeros(size), np.zeros((size, size))
+    for k in range(n - 1, -1, -1):
+        before = covariances[k]
+        means[k] -= before @ adjoint
+        covariances[k] = before - before @ information @ before
+        f = linear.transition[k - 1]
+        adjoint = f.T @ (kept[k].T @ adjoint - gains[k])
+        information = f.T @ (weights[k] + kept[k].T @ information @ kept[k]) @ f
+    variance = np.maximum(covariances[:, range(n_x, size), range(n_x, size)], 0.0)
+    return (
+        means[:, :n_x] * linear.state_scale,
+        means[:, n_x:] * linear.port_scale,
+        np.sqrt(variance) * linear.port_scale,
+    )

@@ -1,0 +1,1 @@
+"""A law without a name, where the library has none."""

@@ -1,0 +1,233 @@
+"""Evidence for a law without a name: the located signal, and what could explain it.
+
+The unknown input at some ports is smoothed. Beside it stand what these ports see locally, or a pair
+of ports that acts on the rates in the same way, and what other values of the free parameters would
+add at the same place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.location.unknown_input import unknown_input
+from workbench.diagnosis.nonparametric.dependence import Evidence, Site
+from workbench.errors import WorkbenchError
+from workbench.model import Effect, Model, PortView
+from workbench.model.face import Expression
+from workbench.model.model import index_of
+
+Vector = npt.NDArray[np.float64]
+
+_ROWS = 1500
+_LEAST_KNOWN = 100
+_PARALLEL = 0.999
+_SAME = 0.9999
+
+
+def gather(
+    model: Model, recordings: Sequence[Observed], ports: Sequence[str], priors: Sequence[Prior]
+) -> Evidence:
+    """Smooth the unknown input at some ports and collect what could explain it.
+
+    Args:
+        model: The refitted model.
+        recordings: Recordings with a start for it.
+        ports: One port, or ports that share a law, such as those of both muscles.
+        priors: Priors of the free parameters.
+
+    Returns:
+        The signals with the candidates beside them.
+
+    Raises:
+        WorkbenchError: If a port does not exist.
+        NumericalError: If the filter cannot follow a recording.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
+        >>> from workbench.diagnosis.estimation.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = gather(axis, [made_up_axis()], ["axis.force"], default_priors(axis))
+        >>> list(seen.sites[0].signals)
+        ['position', 'speed']
+    """
+    parts = [unknown_input(model, observed, ports) for observed in recordings]
+    every = max(1, sum(len(part.time) for part in parts) // _ROWS)
+    x = np.concatenate([part.states[::every] for part in parts])
+    u = np.concatenate([part.inputs[::every] for part in parts])
+    signal = np.concatenate([part.signal[::every] for part in parts])
+    std = np.concatenate([part.std[::every] for part in parts])
+    # While a machine rests, its readings say nothing about forces that do not move it.
+    known = std < 0.5 * np.sqrt(np.mean(signal**2 + std**2))
+    known &= ~_pushed(model, x, u)[:, None]
+    if np.count_nonzero(known) < _LEAST_KNOWN:
+        known[:] = True
+    pairs = [tuple(ports), *_pairs(model, ports)]
+    seen = _seen_at(model, [port for pair in pairs for port in pair])
+    if not seen[ports[0]]:
+        raise WorkbenchError(
+            f"port {ports[0]!r} of {model.name!r} has no local signals that a law could depend on;"
+            " choose a port that has"
+        )
+    names = [port.name for port in model.ports]
+    trace = model.exact
+    columns = [index_of("parameter", prior.name, model.parameters) for prior in priors]
+    free = trace.p[columns] if columns else ca.SX(0, 1)
+    functions = trace.function(
+        "evidence",
+        ca.densify(trace.rates_by_port),
+        ca.densify(ca.jacobian(trace.rates, free)),
+        trace.signals,
+        *(ca.densify(ca.vcat(list(seen[port].values()))) for port in seen),
+    )
+    n = len(x)
+    results = functions.map(n)(x.T, u.T, np.tile(model.values[:, None], (1, n)))
+    by_port, by_free, values, *local = (
+        result.reshape(len(result), n, -1).transpose(1, 0, 2) for result in map(np.asarray, results)
+    )
+    scale = np.array([q.scale for q in model.states])[:, None]
+    there = by_port[:, :, [names.index(port) for port in ports]] / scale
+    inverse = np.linalg.pinv(there)
+    of_port = dict(zip(seen, local, strict=True))
+    sites: list[Site] = []
+    for pair in pairs:
+        effect = inverse @ (by_port[:, :, [names.index(port) for port in pair]] / scale)
+        site = _site(model, pair, effect, seen, of_port, x, values[:, :, 0])
+        same = next((i for i, other in enumerate(sites) if _alike(other, site)), None)
+        if same is None:
+            sites.append(site)
+        elif same > 0 and np.min(sites[same].value) < 0.0 <= np.min(site.value):
+            # Of two ports in a row that see the same, the one whose signal keeps its sign allows
+            # a law that is a fraction of it.
+            sites[same] = site
+    deviation = np.array([prior.std for prior in priors])
+    nominal = np.einsum("nlx,nxf->lnf", inverse, by_free / scale * deviation)
+    return Evidence(
+        tuple(ports),
+        signal.T.ravel(),
+        known.T.ravel(),
+        nominal.reshape(-1, len(columns)),
+        (np.array([prior.mean for prior in priors]) - model.values[columns]) / deviation,
+        tuple(sites),
+        np.concatenate([part.time[::every] for part in parts]),
+        np.concatenate([np.full(len(part.time[::every]), i) for i, part in enumerate(parts)]),
+    )
+
+
+def _pairs(model: Model, ports: Sequence[str]) -> list[tuple[str, ...]]:
+    """Pairs of ports, numbered 1 and 2, that act on the rates as a located port does."""
+    names = [port.name for port in model.ports]
+    groups = {port.name: port for port in model.ports}
+    pairs = [
+        (name, name.replace("_1.", "_2."))
+        for name in names
+        if "_1." in name and name.replace("_1.", "_2.") in groups
+    ]
+    x = model.initial_state()
+    slope = model.exact.function("slope", ca.densify(model.exact.rates_by_port))
+    matrix = np.asarray(slope(x, model.nominal_input, model.values))
+    matrix = matrix / np.array([q.scale for q in model.states])[:, None]
+    length = np.linalg.norm(matrix, axis=0)
+    directions = matrix / np.where(length > 0, length, np.inf)
+    own = directions[:, [names.index(port) for port in ports]]
+    return [
+        pair
+        for pair in pairs
+        if pair[0] not in ports
+        and all(np.max(np.abs(directions[:, names.index(port)] @ own)) > _PARALLEL for port in pair)
+    ]
+
+
+def _pushed(model: Model, x: Vector, u: Vector) -> npt.NDArray[np.bool_]:
+    """Where a port acts whose signal is only known in proportion, such as a stop in contact."""
+    names = [q.name for q in model.ports if q.relative_disturbance > 0]
+    trace, n = model.exact, len(x)
+    rows = [trace.signal_names.index(name) for name in names]
+    if not rows:
+        return np.zeros(n, dtype=bool)
+    values = trace.function("pushes", trace.signals[rows]).map(n)
+    pushes = np.asarray(values(x.T, u.T, np.tile(model.values[:, None], (1, n))))
+    scale = np.array([q.scale for q in model.ports if q.name in names])
+    return np.asarray(np.any(np.abs(pushes.T) > 1e-3 * scale, axis=1))
+
+
+def _seen_at(model: Model, ports: Sequence[str]) -> dict[str, dict[str, Expression]]:
+    """Local signals of ports as expressions in the symbols of the model."""
+    seen: dict[str, dict[str, Expression]] = {}
+
+    def look(at: PortView) -> Expression:
+        seen[at.port] = dict(at.signals)
+        return at.value
+
+    watched = model.with_effect(Effect("look at signals", tuple(dict.fromkeys(ports)), look))
+    trace, own = watched.exact, model.exact
+    still = ca.SX.zeros(trace.push.numel())
+    return {
+        port: {
+            name: ca.substitute(
+                [ca.SX(value)],
+                [trace.push, trace.x, trace.u, trace.p],
+                [still, own.x, own.u, own.p],
+            )[0]
+            for name, value in signals.items()
+        }
+        for port, signals in seen.items()
+    }
+
+
+def _alike(one: Site, other: Site) -> bool:
+    return one.signals.keys() == other.signals.keys() and all(
+        np.array_equal(values, other.signals[name]) for name, values in one.signals.items()
+    )
+
+
+def _site(
+    model: Model,
+    ports: tuple[str, ...],
+    effect: Vector,
+    seen: dict[str, dict[str, Expression]],
+    of_port: dict[str, Vector],
+    states: Vector,
+    values: Vector,
+) -> Site:
+    """Local signals that vary and are not the same as another one."""
+    names = model.exact.signal_names
+    known = [
+        *((states[:, i], q.unit) for i, q in enumerate(model.states)),
+        *((values[:, i], unit) for i, unit in enumerate(model.exact.signal_units)),
+    ]
+    signals: dict[str, Vector] = {}
+    units: dict[str, str] = {}
+    for i, name in enumerate(seen[ports[0]]):
+        column = np.column_stack([of_port[port][:, i, 0] for port in ports])
+        if float(np.std(column)) < 1e-9 * max(float(np.abs(column).max()), 1e-12):
+            continue
+        if any(abs(_correlation(column, other)) > _SAME for other in signals.values()):
+            continue
+        signals[name] = column
+        units[name] = _unit(name, column[:, 0], known, units)
+    unit = next(q.unit for q in model.ports if q.name == ports[0])
+    value = values[:, [names.index(port) for port in ports]]
+    return Site(ports, unit, signals, units, value, effect)
+
+
+def _unit(
+    name: str, column: Vector, known: Sequence[tuple[Vector, str]], units: dict[str, str]
+) -> str:
+    """Return the unit of the state or signal that a local signal equals but for a constant."""
+    moving = column - column.mean()
+    for other, unit in known:
+        if np.allclose(moving, other - other.mean(), rtol=0, atol=1e-6 * float(np.std(column))):
+            return unit
+    of = name.removesuffix("_speed")
+    return f"{units[of]}/s" if of in units and of != name else "1"
+
+
+def _correlation(one: Vector, other: Vector) -> float:
+    return float(np.corrcoef(one.ravel(), other.ravel())[0, 1])

@@ -1,0 +1,300 @@
+"""Scoring a library of effects: one pass of the filter with all of them attached at size zero.
+
+The derivative of the whitened prediction errors with respect to the size of an effect, less what
+the free parameters can imitate, tells how much the effect would gain, how large it would be, how
+much of it the parameters absorb, which effects look alike, and the smallest size to be seen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.diagnosis.estimation.prediction_error import Innovations, Observed, PredictionError
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.process_noise import disturbances, extended_start
+from workbench.model import Effect, Model
+from workbench.physics.library import Hypothesis
+
+Vector = npt.NDArray[np.float64]
+
+ABSORBED = 0.99
+"""Absorption above which an effect cannot be told from other parameter values."""
+
+_BLOCK_S = 0.5
+_SIGMA = 4.0
+
+
+@dataclass(frozen=True)
+class Score:
+    """What one pass says of an effect.
+
+    Args:
+        entry: The effect in the library.
+        gain: Expected gain of log likelihood, dimensionless.
+        sigma: Expected size over its standard deviation, errors taken as correlated over blocks
+            of time; dimensionless.
+        size: Expected size, in the SI unit of the size parameter.
+        std: Standard deviation of the size, in the same unit.
+        absorption: Share of the effect's signature that other parameters can imitate, 0 to 1,
+            dimensionless.
+        smallest: Smallest size to be seen on these data, in the same unit.
+        shape: Values of the effect's other parameters at which it scores best, in their SI units,
+            by short name.
+    """
+
+    entry: Hypothesis
+    gain: float
+    sigma: float
+    size: float
+    std: float
+    absorption: float
+    smallest: float
+    shape: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def testable(self) -> bool:
+        """Whether these data can show the effect at all."""
+        seen = abs(self.sigma) > 2.0 or self.smallest < self.entry.largest_size
+        return self.absorption < ABSORBED and seen
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Scores of a library, best first.
+
+    Args:
+        scores: One per effect, by falling gain.
+        confusion: Absolute cosine between the projected signatures, shape (n, n), in the order of
+            ``scores``.
+        share: Share of the expected disturbance at which the score was taken, dimensionless.
+    """
+
+    scores: tuple[Score, ...]
+    confusion: Vector
+    share: float
+
+    def look_alikes(self, name: str, *, above: float = 0.95) -> tuple[str, ...]:
+        """Return the effects whose signature resembles that of one effect.
+
+        Args:
+            name: Name of the effect.
+            above: Least absolute cosine, 0 to 1, dimensionless.
+
+        Returns:
+            Names of the others, most alike first.
+        """
+        names = [score.entry.name for score in self.scores]
+        row = self.confusion[names.index(name)]
+        order = [i for i in np.argsort(-row) if names[i] != name and row[i] > above]
+        return tuple(names[i] for i in order)
+
+    def __str__(self) -> str:
+        """Return a short aligned table of the best scores."""
+        lines = [f"{'effect':<34} {'gain':>10} {'sigma':>8} {'size':>12} {'absorbed':>9}"]
+        lines += [
+            f"{s.entry.name:<34} {s.gain:>10.1f} {s.sigma:>8.1f} {s.size:>12.4g}"
+            f" {s.absorption:>9.3f}"
+            for s in self.scores[:15]
+        ]
+        return "\n".join(lines)
+
+
+def score_library(
+    model: Model,
+    recordings: Sequence[Observed],
+    priors: Sequence[Prior],
+    entries: Sequence[Hypothesis],
+    *,
+    share: float,
+) -> Scores:
+    """Score effects that are not in the model.
+
+    Args:
+        model: The refitted model.
+        recordings: Recordings as `observe` returns them.
+        priors: Priors of the free parameters, which may imitate an effect.
+        entries: The effects, at size zero.
+        share: Share of the expected disturbance that the filter allows, dimensionless.
+
+    Returns:
+        One score per effect, best first.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
+        >>> from workbench.diagnosis.estimation.priors import default_priors
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
+        >>> from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+        >>> from workbench.physics.library import library
+        >>> axis = axis.without("coulomb_friction")
+        >>> priors = default_priors(axis, ["mass"])
+        >>> fit = fit_with_process_noise(axis, [seen], priors)
+        >>> tried = [e for e in library(axis) if not e.stiff]
+        >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
+        >>> scores.scores[0].entry.law
+        'coulomb_friction'
+    """
+    variants = [variant for entry in entries for variant in _variants(entry)]
+    names = tuple(p.name for p in priors)
+    # Stiff effects would force short steps on all others, so they have a filter of their own.
+    groups = [group for stiff in (False, True) if (group := _of(variants, stiff=stiff))]
+    filters = [_Attached(model, recordings[0], names, group, share) for group in groups]
+    totals = _Totals(len(names), len(variants))
+    for observed in recordings:
+        totals.add([attached.run(observed) for attached in filters], observed.sample_time)
+    ordered = [variant for group in groups for variant in group]
+    scale = np.concatenate([filters[0].scale_of_free, *(f.scale_of_sizes for f in filters)])
+    std = np.array([p.std for p in priors])
+    return _scores(totals, ordered, scale, std, share)
+
+
+@dataclass(frozen=True)
+class _Variant:
+    """An effect at size zero with one choice of its other parameters."""
+
+    entry: Hypothesis
+    shape: Mapping[str, float]
+    effect: Effect
+
+
+def _variants(entry: Hypothesis) -> list[_Variant]:
+    shapes = entry.shapes[:1] if entry.stiff else entry.shapes
+    made = []
+    for number, shape in enumerate(shapes):
+        effect = entry.at_size(0.0, shape)
+        name = entry.name if number == 0 else f"{entry.name}_as_{number}"
+        made.append(_Variant(entry, shape, replace(effect, name=name)))
+    return made
+
+
+def _of(variants: Sequence[_Variant], *, stiff: bool) -> list[_Variant]:
+    return [variant for variant in variants if variant.entry.stiff is stiff]
+
+
+class _Attached:
+    """A filter with effects attached at size zero."""
+
+    def __init__(
+        self,
+        model: Model,
+        first: Observed,
+        names: tuple[str, ...],
+        variants: Sequence[_Variant],
+        share: float,
+    ) -> None:
+        self._model = model
+        self._extended = model.with_effect(*(variant.effect for variant in variants))
+        sizes = (f"{v.effect.name}.{v.entry.size_parameter}" for v in variants)
+        own = {q.name for q in model.states}
+        self._filter = PredictionError(
+            self._extended,
+            first.sample_time,
+            first.used,
+            (*names, *sizes),
+            disturbances(self._extended, share),
+            certain=tuple(q.name for q in self._extended.states if q.name not in own),
+        )
+        self.scale_of_free = self._filter.free_scale[: len(names)]
+        self.scale_of_sizes = self._filter.free_scale[len(names) :]
+
+    def run(self, observed: Observed) -> Innovations:
+        widened = extended_start(observed, self._model, self._extended)
+        return self._filter.run(widened, self._extended.values)
+
+
+class _Totals:
+    """Sums over recordings, and the score by blocks of time."""
+
+    def __init__(self, n_parameters: int, n_effects: int) -> None:
+        n = n_parameters + n_effects
+        self.split = n_parameters
+        self.information = np.zeros((n, n))
+        self.gradient = np.zeros(n)
+        self.blocks: list[Vector] = []
+
+    def add(self, parts: Sequence[Innovations], sample_time: float) -> None:
+        errors = np.nan_to_num(parts[0].whitened)
+        # At size zero all filters predict the same; the free parameters stand in each of them.
+        others = [part.jacobian[:, :, self.split :] for part in parts[1:]]
+        jacobian = np.concatenate([parts[0].jacobian, *others], axis=2)
+        rows = jacobian.reshape(-1, jacobian.shape[2])
+        self.information += rows.T @ rows
+        products = np.einsum("kyf,ky->kf", jacobian, errors)
+        self.gradient += products.sum(axis=0)
+        size = max(1, round(_BLOCK_S / sample_time))
+        self.blocks.append(np.add.reduceat(products, np.arange(0, len(products), size), axis=0))
+
+
+def _scores(
+    totals: _Totals, variants: Sequence[_Variant], scale: Vector, std: Vector, share: float
+) -> Scores:
+    n = totals.split
+    information, gradient = totals.information, totals.gradient
+    blocks = np.concatenate(totals.blocks)
+    prior = np.diag((scale[:n] / std) ** 2)
+    imitation = np.linalg.solve(information[:n, :n] + prior, information[:n, n:])
+    projected = information[n:, n:] - information[n:, :n] @ imitation
+    slopes = gradient[n:] - imitation.T @ gradient[:n]
+    projected_blocks = blocks[:, n:] - blocks[:, :n] @ imitation
+    # The mean over blocks is the signal; what scatters about it is the uncertainty.
+    scatter = np.sum((projected_blocks - projected_blocks.mean(axis=0)) ** 2, axis=0)
+    full = np.maximum(np.diag(information)[n:], 1e-300)
+    kept = np.maximum(np.diag(projected), np.maximum(1e-12 * full, 1e-30))
+    size = -slopes / kept
+    deviation = np.sqrt(np.maximum(scatter, kept)) / kept
+    either = np.array([variant.entry.signed for variant in variants])
+    # An effect that only has one sign cannot gain by the other.
+    signed = np.where(either, size, np.maximum(size, 0.0))
+    gain = 0.5 * signed**2 * kept
+    absorption = np.clip(1.0 - np.diag(projected) / full, 0.0, 1.0)
+    confusion = np.abs(projected) / np.sqrt(np.outer(kept, kept))
+    # Of each effect the shape that gains the most, best effect first.
+    best: dict[str, int] = {}
+    for i in np.argsort(-gain):
+        best.setdefault(variants[i].entry.name, int(i))
+    order = list(best.values())
+    units = scale[n:]
+    scores = tuple(
+        Score(
+            variants[i].entry,
+            float(gain[i]),
+            float(signed[i] / deviation[i]),
+            float(signed[i] * units[i]),
+            float(deviation[i] * units[i]),
+            float(absorption[i]),
+            float(_SIGMA * deviation[i] * units[i]),
+            dict(variants[i].shape),
+        )
+        for i in order
+    )
+    return Scores(scores, confusion[np.ix_(order, order)], share)
+
+
+def by_name(scores: Scores) -> Mapping[str, Score]:
+    """Return scores by the name of the effect.
+
+    Args:
+        scores: Scores of a library.
+
+    Returns:
+        The same scores, by name.
+
+    Example:
+        >>> dict(by_name(Scores((), np.zeros((0, 0)), 1.0)))
+        {}
+    """
+    return {score.entry.name: score for score in scores.scores}
+
+
+__all__ = [
+    "ABSORBED",
+    "Score",
+    "Scores",
+    "by_name",
+    "score_library",
+]
