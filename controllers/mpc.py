@@ -34,6 +34,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controllers.design import Design
 from controllers.disturbance_observer import (
     DisturbanceObserver,
     continuous_matrices,
@@ -388,3 +389,14 @@ def design_mpc(
         actuators=(actuator,),
         preview=prediction.preview_index[-1] if want.preview else 0,
     )
+
+
+LINEAR_MPC = Design(
+    name="mpc",
+    family="linear MPC",
+    summary="linear MPC without offset, on the whole linear model",
+    function=design_mpc,
+    specification=MPCSpecification,
+    solves=True,
+    colour=("#00805c", "#36d6a4"),
+)

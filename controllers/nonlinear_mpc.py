@@ -36,6 +36,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from controllers.design import Design
 from controllers.nonlinear_observer import ExtendedKalmanFilter
 from controllers.nonlinear_prediction import (
     Called,
@@ -429,3 +430,15 @@ def _with_soft_stops(model: Model) -> Model:
     soft = {"stop_stiffness": 1e3, "stop_damping": 1.0}
     known = {q.name for q in model.parameters}
     return model.with_parameters({k: v for k, v in soft.items() if k in known})
+
+
+NONLINEAR_MPC = Design(
+    name="nonlinear-mpc",
+    family="nonlinear MPC",
+    summary="nonlinear MPC by real-time iteration on the plant's regularised equations",
+    function=design_nonlinear_mpc,
+    needs="model",
+    specification=NonlinearMPCSpecification,
+    solves=True,
+    exports=False,
+)

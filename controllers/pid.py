@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
 from controllers.joint_model import JointModel, joint_model
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.sensitivity import peak_sensitivities
@@ -312,3 +313,13 @@ def _place(joint: JointModel, want: PIDSpecification, w: float, valve: ValveInve
         sample_time=want.sample_time,
         valve=valve,
     )
+
+
+PID = Design(
+    name="pid",
+    family="cascade PID",
+    summary="cascaded PID: angle outside, pressure difference inside",
+    function=design_pid,
+    specification=PIDSpecification,
+    colour=("#0062a8", "#5db5f5"),
+)

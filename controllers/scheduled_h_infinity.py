@@ -26,6 +26,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
 from controllers.h_infinity import HInfinity, Weights, h_infinity
 from controllers.joint_model import JointModel
 from controllers.joint_tracking import (
@@ -240,3 +241,12 @@ def _anti_windup(found: HInfinity, pole: float) -> Matrix:
     slow = int(np.argmax(np.abs(values)))
     v = vectors[:, slow].real
     return np.asarray((values[slow].real - pole) * v / float((found.C @ v)[0]))
+
+
+H_INFINITY = Design(
+    name="scheduled-h-infinity",
+    family="H-infinity",
+    summary="H-infinity mixed sensitivity, scheduled around one synthesis; needs slycot",
+    function=design_scheduled_h_infinity,
+    needs="map",
+)

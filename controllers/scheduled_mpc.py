@@ -36,6 +36,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
 from controllers.fixed_order import product
 from controllers.joint_tracking import (
     STATE_NAMES,
@@ -368,3 +369,14 @@ def design_scheduled_mpc(
         sample_time=h,
         valve=valve or ValveInverse(),
     )
+
+
+SCHEDULED_MPC = Design(
+    name="scheduled-mpc",
+    family="linear MPC",
+    summary="linear MPC over the whole range, along planned moves",
+    function=design_scheduled_mpc,
+    needs="map",
+    solves=True,
+    colour=("#00805c", "#36d6a4"),
+)

@@ -26,6 +26,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
 from controllers.joint_tracking import (
     STATE_NAMES,
     JointTracking,
@@ -215,3 +216,13 @@ def design_scheduled_pid(
         sample_time=sample_time,
         valve=valve or ValveInverse(),
     )
+
+
+SCHEDULED_PID = Design(
+    name="scheduled-pid",
+    family="cascade PID",
+    summary="cascaded PID over the whole range, with planned moves and feedforward",
+    function=design_scheduled_pid,
+    needs="map",
+    colour=("#0062a8", "#5db5f5"),
+)

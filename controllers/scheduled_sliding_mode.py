@@ -36,6 +36,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
 from controllers.joint_tracking import (
     STATE_NAMES,
     JointTracking,
@@ -257,3 +258,14 @@ def design_scheduled_sliding_mode(
         sample_time=sample_time,
         valve=valve or ValveInverse(),
     )
+
+
+SCHEDULED_SLIDING_MODE = Design(
+    name="scheduled-sliding-mode",
+    family="sliding mode",
+    summary="sliding mode over the whole range, with planned moves",
+    function=design_scheduled_sliding_mode,
+    needs="map",
+    slides=True,
+    colour=("#c24a00", "#ff9152"),
+)

@@ -36,6 +36,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
 from controllers.joint_tracking import (
     STATE_NAMES,
     JointTracking,
@@ -246,3 +247,12 @@ def design_scheduled_state_feedback(
         sample_time=h,
         valve=valve or ValveInverse(),
     )
+
+
+STATE_FEEDBACK = Design(
+    name="scheduled-state-feedback",
+    family="state feedback",
+    summary="state feedback with integral action and a Kalman filter, over the whole range",
+    function=design_scheduled_state_feedback,
+    needs="map",
+)

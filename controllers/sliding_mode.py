@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
 from controllers.joint_model import JointModel, joint_model
 from controllers.observer import JointEstimate, JointObserver, design_joint_observer
 from controllers.protocol import Command, Info, Measurement, Reference
@@ -301,3 +302,14 @@ def design_sliding_mode(
         sample_time=want.sample_time,
         valve=valve,
     )
+
+
+SLIDING_MODE = Design(
+    name="sliding-mode",
+    family="sliding mode",
+    summary="sliding mode with boundary layer, observer and reference model",
+    function=design_sliding_mode,
+    specification=SlidingModeSpecification,
+    slides=True,
+    colour=("#c24a00", "#ff9152"),
+)

@@ -1,0 +1,176 @@
+"""Designs: every way from a model of a plant to a controller, each stated once beside its law.
+
+A `Design` says what it starts from, what may be specified, and what its controllers do; `DESIGNS`
+finds those of the workbench, of installed packages and of the user. A user's plain function
+``(linear_model, specification) -> controller``, named as ``module:function``, is a design too.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from typing import Any, Literal, NamedTuple, cast
+
+from controllers.protocol import Controller
+from workbench.errors import WorkbenchError, check_choice
+from workbench.registry import Registry, user_code
+
+Source = Literal["linear", "map", "model"]
+"""What a design starts from: a linear model at one operating point, a `JointSchedule` of linear
+models over angle and mean pressure, or the plant's model."""
+
+
+class Key(NamedTuple):
+    """A number that may be specified: its name, default value, and meaning with unit."""
+
+    name: str
+    default: Any
+    meaning: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """A way to design a controller.
+
+    Args:
+        name: Name in a study: ``"pid"``.
+        family: Family of its controllers, by which pages call them: ``"cascade PID"``.
+        summary: What it is, in one line.
+        function: Called with the source and the specification; returns a controller.
+        needs: What it starts from.
+        specification: Class of the specification; None if its fields are keywords of ``function``.
+        sensors: Outputs of the plant that its controllers read.
+        actuators: Inputs of the plant that they command.
+        solves: Whether they solve an optimisation at each sample.
+        slides: Whether they have a sliding surface, and are judged by invariants.
+        exports: Whether they can be written as C.
+        colour: Colours of the family on light paper and on a dark screen; none for the next free
+            ones of a picture.
+        own: Whether it is a user's plain function, called with the specification as a mapping.
+    """
+
+    name: str
+    family: str
+    summary: str
+    function: Callable[..., Any]
+    needs: Source = "linear"
+    specification: type[Any] | None = None
+    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
+    actuators: tuple[str, ...] = ("valve",)
+    solves: bool = False
+    slides: bool = False
+    exports: bool = True
+    colour: tuple[str, str] | None = None
+    own: bool = False
+
+    @property
+    def keys(self) -> tuple[Key, ...]:
+        """What may be specified; nothing is known of a user's plain function."""
+        if self.own:
+            return ()
+        meaning = _meanings(self.specification or self.function)
+        if self.specification is not None:
+            found = [(f.name, _default(f)) for f in fields(self.specification)]
+        else:
+            parameters = inspect.signature(self.function).parameters.values()
+            found = [
+                (p.name, p.default)
+                for p in parameters
+                if p.kind is p.KEYWORD_ONLY and p.name != "valve"
+            ]
+        return tuple(Key(name, default, meaning.get(name, "")) for name, default in found)
+
+    def specified(self, values: Mapping[str, Any]) -> Any:
+        """Return a specification: an object of the design's class, or a mapping.
+
+        Raises:
+            WorkbenchError: If a key is unknown or a value outside its range.
+        """
+        if not self.own:
+            known = [key.name for key in self.keys]
+            for key in values:
+                check_choice(f"key of the {self.name} specification", key, known)
+        if self.specification is None:
+            return dict(values)
+        try:
+            return self.specification(**values)
+        except TypeError as error:
+            raise WorkbenchError(f"specification of design {self.name!r}: {error}") from None
+
+    def controller(self, source: Any, specification: Any, *, name: str = "", **given: Any) -> Any:
+        """Design a controller.
+
+        Args:
+            source: What the design needs.
+            specification: What `specified` returned.
+            name: Name of the controller, where its class has names; that of its class by default.
+            given: Further keywords of ``function``, such as where a nonlinear MPC rests.
+
+        Raises:
+            WorkbenchError: If the specification cannot be met, or what a user's function returns
+                is no controller.
+        """
+        if self.own:
+            found: Any = _asked(self, source, specification)
+        elif self.specification is None:
+            found = self.function(source, **{**specification, **given})
+        else:
+            found = self.function(source, specification, **given)
+        if not isinstance(found, Controller):
+            raise WorkbenchError(
+                f"design {self.name!r} returned {type(found).__name__}, which is no controller"
+            )
+        return _named(found, name) if name else found
+
+
+def _asked(design: Design, source: Any, specification: Any) -> Any:
+    with user_code(f"design {design.name!r}"):
+        return design.function(source, specification)
+
+
+def _named(controller: Any, name: str) -> Any:
+    if is_dataclass(controller) and "name" in {f.name for f in fields(controller)}:
+        return replace(cast(Any, controller), name=name)
+    return controller
+
+
+def _default(field: Any) -> Any:
+    if field.default is not MISSING:
+        return field.default
+    return None if field.default_factory is MISSING else field.default_factory()
+
+
+def _meanings(described: Any) -> dict[str, str]:
+    """Return the lines of a docstring's ``Args`` by name."""
+    text = inspect.getdoc(described) or ""
+    _, _, args = text.partition("\nArgs:\n")
+    section = re.split(r"\n(?=\S)", args)[0]
+    found = re.findall(r"^    (\w+): (.*(?:\n        .*)*)", section, re.MULTILINE)
+    return {name: " ".join(words.split()) for name, words in found}
+
+
+def _adopted(found: Any, reference: str) -> Design:
+    if not callable(found):
+        raise WorkbenchError(
+            f"design {reference!r} is a {type(found).__name__}; write a function that takes a"
+            " linear model and a specification and returns a controller"
+        )
+    return Design(
+        name=reference,
+        family="own",
+        summary=(inspect.getdoc(found) or "a design of one's own").partition("\n")[0],
+        function=found,
+        # What is not known may be: metrics of a solver and of a surface can be asked for.
+        solves=True,
+        slides=True,
+        exports=False,
+        own=True,
+    )
+
+
+DESIGNS: Registry[Design] = Registry(
+    "design", Design, package="controllers", group="workbench.designs", adopt=_adopted
+)
+"""Every design, by the name used in a study."""
