@@ -1,0 +1,100 @@
+"""Checkers of the import graph: cycles between modules, and public names that nothing uses."""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+
+def imported_modules(source: str, known: set[str]) -> set[str]:
+    """Return the modules among the known ones that a source imports, anywhere in it.
+
+    Example:
+        >>> sorted(imported_modules("from a import b, c\\nimport d.e", {"a", "a.b", "d.e"}))
+        ['a', 'a.b', 'd.e']
+    """
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            found |= {item.name for item in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            whole = {f"{node.module}.{item.name}" for item in node.names}
+            found |= whole & known
+            if whole - known:
+                found.add(node.module)
+    return found & known
+
+
+def cycles(arrows: Mapping[str, set[str]]) -> Iterator[tuple[str, ...]]:
+    """Yield the strongly connected components of more than one module (Tarjan, 1972).
+
+    Example:
+        >>> list(cycles({"a": {"b"}, "b": {"a"}, "c": {"a"}}))
+        [('a', 'b')]
+    """
+    number: dict[str, int] = {}
+    low: dict[str, int] = {}
+    stack: list[str] = []
+
+    def visit(name: str) -> Iterator[tuple[str, ...]]:
+        number[name] = low[name] = len(number)
+        stack.append(name)
+        for other in arrows.get(name, ()):
+            if other not in number:
+                yield from visit(other)
+                low[name] = min(low[name], low[other])
+            elif other in stack:
+                low[name] = min(low[name], number[other])
+        if low[name] == number[name]:
+            component = stack[stack.index(name) :]
+            del stack[stack.index(name) :]
+            if len(component) > 1:
+                yield tuple(sorted(component))
+
+    for name in arrows:
+        if name not in number:
+            yield from visit(name)
+
+
+def public_names(source: str) -> set[str]:
+    """Return the public functions, classes and constants that a module defines.
+
+    Example:
+        >>> sorted(public_names("LIMIT = 3\\ndef f(): pass\\nclass _Own: pass"))
+        ['LIMIT', 'f']
+    """
+    found: set[str] = set()
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Assign):
+            found |= {t.id for t in node.targets if isinstance(t, ast.Name)}
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            found.add(node.target.id)
+    return {name for name in found if not name.startswith("_")}
+
+
+def words(source: str) -> set[str]:
+    """Return every word of a source: what a name must be among to be used there."""
+    return set(re.findall(r"[A-Za-z_]\w*", source))
+
+
+def unused_names(texts: Mapping[Path, str], modules: Mapping[Path, str]) -> Iterator[str]:
+    """Yield public names of modules that no other text names.
+
+    Args:
+        texts: Every text in which a use may stand, by path.
+        modules: The sources whose public names are looked for, by path.
+    """
+    where: dict[str, set[Path]] = {}
+    for path, text in texts.items():
+        for word in words(text):
+            where.setdefault(word, set()).add(path)
+    for path, source in modules.items():
+        body = ast.parse(source)
+        own = [n.id for n in ast.walk(body) if isinstance(n, ast.Name)]
+        for name in sorted(public_names(source)):
+            if not where.get(name, set()) - {path} and own.count(name) == 0:
+                yield f"{path}: {name}"

@@ -1,0 +1,31 @@
+"""No module imports itself by a detour, and no public name stands there for nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tests.meta.graph import cycles, imported_modules, unused_names
+from tests.meta.sources import ROOT, module_files, module_name, texts
+
+SOURCES = {path: path.read_text(encoding="utf-8") for path in module_files()}
+
+
+def test_no_cycle_of_imports() -> None:
+    known = {module_name(path) for path in SOURCES}
+    arrows = {
+        module_name(path): imported_modules(source, known) - {module_name(path)}
+        for path, source in SOURCES.items()
+    }
+    assert not list(cycles(arrows))
+
+
+def test_public_names_are_used() -> None:
+    pages = {path: path.read_text(encoding="utf-8") for path in texts({".md", ".toml", ".ipynb"})}
+    unused = list(unused_names(SOURCES | pages, SOURCES))
+    assert not unused, "\n".join(text.replace(f"{ROOT}/", "") for text in unused)
+
+
+def test_a_cycle_and_an_unused_name_are_found() -> None:
+    assert list(cycles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == [("a", "b", "c")]
+    sources = {Path("a.py"): "def used(): pass\ndef unused(): pass", Path("b.py"): "used()"}
+    assert list(unused_names(sources, {Path("a.py"): sources[Path("a.py")]})) == ["a.py: unused"]
