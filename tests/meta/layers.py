@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from tests.meta.sources import ROOT
 
 PAGE = ROOT / "data" / "docs" / "architecture.md"
+MEND = "give it a place in data/docs/architecture.md"
 
 
 def layers(page: str) -> tuple[tuple[str, ...], ...]:
@@ -63,14 +64,14 @@ def check_module(module: str, source: str) -> list[str]:
     level = {name: number for number, rooms in enumerate(LAYERS) for name in rooms}
     home = room(module)
     if home is None:
-        return [f"{module} is in no layer; give it a place in data/docs/architecture.md"]
+        return [f"{module} is in no layer; {MEND}"]
     problems = []
     for line, name in imports(source):
         if name.split(".")[0] not in ("workbench", "controllers"):
             continue
         target = room(name)
         if target is None:
-            problems.append(f"line {line}: {name} is in no layer; give it a place in data/docs/architecture.md")
+            problems.append(f"line {line}: {name} is in no layer; {MEND}")
         elif target in BLIND.get(home, ()):
             problems.append(f"line {line}: {home} must not know {name}")
         elif level[target] > level[home] or (level[target] == level[home] and target != home):
