@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from workbench.cli.main import INTERRUPTED, REQUIREMENTS_MISSED, run
-from workbench.cli.quantity import quantity
+from workbench.model.units import quantity
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.recordings import read_recording

@@ -7,10 +7,9 @@ from typing import Annotated, cast
 
 import typer
 
-from workbench.cli.quantity import quantity
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model import Model
-from workbench.model.units import to_si
+from workbench.model.units import quantity, to_si
 
 Load = Annotated[
     str, typer.Option(help="Mass of the plates on the arm, 0 to 8 kg.", metavar="MASS")

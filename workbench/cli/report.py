@@ -76,9 +76,8 @@ def report(
     """
     from workbench.cli.compare import study_file
     from workbench.cli.counter import Counter
-    from workbench.cli.quantity import quantity
     from workbench.errors import WorkbenchError, check_choice, check_range
-    from workbench.model.units import to_si
+    from workbench.model.units import quantity, to_si
     from workbench.reports.page import write_page
     from workbench.reports.study_files import linear_page, write_pictures
     from workbench.reports.study_page import study_page

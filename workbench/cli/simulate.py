@@ -18,8 +18,8 @@ from workbench.cli.plant import (
     Without,
     plant_from_options,
 )
-from workbench.cli.quantity import quantity
 from workbench.errors import WorkbenchError, check_range
+from workbench.model.units import quantity
 
 COLUMNS = (
     ("time_s", "time", 1.0, "%.6g"),

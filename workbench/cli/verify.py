@@ -16,8 +16,8 @@ from workbench.cli.plant import (
     Without,
     plant_from_options,
 )
-from workbench.cli.quantity import quantity
 from workbench.errors import check_range
+from workbench.model.units import quantity
 
 
 def verify(

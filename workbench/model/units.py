@@ -287,3 +287,50 @@ def same_dimension(a: str, b: str) -> bool:
         (True, False)
     """
     return parse_unit(a).dimensions == parse_unit(b).dimensions
+
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*$")
+_EXAMPLES = {"deg": "30", "kg": "3", "bar": "3", "s": "5", "V": "5.5"}
+
+
+def quantity(name: str, given: object, unit: str) -> float:
+    """Read a value such as ``30``, ``"30deg"`` or ``"0.5 rad"``.
+
+    Args:
+        name: What the value is, as the user knows it.
+        given: Number, or text with or without a unit; without one, ``unit`` is meant.
+        unit: Unit of the result.
+
+    Returns:
+        The value, in ``unit``.
+
+    Raises:
+        WorkbenchError: If it is not a finite number, or its unit is unknown or measures something
+            else.
+
+    Example:
+        >>> quantity("mean pressure", "300kPa", "bar"), quantity("load", 3, "kg")
+        (3.0, 3.0)
+    """
+    shown = "" if unit in ("", "1", "-") else unit
+    example = "give a number"
+    if shown:
+        example += f" with or without a unit, such as '{_EXAMPLES.get(unit, '1')}{unit}'"
+    number = isinstance(given, (int, float)) and not isinstance(given, bool)
+    match = _NUMBER.fullmatch(str(given)) if number or isinstance(given, str) else None
+    if match is None:
+        finite = str(given).strip().lower().lstrip("+-") not in ("nan", "inf", "infinity")
+        what = "is not a number" if finite else "is not a finite number"
+        raise WorkbenchError(f"{name} {given!r} {what}; {example}")
+    value = float(match[1])
+    if not math.isfinite(value):
+        raise WorkbenchError(f"{name} {given!r} is not a finite number; {example}")
+    if not match[2]:
+        return value
+    parse_unit(match[2])
+    if not same_dimension(match[2], unit):
+        raise WorkbenchError(
+            f"{name} {given!r} has the unit {match[2]!r}, which does not measure it; {example}"
+        )
+    # Through decimal text, so that 300 kPa becomes 3 bar and not 3 bar less a rounding.
+    return float(f"{convert(value, match[2], unit):.12g}")

@@ -9,6 +9,7 @@ from __future__ import annotations
 from workbench.model import About, Effect, Input, Model, Output, Parameter, PortView, Scope, State
 from workbench.model.face import Expression, sqrt
 from workbench.model.trace import Equations
+from workbench.plants.plant import Plant
 
 FULL = 10.0
 """Level at which flows are stated, and near which the tanks overflow, in V of the sensor."""
@@ -210,3 +211,6 @@ def cascaded_tanks() -> Model:
         ),
         description="a pump, two tanks under each other, free outflow",
     ).with_effect(overflow())
+
+
+CASCADED_TANKS = Plant("tanks", cascaded_tanks, "a pump and two tanks under each other")

@@ -10,6 +10,7 @@ from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.load_friction import load_dependent_friction
+from workbench.plants.plant import Plant
 
 
 def _equations(m: Scope) -> Equations:
@@ -107,3 +108,6 @@ def cylinder() -> Model:
             "piston.force", coefficient=100.0, upper=2000.0, unit="N", speed_unit="m/s"
         ),
     )
+
+
+CYLINDER = Plant("cylinder", cylinder, "pneumatic cylinder on a test bench, friction of its seals")

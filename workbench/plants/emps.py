@@ -12,6 +12,7 @@ from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.face import Expression
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
+from workbench.plants.plant import Plant
 
 PUBLISHED = {
     "mass": 95.1089,
@@ -119,3 +120,7 @@ def emps_in_loop() -> Model:
             Input("pulse", "V", 5.0, "added to the controller's output"),
         ),
     )
+
+
+EMPS = Plant("emps", emps, "EMPS, a carriage on a ball screw, driven by a force")
+EMPS_IN_LOOP = Plant("emps-in-loop", emps_in_loop, "EMPS in the loop of its position controller")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
+from workbench.plants.plant import Plant
 
 
 def _equations(m: Scope) -> Equations:
@@ -56,3 +57,6 @@ def servo_axis() -> Model:
             upper=100.0,
         ),
     )
+
+
+SERVO_AXIS = Plant("servo-axis", servo_axis, "carriage on a ball screw, driven by a force")

@@ -8,15 +8,20 @@ from __future__ import annotations
 
 import casadi as ca
 
-from workbench.errors import check_range
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.load_friction import load_dependent_friction
 from workbench.physics.stribeck import stribeck_friction
+from workbench.plants.plant import Option, Plant
 
 GRAVITY = 9.81
 """Acceleration of free fall, in m/s2."""
+
+LOAD = Option(
+    "load", 0.49, "kg", "mass at the end of the pendulum", lower=0.0, upper=5.0, keyword="load_kg"
+)
+LENGTH = Option("length", 0.1, "m", "length of the pendulum", lower=0.01, upper=1.0)
 
 
 def _equations(m: Scope) -> Equations:
@@ -78,8 +83,8 @@ def servo_pendulum(load_kg: float = 0.49, *, length: float = 0.1) -> Model:
         >>> model.rates([0.1, 0.0], [0.1, 400.0, 7.4, 1.0]).round(0).tolist()
         [0.0, -8.0]
     """
-    check_range("load", load_kg, 0.0, 5.0, "kg")
-    check_range("length", length, 0.01, 1.0, "m")
+    LOAD.check(load_kg)
+    LENGTH.check(length)
     return Model(
         "servo pendulum",
         _equations,
@@ -162,3 +167,8 @@ def servo_pendulum(load_kg: float = 0.49, *, length: float = 0.1) -> Model:
             name="gear_friction",
         ),
     )
+
+
+SERVO_PENDULUM = Plant(
+    "pendulum", servo_pendulum, "geared position servo with a pendulum", options=(LOAD, LENGTH)
+)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from workbench.errors import check_choice, check_range
 from workbench.model import Effect, Model, Output, Scope
 from workbench.model.trace import Equations
 from workbench.physics.force_laws import ForceLaw, PaperLaw, Petrovic, Sarosi, TonduLopez
 from workbench.physics.heat_exchange import heat_exchange
+from workbench.physics.hysteresis import bouc_wen_hysteresis
 from workbench.physics.leakage import centre_leakage
 from workbench.physics.line import line, silencer
 from workbench.physics.muscle_volume import BraidedCylinder
@@ -26,6 +26,7 @@ from workbench.plants.arm.muscle import MuscleLaws, muscle, muscle_laws, muscle_
 from workbench.plants.arm.servovalve import COMMAND, ValveFlows, valve
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
 from workbench.plants.arm.servovalve import STATES as VALVE_STATES
+from workbench.plants.plant import Option, Plant
 
 Variant = Literal["corrected", "as_printed"]
 ForceLawName = Literal[
@@ -41,6 +42,51 @@ FORCE_LAWS: dict[str, ForceLaw] = {
     "sarosi": Sarosi(),
 }
 """Equations (4), (3), (1), (2) with constant and with pressure-dependent k, and Sarosi's law."""
+
+LOAD = Option(
+    "load",
+    3.0,
+    "kg",
+    "mass of the plates on the arm",
+    lower=0.0,
+    upper=MAXIMUM_LOAD,
+    keyword="load_kg",
+    measured=True,
+)
+PLANE = Option(
+    "plane",
+    "horizontal",
+    help="plane of the motion; horizontal knows no weight",
+    choices=("horizontal", "vertical"),
+    measured=True,
+)
+SUPPLY = Option(
+    "supply",
+    6.0,
+    "bar",
+    "supply pressure, gauge",
+    lower=2.0,
+    upper=10.0,
+    keyword="supply_bar",
+    label="supply pressure",
+    measured=True,
+)
+VARIANT = Option(
+    "variant",
+    "corrected",
+    help="as_printed undoes every correction of the paper's equations",
+    choices=("corrected", "as_printed"),
+)
+FORCE_LAW = Option(
+    "force_law", "paper", help="static force of the muscles", choices=tuple(FORCE_LAWS)
+)
+VALVE_CURVE = Option(
+    "valve_curve", "mpye", help="opening over spool voltage", choices=("mpye", "linear")
+)
+SILENCERS = Option("silencers", False, help="the exhausts blow through silencers")
+LINE_VOLUMES = Option(
+    "line_volumes", False, help="the tubes to the muscles have volume and resistance"
+)
 
 COUNTS_PER_TURN = 180_000
 
@@ -192,14 +238,14 @@ def arm(
         >>> plant.read(plant.initial_state(), [5.0]).round(3).tolist()
         [0.524, 300000.0, 300000.0, 0.0]
     """
-    load = check_range(
-        "load", load_kg, 0.0, MAXIMUM_LOAD, "kg", fix="the arm carries 0 to 8 plates"
-    )
-    supply = check_range("supply pressure", supply_bar, 2.0, 10.0, "bar gauge")
-    check_choice("plane", plane, ("horizontal", "vertical"))
-    check_choice("variant", variant, ("corrected", "as_printed"))
-    check_choice("force law", force_law, FORCE_LAWS)
-    check_choice("valve curve", valve_curve, ("mpye", "linear"))
+    load, supply = LOAD.check(load_kg), SUPPLY.check(supply_bar)
+    for option, word in (
+        (PLANE, plane),
+        (VARIANT, variant),
+        (FORCE_LAW, force_law),
+        (VALVE_CURVE, valve_curve),
+    ):
+        option.check(word)
     printed = variant == "as_printed"
     law = PaperLaw.variant(variant) if force_law == "paper" else FORCE_LAWS[force_law]
     laws, law_effects = muscle_laws(
@@ -240,3 +286,14 @@ def arm(
         ),
         description=f"antagonistic pneumatic-muscle arm, {load:g} kg, {plane} plane, {variant}",
     ).with_effect(*effects)
+
+
+ARM = Plant(
+    "arm",
+    arm,
+    "antagonistic pneumatic-muscle arm with one servovalve",
+    options=(LOAD, PLANE, SUPPLY, VARIANT, FORCE_LAW, VALVE_CURVE, SILENCERS, LINE_VOLUMES),
+    controlled=("angle",),
+    design_point={"angle": math.radians(30.0)},
+    effects={"hysteresis": bouc_wen_hysteresis},
+)

@@ -14,7 +14,16 @@ from workbench.model import Input, Model, Output, Scope, State
 from workbench.model.face import Expression
 from workbench.model.trace import Equations
 from workbench.physics.valve_curve import MPYE, ValveCurve, opening
-from workbench.plants.arm.arm import ArmEquations, arm
+from workbench.plants.arm.arm import (
+    ARM,
+    LINE_VOLUMES,
+    LOAD,
+    PLANE,
+    SILENCERS,
+    SUPPLY,
+    ArmEquations,
+    arm,
+)
 from workbench.plants.arm.inertia import Plane
 from workbench.plants.arm.servovalve import (
     COMMAND,
@@ -24,6 +33,7 @@ from workbench.plants.arm.servovalve import (
     metered_flows,
     spool_position,
 )
+from workbench.plants.plant import Plant
 
 MEAN_PRESSURE = Output(
     "mean_pressure",
@@ -165,3 +175,14 @@ def _named(quantity: State, number: int) -> State:
 
 def _command(number: int) -> Input:
     return replace(COMMAND, name=f"{COMMAND.name}_{number}")
+
+
+TWO_VALVE_ARM = Plant(
+    "two-valve-arm",
+    two_valve_arm,
+    "the arm with one valve per muscle: angle and stiffness",
+    options=(LOAD, PLANE, SUPPLY, SILENCERS, LINE_VOLUMES),
+    controlled=("angle", "mean_pressure"),
+    design_point={**ARM.design_point, "mean_pressure": 3e5},
+    effects=ARM.effects,
+)

@@ -1,0 +1,346 @@
+"""A plant as the workbench offers it: a function that builds a model, and options with units.
+
+A built-in plant is declared by a `Plant` beside its function. A user's own function, or a model,
+is adopted: its keyword parameters become options, with the unit that their names end in.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, get_args, get_origin, get_type_hints
+
+from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.model import Effect, Model
+from workbench.model.units import parse_unit, quantity, same_dimension, to_si
+from workbench.registry import load_object, user_code
+
+Value = float | bool | str
+"""Value of an option: a number in the option's unit, a switch or a word."""
+
+_SWITCHES = {"true": True, "yes": True, "on": True, "": True, "false": False, "no": False}
+_SWITCHES["off"] = False
+
+
+@dataclass(frozen=True)
+class Option:
+    """One thing that may be chosen about a plant.
+
+    Args:
+        name: Name that the user writes: ``load``.
+        default: Value if nothing is said; its type says whether the option is a number, a switch or
+            a word.
+        unit: Unit of a number, in which the build function takes it.
+        help: One clause.
+        lower: Smallest number, in ``unit``.
+        upper: Largest number, in ``unit``.
+        choices: The words that are valid; any if empty.
+        keyword: Parameter of the build function and key in a case file; the name by default.
+        label: What it is called in a sentence; the name by default.
+        measured: Whether a case must say it, because it differs from rig to rig.
+
+    Example:
+        >>> Option("load", 3.0, "kg", upper=8.0, lower=0.0).parse("500g")
+        0.5
+    """
+
+    name: str
+    default: Value
+    unit: str = ""
+    help: str = ""
+    lower: float = float("-inf")
+    upper: float = float("inf")
+    choices: tuple[str, ...] = ()
+    keyword: str = ""
+    label: str = ""
+    measured: bool = False
+
+    def __post_init__(self) -> None:
+        """Fill in what the name says."""
+        object.__setattr__(self, "keyword", self.keyword or self.name)
+        object.__setattr__(self, "label", self.label or self.name.replace("_", " "))
+
+    def parse(self, given: object, *, in_si: bool = False) -> Value:
+        """Return a value as the build function takes it.
+
+        Args:
+            given: Number, switch or text; text may carry a unit.
+            in_si: Whether a bare number is in SI; by default it is in the option's unit.
+
+        Raises:
+            WorkbenchError: If it is of another kind, has another unit or is outside the range.
+        """
+        if isinstance(self.default, bool):
+            if isinstance(given, bool):
+                return given
+            word = str(given).strip().lower()
+            if word not in _SWITCHES:
+                raise WorkbenchError(f"{self.label} is {given!r}; it must be true or false")
+            return _SWITCHES[word]
+        if isinstance(self.default, str):
+            return str(self.check(str(given)))
+        if in_si and isinstance(given, (int, float)):
+            given = f"{given!r} {si_unit(self.unit)}"
+        found: float = self.check(quantity(self.label, given, self.unit))
+        return found
+
+    def check(self, value: Any) -> Any:
+        """Return a value if it is valid.
+
+        Raises:
+            WorkbenchError: If it is outside the range, or not one of the words.
+        """
+        if isinstance(self.default, str):
+            return check_choice(self.label, value, self.choices) if self.choices else value
+        if isinstance(self.default, bool):
+            return bool(value)
+        found = check_range(self.label, value, self.lower, self.upper, self.unit)
+        if isinstance(self.default, int):
+            if found != int(found):
+                raise WorkbenchError(f"{self.label} is {found:g}; it must be a whole number")
+            return int(found)
+        return found
+
+    def __str__(self) -> str:
+        """Return one line for help: name, unit, range or words, default and meaning."""
+        if isinstance(self.default, bool):
+            what = "switch"
+        elif isinstance(self.default, str):
+            what = "|".join(self.choices) or "word"
+        elif self.lower > float("-inf") and self.upper < float("inf"):
+            what = f"{self.lower:g} to {self.upper:g} {self.unit}".rstrip()
+        else:
+            what = f"number in {self.unit}" if self.unit else "number"
+        shown = str(self.default).lower() if isinstance(self.default, bool) else self.default
+        tail = f"; {self.help}" if self.help else ""
+        return f"{self.name:<14} {what}, by default {shown} {self.unit}".rstrip() + tail
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A plant: how its model is built and what may be chosen about it.
+
+    Args:
+        name: Name by which every verb, study and case knows it.
+        build: Builds the model from the keywords of the options.
+        summary: What the plant is, one clause.
+        options: What may be chosen.
+        controlled: Outputs that a controller makes follow a reference; the first one by default.
+        design_point: Where it is linearised and a run starts if nothing is said: values of outputs,
+            states or inputs by name, in SI; by default where the nominal inputs hold it.
+        effects: Effects of the library under the plant's own words, sized for it.
+
+    Example:
+        >>> from workbench.plants.servo_axis import SERVO_AXIS
+        >>> SERVO_AXIS.model(parameters=["mass=80kg"]).parameter("mass").value
+        80.0
+    """
+
+    name: str
+    build: Callable[..., Model]
+    summary: str = ""
+    options: tuple[Option, ...] = ()
+    controlled: tuple[str, ...] = ()
+    design_point: Mapping[str, float] = field(default_factory=dict)
+    effects: Mapping[str, Callable[[], Effect]] = field(default_factory=dict)
+
+    def option(self, name: str) -> Option:
+        """Return an option by its name, or by the keyword of the build function.
+
+        Raises:
+            WorkbenchError: If the plant has no such option.
+        """
+        plain = name.replace("-", "_")
+        for option in self.options:
+            if plain in (option.name, option.keyword):
+                return option
+        if not self.options:
+            raise WorkbenchError(
+                f"option of plant {self.name!r} is {name!r}, but it has none; change a parameter"
+                " with NAME=VALUE instead"
+            )
+        check_choice(f"option of plant {self.name!r}", name, [o.name for o in self.options])
+        raise AssertionError("unreachable")
+
+    def parse(self, given: Mapping[str, object], *, in_si: bool = False) -> dict[str, Value]:
+        """Return checked options by name; those that are not given are left out.
+
+        Args:
+            given: Values by name or keyword, text with or without unit.
+            in_si: Whether bare numbers are in SI; by default they are in each option's unit.
+        """
+        parsed: dict[str, Value] = {}
+        for name, value in given.items():
+            option = self.option(name)
+            parsed[option.name] = option.parse(value, in_si=in_si)
+        return parsed
+
+    def model(
+        self,
+        options: Mapping[str, object] | None = None,
+        *,
+        effects: Iterable[str] = (),
+        without: Iterable[str] = (),
+        parameters: Iterable[str] = (),
+        folder: Path | None = None,
+    ) -> Model:
+        """Build the model that options, effects and parameters describe.
+
+        Args:
+            options: Values by name; text with or without unit, bare numbers in the option's unit.
+            effects: Effects to attach, by name or as ``module:object``.
+            without: Effects to leave out.
+            parameters: Changed parameters as ``NAME=VALUE``.
+            folder: Where modules of the user may stand, beside the Python path.
+
+        Raises:
+            WorkbenchError: If something is unknown or a value invalid.
+        """
+        given = self.parse(options or {})
+        keywords = {o.keyword: given.get(o.name, o.default) for o in self.options}
+        with user_code(f"plant {self.name!r}"):
+            model = self.build(**keywords)
+        if not isinstance(model, Model):
+            raise WorkbenchError(
+                f"plant {self.name!r} returned {type(model).__name__}, not a model; return a"
+                " workbench.model.Model"
+            )
+        model = model.with_effect(
+            *(self.effect(model, effect, folder=folder) for effect in effects)
+        ).without(*without)
+        return model.with_parameters(dict(parse_parameter(model, text) for text in parameters))
+
+    def effect(self, model: Model, name: str, *, folder: Path | None = None) -> Effect:
+        """Return an effect that fits a model of this plant.
+
+        Args:
+            model: The model that it will be attached to.
+            name: The plant's own word, a name of the library, or ``module:object``; the object is
+                an effect, or a function without arguments that returns one.
+            folder: Where the user's module may stand.
+
+        Raises:
+            WorkbenchError: If there is no such effect.
+        """
+        if ":" in name:
+            found = load_object("effect", name, folder=folder)
+            if callable(found) and not isinstance(found, Effect):
+                with user_code(f"effect {name!r}"):
+                    found = found()
+            if not isinstance(found, Effect):
+                raise WorkbenchError(
+                    f"effect {name!r} is a {type(found).__name__}; it must be an Effect, or a"
+                    " function that returns one"
+                )
+            return found
+        own = {n.replace("-", "_"): build for n, build in self.effects.items()}
+        if name.replace("-", "_") in own:
+            return own[name.replace("-", "_")]()
+        # The library is large; a plant without further effects does not wait for it.
+        from workbench.physics.library import library
+
+        known = {entry.name: entry.effect for entry in library(model)}
+        check_choice("effect", name, [*known, *self.effects])
+        return known[name]
+
+    def controlled_outputs(self, model: Model) -> tuple[str, ...]:
+        """Return the outputs that a controller makes follow a reference."""
+        return self.controlled or tuple(q.name for q in model.outputs[:1])
+
+    def __str__(self) -> str:
+        """Return what may be chosen, one option per line."""
+        lines = [f"{self.name}: {self.summary}".rstrip(": ")]
+        lines += [f"  {option}" for option in self.options] or ["  no options"]
+        if self.effects:
+            lines.append(f"  effects of its own: {', '.join(self.effects)}")
+        return "\n".join(lines)
+
+
+def parse_parameter(model: Model, text: str) -> tuple[str, float]:
+    """Return name and value, in SI, of a parameter written as ``NAME=VALUE``.
+
+    Raises:
+        WorkbenchError: If there is no value, no such parameter, or another unit.
+    """
+    name, sign, value = (part.strip() for part in text.partition("="))
+    if not sign:
+        raise WorkbenchError(f"parameter {text!r} has no value; write it as NAME=VALUE")
+    check_choice("parameter", name, [q.name for q in model.parameters])
+    unit = model.parameter(name).unit
+    return name, to_si(quantity(f"parameter {name}", value, unit), unit)
+
+
+def si_unit(unit: str) -> str:
+    """Return the SI unit that measures the same as a unit, as this package writes it.
+
+    Example:
+        >>> si_unit("bar"), si_unit("deg"), si_unit("mm/s")
+        ('Pa', 'rad', 'mm/s')
+    """
+    for plain in ("m", "kg", "s", "K", "A", "rad", "N", "Pa", "J", "W", "V", "Hz", "m3", "1"):
+        if same_dimension(plain, unit):
+            return plain
+    return unit
+
+
+def adopt(found: object, reference: str) -> Plant:
+    """Return a plant of the user's own: a function that returns a model, or a model.
+
+    Keyword parameters of the function become options. A name that ends in a unit, ``mass_kg`` or
+    ``supply_bar``, gives the unit; the option is then called ``mass``, ``supply``.
+
+    Raises:
+        WorkbenchError: If it is neither, or a parameter has no default.
+    """
+    if isinstance(found, Model):
+        return Plant(reference, lambda: found, found.description)
+    if not callable(found):
+        raise WorkbenchError(
+            f"plant {reference!r} is a {type(found).__name__}; it must be a model, a Plant, or a"
+            " function that returns a model"
+        )
+    try:
+        parameters = inspect.signature(found).parameters.values()
+    except (TypeError, ValueError):
+        parameters = {}.values()
+    try:
+        hints = get_type_hints(found)
+    except (NameError, TypeError):
+        hints = {}
+    options = tuple(
+        _adopted(reference, parameter, hints.get(parameter.name))
+        for parameter in parameters
+        if parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+    )
+    summary = (inspect.getdoc(found) or "").split("\n")[0].rstrip(".")
+    return Plant(reference, found, summary, options)
+
+
+def _adopted(reference: str, parameter: inspect.Parameter, hint: Any) -> Option:
+    default = parameter.default
+    if default is parameter.empty or not isinstance(default, (bool, int, float, str)):
+        raise WorkbenchError(
+            f"parameter {parameter.name!r} of plant {reference!r} has no default that is a number,"
+            " a word or a switch; give it one, such as mass_kg=3.0"
+        )
+    choices = get_args(hint) if get_origin(hint) is Literal else ()
+    name, _, suffix = parameter.name.rpartition("_")
+    if isinstance(default, (bool, str)) or not name or not _is_unit(suffix):
+        name, suffix = parameter.name, ""
+    # Only a parameter that is said to be an integer refuses fractions.
+    if isinstance(default, int) and not isinstance(default, bool) and (suffix or hint is not int):
+        default = float(default)
+    return Option(name, default, suffix, choices=choices, keyword=parameter.name)
+
+
+def _is_unit(text: str) -> bool:
+    # "level_min" is a smallest level, not one in minutes.
+    if not text or text in ("min", "t", "h", "l", "count", "turn", "rev"):
+        return False
+    try:
+        parse_unit(text)
+    except WorkbenchError:
+        return False
+    return not text.isdigit()
