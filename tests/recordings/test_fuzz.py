@@ -10,7 +10,13 @@ import pytest
 
 from tests.recordings.damage import damaged
 from workbench.errors import WorkbenchError
-from workbench.recordings import check_recording, read_case, read_mapping, read_recording
+from workbench.recordings import (
+    check_recording,
+    read_case,
+    read_mapping,
+    read_recording,
+    write_recording,
+)
 from workbench.recordings.example import example_recording
 
 SEEDS = range(60)
@@ -40,7 +46,7 @@ def packed(folder: Path) -> bytes:
 
 
 def own(folder: Path) -> bytes:
-    return TRIAL.to_csv(folder / "own.csv").read_bytes()
+    return write_recording(TRIAL, folder / "own.csv").read_bytes()
 
 
 def mat_5(folder: Path) -> bytes:

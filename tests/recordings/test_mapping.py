@@ -130,3 +130,16 @@ def test_mapping_names_a_column_that_is_not_there(trial: Path) -> None:
 def test_missing_mapping_file(tmp_path: Path) -> None:
     with pytest.raises(WorkbenchError, match="cannot be read"):
         read_mapping(tmp_path / "none.toml")
+
+
+def test_part_of_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "trial.csv"
+    path.write_text("time_s,angle_rad\n" + "".join(f"{k / 10},{k}\n" for k in range(50)))
+    recording = read_recording(path, mapping={"rows": [10, 20]})
+    assert recording["angle"].tolist() == list(range(10, 20))
+    assert "10 of 50 rows taken" in recording.notes[-1]
+    recording = read_recording(path, mapping={"times_s": [1.0, 1.5]})
+    assert recording["angle"].tolist() == list(range(10, 16))
+    for bad in ([5, 5], [0.5, 3], "0:5", [1], [-1, 4], [60, 70]):
+        with pytest.raises(WorkbenchError, match="rows"):
+            read_recording(path, mapping={"rows": bad})

@@ -61,23 +61,23 @@ def test_round_trip_of_a_file_that_was_read(tmp_path: Path) -> None:
         + "".join(f"{2 * k};{k % 9},5;{k / 7:.3f}\n".replace(".", ",") for k in range(40))
     )
     recording = read_recording(path)
-    assert_equal(read_recording(recording.to_csv(tmp_path / "b.csv")), recording)
+    assert_equal(read_recording(write_recording(recording, tmp_path / "b.csv")), recording)
 
 
 def test_nothing_is_left_of_a_failed_write(tmp_path: Path) -> None:
     recording = example_recording(seconds=2.0)
     with pytest.raises(WorkbenchError, match="cannot be written"):
-        recording.to_csv(tmp_path / "none" / "a.csv")
+        write_recording(recording, tmp_path / "none" / "a.csv")
     target = tmp_path / "a.csv"
     target.write_text("earlier")
     with pytest.raises(WorkbenchError, match="metadata"):
-        replace(recording, metadata={"x": float("nan")}).to_csv(target)
+        write_recording(replace(recording, metadata={"x": float("nan")}), target)
     assert target.read_text() == "earlier"
     assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
 
 
 def test_description_of_other_columns_is_refused(tmp_path: Path) -> None:
-    path = example_recording(seconds=2.0).to_csv(tmp_path / "a.csv")
+    path = write_recording(example_recording(seconds=2.0), tmp_path / "a.csv")
     path.write_text(
         path.read_text().replace("angle_rad", "theta_rad", 1).replace(",angle_rad", ",theta", 1)
     )

@@ -3,15 +3,9 @@
 from workbench.recordings.alignment import align, clock_shift
 from workbench.recordings.case import Case, read_case
 from workbench.recordings.checks import Check, CheckReport, check_recording
-from workbench.recordings.mapping import (
-    ColumnMapping,
-    ColumnRule,
-    MappedColumn,
-    MappingRules,
-    read_mapping,
-)
+from workbench.recordings.mapping import ColumnRule, MappingRules, read_mapping
 from workbench.recordings.read import Table, read_recording, read_table
-from workbench.recordings.recording import Recording, Signal, Span
+from workbench.recordings.recording import ColumnMapping, MappedColumn, Recording, Signal, Span
 from workbench.recordings.resampling import decimate, resample
 from workbench.recordings.saving import write_recording
 

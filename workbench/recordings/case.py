@@ -8,15 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import WorkbenchError, check_choice, check_range
-from workbench.recordings.read import (
-    SUFFIXES,
-    MappingLike,
-    read_recording,
-    read_settings,
-    suffix_of,
-)
+from workbench.recordings.aligned_table import aligned_table
+from workbench.recordings.formats.format import known_suffixes, suffix_of
+from workbench.recordings.read import MappingLike, mapping_beside, read_recording, read_settings
 from workbench.recordings.recording import Recording, Scalar
-from workbench.recordings.tables import aligned_table
 
 ROLES = ("identify_open", "identify_closed", "validate_open", "validate_closed")
 _RANGES = {
@@ -120,7 +115,7 @@ def _files(folder: Path) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         role = path.name.split(".", 1)[0]
-        if not path.is_file() or suffix_of(path) not in SUFFIXES:
+        if not path.is_file() or suffix_of(path) not in known_suffixes():
             continue
         if role.startswith(("identify", "validate")):
             if role in found:
@@ -154,7 +149,7 @@ def read_case(
 
     The files are called after their role (``identify_open.csv``, ``validate_closed.csv.gz``, ...).
     Pressures are gauge pressures. A file ``mapping.toml`` in the folder is used if no mapping is
-    given.
+    given; ``identify_open.mapping.toml`` beside a file stands before both.
 
     Args:
         folder: The folder.
@@ -189,7 +184,11 @@ def read_case(
     recordings = {}
     for role, file in _files(path).items():
         recording = read_recording(
-            file, mapping=mapping, signals=signals, max_rows=max_rows, name=f"{path.name}/{role}"
+            file,
+            mapping=mapping_beside(file) or mapping,
+            signals=signals,
+            max_rows=max_rows,
+            name=f"{path.name}/{role}",
         )
         recordings[role] = _gauge(replace(recording, metadata={**recording.metadata, **flat}))
     standard = [r for r in ROLES if r in recordings]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit
-from workbench.recordings.kinds import kind_of
+from workbench.recordings.quantity_kinds import kind_of
 
 # How loggers spell the units that `workbench.model.units` knows by their symbol.
 _SPELLINGS = {

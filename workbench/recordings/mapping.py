@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ from typing import Any
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model.units import parse_unit
 from workbench.recordings.recording import Role
-from workbench.recordings.tables import aligned_table
 
 
 @dataclass(frozen=True)
@@ -73,6 +72,10 @@ class MappingRules:
         columns: Names of the columns, for a file without a header.
         sample_time_s: Step in s, for a file without a time column.
         metadata: Settings to add to the recording, in units of their names.
+        format: Name of the format, or ``module:object`` of the user's own; ``""`` to recognise it.
+        rows: First row taken and first row left out after it, counted from 0; None for all.
+        times_s: First and last instant taken, in s; None for all.
+        folder: Where a module of the user's own may stand.
     """
 
     signals: tuple[ColumnRule, ...] = ()
@@ -80,76 +83,10 @@ class MappingRules:
     columns: tuple[str, ...] = ()
     sample_time_s: float | None = None
     metadata: Mapping[str, str | int | float | bool] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class MappedColumn:
-    """One line of the printed mapping.
-
-    Args:
-        column: Header in the file.
-        signal: Name of the signal; ``time`` for the time base.
-        unit: Unit of the column; ``""`` if it was taken as SI because none was stated.
-        si_unit: Unit of the signal.
-        how: ``mapping file``, ``name``, ``unit``, ``sample time`` ...
-        sign: Factor 1 or -1.
-        factor: Gain, in ``unit`` per unit of the column.
-        offset: In ``unit``.
-        note: What else was done.
-    """
-
-    column: str
-    signal: str
-    unit: str
-    si_unit: str
-    how: str
-    sign: float = 1.0
-    factor: float = 1.0
-    offset: float = 0.0
-    note: str = ""
-
-    @property
-    def stated(self) -> bool:
-        """Whether somebody said what the column is: a mapping file, a model or a unit."""
-        return bool(self.unit) or self.how != "header"
-
-
-@dataclass(frozen=True)
-class ColumnMapping:
-    """How the columns of a file became the signals of a recording.
-
-    Args:
-        rows: One per signal, the time first.
-        unused: Headers of columns that were left out, with the reason.
-    """
-
-    rows: tuple[MappedColumn, ...]
-    unused: tuple[tuple[str, str], ...] = ()
-
-    def __iter__(self) -> Iterator[MappedColumn]:
-        return iter(self.rows)
-
-    def __str__(self) -> str:
-        def formula(r: MappedColumn) -> str:
-            gain = r.sign * r.factor
-            text = "" if gain == 1 else ("-" if gain == -1 else f"{gain:g} ")
-            return f"{text}column" + (f" {r.offset:+g}" if r.offset else "")
-
-        body = [
-            (
-                r.column,
-                r.signal,
-                r.unit or "not stated",
-                r.si_unit or "taken as SI",
-                formula(r),
-                r.how,
-                r.note,
-            )
-            for r in self.rows
-        ]
-        body += [(column, "-", "", "", "", "left out", why) for column, why in self.unused]
-        titles = ("column", "signal", "unit", "SI unit", "value", "by", "note")
-        return aligned_table(titles, body)
+    format: str = ""
+    rows: tuple[int, int] | None = None
+    times_s: tuple[float, float] | None = None
+    folder: Path | None = None
 
 
 def _rule(signal: str, entry: object, path: str) -> ColumnRule:
@@ -166,14 +103,36 @@ def _rule(signal: str, entry: object, path: str) -> ColumnRule:
     return ColumnRule(signal, **{"column": signal, **entry})
 
 
-def rules_from(content: Mapping[str, Any], *, path: str = "the mapping") -> MappingRules:
+def _range(content: Mapping[str, Any], key: str, path: str) -> tuple[float, float] | None:
+    """Return two increasing numbers of a mapping file."""
+    value = content.get(key)
+    if value is None:
+        return None
+    if (
+        not isinstance(value, Sequence)
+        or isinstance(value, str)
+        or len(value) != 2
+        or any(isinstance(v, bool) or not isinstance(v, (int, float)) for v in value)
+        or not value[0] < value[1]
+    ):
+        raise WorkbenchError(
+            f"{key} of {path} is {value!r}; write first and last, the first smaller: {key} = [0, 5]"
+        )
+    return value[0], value[1]
+
+
+def rules_from(
+    content: Mapping[str, Any], *, path: str = "the mapping", folder: Path | None = None
+) -> MappingRules:
     """Build the rules from the content of a mapping file.
 
     ``{"angle": "q1"}`` is short for ``{"signals": {"angle": {"column": "q1"}}}``.
 
     Args:
-        content: Tables ``signals`` and ``time``, and ``columns``, ``sample_time_s``, ``metadata``.
+        content: Tables ``signals``, ``time`` and ``metadata``, and ``columns``,
+            ``sample_time_s``, ``format``, ``rows``, ``times_s``.
         path: Name of the file, for messages.
+        folder: Where the module of a format may stand.
 
     Raises:
         WorkbenchError: If a key is unknown or an entry is not what it must be.
@@ -182,7 +141,7 @@ def rules_from(content: Mapping[str, Any], *, path: str = "the mapping") -> Mapp
         >>> rules_from({"signals": {"angle": {"column": "q1", "unit": "deg"}}}).signals[0].column
         'q1'
     """
-    known = ("signals", "time", "columns", "sample_time_s", "metadata")
+    known = tuple(f.name for f in fields(MappingRules) if f.name != "folder")
     if (
         content
         and not set(content) & set(known)
@@ -214,12 +173,22 @@ def rules_from(content: Mapping[str, Any], *, path: str = "the mapping") -> Mapp
     bad = [k for k, v in metadata.items() if not isinstance(v, (str, int, float, bool))]
     if bad:
         raise WorkbenchError(f"metadata {bad[0]!r} of {path} must be a text or a number")
+    rows = _range(content, "rows", path)
+    if rows is not None and (rows[0] < 0 or any(int(r) != r for r in rows)):
+        raise WorkbenchError(f"rows of {path} is {list(rows)}; write whole numbers from 0 on")
+    format_ = content.get("format", "")
+    if not isinstance(format_, str):
+        raise WorkbenchError(f"format of {path} is {format_!r}; write its name")
     return MappingRules(
         tuple(_rule(str(name), entry, path) for name, entry in signals.items()),
         None if time is None else _rule("time", time, path),
         tuple(columns),
         step,
         dict(metadata),
+        format_,
+        None if rows is None else (int(rows[0]), int(rows[1])),
+        _range(content, "times_s", path),
+        folder,
     )
 
 
@@ -229,6 +198,7 @@ def read_mapping(path: str | Path) -> MappingRules:
     .. code-block:: toml
 
         columns = ["time_ms", "laser_V", "laser_mm", "pressure_bar"]  # file without header
+        rows = [0, 5000]       # the first 5000 rows, or: times_s = [1.0, 20.0]
 
         [time]
         column = "time_ms"
@@ -261,4 +231,4 @@ def read_mapping(path: str | Path) -> MappingRules:
         ) from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise WorkbenchError(f"mapping file {file} is not valid TOML: {error}") from None
-    return rules_from(content, path=file.name)
+    return rules_from(content, path=file.name, folder=file.parent)

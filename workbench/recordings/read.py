@@ -12,21 +12,20 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import WorkbenchError, check_range
-from workbench.recordings.assign import assign, find_time, header_list
+from workbench.recordings.aligned_table import aligned_table
+from workbench.recordings.column_assignment import assign, find_time, header_list
+from workbench.recordings.column_matching import Requested, requested_signals
 from workbench.recordings.columns import Columns
-from workbench.recordings.csv_file import read_csv
-from workbench.recordings.json_file import read_json
-from workbench.recordings.mapping import ColumnMapping, MappingRules, read_mapping, rules_from
-from workbench.recordings.mat_file import read_mat
-from workbench.recordings.parquet_file import read_parquet
-from workbench.recordings.recording import Recording, Signal, Vector
+from workbench.recordings.formats.format import (
+    FORMATS,
+    MAX_ROWS,
+    ReadOptions,
+    format_of,
+)
+from workbench.recordings.mapping import MappingRules, read_mapping, rules_from
+from workbench.recordings.recording import ColumnMapping, Recording, Signal, Vector
 from workbench.recordings.saving import restore_recording
-from workbench.recordings.tables import aligned_table
-from workbench.recordings.wanted import Wanted, wanted_signals
-
-TEXT_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
-SUFFIXES = (*TEXT_SUFFIXES, ".mat", ".parquet", ".pq", ".json", ".jsonl", ".ndjson")
-MAX_ROWS = 2_000_000
+from workbench.registry import user_code
 
 MappingLike = str | Path | Mapping[str, Any] | MappingRules | None
 
@@ -119,22 +118,6 @@ def rules_of(
     return rules
 
 
-def suffix_of(path: Path) -> str:
-    """Return the ending that tells the format, ``.gz`` removed.
-
-    Args:
-        path: The file.
-
-    Example:
-        >>> suffix_of(Path("trial.csv.gz"))
-        '.csv'
-    """
-    endings = [s.lower() for s in path.suffixes]
-    if endings and endings[-1] == ".gz":
-        endings.pop()
-    return endings[-1] if endings else ""
-
-
 def _require_file(path: Path) -> None:
     if path.is_dir():
         raise WorkbenchError(f"{path} is a folder; read_case reads a folder of recordings")
@@ -148,7 +131,7 @@ def _require_file(path: Path) -> None:
 
 
 def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_ROWS) -> Columns:
-    """Read a file as columns, by its ending.
+    """Read a file as columns, in the format that the rules name or its ending tells.
 
     Args:
         path: The file.
@@ -156,7 +139,7 @@ def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_R
         max_rows: Largest number of rows kept.
 
     Raises:
-        WorkbenchError: If the ending is unknown or the file cannot be read.
+        WorkbenchError: If the format is unknown or the file cannot be read.
 
     Example:
         >>> from workbench.data_folder import shipped_data
@@ -166,24 +149,54 @@ def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_R
     """
     file = Path(path)
     _require_file(file)
-    suffix = suffix_of(file)
-    if suffix in TEXT_SUFFIXES:
-        return read_csv(
-            file,
-            columns=rules.columns,
-            max_rows=max_rows,
-            find_time=lambda empty: find_time(header_list(empty), rules),
-        )
-    if suffix == ".mat":
-        return read_mat(file)
-    if suffix in (".parquet", ".pq"):
-        return read_parquet(file, max_rows=max_rows)
-    if suffix in (".json", ".jsonl", ".ndjson"):
-        return read_json(file)
-    raise WorkbenchError(
-        f"{file.name} ends in {suffix or 'nothing'!r}, which is no known format; recordings are "
-        f"{', '.join(SUFFIXES)} (text also as .gz)"
+    try:
+        kind = FORMATS.get(rules.format, folder=rules.folder) if rules.format else format_of(file)
+    except OSError as error:
+        raise WorkbenchError(f"{file} cannot be read: {error.strerror or error}") from None
+    options = ReadOptions(
+        rules.columns, max_rows, lambda empty: find_time(header_list(empty), rules)
     )
+    with user_code(f"reading {file.name} as {kind.name}"):
+        found = kind.columns(file, options)
+    if not isinstance(found, Columns):
+        raise WorkbenchError(
+            f"recording format {kind.name!r} returned a {type(found).__name__}; it must be Columns"
+        )
+    return found
+
+
+def mapping_beside(path: str | Path) -> Path | None:
+    """Return the mapping of one file, ``trial.mapping.toml`` beside ``trial.csv``, if there is one.
+
+    Example:
+        >>> mapping_beside("nowhere/trial.csv") is None
+        True
+    """
+    file = Path(path)
+    own = file.with_name(f"{_title(file)}.mapping.toml")
+    return own if own.is_file() else None
+
+
+def _title(file: Path) -> str:
+    return file.name.removesuffix(".gz").rsplit(".", 1)[0]
+
+
+def _within(recording: Recording, rules: MappingRules) -> Recording:
+    """Keep the rows and instants that a mapping names."""
+    kept = recording
+    if rules.rows is not None:
+        first, stop = rules.rows
+        if first + 2 > len(kept):
+            raise WorkbenchError(
+                f"rows of the mapping are [{first}, {stop}] but {recording.source} has {len(kept)};"
+                " name rows inside"
+            )
+        kept = kept.take(slice(first, stop))
+    if rules.times_s is not None:
+        kept = kept.between(*rules.times_s)
+    if kept is recording:
+        return recording
+    return kept.noted(f"{len(kept)} of {len(recording)} rows taken, as the mapping says")
 
 
 def _named(columns: Columns, path: Path, rules: MappingRules) -> None:
@@ -213,7 +226,8 @@ def read_recording(
 
     Args:
         path: The file; text files may be compressed (``.csv.gz``).
-        mapping: TOML file (see `read_mapping`) or its content; None to map by name and unit.
+        mapping: TOML file (see `read_mapping`) or its content; None takes `mapping_beside` the
+            file, else maps by name and unit.
         signals: Names wanted, a mapping from name to unit, or a model whose inputs and outputs are
             wanted. None to take every column of numbers.
         columns: Names of the columns, for a file without header.
@@ -240,11 +254,13 @@ def read_recording(
         angle_deg  angle   deg   rad      column  header
     """
     file = Path(path)
+    if mapping is None:
+        mapping = mapping_beside(file)
     rules = rules_of(mapping, columns, sample_time_s)
-    wanted = wanted_signals(signals)
+    wanted = requested_signals(signals)
     check_range("max_rows", max_rows, 2, 1e9)
     found = read_columns(file, rules, max_rows=int(max_rows))
-    title = name or file.name.removesuffix(".gz").rsplit(".", 1)[0]
+    title = name or _title(file)
     if found.saved is not None and mapping is None and not columns:
         return _as_wanted(restore_recording(found, found.saved), wanted)
     _named(found, file, rules)
@@ -271,14 +287,13 @@ def read_recording(
         (),
         assigned.mapping,
     )
-    return (
-        recording
-        if rows.all()
-        else recording.take(rows).noted(f"{np.count_nonzero(~rows)} row(s) without a time left out")
-    )
+    if not rows.all():
+        lost = np.count_nonzero(~rows)
+        recording = recording.take(rows).noted(f"{lost} row(s) without a time left out")
+    return _within(recording, rules)
 
 
-def _as_wanted(recording: Recording, wanted: Sequence[Wanted]) -> Recording:
+def _as_wanted(recording: Recording, wanted: Sequence[Requested]) -> Recording:
     """Check that a restored recording has what is asked for, and put it first."""
     if not wanted:
         return recording
@@ -322,14 +337,14 @@ def read_table(
     rules = rules_of(mapping, columns, None)
     found = read_columns(file, rules)
     _named(found, file, rules)
-    assigned = assign(found, rules, wanted_signals(signals))
+    assigned = assign(found, rules, requested_signals(signals))
     if not assigned.signals:
         raise WorkbenchError(f"{file.name} holds no columns of numbers")
     signals_ = assigned.signals
     if assigned.time is not None:
         signals_ = (Signal("time", assigned.time, "s"), *signals_)
     return Table(
-        name or file.name.removesuffix(".gz").rsplit(".", 1)[0],
+        name or _title(file),
         signals_,
         file.name,
         assigned.notes,

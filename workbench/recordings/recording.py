@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Literal, overload
+from typing import Literal, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.units import from_si, same_dimension
-from workbench.recordings.kinds import kind_of
-from workbench.recordings.tables import aligned_table
-
-if TYPE_CHECKING:
-    from workbench.recordings.mapping import ColumnMapping
+from workbench.recordings.aligned_table import aligned_table
+from workbench.recordings.quantity_kinds import kind_of
 
 Vector = npt.NDArray[np.float64]
 Role = Literal["command", "reference", "measurement"]
@@ -70,7 +66,7 @@ class Signal:
             object.__setattr__(self, "display_unit", kind.display_unit)
 
     @property
-    def held(self) -> bool:
+    def zero_order_hold(self) -> bool:
         """Whether the signal keeps its value until the next sample."""
         return self.role in ("command", "reference")
 
@@ -99,6 +95,76 @@ class Span:
     start: float
     stop: float
     reason: str
+
+
+@dataclass(frozen=True)
+class MappedColumn:
+    """One line of the printed mapping.
+
+    Args:
+        column: Header in the file.
+        signal: Name of the signal; ``time`` for the time base.
+        unit: Unit of the column; ``""`` if it was taken as SI because none was stated.
+        si_unit: Unit of the signal.
+        how: ``mapping file``, ``name``, ``unit``, ``sample time`` ...
+        sign: Factor 1 or -1.
+        factor: Gain, in ``unit`` per unit of the column.
+        offset: In ``unit``.
+        note: What else was done.
+    """
+
+    column: str
+    signal: str
+    unit: str
+    si_unit: str
+    how: str
+    sign: float = 1.0
+    factor: float = 1.0
+    offset: float = 0.0
+    note: str = ""
+
+    @property
+    def stated(self) -> bool:
+        """Whether somebody said what the column is: a mapping file, a model or a unit."""
+        return bool(self.unit) or self.how != "header"
+
+
+@dataclass(frozen=True)
+class ColumnMapping:
+    """How the columns of a file became the signals of a recording.
+
+    Args:
+        rows: One per signal, the time first.
+        unused: Headers of columns that were left out, with the reason.
+    """
+
+    rows: tuple[MappedColumn, ...]
+    unused: tuple[tuple[str, str], ...] = ()
+
+    def __iter__(self) -> Iterator[MappedColumn]:
+        return iter(self.rows)
+
+    def __str__(self) -> str:
+        def formula(r: MappedColumn) -> str:
+            gain = r.sign * r.factor
+            text = "" if gain == 1 else ("-" if gain == -1 else f"{gain:g} ")
+            return f"{text}column" + (f" {r.offset:+g}" if r.offset else "")
+
+        body = [
+            (
+                r.column,
+                r.signal,
+                r.unit or "not stated",
+                r.si_unit or "taken as SI",
+                formula(r),
+                r.how,
+                r.note,
+            )
+            for r in self.rows
+        ]
+        body += [(column, "-", "", "", "", "left out", why) for column, why in self.unused]
+        titles = ("column", "signal", "unit", "SI unit", "value", "by", "note")
+        return aligned_table(titles, body)
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,39 +388,6 @@ class Recording:
             notes: What was done, one sentence each.
         """
         return replace(self, notes=(*self.notes, *notes))
-
-    def resample(
-        self, *, rate_Hz: float | None = None, times: npt.ArrayLike | None = None
-    ) -> Recording:
-        """Return the recording on another time base, see `workbench.recordings.resample`.
-
-        Args:
-            rate_Hz: Rate of a uniform time base.
-            times: Instants wanted, shape (m,), in s.
-        """
-        from workbench.recordings.resampling import resample
-
-        return resample(self, rate_Hz=rate_Hz, times=times)
-
-    def decimate(self, factor: int) -> Recording:
-        """Return every ``factor``-th sample, see `workbench.recordings.decimate`.
-
-        Args:
-            factor: Number of samples that become one.
-        """
-        from workbench.recordings.resampling import decimate
-
-        return decimate(self, factor)
-
-    def to_csv(self, path: str | Path) -> Path:
-        """Write the recording without loss, see `workbench.recordings.write_recording`.
-
-        Args:
-            path: File to write; a name ending in ``.gz`` is compressed.
-        """
-        from workbench.recordings.saving import write_recording
-
-        return write_recording(self, path)
 
     def __str__(self) -> str:
         rate = 1 / self.sample_time if self.sample_time else float("nan")

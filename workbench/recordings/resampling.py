@@ -61,7 +61,7 @@ def _interpolated(signal: Signal, time: Vector, times: Vector) -> Vector:
     good = np.isfinite(signal.values)
     if not good.any():
         return np.full(len(times), np.nan)
-    if signal.held:
+    if signal.zero_order_hold:
         # The small allowance keeps a sample that rounding moved just behind its own instant.
         slack = 1e-9 * max(1.0, float(np.max(np.abs(time))))
         index = np.searchsorted(time[good], times + slack, side="right") - 1
@@ -120,7 +120,7 @@ def resample(
     signals = []
     for signal in recording.signals:
         source, time = signal, recording.time
-        if not signal.held and new > 1.2 * old and np.isfinite(signal.values).any():
+        if not signal.zero_order_hold and new > 1.2 * old and np.isfinite(signal.values).any():
             # The filter needs a uniform base; on it the old samples are met closely enough.
             n_old = round(recording.duration / old) + 1
             time = np.linspace(first, last, n_old)

@@ -15,9 +15,8 @@ import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns, without_giants
-from workbench.recordings.csv_layout import SAVED_MARK
-from workbench.recordings.mapping import ColumnMapping, MappedColumn
-from workbench.recordings.recording import Recording, Signal, Span
+from workbench.recordings.formats.text_layout import SAVED_MARK
+from workbench.recordings.recording import ColumnMapping, MappedColumn, Recording, Signal, Span
 
 _VERSION = 1
 

@@ -95,7 +95,7 @@ def _picture(report: CheckReport) -> Picture:
             seen.time,
             names,
             [signal.displayed() for signal in seen.signals],
-            [signal.held for signal in seen.signals],
+            [signal.zero_order_hold for signal in seen.signals],
             spans,
         ),
         "Every signal of the recording as corrected by the checks; spans that are not to be used"

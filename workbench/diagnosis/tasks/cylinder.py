@@ -13,7 +13,7 @@ from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.refit_report import RefitTask
 from workbench.model import Model
 from workbench.plants.cylinder import cylinder
-from workbench.recordings import Signal, read_recording
+from workbench.recordings import Signal, read_recording, resample
 
 RATE_HZ = 50.0
 SMOOTHED = 11
@@ -57,7 +57,7 @@ def _observed(model: Model, path: Path) -> Observed:
     from scipy.signal import savgol_filter
 
     mapping = shipped_folder() / "mappings" / "seal-friction.toml"
-    recording = read_recording(path, mapping=mapping).resample(rate_Hz=RATE_HZ)
+    recording = resample(read_recording(path, mapping=mapping), rate_Hz=RATE_HZ)
     speed = savgol_filter(recording["position"], SMOOTHED, 2, deriv=1, delta=1 / RATE_HZ)
     signal = Signal("speed", np.asarray(speed), "m/s", role="command")
     return observe(model, recording.with_signal(signal))

@@ -15,7 +15,7 @@ from workbench.diagnosis.estimation.refit_report import RefitTask
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.plants.servo_pendulum import servo_pendulum
-from workbench.recordings import Signal, read_recording
+from workbench.recordings import Signal, read_recording, resample
 
 RATE_HZ = 200.0
 MODEL_ERROR = 0.03
@@ -76,7 +76,7 @@ def _observed(model: Model, path: Path) -> Observed:
     setting, motion = recording.metadata.get("kp"), recording.metadata.get("trajectory")
     if setting is None or motion is None:
         raise WorkbenchError(f"{path.name} does not say kp and trajectory; is it of the data set?")
-    recording = recording.resample(rate_Hz=RATE_HZ)
+    recording = resample(recording, rate_Hz=RATE_HZ)
     gain = Signal("gain", np.full(len(recording), float(setting)), "1", role="command")
     named = replace(recording, name=f"{motion}, setting {setting}")
     observed = observe(model, named.with_signal(gain))

@@ -54,7 +54,7 @@ def filled(recording: Recording, name: str, bad: npt.NDArray[np.bool_], reason: 
     good = ~bad & np.isfinite(signal.values)
     values = signal.values.copy()
     if good.any():
-        if signal.held:
+        if signal.zero_order_hold:
             index = np.searchsorted(np.flatnonzero(good), np.flatnonzero(bad), side="right") - 1
             values[bad] = signal.values[good][np.clip(index, 0, None)]
         else:
@@ -155,7 +155,7 @@ def check_gaps(recording: Recording, expected: Expected) -> Outcome:
         share = float(np.mean(bad))
         if not share:
             continue
-        limit = 0.01 if signal.held else MAX_EXCLUDED
+        limit = 0.01 if signal.zero_order_hold else MAX_EXCLUDED
         if share > limit and signal.name in expected.required:
             return unchanged(
                 recording,

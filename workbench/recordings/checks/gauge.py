@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.recordings.assign import AMBIENT_PA
 from workbench.recordings.checks.check import Outcome, corrected, unchanged
 from workbench.recordings.checks.expected import Expected
+from workbench.recordings.column_assignment import AMBIENT_PA
 from workbench.recordings.recording import Recording
 
 _NAME = "gauge pressure"

@@ -109,7 +109,7 @@ def rest_mask(recording: Recording, window: int) -> npt.NDArray[np.bool_]:
     rest = np.ones(count, dtype=bool)
     for signal in recording.signals:
         blocks = signal.values[: count * window].reshape(count, window)
-        if signal.held:
+        if signal.zero_order_hold:
             rest &= np.ptp(blocks, axis=1) == 0
             continue
         scatter = white_rms(signal.values) + recorded_quantum(recording, signal.name) / sqrt(12)

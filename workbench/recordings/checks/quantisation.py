@@ -99,7 +99,7 @@ def check_quantisation(recording: Recording, expected: Expected) -> Outcome:
             notes.append(f"{signal.name} {shown:.4g} {signal.display_unit}".strip())
         finite = signal.values[np.isfinite(signal.values)]
         levels = round(float(np.ptp(finite)) / step) + 1 if step else 0
-        if step and levels < 20 and not signal.held and signal.name in expected.required:
+        if step and levels < 20 and not signal.zero_order_hold and signal.name in expected.required:
             problems.append(
                 f"{signal.name} covers {levels} converter steps only; amplify it or move further"
             )

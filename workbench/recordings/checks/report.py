@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from workbench.errors import WorkbenchError, check_choice
+from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.checks.check import Check, Outcome, Result
 from workbench.recordings.checks.clipping import check_clipping
 from workbench.recordings.checks.constant import check_constant
@@ -24,7 +25,6 @@ from workbench.recordings.checks.time_base import check_time_base
 from workbench.recordings.checks.uniformity import check_uniformity
 from workbench.recordings.checks.units import check_units
 from workbench.recordings.recording import Recording
-from workbench.recordings.tables import aligned_table
 
 CheckFunction = Callable[[Recording, Expected], Outcome]
 

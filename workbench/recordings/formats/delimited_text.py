@@ -1,9 +1,12 @@
-"""Read tables of numbers from text files, plain or compressed, of any length."""
+"""Tables of numbers in text files: any separator and encoding, plain or compressed, any length."""
 
 from __future__ import annotations
 
+import codecs
+import gzip
 import math
-from collections.abc import Callable, Iterator, Sequence
+import zlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,8 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
-from workbench.recordings.columns import Columns
-from workbench.recordings.csv_layout import (
+from workbench.recordings.columns import Columns, Thinner
+from workbench.recordings.formats.format import Format, ReadOptions
+from workbench.recordings.formats.text_layout import (
     Layout,
     detect_layout,
     is_comment,
@@ -21,12 +25,126 @@ from workbench.recordings.csv_layout import (
     split_line,
 )
 from workbench.recordings.recording import Scalar
-from workbench.recordings.text_lines import line_blocks
-from workbench.recordings.thinning import Thinner
 
 _LOOK_AHEAD = 400
+_PIECE = 1 << 16
+_BLOCK = 1 << 22
+_MAX_LINE = 1 << 20
+_MARKS = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "utf-8-sig"))
 
-FindTime = Callable[[Columns], "int | None"]
+
+def guess_encoding(start: bytes, source: str) -> str:
+    r"""Guess the encoding of a text from its first bytes.
+
+    Args:
+        start: The first bytes.
+        source: Name of the file, for messages.
+
+    Returns:
+        Name of a codec; ``latin-1`` for what is not UTF-8, because it reads any byte.
+
+    Raises:
+        WorkbenchError: If it is no text.
+
+    Example:
+        >>> guess_encoding(b"time_s,angle_deg", "a.csv"), guess_encoding(b"winkel [\xb0]    ", "a")
+        ('utf-8', 'latin-1')
+    """
+    for mark, name in _MARKS:
+        if start.startswith(mark):
+            return name
+    if b"\x00" in start:
+        raise WorkbenchError(
+            f"{source} is not a text file; recordings are CSV, MATLAB .mat, Parquet or JSON"
+        )
+    try:
+        # The last bytes may be half a character.
+        start[: max(0, len(start) - 4)].decode("utf-8")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8"
+
+
+def _pieces(path: Path, cut: list[str]) -> Iterator[bytes]:
+    """Yield the bytes of a file, unpacked; stop where a compressed file breaks off."""
+    with path.open("rb") as plain:
+        packed = plain.read(2) == b"\x1f\x8b"
+        plain.seek(0)
+        if not packed:
+            while piece := plain.read(_PIECE):
+                yield piece
+            return
+        with gzip.open(plain, "rb") as unpacked:
+            while True:
+                try:
+                    piece = unpacked.read1(_PIECE)
+                except (EOFError, OSError, zlib.error):
+                    cut.append(
+                        "the compressed file is damaged from some point on; what came before was "
+                        "read"
+                    )
+                    return
+                if not piece:
+                    return
+                yield piece
+
+
+def line_blocks(path: Path, cut: list[str]) -> Iterator[list[str]]:
+    r"""Yield the lines of a text file in blocks of about 4 MB.
+
+    Args:
+        path: The file, plain or gzip.
+        cut: Gets a note if a compressed file breaks off.
+
+    Yields:
+        Lines without their ends.
+
+    Raises:
+        WorkbenchError: If the file is no text or has a line of more than a million characters.
+        OSError: If the file cannot be opened.
+
+    Example:
+        >>> import tempfile
+        >>> file = Path(tempfile.mkdtemp()) / "a.csv"
+        >>> _ = file.write_bytes(b"a,b\r\n1,2\r\n")
+        >>> list(line_blocks(file, []))
+        [['a,b', '1,2']]
+    """
+    decoder: codecs.IncrementalDecoder | None = None
+    waiting: list[str] = []
+    size, rest = 0, ""
+    for piece in _pieces(path, cut):
+        if decoder is None:
+            decoder = codecs.getincrementaldecoder(guess_encoding(piece, path.name))("replace")
+        text = decoder.decode(piece)
+        waiting.append(text)
+        size += len(text)
+        if size < _BLOCK:
+            continue
+        lines, rest = _split(rest + "".join(waiting))
+        waiting, size = [], 0
+        if len(rest) > _MAX_LINE or any(len(line) > _MAX_LINE for line in lines):
+            raise WorkbenchError(
+                f"{path.name} has a line of more than {_MAX_LINE} characters; it is not a table of "
+                "numbers"
+            )
+        yield lines
+    lines, rest = _split(rest + "".join(waiting))
+    if rest.rstrip("\r"):
+        lines.append(rest.rstrip("\r"))
+    if any(len(line) > _MAX_LINE for line in lines):
+        raise WorkbenchError(f"{path.name} has a line too long for a table of numbers")
+    if lines:
+        yield lines
+
+
+def _split(text: str) -> tuple[list[str], str]:
+    """Split into complete lines and the rest; a carriage return at the end may be half an end."""
+    if "\r" in text:
+        half = "\r" if text.endswith("\r") else ""
+        text = text[: len(text) - len(half)].replace("\r\n", "\n").replace("\r", "\n") + half
+    lines = text.split("\n")
+    return lines[:-1], lines[-1]
 
 
 @dataclass
@@ -101,52 +219,26 @@ def _headers(layout: Layout, names: Sequence[str], source: str) -> tuple[tuple[s
     return tuple(f"column_{k + 1}" for k in range(layout.width)), False
 
 
-def read_csv(
-    path: str | Path,
-    *,
-    columns: Sequence[str] = (),
-    max_rows: int = 2_000_000,
-    find_time: FindTime | None = None,
-) -> Columns:
-    r"""Read a table of numbers from a text file.
+def read_text(path: Path, options: ReadOptions) -> Columns:
+    """Read a table of numbers from a text file.
 
     Separator, decimal sign, header, a row of units, comment lines and compression are recognised.
-    The file is read in blocks; a longer one than ``max_rows`` is thinned by averaging neighbours,
-    so memory stays bounded.
-
-    Args:
-        path: File, plain or gzip.
-        columns: Names of the columns, for a file without header.
-        max_rows: Largest number of rows kept.
-        find_time: Function that returns the index of the time column, given the headers; rows
-            without time are left out.
-
-    Returns:
-        The columns with notes on what was left out.
+    The file is read in blocks and thinned by averaging neighbours, so memory stays bounded. Rows
+    without a time are left out.
 
     Raises:
-        WorkbenchError: If the file cannot be read or holds no table of numbers.
-
-    Example:
-        >>> import tempfile
-        >>> file = Path(tempfile.mkdtemp()) / "trial.csv"
-        >>> _ = file.write_text("\n".join(["time_s,valve_V", "0,5.0", "0.1,5.1", "0.2,5.2"]))
-        >>> read_csv(file).headers
-        ('time_s', 'valve_V')
+        WorkbenchError: If the file holds no table of numbers.
+        OSError: If it cannot be opened.
     """
-    file = Path(path)
     cut: list[str] = []
-    try:
-        blocks = line_blocks(file, cut)
-        first: list[str] = []
-        for block in blocks:
-            first += block
-            if len(first) >= _LOOK_AHEAD:
-                break
-        layout = detect_layout(first[:_LOOK_AHEAD], source=file.name)
-        return _read_rows(file, first, blocks, layout, columns, max_rows, find_time, cut)
-    except OSError as error:
-        raise WorkbenchError(f"{file} cannot be read: {error}") from None
+    blocks = line_blocks(path, cut)
+    first: list[str] = []
+    for block in blocks:
+        first += block
+        if len(first) >= _LOOK_AHEAD:
+            break
+    layout = detect_layout(first[:_LOOK_AHEAD], source=path.name)
+    return _read_rows(path, first, blocks, layout, options, cut)
 
 
 def _read_rows(
@@ -154,16 +246,14 @@ def _read_rows(
     first: list[str],
     blocks: Iterator[list[str]],
     layout: Layout,
-    columns: Sequence[str],
-    max_rows: int,
-    find_time: FindTime | None,
+    options: ReadOptions,
     cut: list[str],
 ) -> Columns:
-    headers, named = _headers(layout, columns, file.name)
+    headers, named = _headers(layout, options.columns, file.name)
     units = layout.units or ("",) * layout.width
     empty = Columns(headers, units, np.empty((0, layout.width)), named, layout.metadata)
-    time = find_time(empty) if find_time is not None else None
-    tally, thinner = _Tally(line=layout.first), Thinner(max_rows)
+    time = options.find_time(empty)
+    tally, thinner = _Tally(line=layout.first), Thinner(options.max_rows)
     timeless, backwards, last = 0, 0, -math.inf
     block: list[str] | None = first[layout.first :]
     while block is not None:
@@ -242,3 +332,12 @@ def _lift_scalars(
         tuple(units[k] for k in keep),
         unreadable,
     )
+
+
+TEXT = Format(
+    "csv",
+    "CSV",
+    (".csv", ".txt", ".tsv", ".dat", ".asc", ".log"),
+    read_text,
+    packed=True,
+)

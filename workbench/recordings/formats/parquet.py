@@ -9,51 +9,28 @@ from typing import Any
 import numpy as np
 
 from workbench.errors import WorkbenchError
-from workbench.recordings.columns import Columns
+from workbench.recordings.columns import Columns, Thinner
+from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.recording import Scalar
-from workbench.recordings.thinning import Thinner
 
 
-def _pyarrow() -> Any:
-    try:
-        import pyarrow as pa
-        import pyarrow.parquet
-    except ImportError:
-        raise WorkbenchError(
-            "reading Parquet needs pyarrow, which is not installed; install it with the extra "
-            "'parquet', or save the recording as CSV"
-        ) from None
-    return pa
-
-
-def read_parquet(path: str | Path, *, max_rows: int = 2_000_000) -> Columns:
-    """Read the number columns of a Parquet file.
-
-    Args:
-        path: The file.
-        max_rows: Largest number of rows kept; a longer file is averaged in groups.
-
-    Returns:
-        The columns with notes on what was left out.
+def read_parquet(path: Path, options: ReadOptions) -> Columns:
+    """Read the columns of numbers and of instants, the latter in s from the first one.
 
     Raises:
-        WorkbenchError: If pyarrow is missing, or the file is damaged or holds no numbers.
-
-    Example:
-        >>> read_parquet("missing.parquet")
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: ...
+        WorkbenchError: If the file is damaged or holds no numbers.
+        ImportError: If pyarrow is missing.
     """
-    file = Path(path)
-    pa = _pyarrow()
+    import pyarrow as pa
+    import pyarrow.parquet
+
     numeric = (pa.types.is_integer, pa.types.is_floating, pa.types.is_boolean)
     try:
-        source = pa.parquet.ParquetFile(file)
+        source = pa.parquet.ParquetFile(path)
         schema = source.schema_arrow
         names = [f.name for f in schema if any(test(f.type) for test in numeric)]
         stamps = [f.name for f in schema if pa.types.is_timestamp(f.type)]
-        thinner = Thinner(max_rows)
+        thinner = Thinner(options.max_rows)
         start: Any = None
         for batch in source.iter_batches(batch_size=65536, columns=names + stamps):
             cells = [
@@ -70,11 +47,11 @@ def read_parquet(path: str | Path, *, max_rows: int = 2_000_000) -> Columns:
     except (OSError, ValueError, pa.ArrowException) as error:
         reason = " ".join(str(error).split())[:120]
         raise WorkbenchError(
-            f"{file.name} is truncated or not a Parquet file ({reason}); save or copy it again"
+            f"{path.name} is truncated or not a Parquet file ({reason}); save or copy it again"
         ) from None
     values = thinner.rows()
     if not (names or stamps) or len(values) == 0:
-        raise WorkbenchError(f"{file.name} holds no columns of numbers")
+        raise WorkbenchError(f"{path.name} holds no columns of numbers")
     values[~np.isfinite(values)] = np.nan
     left = [f.name for f in schema if f.name not in names + stamps]
     notes = [f"left out, not columns of numbers: {', '.join(left)}"] if left else []
@@ -99,3 +76,6 @@ def _metadata(schema: Any) -> dict[str, Scalar]:
             decoded = text
         out[name] = decoded if isinstance(decoded, (str, int, float, bool)) else text
     return out
+
+
+PARQUET = Format("parquet", "Parquet", (".parquet", ".pq"), read_parquet, extra="parquet")

@@ -11,6 +11,7 @@ import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.recordings.columns import Columns
+from workbench.recordings.formats.format import Format, ReadOptions
 from workbench.recordings.recording import Scalar
 
 _MAX_BYTES = 500_000_000
@@ -26,8 +27,6 @@ def _load(file: Path) -> Any:
         text = file.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
         raise WorkbenchError(f"{file.name} is not a JSON text (it is not UTF-8)") from None
-    except OSError as error:
-        raise WorkbenchError(f"{file} cannot be read: {error.strerror or error}") from None
     try:
         return json.loads(text)
     except (json.JSONDecodeError, RecursionError, ValueError) as error:
@@ -76,31 +75,19 @@ def _number(cell: Any) -> float | None:
     return None
 
 
-def read_json(path: str | Path) -> Columns:
-    """Read a JSON log.
+def read_json(path: Path, options: ReadOptions) -> Columns:
+    """Read a list of entries with the same keys, one list per key, or one entry per line.
 
-    Args:
-        path: File with a list of entries with the same keys (bare, or the longest one inside an
-            object whose other scalars become settings), one list per key, or one entry per line.
-
-    Returns:
-        One column per key that holds numbers.
+    The longest list inside an object counts; the object's other scalars become settings.
 
     Raises:
         WorkbenchError: If the file is truncated, not JSON or holds no entries.
-
-    Example:
-        >>> import tempfile
-        >>> file = Path(tempfile.mkdtemp()) / "log.json"
-        >>> _ = file.write_text('{"mass": 0.5, "log": [{"t": 0, "q": 1.5}, {"t": 1, "q": 2.5}]}')
-        >>> read_json(file).values[:, 1]
-        array([1.5, 2.5])
     """
-    file = Path(path)
-    entries, beside = _entries(_load(file))
+    del options
+    entries, beside = _entries(_load(path))
     if len(entries) < 2:
         raise WorkbenchError(
-            f"{file.name} holds no list of entries with the same keys, as a log has; it holds "
+            f"{path.name} holds no list of entries with the same keys, as a log has; it holds "
             f"{len(entries)} entry"
         )
     keys = list(dict.fromkeys(str(k) for e in entries for k in e))[:1000]
@@ -121,7 +108,7 @@ def read_json(path: str | Path) -> Columns:
         columns.append([np.nan if n is None else n for n in numbers])
         headers.append(key)
     if not columns:
-        raise WorkbenchError(f"the entries of {file.name} hold no numbers")
+        raise WorkbenchError(f"the entries of {path.name} hold no numbers")
     metadata: dict[str, Scalar] = {
         str(k): v for k, v in beside.items() if isinstance(v, (str, int, float, bool))
     }
@@ -135,3 +122,6 @@ def read_json(path: str | Path) -> Columns:
         tuple(notes),
         unreadable,
     )
+
+
+JSON = Format("json", "JSON", (".json", ".jsonl", ".ndjson"), read_json)

@@ -7,7 +7,8 @@ import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.recordings import read_recording
-from workbench.recordings.csv_file import read_csv
+from workbench.recordings.formats.delimited_text import read_text
+from workbench.recordings.formats.format import ReadOptions
 
 TIME = np.arange(50) * 0.002
 VALVE = 5.0 + 0.5 * np.sin(40 * TIME)
@@ -202,10 +203,10 @@ def test_long_file_is_thinned_within_bounded_memory(tmp_path: Path) -> None:
 )
 def test_no_table_at_all(tmp_path: Path, content: bytes, message: str) -> None:
     with pytest.raises(WorkbenchError, match=message):
-        read_csv(saved(tmp_path, content))
+        read_text(saved(tmp_path, content), ReadOptions())
 
 
 def test_digits_are_kept(tmp_path: Path) -> None:
     values = [0.1, 1 / 3, 1e-300, 123456789.123456789]
     text = "time_s,valve_V\n" + "".join(f"{k},{v!r}\n" for k, v in enumerate(values))
-    assert read_csv(saved(tmp_path, text)).values[:, 1].tolist() == values
+    assert read_text(saved(tmp_path, text), ReadOptions()).values[:, 1].tolist() == values

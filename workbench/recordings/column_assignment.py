@@ -10,12 +10,12 @@ import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit, same_dimension, to_si
+from workbench.recordings.column_matching import Requested, guess_role, is_time, match_requested
 from workbench.recordings.columns import Columns, without_giants
 from workbench.recordings.headers import Header, read_header, read_unit, tidy_name
-from workbench.recordings.kinds import kind_of
-from workbench.recordings.mapping import ColumnMapping, ColumnRule, MappedColumn, MappingRules
-from workbench.recordings.recording import Role, Scalar, Signal, Vector
-from workbench.recordings.wanted import Wanted, guess_role, is_time, match_wanted
+from workbench.recordings.mapping import ColumnRule, MappingRules
+from workbench.recordings.quantity_kinds import kind_of
+from workbench.recordings.recording import ColumnMapping, MappedColumn, Role, Scalar, Signal, Vector
 
 AMBIENT_PA = 101325.0
 _STEP_NAMES = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod")
@@ -139,7 +139,7 @@ def _readable(columns: Columns, index: int, name: str) -> str:
 
 
 def _signal(
-    columns: Columns, index: int, header: Header, rule: ColumnRule, want: Wanted, how: str
+    columns: Columns, index: int, header: Header, rule: ColumnRule, want: Requested, how: str
 ) -> tuple[Signal, MappedColumn]:
     problem = _readable(columns, index, rule.signal)
     if problem:
@@ -231,7 +231,7 @@ def _time(
 
 
 def assign(
-    columns: Columns, rules: MappingRules | None = None, wanted: Sequence[Wanted] = ()
+    columns: Columns, rules: MappingRules | None = None, wanted: Sequence[Requested] = ()
 ) -> Assigned:
     """Turn columns into signals.
 
@@ -268,13 +268,13 @@ def assign(
     taken = set() if time_index is None else {time_index}
     for rule in rules.signals:
         index = find_column(headers, rule)
-        want = by_name.get(rule.signal, Wanted(rule.signal))
+        want = by_name.get(rule.signal, Requested(rule.signal))
         signal, row = _signal(columns, index, headers[index], rule, want, "mapping file")
         signals.append(signal)
         rows.append(row)
         taken.add(index)
     missing = [w for w in wanted if w.name not in {s.name for s in signals}]
-    for name, (index, how) in match_wanted(missing, headers, taken).items():
+    for name, (index, how) in match_requested(missing, headers, taken).items():
         rule = ColumnRule(name, headers[index].column)
         signal, row = _signal(columns, index, headers[index], rule, by_name[name], how)
         signals.append(signal)
@@ -294,7 +294,7 @@ def assign(
             unused.append((header.column, why))
             continue
         rule = ColumnRule(header.name, header.column)
-        signal, row = _signal(columns, index, header, rule, Wanted(header.name), "header")
+        signal, row = _signal(columns, index, header, rule, Requested(header.name), "header")
         signals.append(signal)
         rows.append(row)
     notes = list(columns.notes)

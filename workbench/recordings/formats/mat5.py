@@ -11,10 +11,20 @@ from __future__ import annotations
 import struct
 import zlib
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from workbench.recordings.columns import Columns
+from workbench.recordings.formats.format import Format, ReadOptions
+from workbench.recordings.formats.matlab_variables import (
+    MAX_DEPTH,
+    columns_of_variables,
+    is_hdf5,
+    unreadable,
+)
 
 _NUMBERS = {
     1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
@@ -23,7 +33,6 @@ _MATRIX, _COMPRESSED, _UTF8, _UTF16, _UTF32 = 14, 15, 16, 17, 18
 _CELL, _STRUCT, _OBJECT, _CHAR = 1, 2, 3, 4
 _NUMERIC_CLASSES = range(6, 16)
 _MAX_UNPACKED = 1 << 31
-_MAX_DEPTH = 8
 _MAX_ITEMS = 10_000
 
 
@@ -107,7 +116,7 @@ def _array(body: memoryview, order: str, depth: int) -> tuple[str, Any]:
     """Return the name and the value of an array: numbers, text, dict, list or None."""
     if not len(body):
         return "", None
-    if depth > _MAX_DEPTH:
+    if depth > MAX_DEPTH:
         raise ValueError("arrays are nested too deep")
     parts = Elements(body, order, depth)
     flags = parts.numbers()
@@ -205,3 +214,24 @@ def parse_mat5(content: bytes) -> dict[str, Any]:
         if name:
             variables[name] = value
     return variables
+
+
+def read_mat_5(path: Path, options: ReadOptions) -> Columns:
+    """Read a MATLAB file of version 5, see `columns_of_variables`.
+
+    Raises:
+        WorkbenchError: If the file is truncated, damaged or holds no vectors.
+        OSError: If it cannot be opened.
+    """
+    content = path.read_bytes()
+    # A damaged size may lead anywhere, memory included, so nothing narrower is safe.
+    try:
+        variables = parse_mat5(content)
+    except Exception as error:  # noqa: BLE001
+        raise unreadable(path, error) from None
+    return columns_of_variables(path, variables, options)
+
+
+MAT_5 = Format(
+    "mat-5", "MATLAB 5", (".mat",), read_mat_5, recognises=lambda start: not is_hdf5(start)
+)

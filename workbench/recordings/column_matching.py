@@ -31,7 +31,7 @@ _REFERENCES = {
 
 
 @dataclass(frozen=True)
-class Wanted:
+class Requested:
     """A signal that a model or a caller asks for.
 
     Args:
@@ -47,7 +47,7 @@ class Wanted:
     display_unit: str = ""
 
 
-def wanted_signals(signals: Any) -> tuple[Wanted, ...]:
+def requested_signals(signals: Any) -> tuple[Requested, ...]:
     """Return what is asked for, from names, from names with units, or from a model.
 
     Args:
@@ -58,28 +58,28 @@ def wanted_signals(signals: Any) -> tuple[Wanted, ...]:
         WorkbenchError: If it is none of these or a unit is unknown.
 
     Example:
-        >>> [w.name for w in wanted_signals({"angle": "rad", "valve": "V"})]
+        >>> [w.name for w in requested_signals({"angle": "rad", "valve": "V"})]
         ['angle', 'valve']
     """
     if signals is None:
         return ()
     if hasattr(signals, "inputs") and hasattr(signals, "outputs"):
         return (
-            *(Wanted(q.name, q.unit, "command") for q in signals.inputs),
+            *(Requested(q.name, q.unit, "command") for q in signals.inputs),
             *(
-                Wanted(q.name, q.unit, "measurement", getattr(q, "display_unit", ""))
+                Requested(q.name, q.unit, "measurement", getattr(q, "display_unit", ""))
                 for q in signals.outputs
             ),
         )
     if isinstance(signals, Mapping):
         for unit in signals.values():
             parse_unit(unit)
-        return tuple(Wanted(str(name), unit) for name, unit in signals.items())
+        return tuple(Requested(str(name), unit) for name, unit in signals.items())
     if isinstance(signals, str) or not isinstance(signals, Iterable):
         raise WorkbenchError(
             f"signals is {signals!r}; give a list of names, a mapping from name to unit, or a model"
         )
-    return tuple(Wanted(str(name)) for name in signals)
+    return tuple(Requested(str(name)) for name in signals)
 
 
 def guess_role(name: str) -> Role:
@@ -118,7 +118,7 @@ def is_time(header: Header) -> bool:
     return right_unit and _plain(header.name) in names
 
 
-def _same(wanted: Wanted, header: Header) -> int:
+def _same(wanted: Requested, header: Header) -> int:
     """Return how well a name fits: 0 not at all, 1 a synonym, 2 the name itself."""
     if _plain(wanted.name) in (_plain(header.name), _plain(header.column)):
         return 2
@@ -132,12 +132,12 @@ def _same(wanted: Wanted, header: Header) -> int:
     )
 
 
-def _units_agree(wanted: Wanted, header: Header) -> bool:
+def _units_agree(wanted: Requested, header: Header) -> bool:
     return not wanted.unit or not header.unit or same_dimension(wanted.unit, header.unit)
 
 
-def match_wanted(
-    wanted: Sequence[Wanted], headers: Sequence[Header], taken: Iterable[int]
+def match_requested(
+    wanted: Sequence[Requested], headers: Sequence[Header], taken: Iterable[int]
 ) -> dict[str, tuple[int, str]]:
     """Find the column of every wanted signal: by its name, a synonym, or as the only one left.
 
@@ -154,7 +154,7 @@ def match_wanted(
 
     Example:
         >>> columns = [Header("q1_deg", "q1", "deg"), Header("u_V", "u", "V")]
-        >>> match_wanted([Wanted("angle", "rad"), Wanted("valve", "V")], columns, ())
+        >>> match_requested([Requested("angle", "rad"), Requested("valve", "V")], columns, ())
         {'valve': (1, 'synonym'), 'angle': (0, 'unit')}
     """
     used = set(taken)

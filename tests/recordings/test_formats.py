@@ -41,7 +41,8 @@ def test_mat_5(tmp_path: Path) -> None:
     recording = read_recording(path)
     assert_same(recording)
     assert recording.metadata["name"] == "EMPS"
-    assert "'short' has 7 samples instead of 60" in recording.notes[0]
+    assert "'short' has 7 samples instead of 60 and became a setting" in recording.notes[0]
+    assert recording.metadata["short"] == "0, 1, 2, 3, 4, 5, 6"
 
 
 def test_mat_5_structs_and_matrices(tmp_path: Path) -> None:
@@ -61,6 +62,17 @@ def test_mat_5_structs_and_matrices(tmp_path: Path) -> None:
     )
     assert np.allclose(np.rad2deg(recording["angle"]), POSITION, rtol=1e-14)
     assert np.array_equal(recording["p"], VOLTAGE)
+
+
+def test_arrays_of_other_lengths_than_the_time_are_no_signals(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    path = tmp_path / "trial.mat"
+    others = {f"map_{k}": np.arange(400.0) for k in range(3)}
+    savemat(path, {"t": TIME, "qm": POSITION, "vir": VOLTAGE, "kp": 160.18, **others})
+    recording = read_recording(path)
+    assert_same(recording)
+    assert [n for n in recording.notes if "400 samples instead of 60 and was left out" in n]
 
 
 def write_mat_73(path: Path) -> None:
@@ -178,3 +190,35 @@ def test_unknown_format_and_missing_file(tmp_path: Path) -> None:
         read_recording(tmp_path / "trail.csv")
     with pytest.raises(WorkbenchError, match="is a folder; read_case"):
         read_recording(tmp_path)
+
+
+OWN_FORMAT = """
+import numpy as np
+from workbench.recordings.columns import Columns
+from workbench.recordings.formats.format import Format
+
+def read(path, options):
+    values = np.frombuffer(path.read_bytes()).reshape(-1, 2)
+    return Columns(("time_s", "angle_deg"), ("", ""), values)
+
+logger = Format("logger", "the rig's logger", (".rig",), read)
+
+def broken(path, options):
+    return 1 / 0
+"""
+
+
+def test_a_format_of_the_users_own(tmp_path: Path) -> None:
+    (tmp_path / "rig_format.py").write_text(OWN_FORMAT)
+    path = tmp_path / "trial.rig"
+    path.write_bytes(np.column_stack([TIME, np.rad2deg(POSITION)]).tobytes())
+    rules = tmp_path / "trial.mapping.toml"
+    for name in ("rig_format:logger", "rig_format:read"):
+        rules.write_text(f'format = "{name}"\n')
+        assert np.allclose(read_recording(path)["angle"], POSITION, rtol=1e-12)
+    rules.write_text('format = "rig_format:broken"\n')
+    with pytest.raises(WorkbenchError, match=r"ZeroDivisionError.*rig_format.py, line 13"):
+        read_recording(path)
+    rules.write_text('format = "jsno"\n')
+    with pytest.raises(WorkbenchError, match="json"):
+        read_recording(path)

@@ -1,0 +1,132 @@
+"""A format of recordings, and the registry that a user's own formats join."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import WorkbenchError
+from workbench.recordings.columns import Columns
+from workbench.registry import Registry
+
+MAX_ROWS = 2_000_000
+
+FindTime = Callable[[Columns], "int | None"]
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """What a reader is told beside the path.
+
+    Args:
+        columns: Names of the columns, for a file without header.
+        max_rows: Largest number of rows kept; a longer file is averaged in groups, with a note.
+        find_time: Returns the index of the time column of columns without values, or None.
+    """
+
+    columns: tuple[str, ...] = ()
+    max_rows: int = MAX_ROWS
+    find_time: FindTime = lambda columns: None
+
+
+@dataclass(frozen=True)
+class Format:
+    """A file format: how it is recognised and how its columns are read.
+
+    Args:
+        name: Name of the format, as ``format`` in a mapping file gives it.
+        title: What people call it.
+        suffixes: Endings of its files, lower case with the dot; none for a format that is only
+            taken where it is named.
+        read: Reads a file as columns in the units of the file.
+        recognises: Tells by the first 520 bytes whether a file is of this format, where several
+            share its suffix.
+        extra: Extra of the workbench that installs what ``read`` imports; ``""`` for none.
+        packed: Whether the file may also be compressed (``.gz``).
+    """
+
+    name: str
+    title: str
+    suffixes: tuple[str, ...]
+    read: Callable[[Path, ReadOptions], Columns]
+    recognises: Callable[[bytes], bool] = bool
+    extra: str = ""
+    packed: bool = False
+
+    def columns(self, path: Path, options: ReadOptions) -> Columns:
+        """Read a file as columns.
+
+        Raises:
+            WorkbenchError: If the file cannot be read, or what reads it is not installed.
+        """
+        try:
+            return self.read(path, options)
+        except ImportError as error:
+            if not self.extra:
+                raise
+            raise WorkbenchError(
+                f"reading {self.title} needs {error.name}, which is not installed; install it with"
+                f" the extra {self.extra!r}, or save the recording as CSV"
+            ) from None
+        except OSError as error:
+            raise WorkbenchError(f"{path} cannot be read: {error.strerror or error}") from None
+
+
+def _from_reader(found: Any, reference: str) -> Format:
+    if not callable(found):
+        raise WorkbenchError(
+            f"recording format {reference!r} is a {type(found).__name__}; give a Format, or a"
+            " function of a path and ReadOptions that returns Columns"
+        )
+    return Format(reference, reference, (), found)
+
+
+FORMATS = Registry(
+    "recording format",
+    Format,
+    package="workbench.recordings.formats",
+    group="workbench.formats",
+    adopt=_from_reader,
+)
+
+
+def suffix_of(path: Path) -> str:
+    """Return the ending that tells the format, ``.gz`` removed.
+
+    Example:
+        >>> suffix_of(Path("trial.csv.gz"))
+        '.csv'
+    """
+    endings = [s.lower() for s in path.suffixes]
+    if endings and endings[-1] == ".gz":
+        endings.pop()
+    return endings[-1] if endings else ""
+
+
+def known_suffixes() -> tuple[str, ...]:
+    """Return the endings of all formats."""
+    return tuple(dict.fromkeys(s for f in FORMATS.members().values() for s in f.suffixes))
+
+
+def format_of(path: Path) -> Format:
+    """Recognise the format of a file by its ending, and by its first bytes where formats share one.
+
+    Raises:
+        WorkbenchError: If no format has this ending.
+        OSError: If the file cannot be opened.
+    """
+    suffix = suffix_of(path)
+    rivals = [f for f in FORMATS.members().values() if suffix in f.suffixes]
+    if not rivals:
+        raise WorkbenchError(
+            f"{path.name} ends in {suffix or 'nothing'!r}, which is no known format; recordings are"
+            f" {', '.join(known_suffixes())} (text also as .gz); read a file of your own with"
+            ' format = "module:object" in its mapping file'
+        )
+    if len(rivals) == 1:
+        return rivals[0]
+    with path.open("rb") as stream:
+        start = stream.read(520)
+    return next((f for f in rivals if f.recognises(start)), rivals[0])
