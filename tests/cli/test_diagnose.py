@@ -1,4 +1,4 @@
-"""The verbs diagnose and prove."""
+"""The verb diagnose, and scoring what it said."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def test_diagnose_writes_verdict_page_and_pictures(
     (verdicts / "one.json").write_bytes((out / "verdict.json").read_bytes())
     score = tmp_path / "score.json"
     options = ["--key", str(key), "--names", str(names), "--out", str(score)]
-    assert run(["prove", str(verdicts), *options]) == 0
+    assert run(["evaluate", "blind", str(verdicts), *options]) == 0
     assert json.loads(score.read_text())["points"] in (3, 6)
     assert "right" in capsys.readouterr().out
 
@@ -128,18 +128,19 @@ def test_output_that_is_a_file_is_refused_before_the_work(
     assert (tmp_path / "out").read_text() == "mine"
 
 
-def test_prove_refuses_what_is_not_there(
+def test_scoring_refuses_what_is_not_there(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     key = tmp_path / "key.json"
     key.write_text('{"one": {"truth": []}}')
-    assert run(["prove", str(tmp_path / "none"), "--key", str(key)]) == WRONG_USE
+    score = ["evaluate", "blind"]
+    assert run([*score, str(tmp_path / "none"), "--key", str(key)]) == WRONG_USE
     assert "there is no folder" in capsys.readouterr().err
-    assert run(["prove", str(tmp_path), "--key", str(tmp_path / "no.json")]) == WRONG_USE
+    assert run([*score, str(tmp_path), "--key", str(tmp_path / "no.json")]) == WRONG_USE
     assert "cannot be read" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("verb", ["diagnose", "prove"])
-def test_help_says_what_the_verbs_do(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run([verb, "--help"]) == 0
+@pytest.mark.parametrize("verb", [["diagnose"], ["evaluate", "blind"]])
+def test_help_says_what_the_verbs_do(verb: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*verb, "--help"]) == 0
     assert "--out" in capsys.readouterr().out

@@ -9,12 +9,12 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.rig import plant
-from tests.rig.hysteresis import elements
-from tests.rig.parameters import nominal
 from workbench.data_folder import shipped_data
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.evaluation.rig import plant
+from workbench.evaluation.rig.hysteresis import elements
+from workbench.evaluation.rig.parameters import nominal
 from workbench.physics.library import library
 from workbench.plants.arm import arm
 from workbench.recordings import read_case

@@ -15,8 +15,8 @@ from controllers.scheduled import JointSchedule
 from controllers.scheduled_pid import ScheduledPID, design_scheduled_pid
 from controllers.scheduled_state_feedback import design_scheduled_state_feedback
 from tests.diagnosis.practice_08 import diagnosed, rig, sine
-from tests.rig.closed_loop import follow
 from workbench.diagnosis.redesign import WITHOUT_SLOPE, redesign, study_plant, without_dry_laws
+from workbench.evaluation.rig.closed_loop import follow
 from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point

@@ -226,6 +226,8 @@ def check_module(source: str, module: ModuleType | None = None) -> list[str]:
     tree = ast.parse(source)
     undescribed = tree.body and not ast.get_docstring(tree)
     problems = ["line 1: module: no docstring"] if undescribed else []
+    # A module of numerics may state the units of all its numbers once.
+    units_said = re.search(r"(?m)^Units: ", ast.get_docstring(tree) or "")
     for item in tree.body:
         if not isinstance(item, Definition | ast.ClassDef) or item.name.startswith("_"):
             continue
@@ -233,5 +235,9 @@ def check_module(source: str, module: ModuleType | None = None) -> list[str]:
             found = list(check_class(item, getattr(module, item.name, None)))
         else:
             found = [(item.name, problem) for problem in check_function(item, method=False)]
-        problems += [f"line {item.lineno}: {name}: {problem}" for name, problem in found]
+        problems += [
+            f"line {item.lineno}: {name}: {problem}"
+            for name, problem in found
+            if not (units_said and "gives no unit" in problem)
+        ]
     return problems

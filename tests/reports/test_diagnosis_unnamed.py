@@ -16,9 +16,9 @@ from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.prove import prove
 from workbench.diagnosis.selection.search import withdraw_all
 from workbench.diagnosis.verdict import Verdict
+from workbench.evaluation.blind_round import score_verdicts
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_page import diagnosis_page
 from workbench.reports.diagnosis_unnamed import taken_back
@@ -145,4 +145,4 @@ def test_verdicts_without_a_name_can_be_scored(curve: bool, points: int, tmp_pat
     (folder / "one.json").write_text(found.verdict.to_json())
     key.write_text(json.dumps({"one": {"truth": [{"effect": "odd"}]}}))
     names.write_text('[effects.odd]\nlibrary = []\nports = ["axis.force"]\n')
-    assert prove(folder, key, names=names).points == points
+    assert score_verdicts(folder, key, names=names).points == points

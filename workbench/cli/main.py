@@ -13,9 +13,9 @@ from workbench.cli.compare import compare
 from workbench.cli.controllers import controllers
 from workbench.cli.demo import demo
 from workbench.cli.diagnose import diagnose
+from workbench.cli.evaluate import evaluate
 from workbench.cli.force_map import force_map
 from workbench.cli.linearise import linearise
-from workbench.cli.prove import prove
 from workbench.cli.recording import recording
 from workbench.cli.refit import refit
 from workbench.cli.report import report
@@ -53,7 +53,6 @@ for _verb in (
     refit,
     force_map,
     diagnose,
-    prove,
     compare,
     controllers,
     bless,
@@ -61,6 +60,8 @@ for _verb in (
 ):
     # What follows is for those who call the function, not for those who type the verb.
     app.command(help=inspect.cleandoc(_verb.__doc__ or "").split("\n\nArgs:")[0])(_verb)
+
+app.add_typer(evaluate, name="evaluate", help="Tell how good the diagnosis is.")
 
 
 def run(arguments: Sequence[str]) -> int:

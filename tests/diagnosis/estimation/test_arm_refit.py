@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.rig.cases import make_case
 from workbench.data_folder import shipped_data
 from workbench.diagnosis.estimation.refit import default_priors, refit
 from workbench.diagnosis.estimation.refit_report import run_refit
 from workbench.diagnosis.tasks.arm_case import arm_case
+from workbench.evaluation.rig.cases import make_case
 from workbench.recordings.case import read_case
 
 

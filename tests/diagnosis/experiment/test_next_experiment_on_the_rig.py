@@ -8,10 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from tests.rig import plant, simulate
-from tests.rig.cases import settled
-from tests.rig.effects import switch_on
-from tests.rig.parameters import nominal
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, default_priors
@@ -22,6 +18,10 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.diagnosis.experiment.next_experiment import separate
 from workbench.diagnosis.experiment.separation import Explanation, Separation
+from workbench.evaluation.rig import plant, simulate
+from workbench.evaluation.rig.cases import settled
+from workbench.evaluation.rig.effects import switch_on
+from workbench.evaluation.rig.parameters import nominal
 from workbench.model import Model
 from workbench.physics.library import library
 from workbench.plants.arm import arm
@@ -33,7 +33,7 @@ RATE = 500.0
 
 def rig(effects: list[str], load: float, sizes: Mapping[str, float]) -> dict[str, float]:
     """Parameters of a rig that differs from nominal by the effects alone."""
-    return switch_on(nominal(load=load), effects, dict(sizes))
+    return switch_on(nominal({"load": load}), effects, dict(sizes))
 
 
 def recorded(

@@ -12,7 +12,6 @@ import numpy.typing as npt
 import pytest
 
 from tests.diagnosis.axis_case import SAMPLE_TIME, excitation
-from tests.rig.cases import make_case
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
@@ -21,6 +20,7 @@ from workbench.diagnosis.nonparametric.curve_description import describing_terms
 from workbench.diagnosis.nonparametric.dependence import loop_along, spread
 from workbench.diagnosis.nonparametric.fit import free_form
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
+from workbench.evaluation.rig.cases import make_case
 from workbench.model import Model
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis

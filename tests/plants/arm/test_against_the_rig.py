@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.rig import fast, muscle, parameters, plant
+from workbench.evaluation.rig import fast, muscle, parameters, plant
 from workbench.model import Model
 from workbench.plants.arm import arm
 from workbench.simulation import simulate
@@ -70,7 +70,7 @@ def sampled_states(rng: np.random.Generator, count: int) -> np.ndarray:
     ids=["3 kg", "vertical", "5 bar", "no leakage", "adiabatic", "no damper", "no friction"],
 )
 def test_rates_agree(model: Model, changes: dict[str, float], rng: np.random.Generator) -> None:
-    p = parameters.nominal(**changes)
+    p = parameters.nominal(changes)
     scale = np.array([1.0, 600.0, 1e5, 10.0, 1e5, 10.0, 1.0, 1.0])
     for x in sampled_states(rng, 60):
         u = float(rng.uniform(3.0, 7.0))
@@ -82,7 +82,7 @@ def test_rates_agree(model: Model, changes: dict[str, float], rng: np.random.Gen
 @pytest.mark.parametrize("load", [0.0, 3.0, 8.0])
 def test_open_loop_runs_agree(load: float) -> None:
     voltage = pulse_train(duration=8.0)
-    p = parameters.nominal(load=load)
+    p = parameters.nominal({"load": load})
     state = plant.initial(30.0, (3.0, 3.0), p)
     finer = 40
     states, _ = fast.run(p, state, np.repeat(voltage, finer), step=0.002 / finer, keep=finer)

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tests.rig import arm as rig_arm
-from tests.rig import muscle as rig_muscle
-from tests.rig import parameters
-from tests.rig.plant import namespace
 from workbench.errors import WorkbenchError
+from workbench.evaluation.rig import arm as rig_arm
+from workbench.evaluation.rig import muscle as rig_muscle
+from workbench.evaluation.rig import parameters
+from workbench.evaluation.rig.plant import namespace
 from workbench.plants.arm import arm
 from workbench.simulation import simulate
 
@@ -53,7 +53,7 @@ def test_load_cell_reads_what_the_torques_leave(load: float, plane: str) -> None
     run = simulate(model, np.full(1500, 5.0), sample_time=0.002, start=start)
     angle, reading = float(run["angle"][-1]), float(run["load_cell"][-1])
     assert abs(run["speed"][-1]) < 1e-5
-    space = namespace(parameters.nominal(load=load, vertical=float(plane == "vertical")))
+    space = namespace(parameters.nominal({"load": load, "vertical": float(plane == "vertical")}))
     expected = -rig_arm.gravity(angle, load, space)
     for k, (own, sign) in enumerate(((angle, 1.0), (rig_arm.SPAN - angle, -1.0))):
         fibre = rig_arm.distance(own) - rig_arm.FITTINGS

@@ -1,0 +1,205 @@
+"""Scoring of a blind round, on fabricated verdicts."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from workbench.diagnosis.verdict import SCHEMA
+from workbench.errors import WorkbenchError
+from workbench.evaluation.answer_key import commitments, read_names
+from workbench.evaluation.blind_round import score_verdicts
+from workbench.physics.library import library
+from workbench.plants.arm import arm
+
+RIGHT: dict[str, tuple[str, list[str]]] = {
+    "valve_offset": ("valve_offset", ["valve.command"]),
+    "tilt": ("tilt_gravity", ["joint.torque"]),
+    "supply_droop": ("supply_droop", ["supply.pressure"]),
+    "leak_muscle_2": ("chamber_leakage_2", ["chamber_2.flow"]),
+    "stribeck": ("stribeck_friction", ["joint.torque"]),
+    "p_lag": ("sensor_lag_pressures", ["pressure_1.reading", "pressure_2.reading"]),
+    "muscle_hysteresis": ("maxwell_slip_hysteresis", ["muscle_1.force", "muscle_2.force"]),
+}
+"""What a right verdict says, by the word of the key."""
+
+
+def _found(effect: str | None, where: list[str], alike: tuple[str, ...] = ()) -> dict[str, Any]:
+    return {"where": where, "effect": effect, "class": [*([effect] if effect else []), *alike]}
+
+
+def _round(
+    folder: Path, cases: dict[str, tuple[list[str], str, list[dict[str, Any]]]], **fit: float
+) -> tuple[Path, Path]:
+    key = {}
+    for case, (hidden, verdict, findings) in cases.items():
+        key[case] = {"truth": [{"effect": word} for word in hidden or ["none"]], "salt": case}
+        data = {
+            "schema": SCHEMA,
+            "verdict": verdict,
+            "findings": findings,
+            "fit": {"held_out": {name: {"angle": value} for name, value in fit.items()}},
+        }
+        (folder / f"{case}.json").write_text(json.dumps(data))
+    path = folder.parent / f"{folder.name}-key.json"
+    path.write_text(json.dumps(key))
+    return folder, path
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """An empty folder for verdicts."""
+    made = tmp_path / "verdicts"
+    made.mkdir()
+    return made
+
+
+def _points(folder: Path, hidden: list[str], verdict: str, *findings: dict[str, Any]) -> int:
+    return score_verdicts(*_round(folder, {"one": (hidden, verdict, list(findings))})).points
+
+
+def test_a_perfect_round_has_all_points_and_beats_chance(folder: Path) -> None:
+    cases: dict[str, tuple[list[str], str, list[dict[str, Any]]]] = {
+        word: ([word], "named", [_found(*says)]) for word, says in RIGHT.items()
+    }
+    cases["quiet"] = ([], "nothing_missing", [])
+    found = score_verdicts(*_round(folder, cases, refitted=2.0, extended=0.3, noise_floor=0.2))
+    assert (found.points, found.most) == (48, 48)
+    # One of 8! = 40320 orders is right; two answers per group would make it more.
+    assert found.p_value < 1e-3 and found.chance < 0
+    data = found.as_data()
+    assert data["right_group_rate"] == data["right_name_or_class_rate"] == 1.0
+    assert data["confidently_wrong_rate"] == 0.0 and found.false_alarms == (0, 1)
+    assert data["cases"][0]["error_over_noise"] == pytest.approx(1.5)
+    assert "48 of 48 points" in str(found) and "p = " in str(found)
+
+
+def test_points_of_every_kind(folder: Path) -> None:
+    joint = ["joint.torque"]
+    stribeck = _found("stribeck_friction", joint)
+    assert _points(folder, ["stribeck"], "named", stribeck) == 6
+    two = _found("stribeck_friction", joint, ("lugre_friction",))
+    assert _points(folder, ["stribeck"], "named_class", two) == 3
+    second = _found("lugre_friction", joint, ("stribeck_friction", "local_friction"))
+    assert _points(folder, ["stribeck"], "named_class", second) == 3
+    many = _found("lugre_friction", joint, ("stribeck_friction", "ripple", "local_friction"))
+    assert _points(folder, ["stribeck"], "named_class", many) == 2
+    assert _points(folder, ["stribeck"], "located_unnamed", _found(None, joint)) == 2
+    # The structure cannot tell the joint from the forces of the muscles.
+    muscle = _found(None, ["muscle_1.force"])
+    assert _points(folder, ["stribeck"], "located_unnamed", muscle) == 2
+    chamber = _found(None, ["chamber_1.flow"])
+    assert _points(folder, ["stribeck"], "located_unnamed", chamber) == 1
+    sensor = _found(None, ["angle.reading"])
+    assert _points(folder, ["stribeck"], "located_unnamed", sensor) == 0
+    assert _points(folder, ["p_lag"], "located_unnamed", sensor) == 1
+    assert _points(folder, ["stribeck"], "unexplained") == 0
+    assert _points(folder, ["stribeck"], "nothing_missing") == 0
+    assert _points(folder, ["stribeck"], "named", _found("tilt_gravity", joint)) == -6
+    assert _points(folder, ["stribeck"], "named", _found("valve_offset", ["valve.command"])) == -6
+
+
+def test_points_where_nothing_is_hidden(folder: Path) -> None:
+    assert _points(folder, [], "nothing_missing") == 6
+    assert _points(folder, [], "parameter") == 6
+    assert _points(folder, [], "unexplained") == 0
+    assert _points(folder, [], "data_unfit") == 0
+    assert _points(folder, [], "named", _found("tilt_gravity", ["joint.torque"])) == -6
+    assert _points(folder, [], "located_unnamed", _found("free_form", ["joint.torque"])) == -6
+
+
+def test_points_of_two_effects_and_of_names_too_many(folder: Path) -> None:
+    tilt, lag = _found(*RIGHT["tilt"]), _found(*RIGHT["p_lag"])
+    assert _points(folder, ["tilt", "p_lag"], "named", lag, tilt) == 12
+    assert _points(folder, ["tilt", "p_lag"], "named", tilt) == 6
+    wrong = _found("ripple", ["joint.torque"])
+    assert _points(folder, ["tilt", "p_lag"], "named", tilt, wrong) == 0
+    assert _points(folder, ["tilt"], "named", tilt, wrong) == 0
+    assert _points(folder, ["tilt"], "named", wrong, tilt) == 0
+
+
+def test_points_of_an_effect_outside_the_library(folder: Path) -> None:
+    free = _found("free_form", ["joint.torque"])
+    better = _round(
+        folder, {"one": (["torque_noise"], "located_unnamed", [free])}, refitted=2.0, extended=1.0
+    )
+    assert score_verdicts(*better).points == 6
+    worse = _round(
+        folder, {"one": (["torque_noise"], "located_unnamed", [free])}, refitted=1.0, extended=2.0
+    )
+    assert score_verdicts(*worse).points == 2
+    assert _points(folder, ["torque_noise"], "named", _found(*RIGHT["tilt"])) == -6
+
+
+def test_silence_everywhere_is_no_better_than_chance(folder: Path) -> None:
+    cases: dict[str, tuple[list[str], str, list[dict[str, Any]]]] = {
+        word: ([word], "nothing_missing", []) for word in RIGHT
+    }
+    cases["quiet"] = ([], "nothing_missing", [])
+    found = score_verdicts(*_round(folder, cases))
+    assert found.points == 6 and found.p_value == 1.0
+
+
+def test_commitments_are_checked(folder: Path, tmp_path: Path) -> None:
+    verdicts, key = _round(folder, {"one": (["tilt"], "named", [_found(*RIGHT["tilt"])])})
+    answer = json.loads(key.read_text())["one"]
+    text = '{"salt": "one", "truth": [{"effect": "tilt"}]}'
+    digest = hashlib.sha256(text.encode()).hexdigest()
+    assert digest in commitments(answer)
+    file = tmp_path / "commitments.txt"
+    file.write_text(f"one {digest}\n")
+    assert score_verdicts(verdicts, key, commitments=file).committed == 1
+    file.write_text(f"one {'0' * 64}\n")
+    with pytest.raises(WorkbenchError, match="not the one committed beforehand"):
+        score_verdicts(verdicts, key, commitments=file)
+    file.write_text(f"two {digest}\n")
+    with pytest.raises(WorkbenchError, match="committed case is 'one'"):
+        score_verdicts(verdicts, key, commitments=file)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("[]", "must hold a JSON object"),
+        ("{", "is not JSON"),
+        ('{"one": {"truth": "tilt"}}', "no list 'truth'"),
+        ('{"one": {"truth": [{"effect": "gremlins"}]}}', "has no meaning in the table"),
+        ('{"one": {"truth": []}, "two": {"truth": []}}', "no verdict of case two"),
+    ],
+)
+def test_bad_keys_are_refused_in_one_sentence(folder: Path, content: str, message: str) -> None:
+    verdicts, key = _round(folder, {"one": ([], "nothing_missing", [])})
+    key.write_text(content)
+    with pytest.raises(WorkbenchError, match=message):
+        score_verdicts(verdicts, key)
+
+
+def test_other_files_are_no_verdicts(folder: Path) -> None:
+    verdicts, key = _round(folder, {"one": ([], "nothing_missing", [])})
+    (verdicts / "one.json").write_text('{"schema": "workbench.refit/1"}')
+    with pytest.raises(WorkbenchError, match=r"must be 'workbench\.verdict/1'"):
+        score_verdicts(verdicts, key)
+
+
+def test_a_table_of_names_adds_words(folder: Path, tmp_path: Path) -> None:
+    names = tmp_path / "names.toml"
+    names.write_text('[effects.gremlins]\nlibrary = ["ripple"]\nports = ["joint.torque"]\n')
+    case = {"one": (["gremlins"], "named", [_found("ripple", ["joint.torque"])])}
+    assert score_verdicts(*_round(folder, case), names=names).points == 6
+    names.write_text("[effects.gremlins]\nlibrary = []\n")
+    with pytest.raises(WorkbenchError, match="must give 'library' and 'ports'"):
+        score_verdicts(*_round(folder, case), names=names)
+
+
+def test_every_name_of_the_table_is_in_the_library_at_the_right_place() -> None:
+    table = read_names()
+    known = {entry.name: entry for entry in library(arm(3))}
+    for word, truth in table.effects.items():
+        for name in truth.library:
+            assert name in known, f"{word}: {name}"
+            assert {table.group(port) for port in known[name].ports} <= set(truth.groups), word
+            assert (known[name].group == "sensor") == truth.sensor, word

@@ -1,0 +1,126 @@
+"""The verb ``evaluate``: how good is the diagnosis."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from workbench.errors import WorkbenchError
+
+evaluate = typer.Typer(no_args_is_help=True)
+
+
+@evaluate.command()
+def blind(
+    verdicts: Annotated[
+        Path,
+        typer.Argument(
+            help="Folder with CASE/verdict.json or CASE.json for each case.", metavar="VERDICTS"
+        ),
+    ],
+    key: Annotated[Path, typer.Option(help="JSON file with the answers.")],
+    commitments: Annotated[
+        Path | None,
+        typer.Option(help="Text file with the SHA-256 of each answer, to check them."),
+    ] = None,
+    names: Annotated[
+        Path | None,
+        typer.Option(help="TOML file on how further words of the key are to be read."),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="JSON file for the score.")] = None,
+) -> int:
+    """Score the verdicts of a blind round against the answers.
+
+    Prints points per case, rates, and the p-value against random answers. Example:
+    'workbench evaluate blind verdicts --key key.json --commitments commitments.txt'.
+    """
+    from workbench.evaluation.blind_round import score_verdicts
+
+    found = score_verdicts(verdicts, key, commitments=commitments, names=names)
+    typer.echo(str(found))
+    if out is not None:
+        from workbench.files import write_whole
+        from workbench.reports.results import json_text
+
+        write_whole(out, json_text(found.as_data()))
+        typer.echo(f"written to {out}")
+    return 0
+
+
+@evaluate.command()
+def own_cases(
+    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
+    count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 110,
+    seeds: Annotated[int | None, typer.Option(help="Seed of the first case.")] = None,
+    part: Annotated[str, typer.Option(help="K/N: every Nth case from the Kth on.")] = "1/1",
+    only: Annotated[
+        list[str] | None, typer.Option(help="Name of a case, such as own-2003; several times.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 1,
+    baselines: Annotated[bool, typer.Option(help="Whether the baselines answer too.")] = True,
+) -> int:
+    """Make cases of the arm on a second simulator, diagnose them and keep the answers.
+
+    Finished cases are kept in OUT, one JSON file each: an interrupted run goes on where it stopped,
+    and several processes share the work. 'workbench evaluate report OUT' makes the tables.
+    """
+    _one_thread()
+    from workbench.evaluation.own_cases.run import run_plan
+
+    share = part_of(part)
+    for line in run_plan(
+        out, count, seeds, part=share, only=only or (), jobs=jobs, baselines=baselines
+    ):
+        typer.echo(line)
+    return 0
+
+
+@evaluate.command()
+def left_out(
+    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
+    jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 2,
+) -> int:
+    """Leave out one piece of the arm's physics after the other and look for it.
+
+    OUT receives each verdict and 'table.txt'.
+    """
+    from workbench.evaluation.left_out.run import run_all
+
+    for line in run_all(out, jobs=jobs):
+        typer.echo(line, err=True)
+    typer.echo((out / "table.txt").read_text(), nl=False)
+    return 0
+
+
+@evaluate.command()
+def report(
+    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
+    figure: Annotated[Path | None, typer.Option(help="PNG file to draw.")] = None,
+    summary: Annotated[Path | None, typer.Option(help="JSON file of the numbers.")] = None,
+    cases: Annotated[bool, typer.Option(help="One line per case too.")] = False,
+) -> int:
+    """Tabulate the answers that 'workbench evaluate own-cases' kept."""
+    from workbench.evaluation.own_cases.report import report as tabulate
+
+    typer.echo(tabulate(out, figure_file=figure, summary_file=summary, each=cases))
+    return 0
+
+
+def part_of(text: str) -> tuple[int, int]:
+    """Read ``K/N``: part K of N, counted from 1."""
+    try:
+        k, n = (int(word) for word in text.split("/"))
+    except ValueError:
+        k, n = 0, 0
+    if not 1 <= k <= n:
+        raise WorkbenchError(f"part {text!r} must be K/N with K from 1 to N, such as 1/2")
+    return k, n
+
+
+def _one_thread() -> None:
+    """Leave the cores to the processes: threads of linear algebra would only get in their way."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")

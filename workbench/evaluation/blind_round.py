@@ -1,0 +1,376 @@
+"""Scoring a blind round: verdicts against what was hidden, and against random answers.
+
+Points per hidden effect: 6 for the right name at the right group of ports; 3 for a class of at most
+three look-alikes that contains it; 2 for the right group only; 1 for telling a sensor from the
+process; 0 for an honest abstention; -6 for a confident wrong name. Where nothing is hidden: 6 for
+silence, -6 for any name. For an effect outside the library: 6 for a free-form term in the right
+group that improves the held-out recordings, -6 for a wrong name.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import permutations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import WorkbenchError
+from workbench.evaluation.answer_key import (
+    NOTHING,
+    Truth,
+    check_commitments,
+    read_key,
+    read_names,
+    words_of,
+)
+from workbench.evaluation.claims import Answer, read_answer
+
+RIGHT, CLASS, GROUP, SIDE, NONE, WRONG = 6, 3, 2, 1, 0, -6
+"""Points."""
+
+LARGEST_CLASS = 3
+"""Members that a class may have to count."""
+
+WORDS: dict[int, str] = {
+    RIGHT: "right",
+    CLASS: "right class",
+    GROUP: "right group only",
+    SIDE: "right side only",
+    NONE: "abstained",
+    WRONG: "wrong name",
+}
+"""Points as people read them."""
+
+_SILENT = ("nothing_missing", "parameter")
+_DRAWS = 20_000
+
+
+@dataclass(frozen=True)
+class Line:
+    """The score of one case.
+
+    Args:
+        case: Name of the case.
+        hidden: What was hidden, in the words of the key.
+        said: What the verdict says.
+        points: Points, and the most that could be had.
+        most: Most points that could be had.
+        remark: The points in words, effect by effect.
+        located: Whether each hidden effect was put into the right group.
+        named: Whether each hidden effect was named, rightly or within a class.
+        over_noise: Error of the extended model over the sensors' noise, dimensionless.
+
+    Example:
+        >>> Line("one", "tilt", "tilt_gravity", 6, 6, "right", (True,), (True,), 1.1).points
+        6
+    """
+
+    case: str
+    hidden: str
+    said: str
+    points: int
+    most: int
+    remark: str
+    located: tuple[bool, ...] = ()
+    named: tuple[bool, ...] = ()
+    over_noise: float = math.nan
+
+
+@dataclass(frozen=True)
+class Round:
+    """The score of a round.
+
+    Args:
+        lines: One per case.
+        p_value: Probability that verdicts dealt out to the cases at random score as much.
+        chance: Mean points of such verdicts, dimensionless.
+        committed: Number of answers checked against their commitments; None if none were given.
+        false_alarms: Cases that hide nothing and got a name, and how many hide nothing.
+
+    Example:
+        >>> Round((Line("one", "none", "silent", 6, 6, "right"),), 1.0, 6.0).points
+        6
+    """
+
+    lines: tuple[Line, ...]
+    p_value: float
+    chance: float
+    committed: int | None = None
+    false_alarms: tuple[int, int] = (0, 0)
+
+    @property
+    def points(self) -> int:
+        """Points of all cases."""
+        return sum(line.points for line in self.lines)
+
+    @property
+    def most(self) -> int:
+        """Most points that could be had."""
+        return sum(line.most for line in self.lines)
+
+    @property
+    def wrong(self) -> int:
+        """Cases with a confident wrong name."""
+        return sum("wrong name" in line.remark for line in self.lines)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the score as plain data."""
+        located = [right for line in self.lines for right in line.located]
+        named = [right for line in self.lines for right in line.named]
+        return {
+            "schema": "workbench.round/1",
+            "points": self.points,
+            "most": self.most,
+            "p_value": self.p_value,
+            "points_by_chance": self.chance,
+            "answers_checked": self.committed,
+            "false_alarms": self.false_alarms[0],
+            "cases_hiding_nothing": self.false_alarms[1],
+            "right_group_rate": float(np.mean(located)) if located else None,
+            "right_name_or_class_rate": float(np.mean(named)) if named else None,
+            "confidently_wrong_rate": self.wrong / len(self.lines) if self.lines else None,
+            "cases": [
+                {
+                    "case": line.case,
+                    "hidden": line.hidden,
+                    "said": line.said,
+                    "points": line.points,
+                    "most": line.most,
+                    "remark": line.remark,
+                    "error_over_noise": None
+                    if not math.isfinite(line.over_noise)
+                    else line.over_noise,
+                }
+                for line in self.lines
+            ],
+        }
+
+    def __str__(self) -> str:
+        """Return the table of the round."""
+        heading = ("case", "hidden", "verdict", "points", "", "over noise")
+        rows = [
+            (
+                line.case,
+                line.hidden,
+                line.said,
+                f"{line.points} of {line.most}",
+                line.remark,
+                "–" if not math.isfinite(line.over_noise) else f"{line.over_noise:.3g}",
+            )
+            for line in self.lines
+        ]
+        widths = [max(len(row[i]) for row in (heading, *rows)) for i in range(len(heading))]
+        text = [
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+            for row in (heading, *rows)
+        ]
+        data = self.as_data()
+        silent, nothing = self.false_alarms
+
+        def rate(name: str) -> str:
+            return "–" if data[name] is None else f"{100 * data[name]:.0f} %"
+
+        checked = (
+            "not checked against commitments"
+            if self.committed is None
+            else f"{self.committed} answers are those committed beforehand"
+        )
+        return "\n".join(
+            [
+                *text,
+                f"{self.points} of {self.most} points; random answers {self.chance:.1f},"
+                f" p = {self.p_value:.2g}",
+                f"right group {rate('right_group_rate')}, right name or class"
+                f" {rate('right_name_or_class_rate')}, confidently wrong"
+                f" {rate('confidently_wrong_rate')}, false alarms {silent} of {nothing}",
+                checked,
+            ]
+        )
+
+
+def score_verdicts(
+    verdicts: str | Path,
+    key: str | Path,
+    *,
+    commitments: str | Path | None = None,
+    names: str | Path | None = None,
+    seed: int = 0,
+) -> Round:
+    """Score a folder of verdicts against a key.
+
+    Args:
+        verdicts: Folder with ``CASE.json`` or ``CASE/verdict.json`` for each case.
+        key: JSON file of the answers.
+        commitments: Text file with the SHA-256 of each answer, fixed before the verdicts.
+        names: TOML file on how words of the key are read, beyond those that ship.
+        seed: Seed of the random answers.
+
+    Returns:
+        The score of every case of the key.
+
+    Raises:
+        WorkbenchError: If a file cannot be read, a verdict is missing, a word of the key has no
+            meaning, or an answer is not the one committed.
+
+    Example:
+        >>> import tempfile
+        >>> said = '{"schema": "workbench.verdict/1", "verdict": "nothing_missing"}'
+        >>> with tempfile.TemporaryDirectory() as place:
+        ...     folder, key = Path(place), Path(place) / "key.json"
+        ...     _ = (folder / "one.json").write_text(said)
+        ...     _ = key.write_text('{"one": {"truth": [{"effect": "none"}]}}')
+        ...     score_verdicts(folder, key).points
+        6
+    """
+    answers = read_key(key)
+    table = read_names(names)
+    committed = None if commitments is None else check_commitments(answers, commitments)
+    truths = {case: table.truths(case, words_of(answer)) for case, answer in answers.items()}
+    given = [read_answer(_find(Path(verdicts), case), case, table) for case in truths]
+    return score_round(given, list(truths.values()), committed=committed, seed=seed)
+
+
+def score_round(
+    answers: Sequence[Answer],
+    truths: Sequence[Sequence[Truth]],
+    *,
+    committed: int | None = None,
+    seed: int = 0,
+) -> Round:
+    """Score answers case by case and against answers dealt out at random.
+
+    Args:
+        answers: One answer per case.
+        truths: What each case hides, in the same order.
+        committed: Number of answers of the key that were checked.
+        seed: Seed of the random answers.
+
+    Returns:
+        The score. The p-value is the share of random permutations of the answers over the cases
+        that score at least as much, the given order counted in.
+
+    Example:
+        >>> silent = Answer("one", "nothing_missing", (), False)
+        >>> score_round([silent], [()]).points
+        6
+    """
+    lines = tuple(score_case(a, t) for a, t in zip(answers, truths, strict=True))
+    table = np.array([[score_case(a, t).points for t in truths] for a in answers], dtype=float)
+    rng = np.random.default_rng(seed)
+    n = len(answers)
+    draws = np.array([table[np.arange(n), rng.permutation(n)].sum() for _ in range(_DRAWS)])
+    reached = float(np.trace(table))
+    p_value = (1 + int(np.sum(draws >= reached - 1e-9))) / (1 + _DRAWS)
+    nothing = [answer for answer, hidden in zip(answers, truths, strict=True) if not hidden]
+    alarms = sum(bool(answer.findings) for answer in nothing)
+    return Round(lines, p_value, float(draws.mean()), committed, (alarms, len(nothing)))
+
+
+def score_case(answer: Answer, truths: Sequence[Truth]) -> Line:
+    """Score one case.
+
+    Findings are dealt to the hidden effects so that the points are most; a finding beyond those
+    counts as a confident wrong name if it names something.
+
+    Args:
+        answer: The answer.
+        truths: What the case hides.
+
+    Returns:
+        Its score.
+
+    Example:
+        >>> tilt = Truth("tilt", ("tilt_gravity",), ("motion",), False)
+        >>> found = Answer("one", "named", ((("tilt_gravity",), ("motion",)),), True)
+        >>> score_case(found, [tilt]).points, score_case(found, []).points
+        (6, -6)
+    """
+    said = _said(answer)
+    if not truths:
+        points = WRONG if answer.findings else RIGHT if answer.kind in _SILENT else NONE
+        remark = {RIGHT: "silent", NONE: "not sure", WRONG: "wrong name"}[points]
+        return Line(answer.case, NOTHING, said, points, RIGHT, remark, (), (), answer.over_noise)
+    best: tuple[int, tuple[int, ...], tuple[int, ...]] | None = None
+    places = [*range(len(truths)), *[-1] * max(0, len(answer.findings) - len(truths))]
+    for deal in set(permutations(places, len(answer.findings))):
+        dealt = [NONE] * len(truths)
+        extra = 0
+        for finding, place in zip(answer.findings, deal, strict=True):
+            if place >= 0:
+                dealt[place] = _points(answer, finding, truths[place])
+            elif finding[0]:
+                extra += WRONG
+        total = sum(dealt) + extra
+        if best is None or total > best[0]:
+            best = (total, tuple(dealt), deal)
+    assert best is not None
+    total, points_by, deal = best
+    remarks = [WORDS[p] for p in points_by]
+    if len(answer.findings) > len(truths):
+        surplus = sum(p < 0 and bool(f[0]) for f, p in zip(answer.findings, deal, strict=True))
+        remarks += ["wrong name"] * surplus
+    located = tuple(
+        any(_in_group(groups, truth) for _, groups in answer.findings) for truth in truths
+    )
+    return Line(
+        answer.case,
+        ", ".join(truth.word for truth in truths),
+        said,
+        total,
+        RIGHT * len(truths),
+        ", ".join(remarks),
+        located,
+        tuple(p >= CLASS for p in points_by),
+        answer.over_noise,
+    )
+
+
+def _points(answer: Answer, finding: tuple[tuple[str, ...], tuple[str, ...]], truth: Truth) -> int:
+    names, groups = finding
+    here = _in_group(groups, truth)
+    if not names:
+        if here and truth.outside and answer.kind == "located_unnamed" and answer.improves:
+            return RIGHT
+        if here:
+            return GROUP
+        return SIDE if bool(groups) and _sensors(groups) == truth.sensor else NONE
+    if not set(names) & set(truth.library):
+        return WRONG
+    if len(names) == 1:
+        return RIGHT
+    if len(names) <= LARGEST_CLASS:
+        return CLASS
+    return GROUP if here else NONE
+
+
+def _in_group(groups: Sequence[str], truth: Truth) -> bool:
+    return bool(groups) and groups[0] in truth.groups
+
+
+def _sensors(groups: Sequence[str]) -> bool:
+    return "sensor" in groups[0]
+
+
+def _said(answer: Answer) -> str:
+    if not answer.findings:
+        return answer.kind.replace("_", " ")
+    return ", ".join(
+        " or ".join(names) if names else f"something at {groups[0] if groups else 'no place'}"
+        for names, groups in answer.findings
+    )
+
+
+def _find(folder: Path, case: str) -> Path:
+    if not folder.is_dir():
+        raise WorkbenchError(f"there is no folder {str(folder)!r} with verdicts")
+    for path in (folder / case / "verdict.json", folder / f"{case}.json"):
+        if path.is_file():
+            return path
+    raise WorkbenchError(
+        f"folder {str(folder)!r} has no verdict of case {case}; it needs {case}/verdict.json or"
+        f" {case}.json"
+    )

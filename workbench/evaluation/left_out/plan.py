@@ -1,0 +1,109 @@
+"""Which physics is left out of which plant, on which data, and which answers are right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from workbench.evaluation.left_out.isometric import isometric_recording
+from workbench.evaluation.rig.cases import make_case
+from workbench.model import Model
+from workbench.physics.isothermal import isothermal_gas
+from workbench.plants.arm import arm, pneumatic_muscle
+from workbench.plants.arm.volume_effects import constant_volume
+from workbench.recordings import Recording, read_case
+
+LOAD_KG = 3.0
+SEED = 11
+
+Trial = Literal["isometric", "motion"]
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A piece of the paper's physics that a nominal plant lacks.
+
+    Args:
+        name: What is left out.
+        trial: Data on which it is looked for.
+        nominal: Builds the plant without it.
+        answers: Names in the library that are right; none where nothing is left out.
+        absorbed: Whether parameters imitate most of it, so that silence is right as well.
+    """
+
+    name: str
+    trial: Trial
+    nominal: Callable[[], Model]
+    answers: tuple[str, ...]
+    absorbed: bool = False
+
+
+def _arm() -> Model:
+    return arm(LOAD_KG)
+
+
+PLAN: tuple[LeftOut, ...] = (
+    LeftOut("nothing", "motion", _arm, ()),
+    LeftOut(
+        "phi(q), equation (3)",
+        "isometric",
+        lambda: pneumatic_muscle().without("force_correction"),
+        ("phi_term",),
+    ),
+    LeftOut(
+        "phi(q), equation (3)", "motion", lambda: _arm().without("force_correction"), ("phi_term",)
+    ),
+    LeftOut(
+        "changing volume",
+        "motion",
+        lambda: _arm().without("end_flattening").with_effect(constant_volume()),
+        ("braid_volume",),
+    ),
+    LeftOut(
+        "flattened ends",
+        "motion",
+        lambda: _arm().without("end_flattening"),
+        ("flattened_ends",),
+        absorbed=True,
+    ),
+    LeftOut(
+        "energy of the gas",
+        "motion",
+        lambda: _arm().without("heat_exchange").with_effect(isothermal_gas()),
+        ("gas_energy_balance",),
+    ),
+    LeftOut(
+        "Coulomb friction",
+        "motion",
+        lambda: _arm().without("bearing_friction"),
+        ("coulomb_friction",),
+    ),
+)
+"""Every piece, after a control in which nothing is left out."""
+
+
+def recordings(
+    trial: Trial, folder: Path, *, seconds: float = 10.0
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """Record a trial on the independent rig, whose parameters are some per cent off.
+
+    Args:
+        trial: Isometric ramps of a muscle, or the arm in motion, open and closed loop.
+        folder: Where the recordings of the arm are written.
+        seconds: Length of a recording of the arm, in s.
+
+    Returns:
+        Recordings to fit on and others to judge on.
+    """
+    if trial == "isometric":
+        return (_ramps("fitted", (0, 5, 11, 18, 26), 1),), (_ramps("held out", (2, 8, 22), 2),)
+    case = read_case(make_case(SEED, [], LOAD_KG, folder, seconds=seconds))
+    return tuple(case.fit.values()), tuple(case.hold_out.values())
+
+
+def _ramps(name: str, contractions_mm: Sequence[float], seed: int) -> Recording:
+    return isometric_recording(
+        contractions_mm, seed=seed, name=name, parameters={"force_gain": 1.03, "dead_volume": 18e-6}
+    )

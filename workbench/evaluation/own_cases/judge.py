@@ -1,0 +1,252 @@
+"""Judging kept answers against what was hidden, by the rules of a blind round."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.evaluation.answer_key import Truth
+from workbench.evaluation.blind_round import Line, score_case
+from workbench.evaluation.claims import Answer
+from workbench.evaluation.own_cases.plan import names
+from workbench.evaluation.own_cases.sizes import COUNTERPARTS, SIZES
+from workbench.evaluation.rig.parameters import nominal
+
+ANSWERERS = ("tool", "refit only", "greedy", "sindy")
+"""Who answers on each case: the diagnosis and the baselines."""
+
+REGIONS: dict[str, str] = {
+    "motion": "motion",
+    "chamber 1": "air",
+    "chamber 2": "air",
+    "valve": "air",
+    "supply": "air",
+}
+"""Coarser places: the joint with the muscle forces, and all that moves air. Sensors are their own
+place."""
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One answer to one case.
+
+    Args:
+        case: Name of the case.
+        kind: Kind of case, as it was planned.
+        effects: What is hidden, by the rig's names.
+        factor: Size relative to the rig's own.
+        line: Its score.
+        names: How many effects it names.
+        regions: Whether each hidden effect was put into the right region.
+        sizes: Sizes of rightly named effects beside the true ones.
+        over_limit: Held-out error over that of the true model, root mean square over the outputs,
+            dimensionless; NaN if it was not given.
+        seconds: Processor time, in s.
+    """
+
+    case: str
+    kind: str
+    effects: tuple[str, ...]
+    factor: float
+    line: Line
+    names: int
+    regions: tuple[bool, ...]
+    sizes: tuple[SizeFound, ...] = ()
+    over_limit: float = math.nan
+    seconds: float = math.nan
+
+    @property
+    def wrong(self) -> bool:
+        """Whether anything was named that is not hidden.
+
+        Where nothing is hidden, something that is located but not named costs as many points, but
+        is not a name.
+        """
+        return "wrong name" in self.line.remark and self.names > 0
+
+    @property
+    def outside(self) -> bool:
+        """Whether the library does not have what is hidden."""
+        return self.kind == "outside"
+
+
+@dataclass(frozen=True)
+class SizeFound:
+    """A size beside the true one.
+
+    Args:
+        effect: Effect of the rig.
+        named: Name in the library.
+        true: True size, in SI.
+        value: Estimate, in SI.
+        std: Standard deviation of the estimate, in SI; NaN if none was given.
+    """
+
+    effect: str
+    named: str
+    true: float
+    value: float
+    std: float
+
+    @property
+    def error(self) -> float:
+        """Relative error, dimensionless."""
+        return abs(self.value - self.true) / abs(self.true)
+
+    @property
+    def covered(self) -> bool:
+        """Whether the 95 % interval contains the true size."""
+        return abs(self.value - self.true) <= 1.96 * self.std
+
+
+def read_rows(out: Path) -> list[dict[str, Any]]:
+    """Return what is kept in a folder of answers, by the order of the plan."""
+    return [json.loads(path.read_text()) for path in sorted(out.glob("own-*.json"))]
+
+
+def answer(case: str, verdict: Mapping[str, Any]) -> Answer:
+    """Return what a verdict claims."""
+    findings = []
+    for finding in verdict["findings"]:
+        effect = finding.get("effect")
+        named = bool(effect) and effect != "free_form"
+        members = tuple(dict.fromkeys((effect, *finding.get("class", ())))) if named else ()
+        groups = tuple(dict.fromkeys(names().group(port) for port in finding["where"]))
+        findings.append((members, groups))
+    held_out = verdict.get("fit", {}).get("held_out", {})
+    return Answer(
+        case,
+        verdict["verdict"],
+        tuple(findings),
+        ratio(held_out.get("extended", {}), held_out.get("refitted", {})) < 1.0,
+        ratio(held_out.get("extended", {}), held_out.get("noise_floor", {})),
+    )
+
+
+def ratio(above: Mapping[str, Any], below: Mapping[str, Any]) -> float:
+    """Return the ratio of errors, root mean square over the outputs; NaN if there are none."""
+    ratios = [
+        float(value) / float(below[name])
+        for name, value in above.items()
+        if value is not None and below.get(name)
+    ]
+    return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else math.nan
+
+
+def verdict_of(row: Mapping[str, Any], who: str) -> Mapping[str, Any] | None:
+    """Return an answerer's verdict on a case; None if it was not asked.
+
+    A baseline that failed has answered nothing, which scores as an abstention.
+    """
+    verdict = row["verdict"] if who == "tool" else row["baselines"].get(who)
+    return None if verdict is None else dict(verdict)
+
+
+def truths_of(row: Mapping[str, Any]) -> tuple[Truth, ...]:
+    """Return what a case hides."""
+    return names().truths(row["case"], list(row["effects"]))
+
+
+def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
+    """Judge one kept answer.
+
+    Args:
+        row: What is kept of a case.
+        who: One of `ANSWERERS`.
+
+    Returns:
+        Its score; None if there is no such answer.
+    """
+    verdict = verdict_of(row, who)
+    if verdict is None:
+        return None
+    given, truths = answer(row["case"], verdict), truths_of(row)
+    line = score_case(given, truths)
+    regions = tuple(
+        any(
+            bool(groups) and _region(groups[0]) in {_region(g) for g in truth.groups}
+            for _, groups in given.findings
+        )
+        for truth in truths
+    )
+    held_out = verdict.get("fit", {}).get("held_out", {})
+    seconds = row.get("processor_seconds") if who == "tool" else verdict.get("processor_seconds")
+    return Judged(
+        row["case"],
+        row["kind"],
+        tuple(row["effects"]),
+        row["factor"],
+        line,
+        given.names,
+        regions,
+        tuple(_sizes(row, verdict)),
+        ratio(held_out.get("extended") or {}, row["limit"]),
+        math.nan if seconds is None else float(seconds),
+    )
+
+
+def _region(group: str) -> str:
+    return REGIONS.get(group, group)
+
+
+def _sizes(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> list[SizeFound]:
+    """Compare sizes where rig and library state the same quantity."""
+    found = []
+    for finding in verdict["findings"]:
+        for effect in row["effects"]:
+            counterpart = COUNTERPARTS.get((effect, finding["effect"]))
+            value = (finding.get("parameters") or {}).get(
+                counterpart.parameter if counterpart else ""
+            )
+            if counterpart is None or value is None or value["value"] is None:
+                continue
+            true = counterpart.true(row["true"] | _default_truth(row))
+            std = value.get("std")
+            found.append(
+                SizeFound(
+                    effect,
+                    finding["effect"],
+                    true,
+                    float(value["value"]),
+                    math.nan if std is None else float(std),
+                )
+            )
+    return found
+
+
+def _default_truth(row: Mapping[str, Any]) -> dict[str, float]:
+    """Return true parameters that stand at the rig's own size because nothing changed them."""
+    return {k: v for k, v in nominal().items() if k not in row["true"]}
+
+
+def smallest_predicted(row: Mapping[str, Any], effect: str) -> float | None:
+    """Return the smallest size that the scores predicted to be seen, in the library's unit."""
+    name = _by_size(effect)
+    return next((s["smallest"] for s in row.get("scores", ()) if s["effect"] == name), None)
+
+
+def _by_size(effect: str) -> str | None:
+    """Return the name in the library whose size states that of an effect of the rig."""
+    return next((n for (e, n), c in COUNTERPARTS.items() if e == effect and c.size), None)
+
+
+def true_size(row: Mapping[str, Any], effect: str) -> float | None:
+    """Return the size of a hidden effect; None for one that is either there or not.
+
+    It is in the library's unit where the library has that size; else how far the rig's parameter
+    departs from that of the plain rig, or the parameter itself where the effect grows as it falls.
+    """
+    true = _default_truth(row) | row["true"]
+    name = _by_size(effect)
+    if name is not None:
+        return abs(COUNTERPARTS[effect, name].true(true))
+    size = SIZES.get(effect)
+    if size is None:
+        return None
+    return float(true[size.main] if size.inverse else abs(true[size.main] - nominal()[size.main]))

@@ -1,0 +1,200 @@
+"""Which cases are made: what each hides, how large, and what was recorded."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+from workbench.evaluation.answer_key import Names, Truth, read_names
+from workbench.evaluation.own_cases.sizes import SIZES, WRONG_LOAD_KG, sizes
+
+SINGLE = (
+    "hysteresis_maxwell", "hysteresis_bouc_wen", "hysteresis_dahl", "creep", "muscle_viscosity",
+    "tendon", "force_shape", "muscle_mismatch", "stribeck", "lugre", "load_friction",
+    "quadratic_drag", "tilt", "constant_torque", "parasitic_spring", "cogging", "loose_load",
+    "valve_offset", "valve_deadband", "valve_play", "valve_slew", "valve_delay", "valve_asymmetry",
+    "leak_muscle_1", "leak_muscle_2", "leak_between", "supply_droop", "line", "silencers",
+    "isothermal", "polytropic", "pressure_lag", "pressure_offset", "pressure_gain", "angle_delay",
+    "wrong_load",
+)  # fmt: skip
+"""Effects of the rig that the library has, by other laws in part."""
+
+PAIRS = (
+    ("stribeck", "valve_offset"),
+    ("tilt", "leak_muscle_1"),
+    ("hysteresis_maxwell", "valve_offset"),
+    ("supply_droop", "constant_torque"),
+    ("pressure_lag", "stribeck"),
+    ("valve_asymmetry", "tilt"),
+)
+
+OUTSIDE = ("torque_noise", "pressure_torque", "coulomb_drift", "supply_drift")
+"""Effects that the library does not have."""
+
+FACTORS = (1.0, 0.4, 2.0)
+"""Size over the rig's own, turn by turn."""
+
+LOADS_KG = (1.0, 3.0, 5.0)
+
+COLOURED_S = 0.02
+"""Correlation time of coloured noise of the pressure sensors."""
+
+FIRST_SEED = 2000
+"""Seed of the first case of the plan. Other thousands give other cases of the same kinds: other
+background parameters, loads, excitations and noise."""
+
+_STRIDES = (13, 11, 17, 7, 5, 1)
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A case to be made.
+
+    Args:
+        seed: Seed of background parameters, excitation and noise.
+        effects: What is hidden, by the rig's names.
+        load: Mass of the plates as noted, in kg.
+        kind: ``single``, ``pair``, ``nothing``, ``outside``, or ``limited`` where the recordings
+            are closed-loop only.
+        factor: Size relative to the rig's own.
+        spread: How far the background parameters leave their nominal values, relative to their
+            usual range.
+        recorded: What is recorded, as `workbench.evaluation.rig.cases.make_case` takes it.
+        changes: Parameters of the rig that are set, in SI.
+        load_error: What the rig carries beyond the noted load, in kg.
+    """
+
+    seed: int
+    effects: tuple[str, ...]
+    load: float
+    kind: str
+    factor: float = 1.0
+    spread: float = 1.0
+    recorded: str = "all"
+    changes: dict[str, float] = field(default_factory=dict)
+    load_error: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """Name of the case."""
+        return f"own-{self.seed}"
+
+    @property
+    def title(self) -> str:
+        """What it hides, in a few words."""
+        hidden = "+".join(self.effects) or "nothing"
+        size = f" x{self.factor:g}" if any(e in SIZES for e in self.effects) else ""
+        extra = [] if self.recorded == "all" else [self.recorded]
+        extra += ["coloured noise"] if "pressure_noise_time" in self.changes else []
+        return hidden + size + (f" ({', '.join(extra)})" if extra else "")
+
+    @property
+    def truths(self) -> tuple[Truth, ...]:
+        """What it hides, as a round is scored by it."""
+        return names().truths(self.name, list(self.effects))
+
+
+@cache
+def names() -> Names:
+    """Return how the rig's words are read."""
+    return read_names(Path(__file__).with_name("names.toml"))
+
+
+@dataclass(frozen=True)
+class _Item:
+    effects: tuple[str, ...]
+    kind: str
+    recorded: str = "all"
+    coloured: bool = False
+
+
+_SPECIAL = (
+    (
+        _Item(("torque_noise",), "outside"),
+        _Item(("pressure_torque",), "outside"),
+        _Item(("parasitic_spring",), "limited", "narrow"),
+        _Item(("stribeck",), "limited", "closed"),
+        _Item(("tilt",), "single", coloured=True),
+    ),
+    (
+        _Item(("coulomb_drift",), "outside"),
+        _Item(("supply_drift",), "outside"),
+        _Item((), "limited", "narrow"),
+        _Item(("leak_muscle_2",), "limited", "closed"),
+        _Item(("quadratic_drag",), "limited", "narrow"),
+    ),
+    (
+        *(_Item((name,), "outside") for name in OUTSIDE),
+        _Item((), "limited", "closed"),
+        _Item(("force_shape",), "limited", "narrow"),
+        _Item(("valve_offset",), "limited", "closed"),
+        _Item(("valve_offset",), "single", coloured=True),
+    ),
+)
+"""Beyond single effects and pairs, turn by turn."""
+
+_NOTHING = 12
+"""Cases of each turn that hide nothing."""
+
+
+def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
+    """Return the cases in the order in which they are run.
+
+    Each turn has every single effect at one size, some of the pairs, some special cases and one in
+    four or five with nothing hidden, spread so that any beginning of the plan is a fair sample.
+
+    Args:
+        first_seed: Seed of the first case, a multiple of 1000.
+
+    Returns:
+        Three turns of cases, each determined by its seed.
+    """
+    cases: list[Planned] = []
+    for turn, factor in enumerate(FACTORS):
+        single = [name for name in SINGLE if turn == 0 or name in SIZES or name == "wrong_load"]
+        pairs = (PAIRS[:3], PAIRS[3:], PAIRS)[turn]
+        hidden = [_Item((name,), "single") for name in single]
+        hidden += [_Item(pair, "pair") for pair in pairs]
+        hidden += _SPECIAL[turn]
+        nothing = [_Item((), "nothing", coloured=k == _NOTHING - 1) for k in range(_NOTHING)]
+        placed = 0
+        for k, item in enumerate(_strided(hidden)):
+            cases.append(_planned(first_seed, len(cases), item, factor))
+            if (k + 1) * _NOTHING >= (placed + 1) * len(hidden):
+                even = placed % 2 == 0
+                cases.append(_planned(first_seed, len(cases), nothing[placed], 1.0, even=even))
+                placed += 1
+    return tuple(cases)
+
+
+def _strided(items: list[_Item]) -> list[_Item]:
+    """Visit muscles, joint, valve, air and sensors in turn."""
+    stride = next(s for s in _STRIDES if math.gcd(s, len(items)) == 1)
+    return [items[stride * i % len(items)] for i in range(len(items))]
+
+
+def _planned(
+    first_seed: int, number: int, item: _Item, factor: float, *, even: bool = False
+) -> Planned:
+    """Give an item its seed, load and sizes; `even` keeps the background nominal."""
+    # Effects outside the library, pairs and limited recordings stay at the rig's own size.
+    factor = factor if item.kind == "single" and not item.coloured else 1.0
+    changes = {n: v for e in item.effects for n, v in sizes(e, factor).items()}
+    if item.coloured:
+        changes["pressure_noise_time"] = COLOURED_S
+    # The same kind of case has another load and the other sign in the next thousand.
+    turned = number + (first_seed - FIRST_SEED) // 1000
+    sign = 1.0 if turned % 2 else -1.0
+    return Planned(
+        first_seed + number,
+        item.effects,
+        LOADS_KG[turned % len(LOADS_KG)],
+        item.kind,
+        factor,
+        (0.0 if even else 2.0) if not item.effects else 1.0,
+        item.recorded,
+        changes,
+        sign * factor * WRONG_LOAD_KG if "wrong_load" in item.effects else 0.0,
+    )

@@ -1,0 +1,341 @@
+"""Tables, figure and summary of kept answers."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import WorkbenchError
+from workbench.evaluation.own_cases.judge import judge, read_rows
+from workbench.evaluation.own_cases.plan import FACTORS
+from workbench.evaluation.own_cases.statistics import (
+    BARS,
+    ByEffect,
+    Rate,
+    Score,
+    by_effect,
+    by_kind,
+    by_size,
+    score_of,
+    scores,
+)
+from workbench.files import write_whole
+
+COLOURS = {
+    "right": "#1b7837",
+    "right class": "#7fbf7b",
+    "right group only": "#92c5de",
+    "right side only": "#d1e5f0",
+    "abstained": "#e0e0e0",
+    "wrong name": "#b2182b",
+}
+"""Colour of an outcome; the worst one of a case counts."""
+
+
+ANSWERER_COLOURS = {
+    "tool": "#35618f",
+    "refit only": "#b0b0b0",
+    "greedy": "#e08214",
+    "sindy": "#8073ac",
+}
+
+
+def tables(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return all tables as text.
+
+    Args:
+        rows: What is kept of the cases.
+    """
+    tool, scored = score_of("tool", rows), scores(rows)
+    parts = [
+        f"{len(rows)} cases, versions {', '.join(sorted({r['version'] for r in rows}))}",
+        _bars(tool),
+        _answerers(scored),
+        _kinds(rows),
+        _sizes(rows),
+        _effects(by_effect(rows)),
+    ]
+    failures = [f"{r['case']} {r['title']}: {r['failure']}" for r in rows if r.get("failure")]
+    if failures:
+        parts.append("\n".join(["diagnoses that failed", *(f"  {line}" for line in failures)]))
+    return "\n\n".join(parts)
+
+
+def _met(name: str, rate: Rate) -> bool:
+    sense, bar = BARS[name]
+    if not rate.total:
+        return False
+    return rate.value <= bar if sense == "at most" else rate.value >= bar
+
+
+def _bars(tool: Score) -> str:
+    rates = tool.rates()
+    lines = [f"{'bars':<34} {'reached':<28} {'wanted':<14}"]
+    for name, (sense, bar) in BARS.items():
+        rate = rates[name]
+        word = "met" if _met(name, rate) else "missed"
+        lines.append(f"{name:<34} {rate!s:<28} {sense} {100 * bar:.0f} %  {word}")
+    return "\n".join(lines)
+
+
+def _answerers(scored: Sequence[Score]) -> str:
+    rates = [score.rates() for score in scored]
+    width = 26
+    lines = [f"{'':<34} " + "".join(f"{s.who:<{width}}" for s in scored)]
+
+    def line(name: str, cells: Sequence[str]) -> None:
+        lines.append(f"{name:<34} " + "".join(f"{cell:<{width}}" for cell in cells).rstrip())
+
+    line("cases", [str(len(s.judged)) for s in scored])
+    line("points", [f"{s.points} of {s.most}" for s in scored])
+    line("points by random answers", [f"{s.chance:.0f}, p {s.p_value:.2g}" for s in scored])
+    for name in rates[0]:
+        line(name, [str(r[name]) for r in rates])
+    line("held-out error over the limit", [_three(s.ratio) for s in scored])
+    line("size error, median", [_percent(s.sizes.median) for s in scored])
+    line("size error, 90 %", [_percent(s.sizes.worst) for s in scored])
+    line("95 % intervals that cover", [str(s.sizes.coverage) for s in scored])
+    line("processor seconds, median", [_three(s.seconds) for s in scored])
+    return "\n".join(lines)
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.2g} %" if math.isfinite(value) else "-"
+
+
+def _three(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else "-"
+
+
+def _kinds(rows: Sequence[Mapping[str, Any]]) -> str:
+    lines = [f"{'kind':<10} {'cases':>5} {'points':>12}  {'right group':<26} right name or class"]
+    for kind, row in by_kind(rows).items():
+        points = f"{row['points']} of {row['most']}"
+        lines.append(
+            f"{kind:<10} {row['cases']:>5} {points:>12}  {row['right group']!s:<26}"
+            f" {row['right name or class']!s:<26} wrong {row['wrong name']}"
+        )
+    return "\n".join(lines)
+
+
+def _sizes(rows: Sequence[Mapping[str, Any]]) -> str:
+    lines = [f"{'size':<10} {'right group':<26} {'right name or class':<26} wrong name"]
+    for factor, row in by_size(rows).items():
+        lines.append(
+            f"x {factor:<8g} {row['right group']!s:<26} {row['right name or class']!s:<26}"
+            f" {row['wrong name']}"
+        )
+    return "\n".join(lines)
+
+
+def _effects(effects: Sequence[ByEffect]) -> str:
+    factors = sorted(FACTORS)
+    head = "".join(f"{f'x {f:g}':<22}" for f in factors)
+    lines = [
+        f"{'effect':<20} {head}{'smallest named':>15} {'predicted':>10}"
+        f" {'size error':>11} {'covered':>8}"
+    ]
+    for row in effects:
+        cells = "".join(f"{row.outcomes.get(f, '')[:21]:<22}" for f in factors)
+        cover = row.sizes.coverage
+        lines.append(
+            f"{row.effect:<20} {cells}{_number(row.smallest_named):>15}"
+            f" {_number(row.predicted):>10} {_percent(row.sizes.median):>11}"
+            f" {f'{cover.count}/{cover.total}' if cover.total else '-':>8}"
+        )
+    return "\n".join(lines)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"
+
+
+def cases(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return one line per case.
+
+    Args:
+        rows: What is kept of the cases.
+    """
+    lines = []
+    for row in rows:
+        judged = judge(row)
+        assert judged is not None
+        lines.append(
+            f"{row['case']} {row['title']:<38} {judged.line.said:<46}"
+            f" {judged.line.points:>3} of {judged.line.most:<3} {judged.line.remark}"
+            f" ({_three(judged.over_limit)} of the limit, {judged.seconds:.0f} s)"
+        )
+    return "\n".join(lines)
+
+
+def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the numbers of the tables as plain data.
+
+    Args:
+        rows: What is kept of the cases.
+    """
+    scored, bars = scores(rows), score_of("tool", rows).rates()
+    return {
+        "schema": "own_cases/1",
+        "cases": len(rows),
+        "versions": sorted({r["version"] for r in rows}),
+        "bars": {
+            name: {
+                **bars[name].as_data(),
+                "wanted": f"{sense} {bar:g}",
+                "met": _met(name, bars[name]),
+            }
+            for name, (sense, bar) in BARS.items()
+        },
+        "answerers": {
+            s.who: {
+                "cases": len(s.judged),
+                "points": s.points,
+                "most": s.most,
+                "points_by_chance": s.chance,
+                "p_value": s.p_value,
+                "rates": {name: rate.as_data() for name, rate in s.rates().items()},
+                "median_held_out_error_over_limit": _finite(s.ratio),
+                "median_size_error": _finite(s.sizes.median),
+                "size_error_90": _finite(s.sizes.worst),
+                "interval_coverage": s.sizes.coverage.as_data(),
+                "median_processor_seconds": _finite(s.seconds),
+            }
+            for s in scored
+        },
+        "sizes": {
+            f"{factor:g}": {name: rate.as_data() for name, rate in rates.items()}
+            for factor, rates in by_size(rows).items()
+        },
+        "effects": [
+            {
+                "effect": e.effect,
+                "outcomes": {f"{f:g}": text for f, text in e.outcomes.items()},
+                "smallest_named": e.smallest_named,
+                "smallest_predicted": e.predicted,
+                "median_size_error": _finite(e.sizes.median),
+                "interval_coverage": e.sizes.coverage.as_data(),
+            }
+            for e in by_effect(rows)
+        ],
+        "each": [
+            {
+                "case": row["case"],
+                "hidden": row["title"],
+                "said": judged.line.said,
+                "points": judged.line.points,
+                "most": judged.line.most,
+                "remark": judged.line.remark,
+            }
+            for row in rows
+            if (judged := judge(row)) is not None
+        ],
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Draw detection by size, and the tool beside the baselines.
+
+    Args:
+        rows: What is kept of the cases.
+        path: PNG file.
+    """
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+    from matplotlib.patches import Rectangle
+
+    effects, scored = by_effect(rows), scores(rows)
+    factors = sorted({f for effect in effects for f in effect.outcomes})
+    plot, axes = plt.subplot_mosaic(
+        [["size", "points"], ["size", "rates"]],
+        figsize=(11.0, 1.5 + 0.2 * max(len(effects), 20)),
+        width_ratios=(1.0, 1.15),
+        layout="constrained",
+    )
+    left, top, bottom = axes["size"], axes["points"], axes["rates"]
+    for i, effect in enumerate(effects):
+        for k, factor in enumerate(factors):
+            remark = effect.outcomes.get(factor)
+            if remark is not None:
+                colour = COLOURS[_worst(remark)]
+                left.add_patch(Rectangle((k - 0.46, i - 0.42), 0.92, 0.84, color=colour))
+    left.set(
+        xlim=(-0.5, max(len(factors), 1) - 0.5),
+        ylim=(max(len(effects), 1) - 0.5, -0.5),
+        xticks=range(len(factors)),
+        xticklabels=[f"x {f:g}" for f in factors],
+        yticks=range(len(effects)),
+        yticklabels=[e.effect.replace("_", " ") for e in effects],
+        title="Single effects by size",
+    )
+    left.tick_params(length=0, labelsize=8)
+    left.spines[:].set_visible(False)
+    marks = [Rectangle((0, 0), 1, 1, color=c) for c in COLOURS.values()]
+    plot.legend(marks, list(COLOURS), loc="outside lower left", ncols=6, fontsize=8, frameon=False)
+
+    names = [s.who for s in scored]
+    top.bar(
+        names,
+        [100 * s.points / s.most if s.most else 0.0 for s in scored],
+        color=[ANSWERER_COLOURS[n] for n in names],
+    )
+    top.axhline(0.0, color="black", lw=0.8)
+    top.set(ylabel="points, % of most", title="Points by the rules of a blind round")
+    shown = ("right group", "right name or class", "confidently wrong", "false alarms")
+    step = 0.8 / len(scored)
+    for j, score in enumerate(scored):
+        rates = score.rates()
+        at = [i - 0.4 + (j + 0.5) * step for i in range(len(shown))]
+        values = [100 * rates[n].value if rates[n].total else 0.0 for n in shown]
+        ends = [rates[n].interval for n in shown]
+        spans = [
+            [max(0.0, v - 100 * low) for v, (low, _) in zip(values, ends, strict=True)],
+            [max(0.0, 100 * high - v) for v, (_, high) in zip(values, ends, strict=True)],
+        ]
+        bottom.bar(
+            at,
+            values,
+            width=step,
+            yerr=spans,
+            label=score.who,
+            error_kw={"lw": 0.8},
+            color=ANSWERER_COLOURS[score.who],
+        )
+    bottom.set_xticks(range(len(shown)), [n.replace(" or ", "\nor ") for n in shown], fontsize=8)
+    bottom.set(ylabel="%", ylim=(0, 112), title="Rates with 95 % intervals")
+    bottom.legend(fontsize=8, frameon=False, loc="upper center", ncols=4)
+    plot.savefig(path, dpi=150)
+    plt.close(plot)
+
+
+def _worst(remark: str) -> str:
+    return max(remark.split(", "), key=list(COLOURS).index)
+
+
+def report(
+    out: Path, *, figure_file: Path | None = None, summary_file: Path | None = None, each: bool
+) -> str:
+    """Return the tables of a folder of answers; write figure and summary where wanted.
+
+    Raises:
+        WorkbenchError: If the folder holds no answers.
+    """
+    rows = read_rows(out)
+    if not rows:
+        raise WorkbenchError(
+            f"{out} holds no answers; run 'workbench evaluate own-cases {out}' first"
+        )
+    if summary_file:
+        write_whole(summary_file, json.dumps(summary(rows), indent=1) + "\n")
+    if figure_file:
+        figure(rows, figure_file)
+    return "\n\n".join([*([cases(rows)] if each else []), tables(rows)])

@@ -1,0 +1,292 @@
+"""Make a planned case, diagnose it, let the baselines answer, and keep all of it as data."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.verdict import SCHEMA
+from workbench.evaluation.own_cases.greedy import greedy
+from workbench.evaluation.own_cases.limit import limited_errors
+from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
+from workbench.evaluation.own_cases.sindy import sindy
+from workbench.evaluation.rig.cases import make_case
+from workbench.evaluation.rig.parameters import nominal
+from workbench.model import Model
+from workbench.plants.arm import arm
+from workbench.recordings import read_case
+from workbench.recordings.checks import check_recording
+from workbench.recordings.recording import Recording
+
+
+def made(case: Planned, folder: Path) -> Path:
+    """Write the recordings of a planned case; returns the folder."""
+    return make_case(
+        case.seed,
+        list(case.effects),
+        case.load,
+        folder,
+        sizes=case.changes,
+        load_error=case.load_error,
+        spread=case.spread,
+        recorded=case.recorded,
+    )
+
+
+def run_plan(
+    out: Path,
+    count: int,
+    first_seed: int | None = None,
+    *,
+    part: tuple[int, int] = (1, 1),
+    only: Sequence[str] = (),
+    jobs: int = 1,
+    baselines: bool = True,
+) -> Iterator[str]:
+    """Run a part of the plan; yields one line per case.
+
+    Args:
+        out: Where finished cases are kept, one JSON file each; those found there are not run again.
+        count: Cases of the plan.
+        first_seed: Seed of the first case; None for that of the plan.
+        part: Part K of N, counted from 1: every Nth case.
+        only: Names of cases; all of them without a name.
+        jobs: Processes of one diagnosis.
+        baselines: Whether the baselines answer too.
+    """
+    cases = plan(FIRST_SEED if first_seed is None else first_seed)
+    chosen = [c for c in cases if c.name in only] if only else cases[:count]
+    k, n = part
+    for case in chosen[k - 1 :: n]:
+        row = run(case, out, baselines=baselines, jobs=jobs)
+        found = ", ".join(f["effect"] or "?" for f in row["verdict"]["findings"]) or "-"
+        said = row["verdict"]["verdict"]
+        yield f"{case.name} {case.title:<38} -> {said:<16} {found}  ({row['seconds']:.0f} s)"
+
+
+def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> dict[str, Any]:
+    """Diagnose one case, or return what is kept of it.
+
+    Args:
+        case: The planned case.
+        out: Where finished cases are kept, one JSON file each.
+        baselines: Whether the baselines answer too.
+        jobs: Processes of the diagnosis.
+
+    Returns:
+        The content of the file.
+    """
+    kept = out / f"{case.name}.json"
+    if kept.exists():
+        return dict(json.loads(kept.read_text()))
+    with tempfile.TemporaryDirectory() as place:
+        folder = made(case, Path(place) / case.name)
+        truth = json.loads((folder / "truth.json").read_text())
+        row: dict[str, Any] = {
+            "schema": "own_case/1",
+            "case": case.name,
+            "title": case.title,
+            "kind": case.kind,
+            "effects": list(case.effects),
+            "load_kg": case.load,
+            "factor": case.factor,
+            "recorded": case.recorded,
+            "spread": case.spread,
+            "true": _changed(truth["parameters"]) | {"load_error": truth["load_error"]},
+            "background": {k: v for k, v in truth["parameters"].items() if k in BACKGROUND},
+            "limit": limited_errors(folder),
+            "version": version(),
+        }
+        found = read_case(folder)
+        fit_on, hold_out = list(found.fit.values()), list(found.hold_out.values())
+        plant = arm(found.load_kg)
+        wall, processor = time.perf_counter(), time.process_time()
+        try:
+            diagnosis = diagnose(plant, fit_on, hold_out, jobs=jobs, advise=False)
+        except Exception as error:  # noqa: BLE001
+            # A diagnosis that fails is a result too, and must not end the run.
+            row |= {"failure": f"{type(error).__name__}: {error}", "verdict": _silent("failed")}
+            row |= {"seconds": time.perf_counter() - wall, "baselines": {}}
+            return _keep(kept, row)
+        row["seconds"] = time.perf_counter() - wall
+        row["processor_seconds"] = time.process_time() - processor
+        assert diagnosis.verdict is not None
+        row["verdict"] = diagnosis.verdict.as_data()
+        row["located"] = diagnosis.before.best if diagnosis.before else None
+        row["shares"] = _shares(diagnosis)
+        row["excess"] = _finite(diagnosis.excess)
+        row["withdrawn"] = [c.entry.name for c, _ in diagnosis.withdrawn]
+        row["scores"], row["rounds"] = _scores(diagnosis), _rounds(diagnosis)
+        row["baselines"] = _baselines(diagnosis, plant, fit_on, hold_out) if baselines else {}
+    return _keep(kept, row)
+
+
+BACKGROUND = (
+    "arm_inertia", "force_gain", "conductance", "centre_leakage", "volume_gain", "dead_volume",
+    "viscous", "coulomb", "heat_transfer",
+)  # fmt: skip
+"""Parameters of the rig that are not nominal in most cases."""
+
+
+def _changed(parameters: Mapping[str, float]) -> dict[str, float]:
+    """Return the rig's parameters that differ from nominal ones, and those sizes refer to."""
+    plain = nominal()
+    always = ("load", "load_inertia_per_kg", "conductance")
+    return {k: v for k, v in parameters.items() if v != plain[k] or k in always}
+
+
+def _keep(path: Path, row: dict[str, Any]) -> dict[str, Any]:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    work = path.with_suffix(f".{os.getpid()}")
+    work.write_text(json.dumps(_plain(row), indent=1))
+    work.replace(path)
+    return dict(json.loads(path.read_text()))
+
+
+def _plain(data: Any) -> Any:
+    if isinstance(data, Mapping):
+        return {str(k): _plain(v) for k, v in data.items()}
+    if isinstance(data, (list, tuple)):
+        return [_plain(v) for v in data]
+    if isinstance(data, float):
+        return _finite(data)
+    return data
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+def _silent(kind: str) -> dict[str, Any]:
+    return {"schema": SCHEMA, "verdict": kind, "findings": [], "fit": {"held_out": {}}}
+
+
+def _shares(diagnosis: Diagnosis) -> dict[str, float | None]:
+    return {
+        "refitted": getattr(diagnosis.base, "share", None),
+        "extended": getattr(diagnosis.extended, "share", None),
+    }
+
+
+def _scores(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    if not diagnosis.rounds:
+        return []
+    return [
+        {
+            "effect": s.entry.name,
+            "gain": s.gain,
+            "sigma": s.sigma,
+            "size": s.size,
+            "std": s.std,
+            "absorption": s.absorption,
+            "smallest": s.smallest,
+            "unit": s.entry.unit,
+            "testable": s.testable,
+        }
+        for s in diagnosis.rounds[0][0].scores
+    ]
+
+
+def _rounds(diagnosis: Diagnosis) -> list[list[dict[str, Any]]]:
+    return [
+        [
+            {
+                "effect": c.entry.name,
+                "gain": c.gain,
+                "held_out": list(c.held_out),
+                "size": c.size.value if c.size else None,
+                "size_std": c.size.std if c.size else None,
+                "refused": c.refused,
+                "followed": c.followed,
+                "share": c.fit.share if c.fit else None,
+            }
+            for c in candidates
+        ]
+        for _, candidates in diagnosis.rounds
+    ]
+
+
+def _baselines(
+    diagnosis: Diagnosis, plant: Model, fit_on: Sequence[Recording], hold_out: Sequence[Recording]
+) -> dict[str, Any]:
+    if not diagnosis.runs or diagnosis.verdict is None:
+        return {}
+    fitting = [_observed(plant, r) for r in fit_on]
+    judging = [_observed(plant, r) for r in hold_out]
+    held_out = {k: dict(v) for k, v in diagnosis.verdict.fit.items()}
+    refitted, floor = held_out.get("refitted", {}), held_out.get("noise_floor", {})
+    answers: dict[str, Any] = {"refit only": _answer([], refitted, refitted, floor)}
+
+    began = time.process_time()
+    # A baseline that fails must not end the run either; it is counted as no answer.
+    try:
+        findings, errors, stopped = greedy(diagnosis, fitting, judging, default_priors(plant))
+        answers["greedy"] = _answer(findings, refitted, errors, floor) | {"stopped": stopped}
+    except Exception as error:  # noqa: BLE001
+        answers["greedy"] = _silent("failed") | {"failure": f"{type(error).__name__}: {error}"}
+    answers["greedy"]["processor_seconds"] = time.process_time() - began
+
+    began = time.process_time()
+    try:
+        findings = sindy(diagnosis.base.model, fitting, diagnosis.base.share)
+        answers["sindy"] = _answer(findings, refitted, {}, floor)
+    except Exception as error:  # noqa: BLE001
+        answers["sindy"] = _silent("failed") | {"failure": f"{type(error).__name__}: {error}"}
+    answers["sindy"]["processor_seconds"] = time.process_time() - began
+    return answers
+
+
+def _answer(
+    findings: list[dict[str, Any]],
+    refitted: Mapping[str, float],
+    extended: Mapping[str, float],
+    floor: Mapping[str, float],
+) -> dict[str, Any]:
+    return {
+        "schema": SCHEMA,
+        "verdict": "named" if findings else "nothing_missing",
+        "findings": findings,
+        "fit": {
+            "held_out": {
+                "refitted": dict(refitted),
+                "extended": dict(extended),
+                "noise_floor": dict(floor),
+            }
+        },
+    }
+
+
+def _observed(model: Model, recording: Recording) -> Observed:
+    """Bring a recording into the shape in which the diagnosis judges it."""
+    recording = recording.with_roles({q.name: "command" for q in model.inputs})
+    needed = [*(q.name for q in model.inputs), *(q.name for q in model.outputs)]
+    report = check_recording(
+        recording, model=model, required=[name for name in needed if name in recording]
+    )
+    return observe(model, report.recording)
+
+
+def version() -> str:
+    """Return the commit under test, with a mark if files of the product differ from it."""
+    root = Path(__file__).parents[2]
+
+    def git(*words: str) -> str:
+        done = subprocess.run(
+            ["git", *words], cwd=root, capture_output=True, text=True, check=False
+        )
+        return done.stdout.strip()
+
+    commit = git("rev-parse", "--short", "HEAD")
+    return commit + ("+" if git("status", "--porcelain", "--", "workbench") else "")

@@ -1,0 +1,318 @@
+"""Rates over judged answers, with their uncertainty.
+
+Units: all numbers are dimensionless, sizes as `true_size` states them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from workbench.evaluation.blind_round import score_round
+from workbench.evaluation.own_cases.judge import (
+    ANSWERERS,
+    Judged,
+    SizeFound,
+    answer,
+    judge,
+    smallest_predicted,
+    true_size,
+    truths_of,
+    verdict_of,
+)
+from workbench.evaluation.own_cases.plan import FACTORS, OUTSIDE, SINGLE
+
+BARS: dict[str, tuple[str, float]] = {
+    "false alarms": ("at most", 0.0),
+    "right group": ("at least", 0.9),
+    "right name or class": ("at least", 0.8),
+    "confidently wrong": ("at most", 0.05),
+    "held out within 1.5 of the limit": ("at least", 0.5),
+}
+"""What the tool must reach; the last one at the median."""
+
+LARGEST_RATIO = 1.5
+"""Held-out error over that of the true model which still counts as within the noise."""
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A share with its 95 % interval.
+
+    Args:
+        count: How many.
+        total: Out of how many.
+    """
+
+    count: int
+    total: int
+
+    @property
+    def value(self) -> float:
+        """The share; NaN out of none."""
+        return self.count / self.total if self.total else math.nan
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's 95 % interval."""
+        return wilson(self.count, self.total)
+
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data."""
+        low, high = self.interval
+        return {
+            "count": self.count,
+            "of": self.total,
+            "rate": None if not self.total else self.value,
+            "low": low,
+            "high": high,
+        }
+
+    def __str__(self) -> str:
+        if not self.total:
+            return "-"
+        low, high = self.interval
+        share = f"{100 * self.value:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
+        return f"{self.count}/{self.total} = {share}"
+
+
+def wilson(count: int, total: int, *, z: float = 1.959964) -> tuple[float, float]:
+    """Return Wilson's interval of a share.
+
+    Args:
+        count: How many.
+        total: Out of how many.
+        z: Quantile of the normal distribution.
+
+    Returns:
+        Lower and upper bound, 0 to 1.
+    """
+    if total == 0:
+        return 0.0, 1.0
+    share, n = count / total, float(total)
+    middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How well sizes are estimated.
+
+    Args:
+        found: Sizes of rightly named effects beside the true ones.
+    """
+
+    found: tuple[SizeFound, ...]
+
+    @property
+    def median(self) -> float:
+        """Median relative error; NaN of none."""
+        return _quantile([f.error for f in self.found], 0.5)
+
+    @property
+    def worst(self) -> float:
+        """90 % point of the relative error; NaN of none."""
+        return _quantile([f.error for f in self.found], 0.9)
+
+    @property
+    def coverage(self) -> Rate:
+        """How often the 95 % interval contains the true size."""
+        told = [f for f in self.found if math.isfinite(f.std)]
+        return Rate(sum(f.covered for f in told), len(told))
+
+
+def _quantile(values: Sequence[float], at: float) -> float:
+    return float(np.quantile(values, at)) if values else math.nan
+
+
+@dataclass(frozen=True)
+class Score:
+    """How one answerer did.
+
+    Args:
+        who: One of `ANSWERERS`.
+        judged: Its judged answers.
+        points: Points over all cases.
+        most: Most points that could be had.
+        chance: Mean points of the same answers dealt out at random.
+        p_value: Probability that those score as much.
+    """
+
+    who: str
+    judged: tuple[Judged, ...]
+    points: int
+    most: int
+    chance: float
+    p_value: float
+
+    def rates(self) -> dict[str, Rate]:
+        """Return the rates that the bars are about, and others beside them."""
+        faulty = [j for j in self.judged if j.effects and j.kind in ("single", "pair")]
+        clean = [j for j in self.judged if not j.effects]
+        outside = [j for j in self.judged if j.kind == "outside"]
+        limited = [j for j in self.judged if j.kind == "limited" and j.effects]
+        near = [j.over_limit for j in [*faulty, *clean] if math.isfinite(j.over_limit)]
+        return {
+            "false alarms": Rate(sum(j.wrong for j in clean), len(clean)),
+            "nothing hidden: not silent": Rate(sum(j.line.points < 0 for j in clean), len(clean)),
+            "right group": _over(faulty, lambda j: j.line.located),
+            "right region": _over(faulty, lambda j: j.regions),
+            "right name or class": _over(faulty, lambda j: j.line.named),
+            "confidently wrong": Rate(sum(j.wrong for j in self.judged), len(self.judged)),
+            "outside the library: right group": _over(outside, lambda j: j.line.located),
+            "outside the library: wrong name": Rate(sum(j.wrong for j in outside), len(outside)),
+            "closed loop only: wrong name": Rate(sum(j.wrong for j in limited), len(limited)),
+            "closed loop only: right name": _over(limited, lambda j: j.line.named),
+            "held out within 1.5 of the limit": Rate(
+                sum(value <= LARGEST_RATIO for value in near), len(near)
+            ),
+        }
+
+    @property
+    def ratio(self) -> float:
+        """Median held-out error over that of the true model; NaN if none was given."""
+        return _quantile([j.over_limit for j in self.judged if math.isfinite(j.over_limit)], 0.5)
+
+    @property
+    def seconds(self) -> float:
+        """Median processor time of a case, in s; NaN if none was given."""
+        return _quantile([j.seconds for j in self.judged if math.isfinite(j.seconds)], 0.5)
+
+    @property
+    def sizes(self) -> Sizes:
+        """Sizes that were estimated."""
+        return Sizes(tuple(found for j in self.judged for found in j.sizes))
+
+
+def _over(judged: Iterable[Judged], what: Callable[[Judged], tuple[bool, ...]]) -> Rate:
+    flags = [flag for j in judged for flag in what(j)]
+    return Rate(sum(flags), len(flags))
+
+
+def scores(rows: Sequence[Mapping[str, Any]]) -> tuple[Score, ...]:
+    """Score every answerer on the cases that all of them were asked.
+
+    Args:
+        rows: What is kept of the cases. Where no baseline was asked, the tool alone is scored.
+
+    Returns:
+        One score per answerer, the tool first.
+    """
+    who = [w for w in ANSWERERS if any(verdict_of(row, w) is not None for row in rows)]
+    common = [row for row in rows if all(verdict_of(row, w) is not None for w in who)]
+    return tuple(score_of(w, common) for w in who)
+
+
+def score_of(who: str, rows: Sequence[Mapping[str, Any]]) -> Score:
+    """Score one answerer.
+
+    Args:
+        who: One of `ANSWERERS`.
+        rows: What is kept of cases that it was asked.
+    """
+    judged = tuple(j for row in rows if (j := judge(row, who)) is not None)
+    given = [answer(row["case"], verdict_of(row, who) or {}) for row in rows]
+    round_ = score_round(given, [truths_of(row) for row in rows])
+    return Score(who, judged, round_.points, round_.most, round_.chance, round_.p_value)
+
+
+@dataclass(frozen=True)
+class ByEffect:
+    """How the tool did on one effect.
+
+    Args:
+        effect: Effect of the rig.
+        outcomes: Remark of the score by size over the rig's own.
+        smallest_named: Smallest size that was named, as `true_size` states it; None if none was,
+            or the effect is either there or not.
+        predicted: Smallest size that the scores predicted to be seen, median over its cases, in
+            the same unit; None where the library has no such size.
+        sizes: Sizes of its cases.
+    """
+
+    effect: str
+    outcomes: Mapping[float, str]
+    smallest_named: float | None
+    predicted: float | None
+    sizes: Sizes
+
+
+def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
+    """Return how the tool did on each single effect.
+
+    Args:
+        rows: What is kept of the cases.
+    """
+    result = []
+    for effect in (*SINGLE, *OUTSIDE):
+        own = [
+            r
+            for r in rows
+            if r["effects"] == [effect]
+            and r["kind"] in ("single", "outside")
+            and not r["true"].get("pressure_noise_time")
+        ]
+        if not own:
+            continue
+        judged = [(row, judge(row)) for row in own]
+        named = [row for row, j in judged if j is not None and any(j.line.named)]
+        told = [size for row in named if (size := true_size(row, effect)) is not None]
+        # An effect may grow as its parameter falls: the smallest is that of the least factor.
+        least = min(named, key=lambda row: row["factor"]) if told else None
+        predicted = [s for row in own if (s := smallest_predicted(row, effect)) is not None]
+        result.append(
+            ByEffect(
+                effect,
+                {row["factor"]: j.line.remark for row, j in judged if j is not None},
+                true_size(least, effect) if least is not None else None,
+                _quantile(predicted, 0.5) if predicted else None,
+                Sizes(tuple(found for _, j in judged if j is not None for found in j.sizes)),
+            )
+        )
+    return tuple(result)
+
+
+def by_size(rows: Sequence[Mapping[str, Any]], who: str = "tool") -> dict[float, dict[str, Rate]]:
+    """Return rates of single effects by their size over the rig's own.
+
+    Args:
+        rows: What is kept of the cases.
+        who: One of `ANSWERERS`.
+    """
+    judged = [j for row in rows if row["kind"] == "single" and (j := judge(row, who)) is not None]
+    result = {}
+    for factor in sorted(FACTORS):
+        own = [j for j in judged if j.factor == factor]
+        if own:
+            result[factor] = {
+                "right group": _over(own, lambda j: j.line.located),
+                "right name or class": _over(own, lambda j: j.line.named),
+                "wrong name": Rate(sum(j.wrong for j in own), len(own)),
+            }
+    return result
+
+
+def by_kind(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """Return how the tool did on each kind of case.
+
+    Args:
+        rows: What is kept of the cases.
+    """
+    result: dict[str, dict[str, Any]] = {}
+    for kind in ("single", "pair", "nothing", "outside", "limited"):
+        own = [j for row in rows if row["kind"] == kind and (j := judge(row)) is not None]
+        if own:
+            result[kind] = {
+                "cases": len(own),
+                "points": sum(j.line.points for j in own),
+                "most": sum(j.line.most for j in own),
+                "right group": _over(own, lambda j: j.line.located),
+                "right name or class": _over(own, lambda j: j.line.named),
+                "wrong name": Rate(sum(j.wrong for j in own), len(own)),
+            }
+    return result
