@@ -28,10 +28,6 @@ class Truth:
         library: Names of the library that say the same; none if the library does not have it.
         groups: Groups of ports where it acts.
         sensor: Whether it is an error of a sensor.
-
-    Example:
-        >>> Truth("tilt", ("tilt_gravity",), ("motion",), False).outside
-        False
     """
 
     word: str
@@ -144,14 +140,6 @@ def read_key(path: str | Path) -> dict[str, Mapping[str, Any]]:
 
     Raises:
         WorkbenchError: If the file cannot be read or has another form.
-
-    Example:
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as place:
-        ...     file = Path(place) / "key.json"
-        ...     _ = file.write_text('{"one": {"truth": [{"effect": "tilt"}]}}')
-        ...     words_of(read_key(file)["one"])
-        ['tilt']
     """
     content = read_json(path, "key")
     for case, answer in content.items():
@@ -171,10 +159,6 @@ def words_of(answer: Mapping[str, Any]) -> list[str]:
 
     Args:
         answer: An answer of a key.
-
-    Example:
-        >>> words_of({"truth": [{"effect": "tilt"}]})
-        ['tilt']
     """
     return [truth["effect"] for truth in answer["truth"]]
 
@@ -254,12 +238,6 @@ def read_json(path: str | Path, what: str) -> dict[str, Any]:
 
     Raises:
         WorkbenchError: If it cannot be read or is no object.
-
-    Example:
-        >>> read_json("no such file", "key")
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: key 'no such file' cannot be read: no such file or ...
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))

@@ -63,10 +63,6 @@ class Line:
         located: Whether each hidden effect was put into the right group.
         named: Whether each hidden effect was named, rightly or within a class.
         over_noise: Error of the extended model over the sensors' noise, dimensionless.
-
-    Example:
-        >>> Line("one", "tilt", "tilt_gravity", 6, 6, "right", (True,), (True,), 1.1).points
-        6
     """
 
     case: str
@@ -90,10 +86,6 @@ class Round:
         chance: Mean points of such verdicts, dimensionless.
         committed: Number of answers checked against their commitments; None if none were given.
         false_alarms: Cases that hide nothing and got a name, and how many hide nothing.
-
-    Example:
-        >>> Round((Line("one", "none", "silent", 6, 6, "right"),), 1.0, 6.0).points
-        6
     """
 
     lines: tuple[Line, ...]
@@ -252,11 +244,6 @@ def score_round(
     Returns:
         The score. The p-value is the share of random permutations of the answers over the cases
         that score at least as much, the given order counted in.
-
-    Example:
-        >>> silent = Answer("one", "nothing_missing", (), False)
-        >>> score_round([silent], [()]).points
-        6
     """
     lines = tuple(score_case(a, t) for a, t in zip(answers, truths, strict=True))
     table = np.array([[score_case(a, t).points for t in truths] for a in answers], dtype=float)

@@ -27,10 +27,6 @@ class Answer:
         improves: Whether the extended model is better than the refitted one on held-out recordings.
         over_noise: Error of the extended model over the sensors' noise, root mean square over the
             outputs, dimensionless; NaN if it was not given.
-
-    Example:
-        >>> Answer("one", "named", ((("tilt_gravity",), ("motion",)),), True, 1.2).names
-        1
     """
 
     case: str
@@ -48,28 +44,19 @@ class Answer:
 def read_answer(path: str | Path, case: str, names: Names) -> Answer:
     """Read what a ``verdict.json`` claims.
 
-    Args:
-        path: The file.
-        case: Name of the case.
-        names: Groups of ports.
-
-    Returns:
-        The claims.
-
     Raises:
         WorkbenchError: If the file cannot be read or is no verdict.
-
-    Example:
-        >>> read_answer("no such file", "one", Names({}, {}))
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: verdict 'no such file' cannot be read: no such file ...
     """
     data = read_json(path, "verdict")
     if data.get("schema") != SCHEMA or not isinstance(data.get("verdict"), str):
         raise WorkbenchError(
             f"verdict {str(path)!r} has the schema {data.get('schema')!r}; it must be {SCHEMA!r}"
         )
+    return answer_of(data, case, names)
+
+
+def answer_of(data: Mapping[str, Any], case: str, names: Names) -> Answer:
+    """Return what the content of a ``verdict.json`` claims."""
     findings = []
     for finding in data.get("findings") or ():
         effect = finding.get("effect")
@@ -79,21 +66,21 @@ def read_answer(path: str | Path, case: str, names: Names) -> Answer:
         groups = tuple(dict.fromkeys(names.group(port) for port in finding.get("where") or ()))
         findings.append((members, groups))
     held_out = (data.get("fit") or {}).get("held_out") or {}
-    after, noise = _level(held_out, "extended"), _level(held_out, "noise_floor")
+    extended = held_out.get("extended") or {}
     return Answer(
         case,
         data["verdict"],
         tuple(findings),
-        _ratio(after, _level(held_out, "refitted")) < 1.0,
-        _ratio(after, noise),
+        error_ratio(extended, held_out.get("refitted") or {}) < 1.0,
+        error_ratio(extended, held_out.get("noise_floor") or {}),
     )
 
 
-def _level(held_out: Mapping[str, Any], label: str) -> dict[str, float]:
-    values = held_out.get(label) or {}
-    return {k: float(v) for k, v in values.items() if isinstance(v, (int, float)) and v > 0}
-
-
-def _ratio(above: Mapping[str, float], below: Mapping[str, float]) -> float:
-    ratios = [above[name] / below[name] for name in above if name in below]
+def error_ratio(above: Mapping[str, Any], below: Mapping[str, Any]) -> float:
+    """Return the ratio of errors, root mean square over the outputs; NaN if there are none."""
+    ratios = [
+        float(value) / float(below[name])
+        for name, value in above.items()
+        if value is not None and below.get(name)
+    ]
     return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else math.nan

@@ -11,7 +11,8 @@ import pytest
 from tests.evaluation.own_cases.made_up import found, row, verdict
 from workbench.evaluation.own_cases.report import figure, report, summary, tables
 from workbench.evaluation.own_cases.sindy import thresholded
-from workbench.evaluation.own_cases.statistics import by_effect, by_size, score_of, scores, wilson
+from workbench.evaluation.own_cases.statistics import by_effect, by_size, score_of, scores
+from workbench.evaluation.rates import wilson
 
 TILT = found("tilt_gravity", "joint.torque", tilt=(0.08, 0.002))
 SMALL = found("tilt_gravity", "joint.torque", tilt=(0.040, 0.002))

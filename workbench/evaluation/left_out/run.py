@@ -158,11 +158,7 @@ def _moved(diagnosis: Diagnosis, most: int = 2) -> str:
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Return the rows as an aligned table.
-
-    Args:
-        rows: Rows of `run`.
-    """
+    """Return the rows as an aligned table."""
     head = ("left out", "data", "verdict", "found", "held out: refitted", "extended", "absorbed")
     cells = [head] + [
         (
@@ -189,11 +185,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def as_data(row: Row) -> dict[str, Any]:
-    """Return a row as plain data; numbers that are not finite become None.
-
-    Args:
-        row: The row.
-    """
+    """Return a row as plain data; numbers that are not finite become None."""
     return {
         k: None if isinstance(v, float) and not math.isfinite(v) else v
         for k, v in vars(row).items()

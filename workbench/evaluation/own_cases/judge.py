@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from workbench.evaluation.answer_key import Truth
 from workbench.evaluation.blind_round import Line, score_case
-from workbench.evaluation.claims import Answer
+from workbench.evaluation.claims import answer_of, error_ratio
 from workbench.evaluation.own_cases.plan import names
 from workbench.evaluation.own_cases.sizes import COUNTERPARTS, SIZES
 from workbench.evaluation.rig.parameters import nominal
@@ -105,40 +101,6 @@ class SizeFound:
         return abs(self.value - self.true) <= 1.96 * self.std
 
 
-def read_rows(out: Path) -> list[dict[str, Any]]:
-    """Return what is kept in a folder of answers, by the order of the plan."""
-    return [json.loads(path.read_text()) for path in sorted(out.glob("own-*.json"))]
-
-
-def answer(case: str, verdict: Mapping[str, Any]) -> Answer:
-    """Return what a verdict claims."""
-    findings = []
-    for finding in verdict["findings"]:
-        effect = finding.get("effect")
-        named = bool(effect) and effect != "free_form"
-        members = tuple(dict.fromkeys((effect, *finding.get("class", ())))) if named else ()
-        groups = tuple(dict.fromkeys(names().group(port) for port in finding["where"]))
-        findings.append((members, groups))
-    held_out = verdict.get("fit", {}).get("held_out", {})
-    return Answer(
-        case,
-        verdict["verdict"],
-        tuple(findings),
-        ratio(held_out.get("extended", {}), held_out.get("refitted", {})) < 1.0,
-        ratio(held_out.get("extended", {}), held_out.get("noise_floor", {})),
-    )
-
-
-def ratio(above: Mapping[str, Any], below: Mapping[str, Any]) -> float:
-    """Return the ratio of errors, root mean square over the outputs; NaN if there are none."""
-    ratios = [
-        float(value) / float(below[name])
-        for name, value in above.items()
-        if value is not None and below.get(name)
-    ]
-    return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else math.nan
-
-
 def verdict_of(row: Mapping[str, Any], who: str) -> Mapping[str, Any] | None:
     """Return an answerer's verdict on a case; None if it was not asked.
 
@@ -166,7 +128,7 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
     verdict = verdict_of(row, who)
     if verdict is None:
         return None
-    given, truths = answer(row["case"], verdict), truths_of(row)
+    given, truths = answer_of(verdict, row["case"], names()), truths_of(row)
     line = score_case(given, truths)
     regions = tuple(
         any(
@@ -186,7 +148,7 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
         given.names,
         regions,
         tuple(_sizes(row, verdict)),
-        ratio(held_out.get("extended") or {}, row["limit"]),
+        error_ratio(held_out.get("extended") or {}, row["limit"]),
         math.nan if seconds is None else float(seconds),
     )
 

@@ -8,13 +8,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import WorkbenchError
-from workbench.evaluation.own_cases.judge import judge, read_rows
+from workbench.evaluation.kept import read_kept
+from workbench.evaluation.own_cases.judge import judge
 from workbench.evaluation.own_cases.plan import FACTORS
 from workbench.evaluation.own_cases.statistics import (
     BARS,
     ByEffect,
-    Rate,
     Score,
     by_effect,
     by_kind,
@@ -22,6 +21,7 @@ from workbench.evaluation.own_cases.statistics import (
     score_of,
     scores,
 )
+from workbench.evaluation.rates import Rate
 from workbench.files import write_whole
 
 COLOURS = {
@@ -44,11 +44,7 @@ ANSWERER_COLOURS = {
 
 
 def tables(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return all tables as text.
-
-    Args:
-        rows: What is kept of the cases.
-    """
+    """Return all tables as text."""
     tool, scored = score_of("tool", rows), scores(rows)
     parts = [
         f"{len(rows)} cases, versions {', '.join(sorted({r['version'] for r in rows}))}",
@@ -154,11 +150,7 @@ def _number(value: float | None) -> str:
 
 
 def cases(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Return one line per case.
-
-    Args:
-        rows: What is kept of the cases.
-    """
+    """Return one line per case."""
     lines = []
     for row in rows:
         judged = judge(row)
@@ -172,11 +164,7 @@ def cases(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Return the numbers of the tables as plain data.
-
-    Args:
-        rows: What is kept of the cases.
-    """
+    """Return the numbers of the tables as plain data."""
     scored, bars = scores(rows), score_of("tool", rows).rates()
     return {
         "schema": "own_cases/1",
@@ -329,11 +317,7 @@ def report(
     Raises:
         WorkbenchError: If the folder holds no answers.
     """
-    rows = read_rows(out)
-    if not rows:
-        raise WorkbenchError(
-            f"{out} holds no answers; run 'workbench evaluate own-cases {out}' first"
-        )
+    rows = read_kept(out, "own-cases")
     if summary_file:
         write_whole(summary_file, json.dumps(summary(rows), indent=1) + "\n")
     if figure_file:

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
-import os
-import subprocess
 import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,6 +15,7 @@ from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.verdict import SCHEMA
+from workbench.evaluation.kept import keep, silent, version
 from workbench.evaluation.own_cases.greedy import greedy
 from workbench.evaluation.own_cases.limit import limited_errors
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
@@ -117,20 +115,21 @@ def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> d
             diagnosis = diagnose(plant, fit_on, hold_out, jobs=jobs, advise=False)
         except Exception as error:  # noqa: BLE001
             # A diagnosis that fails is a result too, and must not end the run.
-            row |= {"failure": f"{type(error).__name__}: {error}", "verdict": _silent("failed")}
+            row["verdict"] = silent("failed", error)
+            row["failure"] = row["verdict"]["failure"]
             row |= {"seconds": time.perf_counter() - wall, "baselines": {}}
-            return _keep(kept, row)
+            return keep(kept, row)
         row["seconds"] = time.perf_counter() - wall
         row["processor_seconds"] = time.process_time() - processor
         assert diagnosis.verdict is not None
         row["verdict"] = diagnosis.verdict.as_data()
         row["located"] = diagnosis.before.best if diagnosis.before else None
         row["shares"] = _shares(diagnosis)
-        row["excess"] = _finite(diagnosis.excess)
+        row["excess"] = diagnosis.excess
         row["withdrawn"] = [c.entry.name for c, _ in diagnosis.withdrawn]
         row["scores"], row["rounds"] = _scores(diagnosis), _rounds(diagnosis)
         row["baselines"] = _baselines(diagnosis, plant, fit_on, hold_out) if baselines else {}
-    return _keep(kept, row)
+    return keep(kept, row)
 
 
 BACKGROUND = (
@@ -145,32 +144,6 @@ def _changed(parameters: Mapping[str, float]) -> dict[str, float]:
     plain = nominal()
     always = ("load", "load_inertia_per_kg", "conductance")
     return {k: v for k, v in parameters.items() if v != plain[k] or k in always}
-
-
-def _keep(path: Path, row: dict[str, Any]) -> dict[str, Any]:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    work = path.with_suffix(f".{os.getpid()}")
-    work.write_text(json.dumps(_plain(row), indent=1))
-    work.replace(path)
-    return dict(json.loads(path.read_text()))
-
-
-def _plain(data: Any) -> Any:
-    if isinstance(data, Mapping):
-        return {str(k): _plain(v) for k, v in data.items()}
-    if isinstance(data, (list, tuple)):
-        return [_plain(v) for v in data]
-    if isinstance(data, float):
-        return _finite(data)
-    return data
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
-
-
-def _silent(kind: str) -> dict[str, Any]:
-    return {"schema": SCHEMA, "verdict": kind, "findings": [], "fit": {"held_out": {}}}
 
 
 def _shares(diagnosis: Diagnosis) -> dict[str, float | None]:
@@ -235,7 +208,7 @@ def _baselines(
         findings, errors, stopped = greedy(diagnosis, fitting, judging, default_priors(plant))
         answers["greedy"] = _answer(findings, refitted, errors, floor) | {"stopped": stopped}
     except Exception as error:  # noqa: BLE001
-        answers["greedy"] = _silent("failed") | {"failure": f"{type(error).__name__}: {error}"}
+        answers["greedy"] = silent("failed", error)
     answers["greedy"]["processor_seconds"] = time.process_time() - began
 
     began = time.process_time()
@@ -243,7 +216,7 @@ def _baselines(
         findings = sindy(diagnosis.base.model, fitting, diagnosis.base.share)
         answers["sindy"] = _answer(findings, refitted, {}, floor)
     except Exception as error:  # noqa: BLE001
-        answers["sindy"] = _silent("failed") | {"failure": f"{type(error).__name__}: {error}"}
+        answers["sindy"] = silent("failed", error)
     answers["sindy"]["processor_seconds"] = time.process_time() - began
     return answers
 
@@ -276,17 +249,3 @@ def _observed(model: Model, recording: Recording) -> Observed:
         recording, model=model, required=[name for name in needed if name in recording]
     )
     return observe(model, report.recording)
-
-
-def version() -> str:
-    """Return the commit under test, with a mark if files of the product differ from it."""
-    root = Path(__file__).parents[2]
-
-    def git(*words: str) -> str:
-        done = subprocess.run(
-            ["git", *words], cwd=root, capture_output=True, text=True, check=False
-        )
-        return done.stdout.strip()
-
-    commit = git("rev-parse", "--short", "HEAD")
-    return commit + ("+" if git("status", "--porcelain", "--", "workbench") else "")

@@ -13,18 +13,19 @@ from typing import Any
 import numpy as np
 
 from workbench.evaluation.blind_round import score_round
+from workbench.evaluation.claims import answer_of
 from workbench.evaluation.own_cases.judge import (
     ANSWERERS,
     Judged,
     SizeFound,
-    answer,
     judge,
     smallest_predicted,
     true_size,
     truths_of,
     verdict_of,
 )
-from workbench.evaluation.own_cases.plan import FACTORS, OUTSIDE, SINGLE
+from workbench.evaluation.own_cases.plan import FACTORS, OUTSIDE, SINGLE, names
+from workbench.evaluation.rates import Rate
 
 BARS: dict[str, tuple[str, float]] = {
     "false alarms": ("at most", 0.0),
@@ -37,66 +38,6 @@ BARS: dict[str, tuple[str, float]] = {
 
 LARGEST_RATIO = 1.5
 """Held-out error over that of the true model which still counts as within the noise."""
-
-
-@dataclass(frozen=True)
-class Rate:
-    """A share with its 95 % interval.
-
-    Args:
-        count: How many.
-        total: Out of how many.
-    """
-
-    count: int
-    total: int
-
-    @property
-    def value(self) -> float:
-        """The share; NaN out of none."""
-        return self.count / self.total if self.total else math.nan
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval."""
-        return wilson(self.count, self.total)
-
-    def as_data(self) -> dict[str, Any]:
-        """Return plain data."""
-        low, high = self.interval
-        return {
-            "count": self.count,
-            "of": self.total,
-            "rate": None if not self.total else self.value,
-            "low": low,
-            "high": high,
-        }
-
-    def __str__(self) -> str:
-        if not self.total:
-            return "-"
-        low, high = self.interval
-        share = f"{100 * self.value:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
-        return f"{self.count}/{self.total} = {share}"
-
-
-def wilson(count: int, total: int, *, z: float = 1.959964) -> tuple[float, float]:
-    """Return Wilson's interval of a share.
-
-    Args:
-        count: How many.
-        total: Out of how many.
-        z: Quantile of the normal distribution.
-
-    Returns:
-        Lower and upper bound, 0 to 1.
-    """
-    if total == 0:
-        return 0.0, 1.0
-    share, n = count / total, float(total)
-    middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
-    half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
-    return max(0.0, middle - half), min(1.0, middle + half)
 
 
 @dataclass(frozen=True)
@@ -216,7 +157,7 @@ def score_of(who: str, rows: Sequence[Mapping[str, Any]]) -> Score:
         rows: What is kept of cases that it was asked.
     """
     judged = tuple(j for row in rows if (j := judge(row, who)) is not None)
-    given = [answer(row["case"], verdict_of(row, who) or {}) for row in rows]
+    given = [answer_of(verdict_of(row, who) or {}, row["case"], names()) for row in rows]
     round_ = score_round(given, [truths_of(row) for row in rows])
     return Score(who, judged, round_.points, round_.most, round_.chance, round_.p_value)
 
@@ -243,11 +184,7 @@ class ByEffect:
 
 
 def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
-    """Return how the tool did on each single effect.
-
-    Args:
-        rows: What is kept of the cases.
-    """
+    """Return how the tool did on each single effect."""
     result = []
     for effect in (*SINGLE, *OUTSIDE):
         own = [
@@ -298,11 +235,7 @@ def by_size(rows: Sequence[Mapping[str, Any]], who: str = "tool") -> dict[float,
 
 
 def by_kind(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Return how the tool did on each kind of case.
-
-    Args:
-        rows: What is kept of the cases.
-    """
+    """Return how the tool did on each kind of case."""
     result: dict[str, dict[str, Any]] = {}
     for kind in ("single", "pair", "nothing", "outside", "limited"):
         own = [j for row in rows if row["kind"] == kind and (j := judge(row)) is not None]
