@@ -1,7 +1,7 @@
 """Controllers: pure sampled laws, designed from linear models."""
 
 from controllers.angle_pd import AnglePD
-from controllers.mpc import LinearMPC, MPCSpecification, design_mpc
+from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
 from controllers.open_loop import HeldCommand
 from controllers.pid import CascadePID, PIDSpecification, design_pid
 from controllers.protocol import Controller

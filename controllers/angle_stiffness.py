@@ -36,7 +36,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
-from controllers.joint_model import joint_model
+from controllers.joint.model import joint_model
 from controllers.pid import CascadePID, PIDSpecification, PIDState, design_pid
 from controllers.protocol import Command, Info, Measurement, Reference
 from workbench.errors import WorkbenchError, check_choice, check_range

@@ -25,11 +25,11 @@ from typing import Any
 import casadi as ca
 
 from controllers.arithmetic import SYMBOLS
-from controllers.linear_mpc_c import linear_mpc_parts
-from controllers.mpc import LinearMPC
+from controllers.mpc.along_plan import ScheduledMPC
+from controllers.mpc.along_plan_c import scheduled_mpc_parts
+from controllers.mpc.whole_model import LinearMPC
+from controllers.mpc.whole_model_c import linear_mpc_parts
 from controllers.protocol import Controller
-from controllers.scheduled_mpc import ScheduledMPC
-from controllers.scheduled_mpc_c import scheduled_mpc_parts
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 

@@ -99,7 +99,14 @@ class Design:
         except TypeError as error:
             raise WorkbenchError(f"specification of design {self.name!r}: {error}") from None
 
-    def controller(self, source: Any, specification: Any, *, name: str = "", **given: Any) -> Any:
+    def controller(
+        self,
+        source: Any,
+        specification: Any,
+        *,
+        name: str = "",
+        given: Mapping[str, Any] | None = None,
+    ) -> Any:
         """Design a controller.
 
         Args:
@@ -115,9 +122,9 @@ class Design:
         if self.own:
             found: Any = _asked(self, source, specification)
         elif self.specification is None:
-            found = self.function(source, **{**specification, **given})
+            found = self.function(source, **{**specification, **(given or {})})
         else:
-            found = self.function(source, specification, **given)
+            found = self.function(source, specification, **(given or {}))
         if not isinstance(found, Controller):
             raise WorkbenchError(
                 f"design {self.name!r} returned {type(found).__name__}, which is no controller"

@@ -29,7 +29,7 @@ import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.design import Design
-from controllers.joint_model import JointModel, joint_model
+from controllers.joint.model import JointModel, joint_model
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.sensitivity import peak_sensitivities
 from controllers.through_valve import ThroughValve

@@ -14,7 +14,7 @@ error x = theta_r - theta and gains in units of acceleration, sample k:
 which places the joint's poles at frequency w and damping z and at a w, whatever the angle. A
 share c of what the observer finds unexplained is compensated at once; the integral part does the
 rest; tau g l is what the lag tau of spool and sample still holds
-(`controllers.joint_tracking.arrived_opening`). I is an acceleration: when b moves with the angle
+(`controllers.joint.tracking.arrived_opening`). I is an acceleration: when b moves with the angle
 or another controller hands over, what it holds keeps its meaning (bumpless).
 
 Source: Åström and Hägglund, Advanced PID Control, 2006, sections 3.3 to 3.5, 6.4, 9.3 (gain
@@ -27,14 +27,14 @@ from dataclasses import dataclass
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.design import Design
-from controllers.joint_tracking import (
+from controllers.joint.schedule import JointSchedule
+from controllers.joint.tracking import (
     STATE_NAMES,
     JointTracking,
     arrived_opening,
     joint_tracking,
     kalman_correction,
 )
-from controllers.scheduled import JointSchedule
 from controllers.through_valve import ScheduledLaw
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range

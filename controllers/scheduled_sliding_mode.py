@@ -23,7 +23,7 @@ part is
 with k1 = 1.5 sqrt(L), k2 = 1.1 L for a disturbance whose rate is at most L. A boundary layer turns
 the last sample's chatter into a linear law with the pole rho / layer; s is judged by its rms.
 While the valve is fully open the integrals rest. With a lag tau of spool and sample, alpha in x''
-is that of the pressures tau later, alpha + tau b g l (see `controllers.joint_tracking`).
+is that of the pressures tau later, alpha + tau b g l (see `controllers.joint.tracking`).
 
 Source: Slotine and Li, Applied Nonlinear Control, 1991, sections 7.1 to 7.3; Utkin and Shi,
 Integral sliding mode in systems operating under uncertainty, CDC 1996; Levant, Sliding order and
@@ -37,14 +37,14 @@ from dataclasses import dataclass
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.design import Design
-from controllers.joint_tracking import (
+from controllers.joint.schedule import JointSchedule
+from controllers.joint.tracking import (
     STATE_NAMES,
     JointTracking,
     arrived_opening,
     joint_tracking,
     kalman_correction,
 )
-from controllers.scheduled import JointSchedule
 from controllers.through_valve import ScheduledLaw
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_choice, check_range

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from controllers.opening_input import OPENING
+from controllers.joint.opening_input import OPENING
 from controllers.protocol import Controller
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_choice

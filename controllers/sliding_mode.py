@@ -29,8 +29,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.design import Design
-from controllers.joint_model import JointModel, joint_model
-from controllers.observer import JointEstimate, JointObserver, design_joint_observer
+from controllers.joint.model import JointModel, joint_model
+from controllers.joint.observer import JointEstimate, JointObserver, design_joint_observer
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.through_valve import ThroughValve
 from controllers.valve_inverse import ValveInverse

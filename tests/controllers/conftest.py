@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.scheduled import JointSchedule, joint_schedule
+from controllers.joint.schedule import JointSchedule, joint_schedule
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.angle_map import angle_map
 from workbench.model import Model

@@ -26,12 +26,12 @@ import pytest
 
 from controllers import MPCSpecification, design_mpc, design_pid, design_sliding_mode
 from controllers.c_export import ExportedC, export_c
-from controllers.quadratic_program import STATUSES, QuadraticProgram
-from controllers.scheduled import JointSchedule
-from controllers.scheduled_mpc import design_scheduled_mpc
+from controllers.joint.schedule import JointSchedule
+from controllers.mpc.along_plan import design_scheduled_mpc
+from controllers.quadratic_program.solver import STATUSES, QuadraticProgram
 from controllers.scheduled_pid import design_scheduled_pid
 from controllers.scheduled_sliding_mode import KINDS, design_scheduled_sliding_mode
-from controllers.scheduled_state_feedback import design_scheduled_state_feedback
+from controllers.state_feedback import design_scheduled_state_feedback
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.simulation.compiled import compiler
@@ -240,7 +240,7 @@ def test_mpc_in_c_agrees_with_the_solver_in_python(
     def in_python(n: int, m: int) -> QuadraticProgram:
         return QuadraticProgram(n, m, compiled=False)
 
-    for module in ("controllers.mpc", "controllers.scheduled_mpc"):
+    for module in ("controllers.mpc.whole_model", "controllers.mpc.along_plan"):
         monkeypatch.setattr(f"{module}.quadratic_program", lru_cache(in_python))
     law = make(schedule, linear)
     readings, reference = hard_run(law)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from controllers import CascadePID, PIDSpecification, ValveInverse, design_pid
-from controllers.joint_model import joint_model
+from controllers.joint.model import joint_model
 from controllers.sensitivity import peak_sensitivities
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel

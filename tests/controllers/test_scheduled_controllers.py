@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from controllers.arithmetic import SYMBOLS
+from controllers.joint.schedule import JointSchedule
 from controllers.largest_bandwidth import largest_bandwidth
-from controllers.scheduled import JointSchedule
-from controllers.scheduled_mpc import design_scheduled_mpc
+from controllers.mpc.along_plan import design_scheduled_mpc
 from controllers.scheduled_pid import design_scheduled_pid
 from controllers.scheduled_sliding_mode import design_scheduled_sliding_mode
-from controllers.scheduled_state_feedback import design_scheduled_state_feedback
 from controllers.sensitivity import peak_sensitivities
+from controllers.state_feedback import design_scheduled_state_feedback
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.model import Model

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from controllers import SlidingModeSpecification, design_sliding_mode
-from controllers.observer import held
+from controllers.joint.observer import held
 from tests.controllers.conftest import TRUTH
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel

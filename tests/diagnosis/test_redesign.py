@@ -11,9 +11,9 @@ import math
 import numpy as np
 import pytest
 
-from controllers.scheduled import JointSchedule
+from controllers.joint.schedule import JointSchedule
 from controllers.scheduled_pid import ScheduledPID, design_scheduled_pid
-from controllers.scheduled_state_feedback import design_scheduled_state_feedback
+from controllers.state_feedback import design_scheduled_state_feedback
 from tests.diagnosis.practice_08 import diagnosed, rig, sine
 from workbench.diagnosis.redesign import WITHOUT_SLOPE, redesign, study_plant, without_dry_laws
 from workbench.evaluation.rig.closed_loop import follow

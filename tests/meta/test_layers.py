@@ -42,7 +42,7 @@ def test_a_wrong_arrow_is_found(module: str, source: str, problem: str) -> None:
     [
         ("workbench.physics.gas", "from workbench.model import face\nimport numpy"),
         ("workbench.model.model", "from workbench.model.face import EXACT"),
-        ("controllers.mpc", "from workbench.linearisation import LinearModel"),
+        ("controllers.mpc.whole_model", "from workbench.linearisation import LinearModel"),
         ("workbench.verification.loop", "import controllers.pid"),
         ("workbench", "from workbench.cli import main"),
     ],

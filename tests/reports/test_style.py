@@ -66,7 +66,7 @@ def test_a_controller_keeps_its_colour_in_any_company() -> None:
 
 
 def test_names_of_the_shipped_controllers_are_those_of_the_palette() -> None:
-    from controllers.mpc import LinearMPC
+    from controllers.mpc.whole_model import LinearMPC
     from controllers.pid import CascadePID
     from controllers.sliding_mode import SlidingMode
 

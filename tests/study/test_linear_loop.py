@@ -11,7 +11,7 @@ import control as ct
 import numpy as np
 import pytest
 
-from controllers.mpc import design_mpc
+from controllers.mpc.whole_model import design_mpc
 from controllers.pid import CascadePID, design_pid
 from controllers.sensitivity import loop_matrices, peak_sensitivities
 from controllers.sliding_mode import design_sliding_mode
@@ -73,7 +73,7 @@ def test_a_law_that_is_not_linear_at_rest_has_no_margins(tmp_path: Path) -> None
     designs = (
         'design = "pid"\nspecification = { bandwidth = 30.0 }',
         'design = "scheduled-sliding-mode"\nspecification = { kind = "super-twisting" }\n'
-        '[controllers.scheduled]\ndesign = "scheduled-pid"',
+        '[controllers.joint.schedule]\ndesign = "scheduled-pid"',
     )
     found = analyse_study(load_study(small_study(tmp_path, designs)))
     reasons = {a.controller: a.reason for a in found}

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controllers.h_infinity import Weights, has_slycot
-from controllers.joint_tracking import joint_tracking
+from controllers.h_infinity.controller import design_scheduled_h_infinity
+from controllers.h_infinity.synthesis import Weights, has_slycot
+from controllers.joint.schedule import JointSchedule, joint_schedule
+from controllers.joint.tracking import joint_tracking
 from controllers.largest_bandwidth import MarginedDesign, largest_bandwidth
-from controllers.nonlinear_mpc import design_nonlinear_mpc
-from controllers.nonlinear_specification import NonlinearMPCSpecification
+from controllers.mpc.along_plan import design_scheduled_mpc
+from controllers.nonlinear_mpc.controller import design_nonlinear_mpc
+from controllers.nonlinear_mpc.specification import NonlinearMPCSpecification
 from controllers.protocol import Controller
-from controllers.scheduled import JointSchedule, joint_schedule
-from controllers.scheduled_h_infinity import design_scheduled_h_infinity
-from controllers.scheduled_mpc import design_scheduled_mpc
 from controllers.scheduled_pid import design_scheduled_pid
 from controllers.scheduled_sliding_mode import design_scheduled_sliding_mode
-from controllers.scheduled_state_feedback import design_scheduled_state_feedback
+from controllers.state_feedback import design_scheduled_state_feedback
 from workbench.benchmark.cases import Case, nominal_plant
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import linearise

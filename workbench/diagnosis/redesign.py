@@ -13,9 +13,12 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from controllers.hysteresis_compensation import HysteresisCompensation, hysteresis_compensation
-from controllers.joint_tracking import JointTracking
-from controllers.scheduled import JointSchedule, joint_schedule
+from controllers.joint.hysteresis_compensation import (
+    HysteresisCompensation,
+    hysteresis_compensation,
+)
+from controllers.joint.schedule import JointSchedule, joint_schedule
+from controllers.joint.tracking import JointTracking
 from workbench.linearisation.angle_map import angle_map
 from workbench.model import Model
 from workbench.study.plants import PlantRecipe

@@ -152,7 +152,7 @@ def _lsoda(plant: Model, seconds: float) -> float:
 
 def _closed_loop(plant: Model) -> tuple[float, tuple[float, float]]:
     """Time the PID loop, in s per simulated s, and the solves of the MPC, in s."""
-    from controllers.mpc import design_mpc
+    from controllers.mpc.whole_model import design_mpc
     from controllers.pid import design_pid
     from workbench.verification import step_scenario, verify
 

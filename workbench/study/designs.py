@@ -10,8 +10,8 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from controllers.joint.schedule import JointSchedule, joint_schedule
 from controllers.protocol import Controller
-from controllers.scheduled import JointSchedule, joint_schedule
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel, linearise
 from workbench.operating_point import operating_point
@@ -46,7 +46,7 @@ DESIGNS: dict[str, Design] = {
     "sliding-mode": Design(
         "controllers.sliding_mode", "design_sliding_mode", "SlidingModeSpecification", slides=True
     ),
-    "mpc": Design("controllers.mpc", "design_mpc", "MPCSpecification", solves=True),
+    "mpc": Design("controllers.mpc.whole_model", "design_mpc", "MPCSpecification", solves=True),
     "scheduled-pid": Design("controllers.scheduled_pid", "design_scheduled_pid", source="map"),
     "scheduled-sliding-mode": Design(
         "controllers.scheduled_sliding_mode",
@@ -55,13 +55,13 @@ DESIGNS: dict[str, Design] = {
         slides=True,
     ),
     "scheduled-mpc": Design(
-        "controllers.scheduled_mpc", "design_scheduled_mpc", source="map", solves=True
+        "controllers.mpc.along_plan", "design_scheduled_mpc", source="map", solves=True
     ),
     "scheduled-state-feedback": Design(
-        "controllers.scheduled_state_feedback", "design_scheduled_state_feedback", source="map"
+        "controllers.state_feedback", "design_scheduled_state_feedback", source="map"
     ),
     "nonlinear-mpc": Design(
-        "controllers.nonlinear_mpc",
+        "controllers.nonlinear_mpc.controller",
         "design_nonlinear_mpc",
         "NonlinearMPCSpecification",
         source="model",

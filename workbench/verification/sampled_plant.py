@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from controllers.observer import held
+from controllers.joint.observer import held
 from workbench.errors import NumericalError, check_choice
 from workbench.model import EXACT, Face, Model, Trace
 from workbench.model.model import check_vector, index_of

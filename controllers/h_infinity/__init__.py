@@ -1,0 +1,1 @@
+"""H-infinity control: the synthesis, and the controller that is scheduled around it."""

@@ -1,0 +1,378 @@
+"""H-infinity mixed sensitivity for the joint behind its pressure loop.
+
+Plant: a joint of the third-order model whose pressure difference follows what is wanted with the
+bandwidth v of an inner loop, and a delay of sample, converter and spool (first-order Padé):
+
+    d2x/dt2 = -a0 x - a1 dx/dt + c + d          x angle, d disturbing acceleration
+    dc/dt   = v (u delayed - c) - e b dx/dt     c acceleration from the pressure difference
+
+The controller u = K y reads y = n - x, with n a change of the reference or an error of the sensor.
+For n and d of size 1 in their scales, the H-infinity norm gamma from (n, d) to the three weighted
+signals is made least:
+
+    z1 = W1 (n - x),   W1 = (s / M + w) / (s + f w)         performance: |S| below 1 / |W1|
+    z2 = W2 u,         W2 = 1 / (r w^2)                     input
+    z3 = W3 x,         W3 = (s + k w / M') / (f' s + k w)   robustness: |T| below 1 / |W3|
+
+The disturbance among the inputs keeps K from cancelling the joint's lightly damped poles, which a
+problem of S, K S and T alone does. Poles of K that are faster than a sampled controller can have
+take their static gain, the smallest order by balanced truncation is taken whose norm is within a
+few percent, and Tustin's rule makes the sampled controller.
+
+Source: Skogestad and Postlethwaite, Multivariable Feedback Control, 2005, sections 2.8.3 (weights),
+9.3 (mixed sensitivity, generalised plant), 11.3 (balanced truncation); Glover and Doyle, Systems
+and Control Letters 11, 1988 (synthesis, as in SLICOT's SB10AD).
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controllers.joint.model import JointModel
+from workbench.errors import NumericalError, WorkbenchError, check_range
+
+Matrix = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+System = tuple[Matrix, Matrix, Matrix, Matrix]
+"""Matrices A, B, C and D of a system in continuous time."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """The weights, all relative to one speed.
+
+    Args:
+        speed: Speed w below which the error is made small, in rad/s.
+        peak: Largest wanted |S|, M, a ratio.
+        floor: Wanted |S| at rest, f, a ratio: the controller nearly integrates.
+        input_size: Size r of the command that weighs as much as an error, in w^2 per rad.
+        roll_off: Frequency above which |T| is made small, k, in units of the speed.
+        complementary_peak: Largest wanted |T|, M', a ratio.
+        complementary_floor: Wanted |T| at high frequency, f', a ratio.
+        disturbance: Disturbing acceleration that weighs as much as a change of the reference, in
+            w^2 per rad.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> Weights(20.0).peak
+        2.0
+    """
+
+    speed: float
+    peak: float = 2.0
+    floor: float = 1e-3
+    input_size: float = 8.0
+    roll_off: float = 3.0
+    complementary_peak: float = 1.6
+    complementary_floor: float = 0.1
+    disturbance: float = 0.3
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range("speed of the performance weight", self.speed, 0.1, 1e3, "rad/s")
+        check_range("peak of the performance weight", self.peak, 1.0, 10.0)
+        check_range("floor of the performance weight", self.floor, 1e-9, 0.5)
+        check_range("size of the input", self.input_size, 1e-3, 1e6)
+        check_range("roll-off of the robustness weight", self.roll_off, 1.0, 100.0)
+        check_range("peak of the robustness weight", self.complementary_peak, 1.0, 10.0)
+        check_range("floor of the robustness weight", self.complementary_floor, 1e-6, 0.5)
+        check_range("size of the disturbance", self.disturbance, 1e-6, 1e3)
+
+    def performance(self) -> System:
+        """Return W1."""
+        return _first_order(1.0 / self.peak, self.speed, 1.0, self.floor * self.speed)
+
+    def input_weight(self) -> float:
+        """Return W2, in rad per rad/s2."""
+        return 1.0 / (self.input_size * self.speed**2)
+
+    def robustness(self) -> System:
+        """Return W3."""
+        edge = self.roll_off * self.speed
+        return _first_order(1.0, edge / self.complementary_peak, self.complementary_floor, edge)
+
+
+class HInfinity(NamedTuple):
+    """A synthesised controller.
+
+    Args:
+        A: State matrix of the sampled controller, shape (n, n).
+        B: From the error, in rad, shape (n, 1).
+        C: To the acceleration, in rad/s2, shape (1, n).
+        D: Direct gain, in rad/s2 per rad, shape (1, 1).
+        continuous: The same before Tustin's rule.
+        gamma: Least norm that the synthesis found, a ratio.
+        norm: Norm with the controller of reduced order, a ratio.
+        full_order: Order before the reduction (dimensionless).
+    """
+
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
+    continuous: System
+    gamma: float
+    norm: float
+    full_order: int
+
+
+def h_infinity(
+    joint: JointModel,
+    weights: Weights,
+    *,
+    inner_bandwidth: float = 120.0,
+    delay: float = 0.004,
+    tolerance: float = 0.03,
+    sample_time: float = 0.002,
+) -> HInfinity:
+    """Synthesise the controller of least weighted norm, reduce its order and sample it.
+
+    Args:
+        joint: The joint at the angle of the design.
+        weights: The weights.
+        inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
+        delay: Delay of sample, converter and spool, in s.
+        tolerance: How much larger the norm may become by the reduction, a fraction.
+        sample_time: Time between samples, in s.
+
+    Returns:
+        The controller from the error of the angle to the acceleration.
+
+    Raises:
+        WorkbenchError: If slycot is not installed or a number is outside its range.
+        NumericalError: If there is no stabilising controller, or no stable one.
+
+    Example:
+        >>> joint = JointModel(b=1.6e-4, a1=1.5, a0=96.0, g=3.5e7, e=6.2e5, d=0.8)
+        >>> found = h_infinity(joint, Weights(20.0))
+        >>> found.gamma < 1.5, len(found.A) < found.full_order
+        (True, True)
+    """
+    require_slycot()
+    import control as ct
+
+    h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
+    check_range("bandwidth of the pressure loop", inner_bandwidth, 1.0, 1.0 / h, "rad/s")
+    check_range("delay", delay, 1e-6, 1.0, "s")
+    plant = joint_behind_pressure_loop(joint, inner_bandwidth, delay)
+    generalised = ct.ss(*generalised_plant(plant, weights))
+    try:
+        full, _, gamma, _ = ct.hinfsyn(generalised, 1, 1)
+    except (ct.ControlException, ValueError, ArithmeticError) as error:
+        raise NumericalError(
+            f"no H-infinity controller was found for a speed of {weights.speed:g} rad/s ({error});"
+            " take a smaller speed or a smaller disturbance"
+        ) from None
+    whole: System = tuple(np.asarray(m, dtype=float) for m in (full.A, full.B, full.C, full.D))  # type: ignore[assignment]
+    slow = _without_fast_poles(whole, 2.0 / h)
+    candidates = [_truncated(slow, order) for order in range(1, len(slow[0]))] + [slow]
+    for found in candidates:
+        norm = closed_loop_norm(plant, weights, found)
+        if norm <= (1.0 + tolerance) * gamma:
+            break
+    else:
+        raise NumericalError(
+            f"without its fast poles the H-infinity controller has a norm of {norm:.3g} instead of"
+            f" {gamma:.3g}; take a smaller speed or a smaller sample time"
+        )
+    sampled = ct.c2d(ct.ss(*found), h, method="bilinear")
+    A, B, C, D = (np.asarray(m, dtype=float) for m in (sampled.A, sampled.B, sampled.C, sampled.D))
+    return HInfinity(A, B, C, D, found, float(gamma), norm, len(whole[0]))
+
+
+def has_slycot() -> bool:
+    """Tell whether slycot is installed.
+
+    Returns:
+        Whether a synthesis can be done.
+
+    Example:
+        >>> has_slycot()
+        True
+    """
+    return importlib.util.find_spec("slycot") is not None
+
+
+def require_slycot() -> None:
+    """Say how to install slycot where it is absent.
+
+    Raises:
+        WorkbenchError: If slycot is not installed.
+
+    Example:
+        >>> require_slycot()
+    """
+    if not has_slycot():
+        raise WorkbenchError(
+            "the H-infinity synthesis needs slycot, which is not installed; install it with"
+            " pip install 'muscle-arm-workbench[hinf]', or take another family"
+        )
+
+
+def joint_behind_pressure_loop(joint: JointModel, inner_bandwidth: float, delay: float) -> System:
+    """Build the plant from (disturbing acceleration, command) to the angle.
+
+    Args:
+        joint: The joint.
+        inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
+        delay: Delay, in s.
+
+    Returns:
+        Matrices: states angle, speed, acceleration from the pressures, delay.
+
+    Example:
+        >>> joint = JointModel(b=1.6e-4, a1=1.5, a0=96.0, g=3.5e7, e=6.2e5, d=0.8)
+        >>> A, B, C, D = joint_behind_pressure_loop(joint, 120.0, 0.004)
+        >>> round(float((-C @ np.linalg.solve(A, B)).ravel()[1]) * 96.0, 6)
+        1.0
+    """
+    v, p = inner_bandwidth, 2.0 / delay
+    A = np.array(
+        [
+            [0.0, 1.0, 0.0, 0.0],
+            [-joint.a0, -joint.a1, 1.0, 0.0],
+            [0.0, -joint.e * joint.b, -v, 2.0 * v],
+            [0.0, 0.0, 0.0, -p],
+        ]
+    )
+    B = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, -v], [0.0, p]])
+    return A, B, np.array([[1.0, 0.0, 0.0, 0.0]]), np.zeros((1, 2))
+
+
+def generalised_plant(plant: System, weights: Weights) -> System:
+    """Join plant and weights: from (n, d, u) to (z1, z2, z3, y).
+
+    Args:
+        plant: From (d, u) to the angle.
+        weights: The weights.
+
+    Returns:
+        Matrices, inputs and outputs in the scales of the weights.
+
+    Example:
+        >>> A, B, C, D = generalised_plant((np.zeros((1, 1)), np.ones((1, 2)), np.ones((1, 1)),
+        ...     np.zeros((1, 2))), Weights(20.0))
+        >>> A.shape, B.shape, C.shape
+        ((3, 3), (3, 3), (4, 3))
+    """
+    A, B, C, _ = plant
+    a1, b1, c1, d1 = weights.performance()
+    a3, b3, c3, d3 = weights.robustness()
+    n = len(A)
+    whole = np.block(
+        [
+            [A, np.zeros((n, 2))],
+            [-b1 @ C, a1, np.zeros((1, 1))],
+            [b3 @ C, np.zeros((1, 1)), a3],
+        ]
+    )
+    entries = np.zeros((n + 2, 3))
+    entries[n, 0] = b1[0, 0]
+    entries[:n, 1] = weights.disturbance * weights.speed**2 * B[:, 0]
+    entries[:n, 2] = B[:, 1]
+    none = np.zeros((1, 1))
+    outputs = np.vstack(
+        [
+            np.hstack([-d1 @ C, c1, none]),
+            np.zeros((1, n + 2)),
+            np.hstack([d3 @ C, none, c3]),
+            np.hstack([-C, none, none]),
+        ]
+    )
+    direct = np.zeros((4, 3))
+    direct[0, 0], direct[1, 2], direct[3, 0] = d1[0, 0], weights.input_weight(), 1.0
+    return whole, entries, outputs, direct
+
+
+def closed_loop_norm(
+    plant: System, weights: Weights, controller: System, *, points: int = 600
+) -> float:
+    """Compute the norm from (n, d) to (z1, z2, z3) on a frequency grid.
+
+    Args:
+        plant: From (d, u) to the angle.
+        weights: The weights.
+        controller: From the error to the command, in continuous time.
+        points: Number of frequencies, from 1e-4 to 1e3 times the speed.
+
+    Returns:
+        The largest singular value (a ratio); infinite if the loop is unstable.
+
+    Example:
+        >>> closed_loop_norm.__name__
+        'closed_loop_norm'
+    """
+    A, B, C, D = generalised_plant(plant, weights)
+    a, b, c, d = controller
+    # y has no direct path from u, so that the loop closes without an inverse.
+    Bw, Bu, Cz, Cy = B[:, :2], B[:, 2:], C[:3], C[3:]
+    Dzw, Dzu, Dyw = D[:3, :2], D[:3, 2:], D[3:, :2]
+    closed = np.block([[A + Bu @ d @ Cy, Bu @ c], [b @ Cy, a]])
+    if np.max(np.linalg.eigvals(closed).real) >= 0.0:
+        return float("inf")
+    entry = np.vstack([Bw + Bu @ d @ Dyw, b @ Dyw])
+    out = np.hstack([Cz + Dzu @ d @ Cy, Dzu @ c])
+    direct = Dzw + Dzu @ d @ Dyw
+    omega = weights.speed * np.geomspace(1e-4, 1e3, points)
+    response = _response((closed, entry, out, direct), omega)
+    return float(np.linalg.norm(response, ord=2, axis=(1, 2)).max())
+
+
+def _response(system: System, omega: Matrix) -> Complex:
+    A, B, C, D = system
+    s = 1j * omega[:, None, None]
+    return np.asarray(C @ np.linalg.solve(s * np.eye(len(A)) - A, B.astype(complex)) + D)
+
+
+def _first_order(b1: float, b0: float, a1: float, a0: float) -> System:
+    """Return (b1 s + b0) / (a1 s + a0)."""
+    pole, direct = a0 / a1, b1 / a1
+    gain = b0 / a1 - direct * pole
+    return np.array([[-pole]]), np.array([[1.0]]), np.array([[gain]]), np.array([[direct]])
+
+
+def _without_fast_poles(system: System, fastest: float) -> System:
+    """Replace modes beyond a speed by their static gain."""
+    from scipy.linalg import block_diag, schur, solve_sylvester
+
+    A, B, C, D = system
+    T, Z, slow = schur(A, output="real", sort=lambda re, im: np.hypot(re, im) < fastest)
+    if np.max(np.linalg.eigvals(A).real) >= 0.0:
+        raise NumericalError(
+            "the H-infinity controller is not stable by itself; take a smaller speed"
+        )
+    # Decouple the slow block from the fast one, then put the fast one to rest.
+    X = solve_sylvester(T[:slow, :slow], -T[slow:, slow:], -T[:slow, slow:])
+    n = len(A)
+    turn = Z @ np.block([[np.eye(slow), X], [np.zeros((n - slow, slow)), np.eye(n - slow)]])
+    blocks = block_diag(T[:slow, :slow], T[slow:, slow:])
+    b, c = np.linalg.solve(turn, B), C @ turn
+    rest = D - c[:, slow:] @ np.linalg.solve(blocks[slow:, slow:], b[slow:])
+    return blocks[:slow, :slow], b[:slow], c[:, :slow], rest
+
+
+def _truncated(system: System, order: int) -> System:
+    """Return the balanced truncation of a stable system (square-root method)."""
+    from scipy.linalg import solve_continuous_lyapunov
+
+    A, B, C, D = system
+    size = np.sqrt(np.abs(C).max() / np.abs(B).max())
+    reach = _root(solve_continuous_lyapunov(A, -size * size * B @ B.T))
+    see = _root(solve_continuous_lyapunov(A.T, -C.T @ C / (size * size)))
+    U, values, Vt = np.linalg.svd(see.T @ reach)
+    scale = np.sqrt(values[:order])
+    T = reach @ Vt[:order].T / scale
+    Ti = (see @ U[:, :order] / scale).T
+    return Ti @ A @ T, Ti @ B, C @ T, D
+
+
+def _root(P: Matrix) -> Matrix:
+    values, vectors = np.linalg.eigh(0.5 * (P + P.T))
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

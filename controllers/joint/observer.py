@@ -1,0 +1,207 @@
+"""Observer of the joint: speed, and the acceleration that the model does not explain.
+
+The encoder gives the angle, the sensors the pressure difference; speed is not measured, and a
+difference of encoder counts is coarse. The observer carries the joint's equation along:
+
+    d2theta/dt2 = b (dp - dp0) - a1 dtheta/dt - a0 (theta - theta0) + w,    dw/dt = 0
+
+and corrects it by the measured angle. Its third state w collects friction, muscle hysteresis,
+weight and whatever else the linear model leaves out.
+
+Sample k, with x = (theta, speed, w) and the exactly discretised Phi, Gamma:
+
+    x[k]   = xp[k] + M (y[k] - theta_p[k])              correction by the measured angle
+    xp[k+1] = Phi x[k] + Gamma (dp[k] - dp0)            prediction
+
+Source: Luenberger observer with a constant-disturbance state; Åström and Wittenmark,
+Computer-Controlled Systems, 1997, sections 4.5 and 9.3; Johnson, IEEE Trans. AC-16, 1971.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from controllers.arithmetic import Number
+from controllers.joint.model import JointModel
+from workbench.errors import check_range
+
+
+class JointEstimate(NamedTuple):
+    """What a `JointObserver` knows of the joint.
+
+    Args:
+        angle: Angle, in rad.
+        speed: Speed, in rad/s.
+        unexplained: Acceleration that the model does not explain, in rad/s2.
+    """
+
+    angle: Number
+    speed: Number
+    unexplained: Number
+
+
+@dataclass(frozen=True)
+class JointObserver:
+    """Observer of speed and unexplained acceleration.
+
+    Args:
+        transition: The matrix Phi row by row, 9 numbers in SI.
+        input_gain: The vector Gamma, 3 numbers in SI.
+        correction: The vector M, 3 numbers in SI.
+        angle: Angle theta0 of the operating point, in rad.
+        difference: Pressure difference dp0 of the operating point, in Pa.
+
+    Example:
+        >>> joint = JointModel(b=1.6e-4, a1=1.0, a0=100.0, g=3.7e7, e=6.9e5, d=0.3)
+        >>> observer = design_joint_observer(joint, bandwidth=100.0, sample_time=0.002)
+        >>> estimate = observer.correct(JointEstimate(0.0, 0.0, 0.0), 0.01)
+        >>> 0.0 < estimate.angle < 0.01
+        True
+    """
+
+    transition: tuple[float, ...]
+    input_gain: tuple[float, float, float]
+    correction: tuple[float, float, float]
+    angle: float = 0.0
+    difference: float = 0.0
+
+    def correct(self, predicted: JointEstimate, angle: Number) -> JointEstimate:
+        """Correct a prediction by the measured angle.
+
+        Args:
+            predicted: Prediction for this sample.
+            angle: Measured angle, in rad.
+
+        Returns:
+            Estimate at this sample, in SI.
+        """
+        m = self.correction
+        residual = angle - predicted.angle
+        return JointEstimate(
+            predicted.angle + m[0] * residual,
+            predicted.speed + m[1] * residual,
+            predicted.unexplained + m[2] * residual,
+        )
+
+    def predict(self, estimate: JointEstimate, difference: Number) -> JointEstimate:
+        """Predict the next sample.
+
+        Args:
+            estimate: Estimate at this sample.
+            difference: Pressure difference at this sample, in Pa.
+
+        Returns:
+            Prediction for the next sample, in SI.
+        """
+        f, g = self.transition, self.input_gain
+        theta = estimate.angle - self.angle
+        speed, unexplained = estimate.speed, estimate.unexplained
+        dp = difference - self.difference
+        return JointEstimate(
+            self.angle + f[0] * theta + f[1] * speed + f[2] * unexplained + g[0] * dp,
+            f[3] * theta + f[4] * speed + f[5] * unexplained + g[1] * dp,
+            f[6] * theta + f[7] * speed + f[8] * unexplained + g[2] * dp,
+        )
+
+    def start(self, joint: JointModel, angle: float, difference: float) -> JointEstimate:
+        """Return the estimate of a joint at rest.
+
+        Args:
+            joint: The model of the joint.
+            angle: Measured angle, in rad.
+            difference: Measured pressure difference, in Pa.
+
+        Returns:
+            Estimate in SI whose unexplained acceleration holds the joint where it is.
+        """
+        push = joint.b * (difference - self.difference) - joint.a0 * (angle - self.angle)
+        return JointEstimate(angle, 0.0, -push)
+
+
+def design_joint_observer(
+    joint: JointModel, *, bandwidth: float, sample_time: float
+) -> JointObserver:
+    """Design the observer by placing its three poles at ``exp(-bandwidth h)``.
+
+    Args:
+        joint: Model of the joint.
+        bandwidth: Speed of the observer's poles, in rad/s.
+        sample_time: Time h between samples, in s.
+
+    Returns:
+        The observer.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Source:
+        Ackermann's formula on the dual system; Åström and Wittenmark, Computer-Controlled
+        Systems, 1997, section 4.5.
+
+    Example:
+        >>> joint = JointModel(b=1.6e-4, a1=1.0, a0=100.0, g=3.7e7, e=6.9e5, d=0.3)
+        >>> observer = design_joint_observer(joint, bandwidth=100.0, sample_time=0.002)
+        >>> f = np.reshape(observer.transition, (3, 3))
+        >>> m = np.array(observer.correction)[:, None]
+        >>> poles = np.linalg.eigvals(f - f @ m @ [[1.0, 0.0, 0.0]])
+        >>> bool(np.allclose(poles, np.exp(-0.2), atol=1e-3))
+        True
+    """
+    h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
+    check_range("bandwidth of the observer", bandwidth, 0.1, 3.0 / h, "rad/s")
+    a = np.array([[0.0, 1.0, 0.0], [-joint.a0, -joint.a1, 1.0], [0.0, 0.0, 0.0]])
+    b = np.array([[0.0], [joint.b], [0.0]])
+    phi, gamma = held(a, b, h)
+    pole = float(np.exp(-bandwidth * h))
+    c = np.array([1.0, 0.0, 0.0])
+    observability = np.array([c, c @ phi, c @ phi @ phi])
+    # Ackermann: L = p(Phi) O^-1 e3 for the predictor, and M = Phi^-1 L for the corrector.
+    shifted = phi - pole * np.eye(3)
+    polynomial = shifted @ shifted @ shifted
+    gain = polynomial @ np.linalg.solve(observability, np.array([0.0, 0.0, 1.0]))
+    correction = np.linalg.solve(phi, gain)
+    return JointObserver(
+        tuple(float(v) for v in phi.ravel()),
+        (float(gamma[0, 0]), float(gamma[1, 0]), float(gamma[2, 0])),
+        (float(correction[0]), float(correction[1]), float(correction[2])),
+        joint.angle,
+        joint.difference,
+    )
+
+
+def held(
+    a: np.ndarray[tuple[int, int], np.dtype[np.float64]],
+    b: np.ndarray[tuple[int, int], np.dtype[np.float64]],
+    sample_time: float,
+) -> tuple[
+    np.ndarray[tuple[int, int], np.dtype[np.float64]],
+    np.ndarray[tuple[int, int], np.dtype[np.float64]],
+]:
+    """Discretise dx/dt = a x + b u for inputs that are held, exactly.
+
+    Args:
+        a: Matrix, shape (n, n), in SI.
+        b: Matrix, shape (n, m), in SI.
+        sample_time: Time between samples, in s.
+
+    Returns:
+        ``exp(a h)`` and the integral of ``exp(a t) b``, in SI.
+
+    Source:
+        Van Loan, IEEE Trans. AC-23, 1978.
+
+    Example:
+        >>> phi, gamma = held(np.array([[0.0]]), np.array([[2.0]]), 0.5)
+        >>> float(gamma[0, 0])
+        1.0
+    """
+    from scipy.linalg import expm
+
+    n, m = b.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a * sample_time, b * sample_time
+    whole = expm(block)
+    return whole[:n, :n], whole[:n, n:]

@@ -1,0 +1,242 @@
+"""The joint over its range: the third-order model interpolated over angle and mean pressure.
+
+At every point of a map of linear models the six numbers of `controllers.joint.model` and the
+pressure difference at rest are read off; a controller then works with
+
+    d2theta/dt2 = b (dp - dp0(theta, pm)) - a1 dtheta/dt + w
+    d(dp)/dt    = g o - e dtheta/dt - d (dp - dp0)
+
+whose numbers move with the measured angle and the measured mean pressure pm. Forces of muscles are
+straight lines over pressure, so two mean pressures give ``dp0`` for all. Straight lines between the
+angles keep gains continuous: there is nothing to switch, hence no bump.
+
+The load is that of the map: a known load gets a map, and a schedule, of its own.
+
+Source: Rugh and Shamma, Research on gain scheduling, Automatica 36, 2000, section 3.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.joint.model import JointModel, joint_model
+from controllers.valve_inverse import ValveInverse
+from workbench.errors import WorkbenchError
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+NAMES = ("b", "a1", "a0", "g", "e", "d", "difference")
+"""Numbers of the joint model that are scheduled."""
+
+
+class ScheduledJoint(NamedTuple):
+    """The joint model at one place of the schedule.
+
+    Args:
+        b: Angular acceleration per pressure difference, in rad/(s2 Pa).
+        a1: Damping over inertia, in 1/s.
+        a0: Stiffness over inertia, in rad/s2 per rad.
+        g: Rate of the pressure difference per opening, in Pa/s.
+        e: Rate of the pressure difference per angular speed, in Pa/rad.
+        d: Decay of the pressure difference, in 1/s.
+        difference: Pressure difference that holds the joint there, in Pa.
+    """
+
+    b: Number
+    a1: Number
+    a0: Number
+    g: Number
+    e: Number
+    d: Number
+    difference: Number
+
+
+@dataclass(frozen=True)
+class JointSchedule:
+    """Joint models on an even grid of angles and two mean pressures.
+
+    Args:
+        first_angle: First angle, in rad.
+        spacing: Distance of two angles, in rad.
+        low: Rows of numbers over angle at the lower mean pressure, 7 rows in the order of
+            `ScheduledJoint`, in SI.
+        high: The same at the higher one, in SI.
+        mean_low: Lower mean gauge pressure, in Pa.
+        mean_high: Higher mean gauge pressure, in Pa.
+
+    Example:
+        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
+        >>> schedule = JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5)
+        >>> schedule.at(0.5, 3.5e5).a0
+        100.0
+    """
+
+    first_angle: float
+    spacing: float
+    low: tuple[tuple[float, ...], ...]
+    high: tuple[tuple[float, ...], ...]
+    mean_low: float
+    mean_high: float
+
+    @property
+    def angles(self) -> npt.NDArray[np.float64]:
+        """Angles of the grid, shape (n,), in rad."""
+        steps = np.arange(len(self.low[0]), dtype=float)
+        return np.asarray(self.first_angle + self.spacing * steps, dtype=float)
+
+    def at(self, angle: Number, mean: Number, arithmetic: Arithmetic = FLOATS) -> ScheduledJoint:
+        """Return the joint model at an angle and a mean pressure.
+
+        Args:
+            angle: Angle, in rad.
+            mean: Mean gauge pressure, in Pa.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            Interpolated numbers in SI. Beyond the grid only the difference continues.
+        """
+        count = len(self.low[0])
+        place = arithmetic.place(angle, self.first_angle, self.spacing, count)
+        inside = (place[0], arithmetic.clip(place[1], 0.0, 1.0))
+        share = (mean - self.mean_low) / (self.mean_high - self.mean_low)
+        # Other numbers than forces are no straight lines over pressure: not far beyond the map.
+        near = arithmetic.clip(share, -1.0, 2.0)
+        found = []
+        for low, high in zip(self.low[:-1], self.high[:-1], strict=True):
+            value = arithmetic.between(inside, low)
+            found.append(value + near * (arithmetic.between(inside, high) - value))
+        rest = arithmetic.between(place, self.low[-1])
+        rest = rest + share * (arithmetic.between(place, self.high[-1]) - rest)
+        b, a1, a0, g, e, d = found
+        return ScheduledJoint(b, a1, a0, g, e, d, rest)
+
+    def with_inertia_of(self, heavier: JointSchedule) -> JointSchedule:
+        """Return this schedule with the inertia of another load.
+
+        A feedback that must bear a change of load is best designed for the middle of the loads; the
+        pressures that hold the joint are those of the known load all the same.
+
+        Args:
+            heavier: Schedule on the same grid for the other load.
+
+        Returns:
+            The schedule: accelerations per pressure, damping and stiffness over inertia from the
+            other, the rest from this one.
+
+        Raises:
+            WorkbenchError: If the grids differ.
+        """
+        if len(self.low[0]) != len(heavier.low[0]) or not np.allclose(self.angles, heavier.angles):
+            raise WorkbenchError(
+                f"the schedules have {len(self.low[0])} and {len(heavier.low[0])} angles; make both"
+                " maps on the same angles"
+            )
+        return replace(
+            self, low=heavier.low[:3] + self.low[3:], high=heavier.high[:3] + self.high[3:]
+        )
+
+    def models(self, mean: float) -> tuple[JointModel, ...]:
+        """Return the joint models on the grid of angles.
+
+        Args:
+            mean: Mean gauge pressure, in Pa.
+
+        Returns:
+            One model per angle, in SI.
+        """
+        found = []
+        for angle in self.angles.tolist():
+            at = self.at(angle, mean)
+            found.append(JointModel(*at[:6], angle=angle, difference=at.difference))
+        return tuple(found)
+
+
+def joint_schedule(
+    models: Mapping[tuple[int, int, int], LinearModel],
+    angles: Sequence[float] | npt.NDArray[np.float64],
+    mean_pressures: Sequence[float] | npt.NDArray[np.float64],
+    *,
+    load: int = 0,
+    valve: ValveInverse | None = None,
+) -> JointSchedule:
+    """Build the schedule from a map of linear models.
+
+    A point without operating point takes the values of the straight line through its two nearest
+    neighbours in angle.
+
+    Args:
+        models: Linear models by indices of angle, load and mean pressure, as an angle map has them.
+        angles: Angles of the map, shape (n,), evenly spaced, in rad.
+        mean_pressures: Two mean gauge pressures of the map, shape (2,), in Pa.
+        load: Index of the load.
+        valve: Valve curve whose slope at rest turns a voltage into an opening.
+
+    Returns:
+        The schedule.
+
+    Raises:
+        WorkbenchError: If the angles are not evenly spaced, there are not two mean pressures, or
+            fewer than two operating points at one of them.
+
+    Example:
+        >>> from workbench.linearisation.angle_map import angle_map
+        >>> from workbench.plants.arm import arm
+        >>> found = angle_map(arm(3), [0.3, 0.5, 0.7], mean_pressures=[2.8e5, 3.6e5])
+        >>> schedule = joint_schedule(found.models, found.angles, found.mean_pressures)
+        >>> abs(schedule.at(0.5236, 4.2e5).difference) < 1e3
+        True
+    """
+    theta = np.asarray(angles, dtype=float)
+    steps = np.diff(theta)
+    if len(theta) < 2 or not np.allclose(steps, steps[0], rtol=1e-6):
+        raise WorkbenchError(
+            f"a schedule needs two or more evenly spaced angles, not {len(theta)}; make the map on"
+            " numpy.linspace(first, last, count)"
+        )
+    if len(mean_pressures) != 2:
+        raise WorkbenchError(
+            f"a schedule needs two mean pressures, not {len(mean_pressures)}; make the map with"
+            " mean_pressures=[2.8e5, 3.6e5]"
+        )
+    tables = []
+    for k in range(2):
+        table = np.full((len(NAMES), len(theta)), np.nan)
+        for i in range(len(theta)):
+            if (i, load, k) in models:
+                joint = joint_model(models[i, load, k], valve=valve)
+                table[:, i] = [getattr(joint, name) for name in NAMES]
+        tables.append(_filled(theta, table, float(mean_pressures[k])))
+    return JointSchedule(
+        float(theta[0]),
+        float(steps[0]),
+        tables[0],
+        tables[1],
+        float(mean_pressures[0]),
+        float(mean_pressures[1]),
+    )
+
+
+def _filled(
+    theta: npt.NDArray[np.float64], table: npt.NDArray[np.float64], mean: float
+) -> tuple[tuple[float, ...], ...]:
+    known = np.flatnonzero(np.isfinite(table[0]))
+    if len(known) < 2:
+        raise WorkbenchError(
+            f"the map has {len(known)} operating points at a mean pressure of {mean / 1e5:g} bar; a"
+            " schedule needs two or more: choose a mean pressure that the load allows"
+        )
+    for i in np.flatnonzero(~np.isfinite(table[0])):
+        near = known[np.argsort(np.abs(theta[known] - theta[i]))[:2]]
+        share = (theta[i] - theta[near[0]]) / (theta[near[1]] - theta[near[0]])
+        slope = table[:, near[1]] - table[:, near[0]]
+        table[:, i] = table[:, near[0]]
+        # Only the difference at rest is far from constant between neighbours.
+        table[-1, i] += share * slope[-1]
+    return tuple(tuple(row) for row in table.tolist())

@@ -1,0 +1,1 @@
+"""Linear model-predictive control: on a whole linear model at one point, or along planned moves."""

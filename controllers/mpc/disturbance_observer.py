@@ -1,0 +1,217 @@
+"""Observer of a linear model with constant disturbances, for control without offset.
+
+The state x of a linear model is joined by disturbances w that push on the rates of some states:
+
+    dx/dt = A x + B u + E w,    dw/dt = 0,    y = C x
+
+With as many disturbances as measurements, and the joined system observable, the estimate at rest
+agrees with every measurement whatever the plant does, so that a controller that leads the *model*
+to its reference leads the plant there too.
+
+Sample k, with z = (x, w) and matrices for held inputs:
+
+    z[k]   = zp[k] + M (y[k] - C zp[k])
+    zp[k+1] = F z[k] + G u[k]
+
+M is the stationary Kalman gain.
+
+Source: Pannocchia and Rawlings, Disturbance models for offset-free model-predictive control,
+AIChE Journal 49, 2003; Rawlings, Mayne and Diehl, Model Predictive Control, 2017, section 1.5.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from controllers.joint.observer import held
+from controllers.mpc.fixed_order import product
+from workbench.errors import WorkbenchError, check_choice
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+Matrix = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DisturbanceObserver:
+    """Observer of states and constant disturbances, as deviations from an operating point.
+
+    Args:
+        F: Transition of (x, w), shape (n, n), in SI.
+        G: Effect of the input, shape (n, n_inputs), in SI.
+        C: Measurement, shape (n_sensors, n), in SI.
+        M: Gain, shape (n, n_sensors), in SI.
+        rest: Measurements at the operating point, shape (n_sensors,), in SI.
+        disturbances: Number of disturbances, the last entries of the state.
+
+    Example:
+        >>> "M" in DisturbanceObserver.__dataclass_fields__
+        True
+    """
+
+    F: Matrix
+    G: Matrix
+    C: Matrix
+    M: Matrix
+    rest: Matrix
+    disturbances: int
+
+    def correct(self, predicted: Matrix, measurement: tuple[float, ...]) -> Matrix:
+        """Correct a prediction by a measurement.
+
+        Args:
+            predicted: Prediction of (x, w), shape (n,), in SI.
+            measurement: Readings, absolute, in SI.
+
+        Returns:
+            Estimate of (x, w), shape (n,), in SI.
+        """
+        residual = np.array(measurement) - self.rest - product(self.C, predicted)
+        return np.asarray(predicted + product(self.M, residual))
+
+    def predict(self, estimate: Matrix, u: Matrix) -> Matrix:
+        """Predict the next sample.
+
+        Args:
+            estimate: Estimate of (x, w), shape (n,), in SI.
+            u: Inputs that are held until then, deviations, shape (n_inputs,), in SI.
+
+        Returns:
+            Prediction, shape (n,), in SI.
+        """
+        return np.asarray(product(self.F, estimate) + product(self.G, u))
+
+    def at_rest(self, measurement: tuple[float, ...], A: Matrix, E: Matrix) -> Matrix:
+        """Return the smallest estimate that explains a measurement as rest without input.
+
+        Args:
+            measurement: Readings, absolute, in SI.
+            A: Continuous dynamics, shape (n_x, n_x), in SI.
+            E: Effect of the disturbances on the rates, shape (n_x, n_w), in SI.
+
+        Returns:
+            Estimate of (x, w), shape (n,), in SI.
+        """
+        n = len(A)
+        rows = np.block([[A, E], [self.C]])
+        size = np.max(np.abs(rows), axis=1, keepdims=True)
+        target = np.concatenate([np.zeros(n), np.array(measurement) - self.rest])[:, None]
+        return np.asarray(np.linalg.lstsq(rows / size, target / size, rcond=None)[0].ravel())
+
+
+def design_disturbance_observer(
+    linear: LinearModel,
+    *,
+    sensors: tuple[str, ...],
+    actuators: tuple[str, ...],
+    disturbances: Mapping[str, float],
+    sensor_noise: tuple[float, ...],
+    state_noise: float,
+    sample_time: float,
+) -> DisturbanceObserver:
+    """Design the observer as a stationary Kalman filter.
+
+    Args:
+        linear: The linear model.
+        sensors: Names of the measured outputs.
+        actuators: Names of the inputs.
+        disturbances: States whose rates are disturbed, each with the random walk of its
+            disturbance: rms change over one second, in the state's SI unit per second.
+        sensor_noise: Noise rms of each sensor, in SI.
+        state_noise: Random walk of every state over one second, as a fraction of its scale.
+        sample_time: Time between samples, in s.
+
+    Returns:
+        The observer.
+
+    Raises:
+        WorkbenchError: If a name is unknown, or the disturbances cannot be told apart from the
+            measurements.
+
+    Source:
+        Pannocchia and Rawlings 2003, proposition 1 (observability of the joined system).
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.arm import arm
+        >>> linear = linearise(operating_point(arm(3), {"angle": 0.5236}), verdict=False)
+        >>> observer = design_disturbance_observer(
+        ...     linear,
+        ...     sensors=("angle", "pressure_1", "pressure_2"),
+        ...     actuators=("valve",),
+        ...     disturbances={"speed": 100.0, "pressure_1": 1e6, "pressure_2": 1e6},
+        ...     sensor_noise=(2e-5, 600.0, 600.0),
+        ...     state_noise=0.01,
+        ...     sample_time=0.002,
+        ... )
+        >>> observer.disturbances
+        3
+    """
+    for name in disturbances:
+        check_choice("disturbed state", name, linear.state_names)
+    A, B, E = continuous_matrices(linear, actuators, tuple(disturbances))
+    rows = [linear.output_names.index(name) for name in sensors]
+    n, w = E.shape
+    joined = np.block([[A, E], [np.zeros((w, n + w))]])
+    F, G = held(joined, np.vstack([B, np.zeros((w, B.shape[1]))]), sample_time)
+    C = np.hstack([np.asarray(linear.C)[rows], np.zeros((len(rows), w))])
+    described = {q.name: q for q in linear.operating_point.model.states}
+    scale = np.array([described[name].scale for name in linear.state_names])
+    walk = np.array(list(disturbances.values()))
+    size = np.concatenate([scale, walk])
+    noise = np.concatenate([state_noise * scale, walk]) ** 2 * sample_time
+    gain = _kalman_gain(F, C, noise, np.array(sensor_noise) ** 2, size)
+    rest = np.array(linear.y0)[rows]
+    return DisturbanceObserver(F, G, C, gain, rest, w)
+
+
+def continuous_matrices(
+    linear: LinearModel, actuators: tuple[str, ...], disturbed: tuple[str, ...]
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Return A, the columns of B for some inputs, and E for disturbed states.
+
+    Args:
+        linear: The linear model.
+        actuators: Names of the inputs.
+        disturbed: Names of the states whose rates are disturbed.
+
+    Returns:
+        A, B and E, shapes (n, n), (n, n_inputs), (n, n_disturbed), in SI.
+
+    Example:
+        >>> continuous_matrices.__name__
+        'continuous_matrices'
+    """
+    columns = [linear.input_names.index(name) for name in actuators]
+    n = len(linear.state_names)
+    E = np.zeros((n, len(disturbed)))
+    for i, name in enumerate(disturbed):
+        E[linear.state_names.index(name), i] = 1.0
+    return np.asarray(linear.A, dtype=float), np.asarray(linear.B, dtype=float)[:, columns], E
+
+
+def _kalman_gain(F: Matrix, C: Matrix, noise: Matrix, sensor: Matrix, size: Matrix) -> Matrix:
+    """Return the stationary gain, solved in scaled states for conditioning."""
+    from scipy.linalg import LinAlgError, solve_discrete_are
+
+    f = F * size[None, :] / size[:, None]
+    level = np.sqrt(sensor)
+    c = C * size[None, :] / level[:, None]
+    q = np.diag(noise / size**2)
+    try:
+        p = solve_discrete_are(f.T, c.T, q, np.eye(len(level)))
+    except (LinAlgError, ValueError) as error:
+        raise WorkbenchError(
+            "the disturbances cannot be told apart from the measurements"
+            f" ({str(error).rstrip('.')}); use at most one disturbance per sensor, on states that"
+            " the sensors see"
+        ) from None
+    gain = np.linalg.solve(c @ p @ c.T + np.eye(len(level)), c @ p).T
+    return np.asarray(size[:, None] * gain / level[None, :])

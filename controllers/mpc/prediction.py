@@ -1,0 +1,269 @@
+"""The condensed problem of a linear MPC: states eliminated, moves blocked.
+
+With z = (x, w) the states and disturbances now, u the blocked moves and j = 1..N,
+
+    y_j = C Phi^j z + sum_i C Phi^(j-1-i) Gamma u_block(i)
+
+so that cost and constraints become a small dense quadratic program in the moves and one slack.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from controllers.joint.observer import held
+from controllers.mpc.fixed_order import product
+from controllers.quadratic_program.solver import Factored, factored
+from workbench.errors import WorkbenchError
+
+Matrix = npt.NDArray[np.float64]
+
+SLACK_SCALE = 1e4
+"""The slack is counted in 0.1 bar, so that the variables of the problem are of one size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """Matrices of the condensed problem; openings are deviations from the operating point.
+
+    The variables are the moves (fractions of the full opening) and the slack (in 0.1 bar).
+
+    Args:
+        H: Hessian, shape (n, n), dimensionless.
+        g_estimate: Gradient per estimate (x, w), shape (n, n_z), per SI.
+        g_reference: Gradient per reference deviation, shape (n, N), per rad.
+        g_before: Gradient per opening before, shape (n,), per fraction.
+        A: Rows of the constraints, shape (m, n): first the changes of the opening (fractions),
+            then the limited outputs (in units of 1e4 SI).
+        lower_a: Lower limits, shape (m,), in the units of the rows.
+        upper_a: Upper limits, shape (m,), in the units of the rows.
+        rows_estimate: Part of the rows that the estimate decides, shape (m, n_z), in the units of
+            the rows per SI.
+        lower_x: Lower limits of the variables, shape (n,), fractions and 0.1 bar.
+        upper_x: Upper limits of the variables, shape (n,), fractions and 0.1 bar.
+        gain: Regulator K, shape (n_x,), fraction per SI.
+        target: (xs, us) per (w, r), shape (n_x + 1, n_w + 1), in SI.
+        preview_index: Sample of the controller at which each prediction sample lies.
+        slack_scale: Unit of the slack, in SI.
+
+    Example:
+        >>> Prediction.__dataclass_fields__["slack_scale"].default
+        10000.0
+    """
+
+    H: Matrix
+    g_estimate: Matrix
+    g_reference: Matrix
+    g_before: Matrix
+    A: Matrix
+    lower_a: Matrix
+    upper_a: Matrix
+    rows_estimate: Matrix
+    lower_x: Matrix
+    upper_x: Matrix
+    gain: Matrix
+    target: Matrix
+    preview_index: tuple[int, ...]
+    slack_scale: float = SLACK_SCALE
+
+    @property
+    def samples(self) -> int:
+        """Number N of prediction samples."""
+        return len(self.preview_index)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Numbers of variables and of rows."""
+        return len(self.H), len(self.A)
+
+    @cached_property
+    def factors(self) -> Factored:
+        """The factored matrices, for problems whose matrices do not change."""
+        return factored(self.H, self.A)
+
+    def regulator(self, estimate: Matrix, reference: float) -> float:
+        """Return the unconstrained regulator's opening, ``us - K (x - xs)``.
+
+        Args:
+            estimate: Estimate (x, w), shape (n_z,), deviations in SI.
+            reference: Reference as deviation, in rad.
+
+        Returns:
+            Opening as deviation, a fraction.
+        """
+        n = len(self.gain)
+        at_rest = product(self.target, np.append(estimate[n:], reference))
+        fed_back = product(self.gain[None, :], estimate[:n] - at_rest[:n])
+        return float(at_rest[n] - fed_back[0])
+
+
+def condense(
+    A: Matrix,
+    B: Matrix,
+    E: Matrix,
+    C: Matrix,
+    *,
+    weights: tuple[float, float, float],
+    prediction_time: float,
+    stride: int,
+    blocks: tuple[int, ...],
+    opening_limits: tuple[float, float],
+    move_limit: float,
+    output_limits: tuple[tuple[float, float], ...],
+    softness: float,
+) -> Prediction:
+    """Eliminate the states of a linear MPC problem.
+
+    Args:
+        A: Dynamics, shape (n_x, n_x), in SI.
+        B: Effect of the opening, shape (n_x, 1), in SI.
+        E: Effect of the disturbances, shape (n_x, n_w), in SI.
+        C: Followed output, then the limited ones, shape (1 + n_limited, n_x), in SI.
+        weights: Weights of output error (per SI squared), opening and change of opening
+            (dimensionless).
+        prediction_time: Time between prediction samples, in s.
+        stride: The same in samples of the controller.
+        blocks: Lengths of the moves, in prediction samples.
+        opening_limits: Lowest and highest opening, deviations, fractions.
+        move_limit: Largest change of the opening within a prediction sample, a fraction.
+        output_limits: Lowest and highest value of each limited output, deviations in SI.
+        softness: Cost of a violation by 1e4 SI units, dimensionless.
+
+    Returns:
+        The condensed problem.
+
+    Raises:
+        WorkbenchError: If the regulator's Riccati equation has no solution or the followed output
+            cannot be led to a reference.
+
+    Source:
+        Maciejowski, Predictive Control with Constraints, 2002, sections 2.6 and 3.1.
+
+    Example:
+        >>> one = np.eye(1)
+        >>> problem = condense(
+        ...     -one, one, one, one, weights=(1.0, 0.1, 0.1), prediction_time=0.1, stride=1,
+        ...     blocks=(1, 2), opening_limits=(-1.0, 1.0), move_limit=1.0, output_limits=(),
+        ...     softness=1.0,
+        ... )
+        >>> problem.size, problem.samples
+        ((3, 2), 3)
+    """
+    n_x, n_w, n_u, N = len(A), E.shape[1], len(blocks), sum(blocks)
+    q, r, s = weights
+    joined = np.block([[A, E], [np.zeros((n_w, n_x + n_w))]])
+    phi, gamma = held(joined, np.vstack([B, np.zeros((n_w, 1))]), prediction_time)
+    target = _target(A, B, E, C[:1])
+    gain, cost_to_go = _regulator(phi[:n_x, :n_x], gamma[:n_x], C[:1], q, r)
+
+    block_of = np.repeat(np.arange(n_u), blocks)
+    powers, moves = [], []
+    power, move = np.eye(n_x + n_w), np.zeros((n_x + n_w, n_u))
+    for i in range(N):
+        move = phi @ move
+        move[:, block_of[i]] += gamma[:, 0]
+        power = phi @ power
+        powers.append(power)
+        moves.append(move.copy())
+    free = np.array([C[0] @ p[:n_x] for p in powers])
+    forced = np.array([C[0] @ m[:n_x] for m in moves])
+
+    difference = np.eye(n_u) - np.eye(n_u, k=-1)
+    lengths = np.array(blocks, dtype=float)
+    H = np.zeros((n_u + 1, n_u + 1))
+    H[:n_u, :n_u] = (
+        2 * q * forced.T @ forced
+        + 2 * r * np.diag(lengths)
+        + 2 * s * difference.T @ difference
+        + 2 * moves[-1][:n_x].T @ cost_to_go @ moves[-1][:n_x]
+    )
+    H[n_u, n_u] = 2 * softness
+    g_estimate = np.zeros((n_u + 1, n_x + n_w))
+    g_reference = np.zeros((n_u + 1, N))
+    end = 2 * moves[-1][:n_x].T @ cost_to_go
+    g_estimate[:n_u] = 2 * q * forced.T @ free + end @ powers[-1][:n_x]
+    g_reference[:n_u] = -2 * q * forced.T
+    # The target depends on the disturbances and on the last reference.
+    g_estimate[:n_u, n_x:] -= (
+        2 * r * np.outer(lengths, target[n_x, :n_w]) + end @ target[:n_x, :n_w]
+    )
+    g_reference[:n_u, -1] -= 2 * r * lengths * target[n_x, n_w] + end @ target[:n_x, n_w]
+    g_before = np.zeros(n_u + 1)
+    g_before[0] = -2 * s
+
+    # Every other prediction sample is enough: pressures do not jump within 20 ms.
+    checked = range(0, N, 2) if output_limits else range(0)
+    row_blocks, row_free, lows, highs = [], [], [], []
+    for row, (low, high) in enumerate(output_limits, start=1):
+        for j in checked:
+            row_blocks.append(C[row] @ moves[j][:n_x] / SLACK_SCALE)
+            row_free.append(C[row] @ powers[j][:n_x] / SLACK_SCALE)
+            lows.append(low / SLACK_SCALE)
+            highs.append(high / SLACK_SCALE)
+    limited = np.array(row_blocks).reshape(-1, n_u)
+    one = np.ones((len(limited), 1))
+    big = np.full(len(limited), 1e9)
+    rows = np.vstack(
+        [
+            np.hstack([difference, np.zeros((n_u, 1))]),
+            np.hstack([limited, one]),
+            np.hstack([limited, -one]),
+        ]
+    )
+    per_estimate = np.array(row_free).reshape(-1, n_x + n_w)
+    steps = np.full(n_u, move_limit)
+    return Prediction(
+        H=H,
+        g_estimate=g_estimate,
+        g_reference=g_reference,
+        g_before=g_before,
+        A=rows,
+        lower_a=np.concatenate([-steps, np.array(lows), -big]),
+        upper_a=np.concatenate([steps, big, np.array(highs)]),
+        rows_estimate=np.vstack([np.zeros((n_u, n_x + n_w)), per_estimate, per_estimate]),
+        lower_x=np.concatenate([np.full(n_u, opening_limits[0]), [0.0]]),
+        upper_x=np.concatenate([np.full(n_u, opening_limits[1]), [1e6]]),
+        gain=gain,
+        target=target,
+        preview_index=tuple(stride * (j + 1) for j in range(N)),
+    )
+
+
+def _target(A: Matrix, B: Matrix, E: Matrix, C: Matrix) -> Matrix:
+    """Return (xs, us) per (w, r): A xs + B us + E w = 0 with C xs = r."""
+    n = len(A)
+    matrix = np.block([[A, B], [C, np.zeros((1, 1))]])
+    right = np.zeros((n + 1, E.shape[1] + 1))
+    right[:n, :-1] = -E
+    right[n, -1] = 1.0
+    rows = np.max(np.abs(matrix), axis=1, keepdims=True)
+    matrix, right = matrix / rows, right / rows
+    columns = np.max(np.abs(matrix), axis=0)
+    if np.linalg.matrix_rank(matrix / columns) < n + 1:
+        raise WorkbenchError(
+            "the followed output of the linear model cannot be led to a reference by its input;"
+            " follow another output, or check the operating point"
+        )
+    return np.asarray(np.linalg.solve(matrix / columns, right) / columns[:, None])
+
+
+def _regulator(phi: Matrix, gamma: Matrix, c: Matrix, q: float, r: float) -> tuple[Matrix, Matrix]:
+    """Return the gain and the cost to go of the unconstrained regulator."""
+    from scipy.linalg import LinAlgError, solve_discrete_are
+
+    # Scaled by what one unit of opening does in one sample, states count alike.
+    size = np.maximum(np.abs(gamma[:, 0]), 1e-9 * float(np.max(np.abs(gamma))))
+    f, g, h = phi * size[None, :] / size[:, None], gamma / size[:, None], c * size[None, :]
+    try:
+        p = solve_discrete_are(f, g, q * h.T @ h + 1e-9 * np.eye(len(f)), np.array([[r]]))
+    except (LinAlgError, ValueError) as error:
+        raise WorkbenchError(
+            f"no regulator exists for this linear model ({str(error).rstrip('.')}); a mode that"
+            " grows is out of the input's reach"
+        ) from None
+    gain = np.linalg.solve(r + g.T @ p @ g, g.T @ p @ f)
+    return np.asarray(gain[0] / size), np.asarray(p / np.outer(size, size))

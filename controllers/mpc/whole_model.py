@@ -1,0 +1,402 @@
+"""Linear model-predictive control without offset, on the valve opening.
+
+Without preview, the reference passes two lags of speed omega_r, and the same lags continue it over
+the horizon (the reference trajectory r_j); with preview, r_j is the reference itself.
+
+At each sample a `DisturbanceObserver` estimates states x and disturbances w. The target at rest
+(xs, us) solves A xs + B us + E w = 0 with the followed output at its reference. Then, over N
+prediction samples of time T, the controller minimises over blocked moves u and a slack eps
+
+    sum_j q (y_j - r_j)^2 + R (u_j - us)^2 + S (u_j - u_{j-1})^2 + |x_N - xs|^2_P
+        + softness (eps + eps^2)
+    subject to   x_{j+1} = Phi x_j + Gamma u_j + Omega w          (held inputs, exact)
+                 -1 <= opening <= 1,  |u_j - u_{j-1}| <= rate T   (hard)
+                 p_min - eps <= pressures <= p_max + eps          (soft: a measurement may be out)
+
+P is the cost to go of the unconstrained regulator. The first move is applied; the sample after, all
+is solved anew. The moves are openings: the inverse valve curve follows, because a solver that
+optimises the voltage sees almost no gradient at the valve's flat centre. If the solver fails, the
+unconstrained regulator u = us - K (x - xs), clipped, takes its place (fallback "regulator"). A
+reading or reference that is no number leaves the state as it was and shuts the valve for the sample
+(fallback "shut").
+
+Source: Maciejowski, Predictive Control with Constraints, 2002, chapters 2 and 3 (condensing, move
+blocking, soft constraints); Rawlings, Mayne and Diehl, Model Predictive Control, 2017, sections 1.3
+(cost to go) and 1.5 (target, offset-free).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from controllers.design import Design
+from controllers.joint.opening_input import opening_input
+from controllers.mpc.disturbance_observer import (
+    DisturbanceObserver,
+    continuous_matrices,
+    design_disturbance_observer,
+)
+from controllers.mpc.fixed_order import product
+from controllers.mpc.prediction import Prediction, condense
+from controllers.protocol import Command, Info, Measurement, Reference
+from controllers.quadratic_program.solver import NOT_FINITE, quadratic_program
+from controllers.through_valve import ThroughValve
+from controllers.valve_inverse import ValveInverse
+from workbench.errors import check_range
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+Matrix = npt.NDArray[np.float64]
+
+
+class MPCState(NamedTuple):
+    """What a `LinearMPC` remembers.
+
+    Args:
+        predicted: Predicted states and disturbances, deviations, shape (n,), in SI.
+        opening: Opening applied last, a fraction of the full one.
+        filtered: Reference after the first lag, in rad.
+        target: Reference after the second lag, in rad.
+    """
+
+    predicted: Matrix
+    opening: float
+    filtered: float
+    target: float
+
+
+@dataclass(frozen=True, eq=False)
+class LinearMPC(ThroughValve):
+    """Linear MPC with constraints on opening, its rate and the pressures.
+
+    Args:
+        observer: Observer of states and disturbances.
+        prediction: The condensed problem.
+        start: Estimate of (x, w) per deviation of the measurements at rest, shape (n, n_sensors),
+            in SI.
+        path: Reference trajectory per (reference, filtered, target), shape (N, 3), dimensionless.
+        rest_opening: Opening at the operating point, a fraction.
+        reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
+        sample_time: Time between steps, in s.
+        valve: Valve curve that is inverted.
+        name: Name under which results are reported.
+        sensors: Names of the angle and the two pressures.
+        follows: Name of the followed output.
+        actuators: Name of the command.
+        preview: Number of future reference samples used: 0, or the whole horizon.
+
+    Example:
+        >>> LinearMPC.__dataclass_fields__["name"].default
+        'linear MPC'
+    """
+
+    observer: DisturbanceObserver
+    prediction: Prediction
+    start: Matrix
+    path: Matrix
+    rest_opening: float
+    reference_speed: float
+    sample_time: float = 0.002
+    valve: ValveInverse = field(default_factory=ValveInverse)
+    name: str = "linear MPC"
+    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
+    follows: tuple[str, ...] = ("angle",)
+    actuators: tuple[str, ...] = ("valve",)
+    preview: int = 0
+
+    def initial_state(self, measurement: Measurement) -> MPCState:
+        """Return the estimate that explains a measurement as rest.
+
+        Args:
+            measurement: Angle in rad and the two gauge pressures in Pa.
+        """
+        deviation = np.array(measurement) - self.observer.rest
+        angle = measurement[0]
+        return MPCState(product(self.start, deviation), self.rest_opening, angle, angle)
+
+    def step(
+        self, state: MPCState, measurement: Measurement, reference: Reference
+    ) -> tuple[Command, MPCState, Info]:
+        """Compute the valve voltage of one sample.
+
+        Args:
+            state: State of the step before.
+            measurement: Angle in rad and the two gauge pressures in Pa.
+            reference: Wanted angle, in rad, now and previewed.
+
+        Returns:
+            Voltage in V, next state, and ``opening`` (fraction), ``status``, ``iterations``,
+            ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the regulator acted or
+            the valve was shut).
+        """
+        if not np.isfinite((*measurement, *reference)).all():
+            shut = state._replace(opening=self.rest_opening)
+            return (self.valve.command(self.rest_opening),), shut, not_finite(self.rest_opening)
+        p = self.prediction
+        estimate = self.observer.correct(state.predicted, measurement)
+        if self.preview:
+            filtered = target = reference[0]
+            wanted = np.array([reference[i] for i in p.preview_index]) - self.observer.rest[0]
+        else:
+            filtered, target = lagged(
+                state.filtered, state.target, reference[0], self.reference_speed * self.sample_time
+            )
+            wanted = product(self.path, (reference[0], filtered, target)) - self.observer.rest[0]
+        before = state.opening - self.rest_opening
+        gradient = product(p.g_estimate, estimate) + product(p.g_reference, wanted)
+        gradient += p.g_before * before
+        pressures = product(p.rows_estimate, estimate)
+        lower = np.concatenate([p.lower_a - pressures, p.lower_x])
+        upper = np.concatenate([p.upper_a - pressures, p.upper_x])
+        lower[0] += before
+        upper[0] += before
+        solution = quadratic_program(*p.size).solve_factored(p.factors, gradient, lower, upper)
+        if solution.solved:
+            move, slack = float(solution.x[0]), float(solution.x[-1]) * p.slack_scale
+        else:
+            move, slack = p.regulator(estimate, float(wanted[-1])), float("nan")
+        move = min(max(move, float(p.lower_x[0])), float(p.upper_x[0]))
+        opening = min(max(move + self.rest_opening, -1.0), 1.0)
+        predicted = self.observer.predict(estimate, np.array([opening - self.rest_opening]))
+        following = MPCState(predicted, opening, filtered, target)
+        info: Mapping[str, float | str] = {
+            "opening": opening,
+            "status": solution.status,
+            "iterations": solution.iterations,
+            "solve_time": solution.seconds,
+            "slack": slack,
+            "fallback": 0.0 if solution.solved else 1.0,
+        }
+        return (self.valve.command(opening),), following, info
+
+
+def not_finite(opening: float) -> Info:
+    """Return what a step tells that was given a reading or a reference that is no number.
+
+    Args:
+        opening: Opening of the valve, a fraction.
+
+    Example:
+        >>> not_finite(0.0)["fallback"]
+        1.0
+    """
+    return {
+        "opening": opening,
+        "status": NOT_FINITE,
+        "iterations": 0.0,
+        "solve_time": 0.0,
+        "slack": float("nan"),
+        "fallback": 1.0,
+    }
+
+
+def lagged(filtered: float, target: float, reference: float, fresh: float) -> tuple[float, float]:
+    """Pass a reference through two lags for one sample.
+
+    Args:
+        filtered: Reference after the first lag, in rad.
+        target: Reference after the second lag, in rad.
+        reference: Reference, in rad.
+        fresh: Share of the new value, omega_r h, dimensionless.
+
+    Returns:
+        Both lags one sample later, in rad.
+
+    Example:
+        >>> lagged(0.0, 0.0, 1.0, 0.5)
+        (0.5, 0.25)
+    """
+    filtered = filtered + fresh * (reference - filtered)
+    return filtered, target + fresh * (filtered - target)
+
+
+def _reference_path(fresh: float, index: tuple[int, ...]) -> Matrix:
+    """Return the trajectory of the second lag per (reference, filtered, target)."""
+    columns = []
+    for reference, *lags in np.eye(3).tolist():
+        course, lag = [], (lags[0], lags[1])
+        for _ in range(index[-1]):
+            lag = lagged(*lag, reference, fresh)
+            course.append(lag[1])
+        columns.append([course[i - 1] for i in index])
+    return np.array(columns).T
+
+
+@dataclass(frozen=True)
+class MPCSpecification:
+    """What a `LinearMPC` is designed for.
+
+    Args:
+        angle_scale: Angle error that weighs as much as an opening of ``opening_scale``, in rad.
+        opening_scale: Deviation of the opening from its target that weighs 1, a fraction.
+        move_scale: Change of the opening from move to move that weighs 1, a fraction.
+        prediction_time: Time T between prediction samples, in s; a multiple of ``sample_time``.
+        blocks: Lengths of the blocked moves, in prediction samples; their sum is N.
+        opening_limit: Largest opening, a fraction.
+        rate_limit: Fastest change of the opening, per s.
+        pressure_limits: Lowest and highest gauge pressure, in Pa.
+        softness: Cost of a pressure 0.1 bar out of its limits, in the units of the cost
+            (dimensionless).
+        disturbances: States whose rates are disturbed, each with its random walk over one second,
+            in the state's SI unit per second. As many as sensors: no offset.
+        sensor_noise: Noise rms of angle (rad) and pressures (Pa).
+        state_noise: Random walk of every state over one second, as a fraction of its scale.
+        reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
+        preview: Whether the future reference over the horizon is used.
+        sample_time: Time between steps, in s.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> sum(MPCSpecification().blocks)
+        40
+    """
+
+    angle_scale: float = 0.01
+    opening_scale: float = 0.3
+    move_scale: float = 0.1
+    prediction_time: float = 0.01
+    blocks: tuple[int, ...] = (1, 1, 1, 1, 2, 2, 3, 4, 5, 8, 12)
+    opening_limit: float = 1.0
+    rate_limit: float = 100.0
+    pressure_limits: tuple[float, float] = (0.1e5, 5.95e5)
+    softness: float = 1e3
+    disturbances: Mapping[str, float] = field(
+        default_factory=lambda: {"speed": 30.0, "pressure_1": 1e7, "pressure_2": 1e7}
+    )
+    sensor_noise: tuple[float, ...] = (2e-5, 600.0, 600.0)
+    state_noise: float = 0.1
+    reference_speed: float = 28.0
+    preview: bool = False
+    sample_time: float = 0.002
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        h = check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
+        check_range("prediction time", self.prediction_time, h, 10.0, "s")
+        check_range("opening limit", self.opening_limit, 1e-3, 1.0)
+        for name in ("angle_scale", "opening_scale", "move_scale", "rate_limit", "softness"):
+            check_range(name.replace("_", " "), getattr(self, name), 1e-9, 1e9)
+        check_range("number of moves", len(self.blocks), 1, 100)
+        check_range("shortest block", min(self.blocks), 1, 1000, "samples")
+        low, high = self.pressure_limits
+        check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")
+
+
+def design_mpc(
+    linear: LinearModel,
+    specification: MPCSpecification | None = None,
+    *,
+    valve: ValveInverse | None = None,
+    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2"),
+    actuator: str = "valve",
+) -> LinearMPC:
+    """Design a linear MPC from a linear model.
+
+    Args:
+        linear: Linear model from the valve's voltage or opening to the sensors.
+        specification: What to reach.
+        valve: Valve curve that is inverted.
+        sensors: Names of the followed output, then of the outputs with soft limits.
+        actuator: Name of the command.
+
+    Returns:
+        The controller.
+
+    Raises:
+        WorkbenchError: If a name is unknown or a Riccati equation has no solution.
+
+    Source:
+        Rawlings, Mayne and Diehl, Model Predictive Control, 2017, chapter 1.
+
+    Example:
+        >>> from workbench.linearisation import linearise
+        >>> from workbench.operating_point import operating_point
+        >>> from workbench.plants.arm import arm
+        >>> point = operating_point(arm(3), {"angle": 0.5236})
+        >>> mpc = design_mpc(linearise(point, verdict=False))
+        >>> state = mpc.initial_state((0.5236, 4.2e5, 4.2e5))
+        >>> (voltage,), state, info = mpc.step(state, (0.5236, 4.2e5, 4.2e5), (0.6,))
+        >>> voltage > 5.0, info["status"]
+        (True, 'SOLVER_RET_SUCCESS')
+    """
+    want = specification or MPCSpecification()
+    valve = valve or ValveInverse()
+    entry = opening_input(linear, valve, actuator)
+    disturbed = tuple(want.disturbances)
+    observer = design_disturbance_observer(
+        linear,
+        sensors=sensors,
+        actuators=(entry.name,),
+        disturbances=want.disturbances,
+        sensor_noise=want.sensor_noise,
+        state_noise=want.state_noise,
+        sample_time=want.sample_time,
+    )
+    # From here on the input is the opening.
+    observer = DisturbanceObserver(
+        observer.F,
+        observer.G * entry.per_opening,
+        observer.C,
+        observer.M,
+        observer.rest,
+        observer.disturbances,
+    )
+    A, B, E = continuous_matrices(linear, (entry.name,), disturbed)
+    prediction = condense(
+        A,
+        B * entry.per_opening,
+        E,
+        observer.C[:, : len(A)],
+        weights=(
+            1.0 / want.angle_scale**2,
+            1.0 / want.opening_scale**2,
+            1.0 / want.move_scale**2,
+        ),
+        prediction_time=want.prediction_time,
+        stride=max(1, round(want.prediction_time / want.sample_time)),
+        blocks=want.blocks,
+        opening_limits=(-want.opening_limit - entry.at_rest, want.opening_limit - entry.at_rest),
+        move_limit=want.rate_limit * want.prediction_time,
+        output_limits=tuple(
+            (want.pressure_limits[0] - rest, want.pressure_limits[1] - rest)
+            for rest in observer.rest[1:].tolist()
+        ),
+        softness=want.softness,
+    )
+    unit = np.eye(len(sensors))
+    start = np.column_stack(
+        [observer.at_rest(tuple(observer.rest + column), A, E) for column in unit]
+    )
+    return LinearMPC(
+        observer=observer,
+        prediction=prediction,
+        start=start,
+        path=_reference_path(want.reference_speed * want.sample_time, prediction.preview_index),
+        rest_opening=entry.at_rest,
+        reference_speed=want.reference_speed,
+        sample_time=want.sample_time,
+        valve=valve,
+        sensors=sensors,
+        follows=(sensors[0],),
+        actuators=(actuator,),
+        preview=prediction.preview_index[-1] if want.preview else 0,
+    )
+
+
+LINEAR_MPC = Design(
+    name="mpc",
+    family="linear MPC",
+    summary="linear MPC without offset, on the whole linear model",
+    function=design_mpc,
+    specification=MPCSpecification,
+    solves=True,
+    colour=("#00805c", "#36d6a4"),
+)

@@ -1,0 +1,1 @@
+"""Nonlinear model-predictive control by real-time iteration."""

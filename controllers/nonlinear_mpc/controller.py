@@ -1,0 +1,444 @@
+"""Nonlinear model-predictive control by real-time iteration, on the valve opening.
+
+The prediction is the smooth face of a plant's model, not its linearisation: the flow that depends
+on the pressures, the volumes that change, the moment arms. At each sample an extended Kalman filter
+corrects states x and disturbances w on the rates of some states; with as many of them as sensors
+the estimate at rest agrees with every measurement, so that nothing is left over (no offset). Then
+
+    sum_j q (y_j - r_j)^2 + v (dy/dt_j - dr/dt_j)^2 + S (u_j - u_{j-1})^2 + softness (eps + eps^2)
+    subject to   x_{j+1} = F(x_j, u_j, w),   j = 0 .. N - 1,   x_0 = the estimate
+                 |u_j| <= limit                                   (opening, hard)
+                 p_min - eps <= pressures_j <= p_max + eps        (soft: a measurement may be out)
+
+is improved by one Gauss-Newton step per sample from the plan of the sample before (multiple
+shooting; the states of all stages are eliminated and a dense quadratic program in the N moves and
+eps is left). The plan converges over the samples while the plant moves on. The first move is
+applied through the inverse valve curve: an optimiser of the voltage would see almost no gradient at
+the valve's flat centre. If the solver fails, the plan of the sample before is followed (fallback
+"plan").
+
+Without preview the reference is continued over the horizon by two lags or by a planner
+(`controllers.reference.horizon`); with preview r_j is the reference itself.
+
+Source: Diehl, Bock, Schloeder, A real-time iteration scheme for nonlinear optimization in optimal
+feedback control, SIAM J. Control Optim. 43, 2005; Rawlings, Mayne and Diehl, Model Predictive
+Control, 2017, chapters 1.5 (offset-free), 4.2 (extended Kalman filter) and 8.7 (condensing).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from controllers.design import Design
+from controllers.nonlinear_mpc.observer import ExtendedKalmanFilter
+from controllers.nonlinear_mpc.prediction import (
+    Called,
+    Compile,
+    Dynamics,
+    discrete,
+    dynamics,
+    readings,
+    shooting,
+)
+from controllers.nonlinear_mpc.specification import NonlinearMPCSpecification
+from controllers.protocol import Command, Info, Measurement, Reference
+from controllers.quadratic_program.solver import quadratic_program
+from controllers.reference.horizon import ReferenceAhead
+from controllers.through_valve import ThroughValve
+from controllers.valve_inverse import ValveInverse
+from workbench.errors import WorkbenchError, check_choice
+from workbench.linearisation.opening import FULL_STROKE, opening_plant
+from workbench.model import Model
+
+Matrix = npt.NDArray[np.float64]
+
+_UNIT_PRESSURE = 1e5
+
+
+class NonlinearMPCState(NamedTuple):
+    """What a `NonlinearMPC` remembers.
+
+    Args:
+        estimate: Predicted scaled states and disturbances of the observer, shape (n + n_w,).
+        covariance: Their covariance, shape (n + n_w, n + n_w), scaled.
+        plan: Openings over the horizon, shape (N,), fractions.
+        course: Scaled states at the starts of the stages and at the end, shape (n_p, N + 1).
+        voltage: Voltage applied last, in V.
+        ahead: State of the reference's continuation (`controllers.reference.horizon`), in SI.
+    """
+
+    estimate: Matrix
+    covariance: Matrix
+    plan: Matrix
+    course: Matrix
+    voltage: float
+    ahead: tuple[float, ...]
+
+
+class Step(NamedTuple):
+    """One Gauss-Newton step.
+
+    Args:
+        plan: New openings, shape (N,), fractions.
+        course: New scaled states, shape (n_p, N + 1).
+        slack: Pressure out of the limits, in Pa.
+        solved: Whether the quadratic program was solved.
+        status: The solver's own word.
+        iterations: Its number of iterations (dimensionless).
+    """
+
+    plan: Matrix
+    course: Matrix
+    slack: float
+    solved: bool
+    status: str
+    iterations: float
+
+
+@dataclass(frozen=True, eq=False)
+class NonlinearMPC(ThroughValve):
+    """Real-time iteration MPC with disturbance estimate.
+
+    Args:
+        specification: What it was designed for.
+        prediction: States of the prediction and their scales.
+        shots: Mapped stages: (Z, U, w) -> ends of the stages, derivatives by z and by the input.
+        stage: One stage, for the converged solution.
+        observer: Estimates states and disturbances from the readings.
+        pressure_limits: Lowest and highest absolute pressure, in Pa.
+        valve: Valve curve that is inverted.
+        name: Name under which results are reported.
+        sensors: Names of the angle and the two pressures.
+        follows: Name of the followed output.
+        actuators: Name of the command.
+
+    Example:
+        >>> NonlinearMPC.__dataclass_fields__["name"].default
+        'nonlinear MPC'
+    """
+
+    specification: NonlinearMPCSpecification
+    prediction: Dynamics
+    shots: Called
+    stage: ca.Function
+    observer: ExtendedKalmanFilter
+    pressure_limits: tuple[float, float]
+    valve: ValveInverse = field(default_factory=ValveInverse)
+    name: str = "nonlinear MPC"
+    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
+    follows: tuple[str, ...] = ("angle",)
+    actuators: tuple[str, ...] = ("valve",)
+
+    @property
+    def sample_time(self) -> float:
+        """Time between steps, in s."""
+        return self.specification.sample_time
+
+    @property
+    def preview(self) -> int:
+        """Number of future samples of the reference that it wants."""
+        want = self.specification
+        return want.stages * want.stride if want.preview else 0
+
+    @property
+    def ahead(self) -> ReferenceAhead:
+        """How the reference goes on over the horizon where it is not previewed."""
+        want = self.specification
+        times = tuple(want.stage_time * j for j in range(want.stages + 1))
+        return ReferenceAhead(times, want.reference_speed, want.planner, want.sample_time)
+
+    def initial_state(self, measurement: Measurement) -> NonlinearMPCState:
+        """Return the state of a plant at rest with this measurement.
+
+        Args:
+            measurement: Angle in rad and the two gauge pressures in Pa.
+        """
+        estimate, covariance = self.observer.initial(measurement, self.valve.centre)
+        start = self.predicted(estimate)
+        N = self.specification.stages
+        return NonlinearMPCState(
+            estimate,
+            covariance,
+            np.zeros(N),
+            np.tile(start[:, None], (1, N + 1)),
+            self.valve.centre,
+            self.ahead.start(measurement[0]),
+        )
+
+    def step(
+        self, state: NonlinearMPCState, measurement: Measurement, reference: Reference
+    ) -> tuple[Command, NonlinearMPCState, Info]:
+        """Compute the valve voltage of one sample.
+
+        Args:
+            state: State of the step before.
+            measurement: Angle in rad and the two gauge pressures in Pa.
+            reference: Wanted angle, in rad, now and previewed.
+
+        Returns:
+            Voltage in V, next state, and ``opening`` (fraction), ``status``, ``iterations``,
+            ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the plan of the sample
+            before was followed).
+        """
+        began = time.perf_counter()
+        want = self.specification
+        n = len(self.observer.rates.names)
+        estimate, covariance = self.observer.correct(
+            state.estimate, state.covariance, measurement, state.voltage
+        )
+        path, ahead = self.ahead.follow(state.ahead, reference[0])
+        if want.preview:
+            path = np.array([reference[j * want.stride] for j in range(want.stages + 1)])
+        plan, course = self._shifted(state.plan, state.course)
+        step = self.improve(
+            plan, course, self.predicted(estimate), estimate[n:], path, state.plan[0]
+        )
+        moves, course = step.plan, step.course
+        if not step.solved:
+            # The plan goes on; its course is started anew, in case that it was what failed.
+            moves = np.where(np.isfinite(plan), plan, 0.0)
+            course = np.tile(self.predicted(estimate)[:, None], (1, want.stages + 1))
+        opening = float(min(max(moves[0], -want.opening_limit), want.opening_limit))
+        voltage = float(self.valve.command(opening))
+        following, covariance = self.observer.predict(estimate, covariance, voltage)
+        info: Mapping[str, float | str] = {
+            "opening": opening,
+            "status": step.status,
+            "iterations": step.iterations,
+            "solve_time": time.perf_counter() - began,
+            "slack": step.slack,
+            "fallback": 0.0 if step.solved else 1.0,
+        }
+        memory = NonlinearMPCState(
+            following,
+            covariance,
+            moves,
+            course,
+            voltage,
+            ahead,
+        )
+        return (voltage,), memory, info
+
+    # A plan that no longer fits the plant overflows: the solver's status then says so.
+    @np.errstate(over="ignore", invalid="ignore")
+    def improve(
+        self,
+        plan: Matrix,
+        course: Matrix,
+        start: Matrix,
+        disturbances: Matrix,
+        path: Matrix,
+        before: float,
+    ) -> Step:
+        """Improve a plan by one Gauss-Newton step.
+
+        Args:
+            plan: Openings, shape (N,), fractions.
+            course: Scaled states, shape (n_p, N + 1); they need not fit the plan.
+            start: Scaled states now, shape (n_p,).
+            disturbances: Scaled disturbances per second, shape (n_w,).
+            path: Wanted angles now and at the end of every stage, shape (N + 1,), in rad.
+            before: Opening applied before, a fraction.
+
+        Returns:
+            The new plan and how it was found; the old one if the solver failed.
+        """
+        want = self.specification
+        N, size = want.stages, self.prediction.scale
+        angle, speed, *chambers = self._rows()
+        ends, by_z, by_u = self.shots(
+            course[:, :-1], self.valve.centre + FULL_STROKE * plan[None, :], disturbances
+        )
+        n = len(size)
+        # States at the ends of the stages: free + moves @ d_plan, in scaled units.
+        free, moves = np.empty((N, n)), np.zeros((N, n, N))
+        shift, gain = start - course[:, 0], np.zeros((n, N))
+        for k in range(N):
+            A = by_z[:, k * n : (k + 1) * n]
+            shift = A @ shift + ends[:, k] - course[:, k + 1]
+            gain = A @ gain
+            gain[:, k] += FULL_STROKE * by_u[:, k]
+            free[k], moves[k] = course[:, k + 1] + shift, gain
+        # Residuals, each divided by what weighs 1.
+        rows = np.vstack(
+            [
+                moves[:, angle] * (size[angle] / want.angle_scale),
+                moves[:, speed] * (size[speed] / want.speed_scale),
+                (np.eye(N) - np.eye(N, k=-1)) / want.move_scale,
+            ]
+        )
+        pace = np.diff(path) / want.stage_time
+        change = np.diff(plan, prepend=before)
+        values = np.concatenate(
+            [
+                (free[:, angle] * size[angle] - path[1:]) / want.angle_scale,
+                (free[:, speed] * size[speed] - pace) / want.speed_scale,
+                change / want.move_scale,
+            ]
+        )
+        H, g = np.zeros((N + 1, N + 1)), np.empty(N + 1)
+        H[:N, :N], H[N, N] = 2.0 * rows.T @ rows, 2.0 * want.softness
+        g[:N], g[N] = 2.0 * rows.T @ values, want.softness
+        # Pressures in bar, softened by the last variable.
+        unit = size[chambers] / _UNIT_PRESSURE
+        A = np.hstack(
+            [
+                np.tile((moves[:, chambers] * unit[:, None]).reshape(-1, N), (2, 1)),
+                np.repeat([[1.0], [-1.0]], N * len(chambers), axis=0),
+            ]
+        )
+        pressures = (free[:, chambers] * unit).ravel()
+        low, high = (limit / _UNIT_PRESSURE for limit in self.pressure_limits)
+        endless = np.full(len(pressures), np.inf)
+        solution = quadratic_program(N + 1, len(A)).solve(
+            H,
+            g,
+            A,
+            np.concatenate([low - pressures, -endless]),
+            np.concatenate([endless, high - pressures]),
+            np.append(-want.opening_limit - plan, 0.0),
+            np.append(want.opening_limit - plan, np.inf),
+        )
+        if not solution.solved:
+            return Step(plan, course, float("nan"), False, solution.status, solution.iterations)
+        d = solution.x[:N]
+        return Step(
+            plan + d,
+            np.column_stack([start, (free + moves @ d).T]),
+            float(solution.x[N]) * _UNIT_PRESSURE,
+            True,
+            solution.status,
+            solution.iterations,
+        )
+
+    def _rows(self) -> list[int]:
+        names = self.prediction.names
+        wanted = (self.sensors[0], "speed", *self.sensors[1:])
+        return [names.index(name) for name in wanted]
+
+    def _shifted(self, plan: Matrix, course: Matrix) -> tuple[Matrix, Matrix]:
+        """Move a plan on by one sample, a fraction of a stage."""
+        part = 1.0 / self.specification.stride
+        later_plan = np.append(plan[1:], plan[-1])
+        later = np.hstack([course[:, 1:], course[:, -1:]])
+        return plan + part * (later_plan - plan), course + part * (later - course)
+
+    def predicted(self, z: Matrix) -> Matrix:
+        """Return the states of the prediction among those of the observer.
+
+        Args:
+            z: Estimate of the observer, shape (n + n_w,), scaled.
+
+        Returns:
+            States of the prediction, shape (n_p,), scaled.
+        """
+        names = self.observer.rates.names
+        return np.asarray(z[[names.index(name) for name in self.prediction.names]])
+
+
+def design_nonlinear_mpc(
+    model: Model,
+    specification: NonlinearMPCSpecification | None = None,
+    *,
+    rest: npt.ArrayLike | None = None,
+    valve: ValveInverse | None = None,
+    resting: tuple[str, ...] = ("spool", "spool_speed"),
+    compile_function: Compile | None = None,
+) -> NonlinearMPC:
+    """Design a nonlinear MPC on a prediction model.
+
+    Args:
+        model: The prediction model, with a 5/3 valve and the states ``angle``, ``speed``,
+            ``pressure_1`` and ``pressure_2``; leave out what the controller shall not know.
+        specification: What to reach.
+        rest: States about which it starts, shape (n_states,), in SI; the model's initial state by
+            default.
+        valve: Valve curve that is inverted.
+        resting: States that are too fast for the prediction.
+        compile_function: Makes machine code of a CasADi function; interpreted by default.
+
+    Returns:
+        The controller.
+
+    Raises:
+        WorkbenchError: If the model lacks one of these states or the port ``joint.inertia``, or
+            there are not as many disturbances as sensors.
+
+    Source:
+        Diehl, Bock, Schloeder 2005.
+
+    Example:
+        >>> from workbench.plants.arm import arm
+        >>> mpc = design_nonlinear_mpc(arm(3))
+        >>> state = mpc.initial_state((0.5236, 4.2e5, 4.2e5))
+        >>> (voltage,), state, info = mpc.step(state, (0.5236, 4.2e5, 4.2e5), (0.6,))
+        >>> voltage > 5.0, info["status"]
+        (True, 'SOLVER_RET_SUCCESS')
+    """
+    want = specification or NonlinearMPCSpecification()
+    build = compile_function or (lambda function: function)
+    names = [q.name for q in model.states]
+    for name in ("angle", "speed", "pressure_1", "pressure_2", *resting):
+        check_choice("state of the prediction model", name, names)
+    check_choice("port of the prediction model", "joint.inertia", [q.name for q in model.ports])
+    walk = {"speed": 0.0, **want.disturbances}
+    if len(walk) != len(want.sensor_noise):
+        raise WorkbenchError(
+            f"{len(walk)} disturbances are estimated from {len(want.sensor_noise)}"
+            " sensors; give as many disturbances as sensors, so that no offset is left"
+        )
+    sensors = ("angle", "pressure_1", "pressure_2")
+    disturbed = tuple(walk)
+    softened = _with_soft_stops(model)
+    ahead = dynamics(opening_plant(softened), disturbed, resting=resting)
+    behind = dynamics(model, disturbed)
+    stage = discrete(ahead, want.stage_time, want.steps, "nmpc_stage")
+    ambient = {q.name: q.value for q in model.parameters}.get("ambient_pressure", 0.0)
+    low, high = want.pressure_limits
+    start = model.initial_state() if rest is None else np.asarray(rest, dtype=float)
+    walk["speed"] = want.torque_walk / model.signals(start, model.nominal_input)["joint.inertia"]
+    walks = [size / behind.scale[behind.names.index(name)] for name, size in walk.items()]
+    observer = ExtendedKalmanFilter(
+        rates=behind,
+        sample=Called(build(discrete(behind, want.sample_time, 2, "nmpc_observer"))),
+        read=Called(build(readings(model, sensors))),
+        rest=start / behind.scale,
+        walk=np.concatenate([np.full(len(names), want.state_noise), walks]),
+        noise=np.array(want.sensor_noise),
+        sample_time=want.sample_time,
+    )
+    return NonlinearMPC(
+        specification=want,
+        prediction=ahead,
+        shots=Called(build(shooting(stage, want.stages))),
+        stage=stage,
+        observer=observer,
+        pressure_limits=(low + ambient, high + ambient),
+        valve=valve or ValveInverse(),
+    )
+
+
+def _with_soft_stops(model: Model) -> Model:
+    """Soften the stops, whose contact is too fast for the steps of the prediction."""
+    soft = {"stop_stiffness": 1e3, "stop_damping": 1.0}
+    known = {q.name for q in model.parameters}
+    return model.with_parameters({k: v for k, v in soft.items() if k in known})
+
+
+NONLINEAR_MPC = Design(
+    name="nonlinear-mpc",
+    family="nonlinear MPC",
+    summary="nonlinear MPC by real-time iteration on the plant's regularised equations",
+    function=design_nonlinear_mpc,
+    needs="model",
+    specification=NonlinearMPCSpecification,
+    solves=True,
+    exports=False,
+)

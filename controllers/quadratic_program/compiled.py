@@ -1,0 +1,134 @@
+"""The solver of `quadratic_program` in C: C99, no allocation, bounded iterations.
+
+Exported controllers contain this text. Where a C compiler is present the simulation runs it too, so
+that what is verified is what goes to the rig; it is built once and kept. The environment variable
+``WORKBENCH_CC`` names another compiler, ``none`` means that Python solves.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import hashlib
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from functools import lru_cache
+from pathlib import Path
+
+from controllers.quadratic_program.text import TEXT
+
+FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
+"""Flags of the compiler: no operation may be fused, so that every machine rounds alike."""
+
+
+def solver_source(variables: int, rows: int, *, limit: int, factor: bool = True) -> str:
+    """Return the solver for problems of one size as C source.
+
+    Args:
+        variables: Number n of variables.
+        rows: Number of rows of A and of variables, m + n.
+        limit: Number of iterations after which a solution is given up.
+        factor: Whether the matrices are factored by the C code too.
+
+    Returns:
+        C source with static functions ``qp_solve`` and, if wanted, ``qp_factor``.
+
+    Example:
+        >>> print(solver_source(2, 3, limit=9).splitlines()[0])
+        #define QP_N 2 /* variables */
+    """
+    return (
+        f"#define QP_N {variables} /* variables */\n"
+        f"#define QP_ROWS {rows} /* constraints, then variables */\n"
+        f"#define QP_LIMIT {limit} /* iterations after which it is given up */\n"
+        + ("#define QP_FACTOR /* the matrices change from call to call */\n" if factor else "")
+        + TEXT
+    )
+
+
+def solver_bytes(variables: int, rows: int, *, factor: bool = True) -> int:
+    """Return the solver's own memory, in bytes, with 4 bytes for an integer.
+
+    Args:
+        variables: Number n of variables.
+        rows: Number of rows of A and of variables, m + n.
+        factor: Whether the matrices are factored by the C code too.
+
+    Example:
+        >>> solver_bytes(12, 103, factor=False)
+        5795
+    """
+    numbers = (2 + factor) * variables**2 + 9 * variables + 3 * rows
+    return 8 * numbers + 4 * (variables + 1) + rows
+
+
+@lru_cache(maxsize=32)
+def solver_library(variables: int, rows: int, limit: int) -> ctypes.PyDLL | None:
+    """Return the built solver for problems of one size, or None without a compiler.
+
+    Args:
+        variables: Number n of variables.
+        rows: Number of rows of A and of variables, m + n.
+        limit: Number of iterations after which a solution is given up.
+
+    Returns:
+        The library, with ``factor`` and ``solve``.
+
+    Example:
+        >>> solver_library(1, 2, 10) is solver_library(1, 2, 10)
+        True
+    """
+    cc = _compiler()
+    if cc is None:
+        return None
+    source = solver_source(variables, rows, limit=limit) + _ENTRIES
+    key = hashlib.sha256("\0".join((cc, *FLAGS, source)).encode()).hexdigest()[:24]
+    folder = _folder()
+    library = folder / f"quadratic_program-{key}.so"
+    try:
+        if not library.exists():
+            _build(cc, source, library)
+        return ctypes.PyDLL(str(library))
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+_ENTRIES = """
+int factor(const double *H, const double *A, double *inverse, double *rows, double *sizes) {
+  return qp_factor(H, A, inverse, rows, sizes);
+}
+
+int solve(const double *inverse, const double *rows, const double *sizes, const double *g,
+          const double *lower, const double *upper, double *x, int *iterations) {
+  return qp_solve(inverse, rows, sizes, g, lower, upper, x, iterations);
+}
+"""
+
+
+def _compiler() -> str | None:
+    wanted = os.environ.get("WORKBENCH_CC", "")
+    if wanted == "none" or sys.platform == "win32":
+        return None
+    names = (wanted,) if wanted else ("gcc", "clang", "cc")
+    return next((path for name in names if (path := shutil.which(name))), None)
+
+
+def _folder() -> Path:
+    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    base = Path(os.environ.get("WORKBENCH_CACHE") or home) / "workbench"
+    with contextlib.suppress(OSError):
+        base.mkdir(parents=True, exist_ok=True)
+    return base if os.access(base, os.W_OK) else Path(tempfile.mkdtemp(prefix="workbench-"))
+
+
+def _build(cc: str, source: str, library: Path) -> None:
+    # Built under another name and moved, so that a parallel run never loads a half-written file.
+    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+        code, built = Path(folder) / "solver.c", Path(folder) / "solver.so"
+        code.write_text(source)
+        command = [cc, *FLAGS, "-o", str(built), str(code), "-lm"]
+        subprocess.run(command, capture_output=True, check=True)
+        built.replace(library)

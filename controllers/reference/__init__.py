@@ -1,0 +1,1 @@
+"""What is made of a reference before it is followed: planned moves, its way over a horizon."""

@@ -1,0 +1,80 @@
+"""The reference over a horizon, where the future is not previewed.
+
+Two ways to continue what has been seen, both smooth, so that a step asks for nothing impossible:
+
+    lags       two lags of speed omega_r, which continue a step over the horizon exactly
+    planned    that of `controllers.reference.planned`: a step becomes a move along its quintic, a
+               smooth course goes on along its derivatives, so that a sine is followed without lag
+
+Source: Rawlings, Mayne and Diehl, Model Predictive Control, 2017, section 1.5 (reference
+trajectories).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from controllers.arithmetic import FLOATS
+from controllers.mpc.whole_model import lagged
+from controllers.reference.planned import Planner, PlannerState
+
+Vector = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ReferenceAhead:
+    """Continue a reference over a horizon.
+
+    Args:
+        times: Times of the horizon, the first of them 0, shape (n,), in s.
+        lag_speed: Speed omega_r of the lags, in rad/s.
+        planner: Planner in place of the lags; None for the lags.
+        sample_time: Time between samples, in s.
+
+    Example:
+        >>> ahead = ReferenceAhead((0.0, 0.1, 0.4), 40.0)
+        >>> path, _ = ahead.follow(ahead.start(0.0), 1.0)
+        >>> bool(path[0] < 0.01), bool(path[2] > 0.99)
+        (True, True)
+    """
+
+    times: tuple[float, ...]
+    lag_speed: float
+    planner: Planner | None = None
+    sample_time: float = 0.002
+
+    def start(self, angle: float) -> tuple[float, ...]:
+        """Return the state of a reference at rest.
+
+        Args:
+            angle: Angle, in rad.
+
+        Returns:
+            The state, in SI.
+        """
+        return (angle, angle) if self.planner is None else tuple(self.planner.start(angle))
+
+    def follow(
+        self, state: tuple[float, ...], reference: float
+    ) -> tuple[Vector, tuple[float, ...]]:
+        """Take in one sample of the reference.
+
+        Args:
+            state: State of the sample before, in SI.
+            reference: Reference now, in rad.
+
+        Returns:
+            Wanted angles over the horizon, shape (n,), in rad, and the next state.
+        """
+        if self.planner is None:
+            fresh = self.lag_speed * self.sample_time
+            filtered, target = lagged(state[0], state[1], reference, fresh)
+            t = self.lag_speed * np.array(self.times)
+            path = reference + (target - reference + (filtered - reference) * t) * np.exp(-t)
+            return np.asarray(path), (filtered, target)
+        plan, following = self.planner.plan(PlannerState(*state), reference, FLOATS)
+        angles = [self.planner.ahead(following, plan, time, FLOATS).angle for time in self.times]
+        return np.array(angles, dtype=float), tuple(following)

@@ -1,0 +1,258 @@
+"""State feedback with integral action (LQI) over the whole range, with a Kalman filter.
+
+Along the plan, with the feedforward dp_r and o_r of `joint_tracking`, the errors of angle x, speed
+v, pressure difference y and the integral q obey, at every angle of the schedule,
+
+    dx/dt = v,   dv/dt = -a0 x - a1 v + b y,   dy/dt = -g (o - o_r) - e v - d y,   dq/dt = x
+
+The gain K(theta) minimises, for the sampled system, the sum of
+
+    (w^3 x)^2 + (w_i w^3 q)^2 + (b g (o - o_r))^2
+
+in which the opening counts as the jerk it makes: without stiffness the poles are a Butterworth
+pattern of radius w. Sample k:
+
+    y    = dp_r - w_hat / b - dp            what the observer finds unexplained is compensated
+    o[k] = o_r - K(theta) (x, v, y, q), clipped to -1..1, then the inverse curve
+    q[k+1] = q[k] + h x[k] unless the valve is fully open
+
+Where the loop is fast beside the spool, as with the empty arm, the lag tau of spool and sample is a
+state of the design: dl/dt = (o - o_r - l) / tau, with l in the place of o - o_r in the equation of
+y, and a fifth gain. The controller computes l from its own openings, so that it does not ask again
+for what is on its way.
+
+Gains are straight lines between the angles. Speed and w_hat come from a stationary Kalman filter of
+the joint as a double integrator with a random-walk acceleration.
+
+Source: Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, sections 3.4, 3.7, 4.4;
+Rugh and Shamma, Automatica 36, 2000 (scheduling).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
+from controllers.joint.observer import held
+from controllers.joint.schedule import JointSchedule
+from controllers.joint.tracking import (
+    STATE_NAMES,
+    JointTracking,
+    joint_tracking,
+    kalman_correction,
+)
+from controllers.through_valve import ScheduledLaw
+from controllers.valve_inverse import ValveInverse
+from workbench.errors import check_range
+
+
+@dataclass(frozen=True)
+class ScheduledStateFeedback(ScheduledLaw):
+    """Gain-scheduled LQI with planned reference and Kalman filter.
+
+    Args:
+        tracking: Planner, Kalman filter and schedule.
+        gains: Gains over the schedule's angles for angle (per rad), speed (s/rad), pressure
+            difference (per Pa), integral (per rad s) and, if there is a lag, the opening that has
+            arrived: 4 or 5 rows.
+        compensation: Share of the unexplained acceleration that is compensated, 0..1,
+            dimensionless.
+        lag: Lag tau of spool and sample in the design, in s; 0 leaves it to the margin.
+        sample_time: Time between steps, in s.
+        valve: Valve curve that is inverted.
+        name: Name under which results are reported.
+        sensors: Names of the angle and the two pressures.
+        follows: Name of the followed output.
+        actuators: Name of the command.
+        preview: No future references are used.
+
+    Example:
+        >>> ScheduledStateFeedback.__dataclass_fields__["name"].default
+        'state feedback'
+    """
+
+    tracking: JointTracking
+    gains: tuple[tuple[float, ...], ...]
+    compensation: float = 1.0
+    lag: float = 0.0
+    sample_time: float = 0.002
+    valve: ValveInverse = ValveInverse()
+    name: str = "state feedback"
+    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
+    follows: tuple[str, ...] = ("angle",)
+    actuators: tuple[str, ...] = ("valve",)
+    preview: int = 0
+
+    @property
+    def state_names(self) -> tuple[str, ...]:
+        """Names of the entries of the state."""
+        return (*STATE_NAMES, "error_integral", *(("arrived",) if self.lag > 0.0 else ()))
+
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> tuple[Number, ...]:
+        """Return the state of a joint at rest.
+
+        Args:
+            measurement: Angle in rad and the two gauge pressures in Pa.
+            arithmetic: Floats or CasADi symbols.
+        """
+        own = (0.0, 0.0) if self.lag > 0.0 else (0.0,)
+        return (*self.tracking.start(measurement, arithmetic), *own)
+
+    def law(
+        self,
+        state: tuple[Number, ...],
+        measurement: tuple[Number, ...],
+        reference: tuple[Number, ...],
+        arithmetic: Arithmetic,
+    ) -> tuple[tuple[Number, ...], tuple[Number, ...], dict[str, Number]]:
+        """Compute one sample on floats or on symbols.
+
+        Args:
+            state: State of the step before, a tuple of numbers in SI.
+            measurement: Angle in rad and the two gauge pressures in Pa.
+            reference: Wanted angle, in rad.
+            arithmetic: Floats or CasADi symbols.
+
+        Returns:
+            Voltage in V, next state, and the opening (fraction) and planned angle (rad).
+        """
+        look, front = self.tracking.look(state, measurement, reference[0], arithmetic)
+        q, *arrived = state[len(front) :]
+        schedule = self.tracking.schedule
+        place = arithmetic.place(
+            look.angle, schedule.first_angle, schedule.spacing, len(self.gains[0])
+        )
+        inside = (place[0], arithmetic.clip(place[1], 0.0, 1.0))
+        k = [arithmetic.between(inside, row) for row in self.gains]
+        x = look.plan.angle - look.angle
+        v = look.plan.speed - look.speed
+        unexplained = self.compensation * look.unexplained / look.joint.b
+        y = look.wanted_difference - unexplained - look.difference
+        asked = k[0] * x + k[1] * v + k[2] * y + k[3] * q
+        for gain, there in zip(k[4:], arrived, strict=True):
+            asked = asked + gain * there
+        opening = look.opening - asked
+        clipped = arithmetic.clip(opening, -1.0, 1.0)
+        free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
+        fade = math.exp(-self.sample_time / self.lag) if self.lag > 0.0 else 0.0
+        arrived = [fade * there + (1.0 - fade) * (clipped - look.opening) for there in arrived]
+        following = (*front, q + free * self.sample_time * x, *arrived)
+        info = {"opening": clipped, "plan": look.plan.angle}
+        return (self.valve.command(clipped, arithmetic),), following, info
+
+
+def design_scheduled_state_feedback(
+    schedule: JointSchedule,
+    *,
+    radius: float = 45.0,
+    integral: float = 0.33,
+    jerk_share: float = 0.7,
+    jerk_limit: float = 1800.0,
+    lead: float = 0.0,
+    angle_noise: float = 2e-5,
+    acceleration_walk: float = 100.0,
+    acceleration_noise: float = 0.5,
+    compensation: float = 0.3,
+    lag: float = 0.0,
+    mean_pressure: float = 3.8e5,
+    sample_time: float = 0.002,
+    valve: ValveInverse | None = None,
+) -> ScheduledStateFeedback:
+    """Design LQI gains over the schedule and the Kalman filter.
+
+    Args:
+        schedule: The joint over angle and mean pressure, for the known load.
+        radius: Radius w of the closed-loop poles, in rad/s.
+        integral: Speed w_i of the integral action as a fraction of the radius.
+        jerk_share: Share of the valve's opening that a planned move may use, 0..1,
+            dimensionless.
+        jerk_limit: Largest planned jerk, in rad/s3.
+        lead: Time by which the opening of the feedforward leads the plan, in s.
+        angle_noise: Noise rms of the measured angle, in rad.
+        acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
+        acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
+        compensation: Share of the unexplained acceleration that is compensated, 0..1,
+            dimensionless.
+        lag: Lag of spool and sample that is a state of the design, in s; 0 for none.
+        mean_pressure: Mean gauge pressure of the design, in Pa.
+        sample_time: Time between steps, in s.
+        valve: Valve curve that is inverted.
+
+    Returns:
+        The controller.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
+        >>> law = design_scheduled_state_feedback(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
+        >>> len(law.gains), len(law.gains[0])
+        (4, 2)
+    """
+    import control as ct
+
+    h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
+    check_range("lag of spool and sample", lag, 0.0, 0.1, "s")
+    w = check_range("radius of the poles", radius, 0.1, 0.5 / h, "rad/s")
+    speed = w * check_range("speed of the integral action", integral, 1e-3, 1.0)
+    columns = []
+    for joint in schedule.models(mean_pressure):
+        # Pressure difference in units of the acceleration it makes: every state of similar size.
+        a = np.array(
+            [
+                [0.0, 1.0, 0.0, 0.0],
+                [-joint.a0, -joint.a1, 1.0, 0.0],
+                [0.0, -joint.e * joint.b, -joint.d, 0.0],
+                [1.0, 0.0, 0.0, 0.0],
+            ]
+        )
+        b = np.array([[0.0], [0.0], [-joint.opening_to_jerk], [0.0]])
+        weight = np.diag([w**6, 0.0, 0.0, (speed * w**3) ** 2])
+        if lag > 0.0:
+            a = np.block([[a, b], [np.zeros((1, 4)), np.array([[-1.0 / lag]])]])
+            b = np.vstack([np.zeros((4, 1)), [[1.0 / lag]]])
+            weight = np.pad(weight, (0, 1))
+        phi, gamma = held(a, b, h)
+        # One solver whether slycot is installed or not: the same gains on every machine.
+        cost = [[joint.opening_to_jerk**2]]
+        gain = np.asarray(ct.dlqr(phi, gamma, weight, cost, method="scipy")[0]).ravel()
+        gain[2] *= joint.b
+        columns.append(gain)
+    tracking = joint_tracking(
+        schedule,
+        jerk_share=jerk_share,
+        jerk_limit=jerk_limit,
+        lead=lead,
+        correction=kalman_correction(
+            angle_noise=angle_noise,
+            acceleration_noise=acceleration_noise,
+            acceleration_walk=acceleration_walk,
+            sample_time=h,
+        ),
+        mean_pressure=mean_pressure,
+        sample_time=h,
+    )
+    return ScheduledStateFeedback(
+        tracking,
+        tuple(tuple(row) for row in np.array(columns).T.tolist()),
+        compensation=compensation,
+        lag=lag,
+        sample_time=h,
+        valve=valve or ValveInverse(),
+    )
+
+
+STATE_FEEDBACK = Design(
+    name="scheduled-state-feedback",
+    family="state feedback",
+    summary="state feedback with integral action and a Kalman filter, over the whole range",
+    function=design_scheduled_state_feedback,
+    needs="map",
+)

@@ -1,0 +1,152 @@
+"""The converged solution of a nonlinear MPC's problem: a slow reference for its real-time steps.
+
+The same cost, limits and stages as in `controllers.nonlinear_mpc`, written independently of its
+elimination of states: all states stay variables, the opening before and the slack are carried along
+as states, and a general solver with exact second derivatives iterates to the end.
+
+Source: Waechter and Biegler, Mathematical Programming 106, 2006 (ipopt); Vanroye et al., FATROP, a
+fast constrained optimal control problem solver for robot trajectory optimization and control, IROS
+2023 (fatrop).
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from controllers.nonlinear_mpc.controller import NonlinearMPC
+from workbench.errors import NumericalError, check_choice
+from workbench.linearisation.opening import FULL_STROKE
+
+Matrix = npt.NDArray[np.float64]
+
+_BAR = 1e5
+
+
+class Converged(NamedTuple):
+    """A converged plan.
+
+    Args:
+        plan: Openings, shape (N,), fractions.
+        course: Scaled states, shape (n, N + 1).
+        slack: Pressure out of the limits, in Pa.
+        cost: Value of the cost (dimensionless).
+        status: The solver's own word.
+        iterations: Its number of iterations (dimensionless).
+    """
+
+    plan: Matrix
+    course: Matrix
+    slack: float
+    cost: float
+    status: str
+    iterations: int
+
+
+def converged(
+    controller: NonlinearMPC,
+    start: Matrix,
+    disturbances: Matrix,
+    path: Matrix,
+    before: float,
+    *,
+    solver: Literal["ipopt", "fatrop"] = "ipopt",
+) -> Converged:
+    """Solve the problem of one sample to the end.
+
+    Args:
+        controller: The controller whose problem it is.
+        start: Scaled states now, shape (n,).
+        disturbances: Scaled disturbances per second, shape (n_w,).
+        path: Wanted angles now and at the end of every stage, shape (N + 1,), in rad.
+        before: Opening applied before, a fraction.
+        solver: Which solver.
+
+    Returns:
+        The plan.
+
+    Raises:
+        NumericalError: If the solver does not converge.
+    """
+    check_choice("solver", solver, ("ipopt", "fatrop"))
+    want, size = controller.specification, controller.prediction.scale
+    names = controller.prediction.names
+    N, n = want.stages, len(names)
+    angle, speed = names.index(controller.sensors[0]), names.index("speed")
+    chambers = [names.index(name) for name in controller.sensors[1:]]
+    low, high = (limit / _BAR for limit in controller.pressure_limits)
+    # Joined state: (z, opening before, slack in bar).
+    X = [ca.MX.sym(f"x{k}", n + 2) for k in range(N + 1)]
+    U = [ca.MX.sym(f"u{k}") for k in range(N)]
+    cost = want.softness * (X[N][n + 1] + X[N][n + 1] ** 2)
+    g: list[ca.MX] = []
+    lower: list[float] = []
+    upper: list[float] = []
+    equality: list[bool] = []
+
+    def constrain(what: ca.MX, least: list[float], most: list[float], *, equal: bool) -> None:
+        g.append(what)
+        lower.extend(least)
+        upper.extend(most)
+        equality.extend([equal] * what.numel())
+
+    for k in range(N + 1):
+        x = X[k]
+        if k < N:
+            end = controller.stage(
+                x[:n], controller.valve.centre + FULL_STROKE * U[k], disturbances
+            )[0]
+            # In this sign: fatrop's detection of the structure fails on the other.
+            gap = X[k + 1] - ca.vertcat(end, U[k], x[n + 1])
+            constrain(gap, [0.0] * (n + 2), [0.0] * (n + 2), equal=True)
+            cost += ((U[k] - x[n]) / want.move_scale) ** 2
+        if k == 0:
+            given = [*start.tolist(), before]
+            constrain(x[: n + 1], given, given, equal=True)
+            constrain(x[n + 1], [0.0], [np.inf], equal=False)
+        else:
+            pace = (path[k] - path[k - 1]) / want.stage_time
+            cost += ((x[angle] * size[angle] - path[k]) / want.angle_scale) ** 2
+            cost += ((x[speed] * size[speed] - pace) / want.speed_scale) ** 2
+            pressures = x[chambers] * (size[chambers] / _BAR)
+            count = len(chambers)
+            constrain(pressures + x[n + 1], [low] * count, [np.inf] * count, equal=False)
+            constrain(pressures - x[n + 1], [-np.inf] * count, [high] * count, equal=False)
+        if k < N:
+            limit = [want.opening_limit]
+            constrain(U[k], [-want.opening_limit], limit, equal=False)
+    variables = ca.vertcat(*(v for pair in zip(X[:-1], U, strict=True) for v in pair), X[N])
+    options: dict[str, object] = {"error_on_fail": False, "print_time": False}
+    if solver == "ipopt":
+        options["ipopt"] = {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": 500}
+    else:
+        options |= {
+            "structure_detection": "auto",
+            "equality": equality,
+            "fatrop": {"print_level": 0, "tol": 1e-9, "max_iter": 500},
+        }
+    problem = {"x": variables, "f": cost, "g": ca.vertcat(*g)}
+    solve = ca.nlpsol("converged", solver, problem, options)
+    resting = np.concatenate([start, [before, 0.0]])
+    guess = np.concatenate([np.tile(np.append(resting, before), N), resting])
+    result = solve(x0=guess, lbg=lower, ubg=upper)
+    stats = solve.stats()
+    status = str(stats["return_status"])
+    if not stats["success"]:
+        raise NumericalError(
+            f"{solver} did not solve the problem of {controller.name}: {status} after"
+            f" {stats['iter_count']} iterations"
+        )
+    found = np.asarray(result["x"]).ravel()
+    rows = np.append(found, np.nan).reshape(N + 1, n + 3)
+    return Converged(
+        rows[:N, n + 2],
+        rows[:, :n].T,
+        float(rows[N, n + 1]) * _BAR,
+        float(result["f"]),
+        status,
+        int(stats["iter_count"]),
+    )

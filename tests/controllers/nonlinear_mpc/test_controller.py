@@ -1,0 +1,204 @@
+"""The nonlinear MPC: its functions, its step against converged solvers, and the full plant."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from controllers.nonlinear_mpc.controller import (
+    NonlinearMPC,
+    NonlinearMPCSpecification,
+    design_nonlinear_mpc,
+)
+from controllers.nonlinear_mpc.prediction import Called, discrete, dynamics, shooting
+from tests.controllers.nonlinear_mpc.converged_plan import converged
+from workbench.errors import WorkbenchError
+from workbench.linearisation.opening import opening_plant
+from workbench.model import SMOOTH, Model
+from workbench.operating_point import operating_point
+from workbench.simulation.compiled import compiled
+from workbench.simulation.stepper import Stepper
+from workbench.verification import Scenario, Steps, metrics, verify
+
+DISTURBED = ("speed", "pressure_1", "pressure_2")
+
+
+@pytest.fixture(scope="module")
+def mpc(plant: Model) -> NonlinearMPC:
+    return design_nonlinear_mpc(plant.without("bearing_friction"), compile_function=compiled)
+
+
+def problem(mpc: NonlinearMPC, plant: Model) -> tuple[np.ndarray, np.ndarray]:
+    point = operating_point(plant, {"angle": math.radians(20)})
+    start = mpc.predicted(point.x / mpc.observer.rates.scale)
+    return start, np.array([2.0, 0.5, -0.5])
+
+
+def test_a_stage_is_the_plant_over_its_duration(mpc: NonlinearMPC, plant: Model) -> None:
+    # Independent route: adaptive integration of the whole plant, spool included. The spool lags by
+    # 2 to 3 ms of 20 ms, so it starts where it is commanded.
+    proportional = opening_plant(plant.without("bearing_friction"))
+    names = [q.name for q in proportional.states]
+    x = operating_point(plant, {"angle": math.radians(20)}).x.copy()
+    x[names.index("spool")] = 1.5
+    stepper = Stepper(proportional, 0.02, tolerance=1e-10, face=SMOOTH)
+    there = stepper.step(x, [6.5])
+    z = mpc.predicted(x / mpc.observer.rates.scale)
+    end = np.asarray(mpc.stage(z, 6.5, np.zeros(3))[0]).ravel() * mpc.prediction.scale
+    expected = np.array([there[names.index(name)] for name in mpc.prediction.names])
+    # Runge-Kutta of fourth order in steps of 5 ms
+    np.testing.assert_allclose(end / expected, 1.0, atol=2e-4)
+
+
+def test_derivatives_are_those_of_the_discrete_map(plant: Model) -> None:
+    rates = dynamics(opening_plant(plant), DISTURBED, resting=("spool", "spool_speed"))
+    stage = discrete(rates, 0.02, 2, "stage")
+    x = plant.initial_state()
+    names = [q.name for q in plant.states]
+    z = np.array([x[names.index(name)] for name in rates.names]) / rates.scale
+    z[rates.names.index("speed")] = 0.7
+    at = [z, np.array([5.8]), np.array([1.0, 0.3, -0.2])]
+    results = [np.asarray(r) for r in stage(*at)]
+    step = 1e-6
+    for which, derivative in enumerate(results[1:]):
+        for column in range(derivative.shape[1]):
+            moved = [[v.copy() for v in at] for _ in range(2)]
+            moved[0][which][column] -= step
+            moved[1][which][column] += step
+            low, high = (np.asarray(stage(*m)[0]).ravel() for m in moved)
+            # Central differences of 1e-6: rounding 1e-10 of numbers up to 30
+            np.testing.assert_allclose(
+                derivative[:, column], (high - low) / (2 * step), rtol=1e-5, atol=1e-6
+            )
+
+
+def test_shots_are_stages_side_by_side(plant: Model) -> None:
+    rates = dynamics(opening_plant(plant), DISTURBED, resting=("spool", "spool_speed"))
+    stage = discrete(rates, 0.02, 2, "stage")
+    rng = np.random.default_rng(3)
+    x = plant.initial_state()[[q.name for q in plant.states].index("pressure_1") :]
+    z = x / rates.scale
+    Z = z[:, None] * (1 + 0.05 * rng.standard_normal((len(z), 3)))
+    U, w = np.array([[4.0, 5.0, 6.5]]), np.array([0.5, 0.1, 0.2])
+    ends, by_z, by_u = Called(shooting(stage, 3))(Z, U, w)
+    for k in range(3):
+        end, A, B, _ = (np.asarray(r) for r in stage(Z[:, k], U[:, k], w))
+        np.testing.assert_allclose(ends[:, k], end.ravel(), rtol=1e-14)
+        np.testing.assert_allclose(by_z[:, 6 * k : 6 * k + 6], A, rtol=1e-12, atol=1e-14)
+        np.testing.assert_allclose(by_u[:, k], B.ravel(), rtol=1e-12, atol=1e-14)
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
+@pytest.mark.parametrize("tight", [False, True], ids=["free", "at limits"])
+def test_the_step_iterated_is_the_converged_solution(
+    plant: Model, tight: bool, solver: Literal["ipopt", "fatrop"]
+) -> None:
+    # The filled muscle needs more than 4.9 bar on the way, and the opening more than 0.3.
+    wanted = NonlinearMPCSpecification(
+        stages=10,
+        steps=2,
+        opening_limit=0.3 if tight else 1.0,
+        pressure_limits=(2e5, 4.9e5) if tight else (0.1e5, 5.9e5),
+    )
+    mpc = design_nonlinear_mpc(plant.without("bearing_friction"), wanted)
+    start, w = problem(mpc, plant)
+    N = mpc.specification.stages
+    path = np.full(N + 1, math.radians(40.0))
+    plan, course = np.zeros(N), np.tile(start[:, None], (1, N + 1))
+    for _ in range(60):
+        step = mpc.improve(plan, course, start, w, path, 0.0)
+        assert step.solved
+        change = float(np.abs(step.plan - plan).max())
+        plan, course = step.plan, step.course
+        if change < 1e-8:
+            break
+    assert change < 1e-7
+    reference = converged(mpc, start, w, path, 0.0, solver=solver)
+    # An interior-point solver stops a little inside limits that are met exactly here.
+    np.testing.assert_allclose(plan, reference.plan, atol=2e-4)
+    np.testing.assert_allclose(course, reference.course, rtol=1e-4, atol=1e-4)
+    assert step.slack == pytest.approx(reference.slack, abs=50.0)
+    if tight:
+        assert np.abs(plan).max() == pytest.approx(0.3, abs=1e-6)
+        # The penalty is exact: a limit that can be kept is kept.
+        chambers = [mpc.prediction.names.index(f"pressure_{i}") for i in (1, 2)]
+        pressures = course[chambers] * mpc.prediction.scale[chambers, None]
+        assert pressures.max() == pytest.approx(mpc.pressure_limits[1], abs=100.0)
+
+
+def test_a_failed_solve_follows_the_plan(mpc: NonlinearMPC) -> None:
+    y = (math.radians(30), 4.2e5, 4.2e5)
+    state = mpc.initial_state(y)
+    for _ in range(5):
+        _, state, info = mpc.step(state, y, (math.radians(33),))
+    assert info["fallback"] == 0.0
+    broken = state._replace(course=np.full_like(state.course, np.nan))
+    (voltage,), after, info = mpc.step(broken, y, (math.radians(33),))
+    assert info["fallback"] == 1.0 and info["status"]
+    assert voltage == pytest.approx(mpc.valve.command(float(info["opening"])))
+    # It recovers by itself: the course is started anew from the estimate.
+    (_,), _, info = mpc.step(after, y, (math.radians(33),))
+    assert info["fallback"] == 0.0
+
+
+def test_a_step_changes_nothing_but_what_it_returns(mpc: NonlinearMPC) -> None:
+    y = (math.radians(30), 4.2e5, 4.2e5)
+    state = mpc.initial_state(y)
+    first = mpc.step(state, y, (0.6,))
+    mpc.step(first[1], y, (0.2,))
+    again = mpc.step(state, y, (0.6,))
+    assert first[0] == again[0]
+    np.testing.assert_array_equal(first[1].plan, again[1].plan)
+    np.testing.assert_array_equal(first[1].estimate, again[1].estimate)
+
+
+def test_it_can_be_sent_to_another_process(plant: Model) -> None:
+    mpc = design_nonlinear_mpc(plant, NonlinearMPCSpecification(stages=3))
+    y = (math.radians(30), 4.2e5, 4.2e5)
+    copy = pickle.loads(pickle.dumps(mpc))  # noqa: S301
+    assert (
+        copy.step(copy.initial_state(y), y, (0.6,))[0]
+        == (mpc.step(mpc.initial_state(y), y, (0.6,))[0])
+    )
+
+
+@pytest.mark.parametrize("hysteresis", [False, True], ids=["nominal", "hysteresis"])
+def test_steps_on_the_plant_settle_without_offset(
+    mpc: NonlinearMPC, plant: Model, plant_with_hysteresis: Model, hysteresis: bool
+) -> None:
+    angles = (15.0, 45.0, 30.0)
+    steps = Scenario(
+        "15, 45, 30 deg",
+        {"angle": Steps((0.0, 0.2, 1.4), tuple(math.radians(a) for a in angles))},
+        duration=2.6,
+    )
+    found = metrics(verify(mpc, plant_with_hysteresis if hysteresis else plant, steps))
+    assert found["settling_time"].value < 0.4
+    assert found["overshoot"].value < 0.05
+    assert found["steady_error"].value < math.radians(0.05)
+    assert found["oscillation"].value < math.radians(0.05)
+    assert found["fallbacks"].value == 0.0
+
+
+def test_preview_moves_before_the_step(plant: Model) -> None:
+    wanted = NonlinearMPCSpecification(preview=True)
+    mpc = design_nonlinear_mpc(plant, wanted, compile_function=compiled)
+    assert mpc.preview == 200
+    scenario = Scenario(
+        "step", {"angle": Steps((0.0, 0.3), (0.4, 0.6))}, duration=0.6
+    ).without_imperfections()
+    run = verify(mpc, plant, scenario)
+    before = run["angle"][run.time < 0.3]
+    assert before[-1] > 0.42
+    assert metrics(run)["rmse"].value < 0.05
+
+
+def test_wrong_specifications_are_named(plant: Model) -> None:
+    with pytest.raises(WorkbenchError, match="as many disturbances as sensors"):
+        design_nonlinear_mpc(plant, NonlinearMPCSpecification(disturbances={"pressure_1": 1.0}))
+    with pytest.raises(WorkbenchError, match="highest pressure"):
+        NonlinearMPCSpecification(pressure_limits=(5e5, 1e5))

@@ -1,0 +1,212 @@
+"""The quadratic-program solver, in Python and in C, against other methods; its refusals."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from controllers.quadratic_program.compiled import solver_library
+from controllers.quadratic_program.solver import (
+    INFEASIBLE,
+    LIMITED,
+    NOT_FINITE,
+    QuadraticProgram,
+    factored,
+    most_iterations,
+    quadratic_program,
+    solve,
+)
+from workbench.errors import WorkbenchError
+
+FACES = pytest.mark.parametrize("compiled", [False, True], ids=["python", "c"])
+
+
+def solver(variables: int, constraints: int, compiled: bool) -> QuadraticProgram:
+    limit = most_iterations(variables, constraints)
+    if compiled and solver_library(variables, variables + constraints, limit) is None:
+        pytest.skip("no C compiler on this machine")
+    return QuadraticProgram(variables, constraints, compiled=compiled)
+
+
+def problem(seed: int, n: int = 6, m: int = 9, push: float = 3.0) -> tuple[np.ndarray, ...]:
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(n, n))
+    return (
+        root @ root.T + 0.1 * np.eye(n),
+        push * rng.normal(size=n),
+        rng.normal(size=(m, n)),
+        -rng.uniform(0.1, 1.0, m),
+        rng.uniform(0.1, 1.0, m),
+        -np.ones(n),
+        np.ones(n),
+    )
+
+
+@FACES
+@pytest.mark.parametrize("seed", range(5))
+def test_solution_agrees_with_sequential_programming(seed: int, compiled: bool) -> None:
+    from scipy.optimize import LinearConstraint, minimize
+
+    H, g, A, lower, upper, low, high = problem(seed)
+    found = solver(6, 9, compiled).solve(H, g, A, lower, upper, low, high)
+    other = minimize(
+        lambda x: 0.5 * x @ H @ x + g @ x,
+        np.zeros(6),
+        jac=lambda x: H @ x + g,
+        method="SLSQP",
+        bounds=list(zip(low, high, strict=True)),
+        constraints=[LinearConstraint(A, lower, upper)],
+        options={"ftol": 1e-14, "maxiter": 500},
+    )
+    assert found.solved
+    np.testing.assert_allclose(found.x, other.x, atol=1e-5)
+
+
+@FACES
+@pytest.mark.parametrize("size", [(4, 60), (12, 91), (21, 80)])
+def test_solution_agrees_with_another_active_set_method(
+    size: tuple[int, int], compiled: bool
+) -> None:
+    n, m = size
+    structure = {"h": ca.Sparsity.dense(n, n), "a": ca.Sparsity.dense(m, n)}
+    daqp = ca.conic("daqp", "daqp", structure, {"error_on_fail": False})
+    own, most = solver(n, m, compiled), 0.0
+    for seed in range(20):
+        H, g, A, lower, upper, low, high = problem(seed, n, m, push=3.0 * n)
+        found = own.solve(H, g, A, lower, upper, low, high)
+        other = daqp(h=H, g=g, a=A, lba=lower, uba=upper, lbx=low, ubx=high)
+        assert found.solved and daqp.stats()["success"]
+        # Both end with an exact solution on the active set: condition (1e3) times rounding.
+        np.testing.assert_allclose(found.x, np.array(other["x"]).ravel(), atol=1e-10)
+        most = max(most, found.iterations)
+    # Many constraints were met, and the bound on iterations is not near.
+    assert n < most < 0.7 * own.limit
+
+
+def test_python_and_c_take_the_same_path() -> None:
+    for n, m in ((6, 9), (12, 91)):
+        one, other = solver(n, m, True), solver(n, m, False)
+        for seed in range(20):
+            a, b = (s.solve(*problem(seed, n, m, push=20.0)) for s in (one, other))
+            assert (a.status, a.iterations) == (b.status, b.iterations)
+            np.testing.assert_allclose(a.x, b.x, atol=1e-11)
+
+
+@FACES
+def test_optimality_conditions_hold_where_rows_repeat(compiled: bool) -> None:
+    # Every row twice, and bounds that rows repeat: active rows depend on each other.
+    H, g, A, lower, upper, low, high = problem(7, 5, 4, push=20.0)
+    A, lower, upper = (np.concatenate(2 * [part]) for part in (A, lower, upper))
+    A = np.vstack([A, np.eye(5)])
+    lower, upper = np.concatenate([lower, low]), np.concatenate([upper, high])
+    found = solver(5, 13, compiled).solve(H, g, A, lower, upper, low, high)
+    assert found.solved
+    rows = A @ found.x
+    assert (rows >= lower - 1e-12).all() and (rows <= upper + 1e-12).all()
+    # -gradient is a combination, with the right signs, of the active rows.
+    from scipy.optimize import nnls
+
+    at = 1e-9
+    active = np.vstack([A[rows >= upper - at], -A[rows <= lower + at]])
+    assert len(active)
+    assert nnls(active.T, -(H @ found.x + g))[1] < 1e-9
+
+
+@FACES
+def test_equal_limits_and_no_limits(compiled: bool) -> None:
+    qp, inf = solver(2, 1, compiled), np.inf
+    one = np.ones(1)
+    found = qp.solve(
+        np.eye(2),
+        np.zeros(2),
+        np.ones((1, 2)),
+        3 * one,
+        3 * one,
+        -inf * np.ones(2),
+        inf * np.ones(2),
+    )
+    np.testing.assert_allclose(found.x, [1.5, 1.5], atol=1e-15)
+
+
+@FACES
+def test_contradictory_constraints_are_reported(compiled: bool) -> None:
+    one = np.ones(1)
+    qp = solver(1, 1, compiled)
+    # x >= 2 against x <= 1; then limits that cross within a row.
+    found = qp.solve(np.eye(1), 0 * one, np.eye(1), 2 * one, 3 * one, -one, one)
+    assert (found.solved, found.status) == (False, INFEASIBLE)
+    found = qp.solve(np.eye(1), 0 * one, np.eye(1), one, 0.5 * one, -one, one)
+    assert (found.solved, found.status) == (False, INFEASIBLE)
+    assert qp.solve(np.eye(1), 0 * one, np.eye(1), -one, one, -one, one).solved
+
+
+@FACES
+def test_contradictions_of_many_rows_are_those_that_linear_programming_finds(
+    compiled: bool,
+) -> None:
+    from scipy.optimize import linprog
+
+    qp, seen = solver(4, 12, compiled), set()
+    for seed in range(40):
+        H, g, A, lower, upper, low, high = problem(seed, 4, 12)
+        lower = lower + np.random.default_rng(seed).uniform(0.0, 0.6, 12)
+        upper = np.maximum(upper, lower + 0.01)
+        found = qp.solve(H, g, A, lower, upper, low, high)
+        feasible = linprog(
+            np.zeros(4),
+            A_ub=np.vstack([A, -A]),
+            b_ub=np.concatenate([upper, -lower]),
+            bounds=list(zip(low, high, strict=True)),
+        ).success
+        assert found.solved == feasible
+        assert found.solved or found.status == INFEASIBLE
+        seen.add(feasible)
+    assert seen == {True, False}
+
+
+@FACES
+@pytest.mark.parametrize("where", range(7))
+def test_numbers_that_are_not_finite_are_never_solved(where: int, compiled: bool) -> None:
+    data = list(problem(0))
+    data[where] = data[where] * np.nan
+    found = solver(6, 9, compiled).solve(*data)
+    assert (found.solved, found.status) == (False, NOT_FINITE)
+    assert solver(6, 9, compiled).solve(*problem(0)).solved
+
+
+def test_too_many_iterations_are_reported() -> None:
+    H, g, A, lower, upper, low, high = problem(0, push=30.0)
+    lower, upper = np.concatenate([lower, low]), np.concatenate([upper, high])
+    needed = solve(factored(H, A), g, lower, upper)
+    assert needed.solved and needed.iterations > 3
+    found = solve(factored(H, A), g, lower, upper, limit=int(needed.iterations) - 1)
+    assert (found.solved, found.status) == (False, LIMITED)
+    # Exactly as many as are needed are enough.
+    assert solve(factored(H, A), g, lower, upper, limit=int(needed.iterations)).solved
+
+
+def test_a_hessian_without_minimum_is_refused() -> None:
+    with pytest.raises(WorkbenchError, match="not positive definite"):
+        factored(-np.eye(2), np.zeros((0, 2)))
+
+
+def test_without_a_compiler_python_solves(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WORKBENCH_CC", "none")
+    solver_library.cache_clear()
+    quadratic_program.cache_clear()
+    try:
+        assert solver_library(6, 15, 45) is None
+        assert quadratic_program(6, 9).solve(*problem(0)).solved
+    finally:
+        solver_library.cache_clear()
+        quadratic_program.cache_clear()
+
+
+def test_a_compiler_that_fails_leaves_it_to_python(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WORKBENCH_CC", "false")
+    solver_library.cache_clear()
+    try:
+        assert solver_library(6, 15, 45) is None
+    finally:
+        solver_library.cache_clear()
