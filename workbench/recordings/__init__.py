@@ -2,7 +2,7 @@
 
 from workbench.recordings.alignment import align, clock_shift
 from workbench.recordings.case import Case, read_case
-from workbench.recordings.checks import Check, CheckReport, check_recording
+from workbench.recordings.checks import Check, CheckReport, Finding, check_recording
 from workbench.recordings.mapping import ColumnRule, MappingRules, read_mapping
 from workbench.recordings.read import Table, read_recording, read_table
 from workbench.recordings.recording import ColumnMapping, MappedColumn, Recording, Signal, Span
@@ -15,6 +15,7 @@ __all__ = [
     "CheckReport",
     "ColumnMapping",
     "ColumnRule",
+    "Finding",
     "MappedColumn",
     "MappingRules",
     "Recording",

@@ -11,6 +11,7 @@ from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.selection.candidates import Candidate
 from workbench.diagnosis.selection.score import ABSORBED, Scores
 from workbench.diagnosis.verdict import Verdict
+from workbench.recordings.checks import CHECKS
 from workbench.reports.diagnosis_unnamed import improved
 from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.tables import Cell, Table, number
@@ -366,22 +367,6 @@ def checks_table(verdict: Verdict) -> Table:
     )
 
 
-FIXES: dict[str, str] = {
-    "time base": "export the time in seconds with enough digits, one row per sample",
-    "gaps": "split the file at the gaps and give the parts as recordings of their own",
-    "units": "say the unit in the heading or in a mapping (--mapping), such as pressure_bar",
-    "gauge pressure": "say in a mapping (--mapping) whether the pressure is gauge or absolute",
-    "signs": "correct the sign or the order of the columns in a mapping (--mapping)",
-    "constant signals": "check the cable and the channel, and that the column is the right one",
-    "stuck samples": "check the converter and the sampling, and record again",
-    "clipping": "widen the range of the channel, or move less, and record again",
-    "quantisation": "widen the gain of the channel, or move further, and record again",
-    "noise floor": "check shielding and supply of the sensor, or move further, and record again",
-    "excitation": "record a motion that covers the range of the machine",
-}
-"""Usual fix of each check that can find a recording unfit."""
-
-
 def unfit_sentences(verdict: Verdict) -> tuple[str, ...]:
     """Say which checks found recordings unfit, and what usually helps.
 
@@ -400,7 +385,8 @@ def unfit_sentences(verdict: Verdict) -> tuple[str, ...]:
     said = []
     for row in verdict.data:
         if row.get("result") == "unfit":
-            fix = FIXES.get(row["check"], "correct the file, or record again")
+            check = CHECKS.members().get(row["check"])
+            fix = check.fix if check is not None else "correct the file, or record again"
             note = row["note"].rstrip(".")
             said.append(
                 f"{row['recording']} fails the check of {row['check']}: {note}. Usual fix: {fix}."

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.model.quantities import Input, Output
+from workbench.model import Input, Model, Output, State
 from workbench.recordings import check_recording
+from workbench.recordings.checks import CHECKS, Check, Finding
 from workbench.recordings.example import example_recording
 
 TRIAL = example_recording(seconds=4.0)
@@ -11,7 +12,7 @@ TRIAL = example_recording(seconds=4.0)
 
 def test_table_and_data() -> None:
     report = check_recording(TRIAL)
-    assert str(report).startswith("example: pass\ncheck             result  note\ntime base")
+    assert str(report).startswith("example: pass\ncheck             result       note\ntime base")
     data = report.as_data()
     assert [d["check"] for d in data][:3] == ["time base", "gaps", "constant signals"]
     assert all(d["recording"] == "example" and d["note"] for d in data)
@@ -32,12 +33,15 @@ def test_required_signal_is_missing() -> None:
 
 
 def test_model_gives_ranges_and_required_signals() -> None:
-    class Arm:
-        inputs = (Input("valve", "V", lower=0.0, upper=10.0),)
-        outputs = (Output("angle", "rad", lower=0.0, upper=0.3),)
-
-    report = check_recording(TRIAL, model=Arm())
-    assert report.check("units").result == "unfit"
+    model = Model(
+        "joint",
+        lambda m: ({"angle": m.u.valve}, {"angle": m.x.angle}),
+        states=(State("angle", "rad"),),
+        inputs=(Input("valve", "V", lower=0.0, upper=10.0),),
+        outputs=(Output("angle", "rad", lower=0.0, upper=0.3),),
+    )
+    report = check_recording(TRIAL, model=model)
+    assert "outside the plausible" in report.check("units").note
     assert "valve saturates" not in report.check("clipping").note
 
 
@@ -51,3 +55,11 @@ def test_corrections_add_up() -> None:
     # A corrected recording passes: nothing is corrected twice.
     again = check_recording(report.recording)
     assert again.result == "pass", str(again)
+
+
+def test_a_check_of_the_users_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    first = Check("wiring", 5, lambda recording, expected: Finding("unfit", "no plug"), True)
+    members = {**CHECKS.members(), "wiring": first}
+    monkeypatch.setattr(CHECKS, "members", lambda: members)
+    report = check_recording(example_recording(seconds=2.0))
+    assert [(c.name, c.result) for c in report.checks] == [("wiring", "unfit")]

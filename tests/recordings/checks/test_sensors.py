@@ -5,10 +5,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from workbench.plants.arm.arm import arm
+from workbench.plants.servo_axis import servo_axis
 from workbench.recordings import Recording, check_recording
+from workbench.recordings.checks.expected import response_signs
 from workbench.recordings.example import example_recording
 
 TRIAL = example_recording(seconds=6.0)
+SIGNS = {
+    ("valve", "pressure_1"): 1,
+    ("valve", "pressure_2"): -1,
+    ("pressure_1", "angle"): 1,
+    ("pressure_2", "angle"): -1,
+}
+
+
+def test_signs_follow_from_the_model() -> None:
+    assert response_signs(arm()) == SIGNS
+    assert response_signs(servo_axis()) == {("force", "position"): 1}
+
+
+def test_without_a_model_nothing_is_said_about_signs() -> None:
+    assert check_recording(TRIAL).check("signs").result == "not checked"
+    assert check_recording(TRIAL, signs=SIGNS).check("signs").result == "pass"
 
 
 def with_values(name: str, values: np.ndarray, **changes: str) -> Recording:
@@ -58,14 +77,38 @@ def test_clipped_sensor(name: str, quantile: float) -> None:
     assert report.recording[name].max() == pytest.approx(limit)
 
 
-def test_clipped_for_long_is_unfit() -> None:
+def test_clipped_for_long_is_a_hypothesis_with_a_name() -> None:
     limit = float(np.median(TRIAL["pressure_2"]))
     clipped = with_values("pressure_2", np.maximum(TRIAL["pressure_2"], limit))
-    check = check_recording(clipped).check("clipping")
-    assert (check.result, "wider range" in check.note) == ("unfit", True)
+    report = check_recording(clipped)
+    check = report.check("clipping")
+    assert (check.result, "wider range" in check.note) == ("pass", True)
+    assert [(h.signal, h.effect) for h in report.hypotheses] == [("pressure_2", "saturation")]
+    assert report.recording.valid("pressure_2").all()
 
 
-@pytest.mark.parametrize("name", ["angle", "pressure_1", "valve"])
+def test_constant_input_is_allowed() -> None:
+    report = check_recording(with_values("valve", np.full(len(TRIAL), 5.0)))
+    check = report.check("constant signals")
+    assert (check.result, "valve is 5 V throughout" in check.note) == ("pass", True)
+    assert report.check("loop").result == report.check("delay").result == "not checked"
+
+
+def test_nothing_measured() -> None:
+    check = check_recording(TRIAL.select(["valve"])).check("constant signals")
+    assert (check.result, "holds no measurement" in check.note) == ("unfit", True)
+
+
+def test_a_machine_that_sticks_stands_still() -> None:
+    # Dry friction stops a motion within a sample and lets it go on from where it stood.
+    time = TRIAL.time
+    moved = np.interp(time % 1.0, [0.0, 0.4, 1.0], [0.0, 0.4, 0.4]) + 0.4 * np.floor(time)
+    angle = 3.5e-5 * np.round(moved / 3.5e-5)
+    report = check_recording(with_values("angle", angle))
+    assert report.check("stuck samples").result == "pass"
+
+
+@pytest.mark.parametrize("name", ["angle", "pressure_1"])
 def test_constant_signal(name: str) -> None:
     report = check_recording(with_values(name, np.full(len(TRIAL), TRIAL[name][0])))
     check = report.check("constant signals")
@@ -80,21 +123,24 @@ def test_constant_signal(name: str) -> None:
 
 
 def test_angle_in_degrees_called_radians() -> None:
-    check = check_recording(with_values("angle", np.rad2deg(TRIAL["angle"]) + 40)).check("units")
+    degrees = with_values("angle", np.rad2deg(TRIAL["angle"]) + 40)
+    assert check_recording(degrees).check("units").result == "not checked"
+    check = check_recording(degrees, ranges={"angle": (-1.0, 1.5)}).check("units")
     assert check.result == "unfit"
     assert "the numbers look like deg, not rad" in check.note
 
 
 def test_pressure_in_bar_called_pascal() -> None:
     bar = with_values("pressure_1", TRIAL["pressure_1"] / 1e5)
-    check = check_recording(bar).check("units")
+    check = check_recording(bar, ranges={"pressure_1": (0.0, 6e5)}).check("units")
     assert (check.result, "look like bar, not Pa" in check.note) == ("unfit", True)
 
 
 def test_range_of_the_machine() -> None:
     ranges = {"angle": (0.0, 0.2)}
     check = check_recording(TRIAL, ranges=ranges).check("units")
-    assert (check.result, "outside the plausible" in check.note) == ("unfit", True)
+    assert (check.result, "outside the plausible" in check.note) == ("pass", True)
+    assert [(h.signal, h.effect) for h in check.hypotheses] == [("angle", "offset_gain")]
 
 
 def test_absolute_pressures_become_gauge() -> None:
@@ -114,19 +160,25 @@ def test_absolute_pressures_become_gauge() -> None:
     assert np.allclose(report.recording["pressure_1"], vented["pressure_1"])
 
 
-def test_pressure_above_the_supply() -> None:
-    told = replace(TRIAL, metadata={"supply_bar": 6.0})
-    assert check_recording(told).check("gauge pressure").result == "pass"
-    low = replace(TRIAL, metadata={"supply_bar": 3.0})
-    check = check_recording(low).check("gauge pressure")
-    assert (check.result, "supply is 3 bar" in check.note) == ("unfit", True)
+def test_pressure_above_the_supply_is_a_hypothesis() -> None:
+    report = check_recording(TRIAL, ranges={"pressure_1": (0.0, 2.5e5)})
+    assert report.fit
+    assert [(h.signal, h.effect) for h in report.hypotheses] == [("pressure_1", "offset_gain")]
+
+
+def test_pressures_of_a_model_that_counts_from_vacuum_stay() -> None:
+    trial = TRIAL.with_signal(
+        replace(TRIAL.signal("pressure_1"), values=np.maximum(TRIAL["pressure_1"], 101325.0))
+    )
+    ranges = dict.fromkeys(("pressure_1", "pressure_2"), (100000.0, 700000.0))
+    assert check_recording(trial, ranges=ranges).check("gauge pressure").result == "pass"
 
 
 @pytest.mark.parametrize("closed", [False, True])
 def test_reversed_angle(closed: bool) -> None:
     trial = example_recording(seconds=8.0, closed_loop=closed)
     turned = trial.with_signal(replace(trial.signal("angle"), values=-trial["angle"]))
-    check = check_recording(turned).check("signs")
+    check = check_recording(turned, signs=SIGNS).check("signs")
     assert (check.result, "angle is probably reversed" in check.note) == ("unfit", True)
 
 
@@ -136,14 +188,15 @@ def test_exchanged_pressures() -> None:
     exchanged = trial.with_signal(replace(one, values=two.values)).with_signal(
         replace(two, values=one.values)
     )
-    check = check_recording(exchanged).check("signs")
+    check = check_recording(exchanged, signs=SIGNS).check("signs")
     assert (check.result, "exchanged" in check.note) == ("unfit", True)
 
 
 def test_few_converter_steps() -> None:
     coarse = with_values("angle", np.round(TRIAL["angle"] / 0.08) * 0.08)
-    check = check_recording(coarse).check("quantisation")
-    assert (check.result, "converter steps only" in check.note) == ("unfit", True)
+    report = check_recording(coarse)
+    assert report.fit
+    assert [(h.signal, h.effect) for h in report.hypotheses] == [("angle", "quantisation")]
 
 
 def test_still_machine() -> None:

@@ -89,3 +89,12 @@ def test_jitter_is_interpolated(rng: np.random.Generator) -> None:
     # Straight lines between samples 2 ms apart; the angular acceleration stays below 400 rad/s2.
     again = np.interp(recording.time, TRIAL.time, TRIAL["angle"])
     assert np.abs(recording["angle"] - again).max() < 2e-4
+
+
+def test_nanoseconds_called_seconds() -> None:
+    trial = example_recording(seconds=2.0)
+    late = replace(trial, time=trial.time * 1e9)
+    check = check_recording(late).check("time base")
+    assert (check.result, "ns" in check.note) == ("unfit", True)
+    noted = replace(late, metadata={"sample_rate_Hz": 500.0})
+    assert "the time is in ns" in check_recording(noted).check("time base").note

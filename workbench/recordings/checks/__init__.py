@@ -1,6 +1,6 @@
 """Is a recording fit to judge a model by? One file per question."""
 
-from workbench.recordings.checks.check import Check
+from workbench.recordings.checks.check import CHECKS, Check, Finding, Hypothesis
 from workbench.recordings.checks.delay import Delay, estimate_delay
 from workbench.recordings.checks.excitation import Directions, Occupancy
 from workbench.recordings.checks.expected import Expected, expectations
@@ -8,11 +8,14 @@ from workbench.recordings.checks.noise import NoiseFloor
 from workbench.recordings.checks.report import CheckReport, check_recording
 
 __all__ = [
+    "CHECKS",
     "Check",
     "CheckReport",
     "Delay",
     "Directions",
     "Expected",
+    "Finding",
+    "Hypothesis",
     "NoiseFloor",
     "Occupancy",
     "check_recording",

@@ -1,104 +1,99 @@
-"""One check of a recording: its result, the reason and the numbers behind it."""
+"""One question to a recording, its answer, and the registry of all questions."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 from workbench.errors import check_choice
+from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
+from workbench.registry import Registry
 
-Result = Literal["pass", "corrected", "unfit"]
+Result = Literal["pass", "corrected", "unfit", "not checked"]
+RESULTS: tuple[Result, ...] = ("pass", "corrected", "unfit", "not checked")
 
 MAX_EXCLUDED = 0.2
-"""Share of a signal that may be excluded before the recording is unfit to judge."""
+"""Share of a signal that may be bridged before the recording is unfit to judge."""
 
 
 @dataclass(frozen=True)
-class Check:
-    """What one check found.
+class Hypothesis:
+    """What a sensor may do to a signal: a guess with a name, for a diagnosis to try.
 
     Args:
-        name: Name of the check, such as ``gaps``.
-        result: ``pass``, ``corrected`` or ``unfit``.
-        note: The reason or the finding, one clause or more.
-        values: The numbers behind it, in SI, for reports and pictures.
-
-    Raises:
-        WorkbenchError: If the result is not one of the three.
-
-    Example:
-        >>> print(Check("gaps", "pass", "none"))
-        gaps: pass (none)
+        signal: Name of the signal.
+        effect: ``saturation``, ``quantisation`` or ``offset_gain``.
+        reason: What speaks for it.
     """
 
-    name: str
+    signal: str
+    effect: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The answer of a check.
+
+    Args:
+        result: ``pass``, ``corrected``, ``unfit``, or ``not checked`` where something is missing
+            that would tell; the note says what.
+        note: The reason or the finding, one clause or more.
+        values: The numbers behind it, in SI, for reports and plots.
+        recording: The corrected recording; None if it is left as it is.
+        hypotheses: What a sensor may do to its signal.
+        name: Name of the check.
+
+    Raises:
+        WorkbenchError: If the result is none of the four.
+    """
+
     result: Result
     note: str
     values: Mapping[str, Any] = field(default_factory=dict)
+    recording: Recording | None = None
+    hypotheses: tuple[Hypothesis, ...] = ()
+    name: str = ""
 
     def __post_init__(self) -> None:
         """Check the result."""
-        check_choice("result of a check", self.result, ("pass", "corrected", "unfit"))
+        check_choice("result of a check", self.result, RESULTS)
 
     def __str__(self) -> str:
         return f"{self.name}: {self.result} ({self.note})"
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """A check and the recording as it leaves the check.
+class Check:
+    """A question to a recording.
 
     Args:
-        check: What was found.
-        recording: The recording, corrected where the check corrects.
+        name: Name, such as ``gaps``.
+        order: Its place: one check makes the recording fit for those after it.
+        judge: Answers it.
+        foundation: Whether nothing after it is defined if the answer is ``unfit``.
+        fix: What usually helps if the answer is ``unfit``.
     """
 
-    check: Check
-    recording: Recording
+    name: str
+    order: int
+    judge: Callable[[Recording, Expected], Finding]
+    foundation: bool = False
+    fix: str = "correct the file, or record again"
+
+    def __call__(self, recording: Recording, expected: Expected | None = None) -> Finding:
+        """Answer the question; a correction is noted in the recording."""
+        found = replace(self.judge(recording, expected or Expected()), name=self.name)
+        if found.recording is None:
+            return replace(found, recording=recording)
+        return replace(found, recording=found.recording.noted(f"{self.name}: {found.note}"))
 
 
-def unchanged(
-    recording: Recording,
-    name: str,
-    result: Result,
-    note: str,
-    values: Mapping[str, Any] | None = None,
-) -> Outcome:
-    """Return the outcome of a check that leaves the recording as it is.
-
-    Args:
-        recording: The recording.
-        name: Name of the check.
-        result: ``pass`` or ``unfit``.
-        note: The reason or the finding.
-        values: Numbers behind it, in SI.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> print(unchanged(trial, "gaps", "pass", "none").check)
-        gaps: pass (none)
-    """
-    return Outcome(Check(name, result, note, values or {}), recording)
-
-
-def corrected(
-    recording: Recording, name: str, note: str, values: Mapping[str, Any] | None = None
-) -> Outcome:
-    """Return the outcome of a check that corrected something, and note it in the recording.
-
-    Args:
-        recording: The corrected recording.
-        name: Name of the check.
-        note: What was corrected.
-        values: Numbers behind it, in SI.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> corrected(trial, "gaps", "filled").recording.notes
-        ('gaps: filled',)
-    """
-    return Outcome(Check(name, "corrected", note, values or {}), recording.noted(f"{name}: {note}"))
+CHECKS = Registry(
+    "check of a recording",
+    Check,
+    package="workbench.recordings.checks",
+    group="workbench.checks",
+)

@@ -8,14 +8,13 @@ from math import log
 import numpy as np
 import numpy.typing as npt
 
-from workbench.recordings.checks.check import MAX_EXCLUDED, Outcome, corrected, unchanged
+from workbench.recordings.checks.check import MAX_EXCLUDED, Check, Finding, Hypothesis
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import runs
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.checks.quantisation import quantum
 from workbench.recordings.recording import Recording, Span, Vector
 
-_NAME = "clipping"
 _MIN_SAMPLES = 5
 _MIN_LEVELS = 20
 
@@ -65,26 +64,14 @@ def clipped_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], float]:
     return best, limit
 
 
-def check_clipping(recording: Recording, expected: Expected) -> Outcome:
-    """Check for clipped sensors and saturated commands; exclude clipped samples from judgement.
+def check_clipping(recording: Recording, expected: Expected) -> Finding:
+    """Check for clipped sensors and saturated commands.
 
-    The samples keep their value: the true one lies beyond. A saturated command is what the machine
-    really got and only noted.
-
-    Args:
-        recording: Recording without gaps.
-        expected: What is known about it.
-
-    Returns:
-        Pass, corrected or unfit.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> print(check_clipping(trial, Expected()).check)
-        clipping: pass (no sensor at its limit)
+    Clipped samples keep their value and are excluded from judgement, because the true one lies
+    beyond; where they are more than a fifth they stay, and the limit belongs into the model.
+    A saturated command is what the machine really got and only noted.
     """
-    notes, remarks = [], []
+    notes, hypotheses = [], []
     changed, limits = recording, {}
     for signal in recording.signals:
         if signal.role == "reference":
@@ -93,7 +80,7 @@ def check_clipping(recording: Recording, expected: Expected) -> Outcome:
             low, high = expected.ranges.get(signal.name, (-np.inf, np.inf))
             share = float(np.mean((signal.values <= low) | (signal.values >= high)))
             if share:
-                remarks.append(f"{signal.name} saturates in {100 * share:.3g} % of the samples")
+                notes.append(f"{signal.name} saturates in {100 * share:.3g} % of the samples")
             continue
         bad, limit = clipped_samples(signal.values)
         bad &= recording.valid(signal.name)
@@ -106,20 +93,20 @@ def check_clipping(recording: Recording, expected: Expected) -> Outcome:
             f"{signal.display_unit} for {bad.sum() * recording.sample_time:.3g} s "
             f"({100 * share:.3g} %)"
         ).replace("  ", " ")
-        if share > MAX_EXCLUDED and signal.name in expected.required:
-            return unchanged(
-                recording,
-                _NAME,
-                "unfit",
-                f"{text}; use a sensor of wider range",
-                {"limits": limits},
-            )
+        hypotheses.append(Hypothesis(signal.name, "saturation", text))
+        if share > MAX_EXCLUDED:
+            notes.append(f"{text}, too long to leave out: use a sensor of wider range")
+            continue
         spans = tuple(
             Span(signal.name, float(recording.time[a]), float(recording.time[b]), "clipped")
             for a, b in runs(bad)
         )
         changed = replace(changed, excluded=(*changed.excluded, *spans))
         notes.append(text + "; excluded")
-    if notes:
-        return corrected(changed, _NAME, "; ".join(notes + remarks), {"limits": limits})
-    return unchanged(recording, _NAME, "pass", "; ".join(remarks) or "no sensor at its limit")
+    if changed is recording:
+        note = "; ".join(notes) or "no sensor at its limit"
+        return Finding("pass", note, {"limits": limits}, hypotheses=tuple(hypotheses))
+    return Finding("corrected", "; ".join(notes), {"limits": limits}, changed, tuple(hypotheses))
+
+
+CLIPPING = Check("clipping", 40, check_clipping)

@@ -4,45 +4,45 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
 
-_NAME = "constant signals"
 
+def check_constant(recording: Recording, expected: Expected) -> Finding:
+    """Check that something was measured and that no required measurement is constant.
 
-def check_constant(recording: Recording, expected: Expected) -> Outcome:
-    """Check that no required signal is constant.
-
-    Args:
-        recording: The recording.
-        expected: What is known about it.
-
-    Returns:
-        Pass, with the constant signals that do not matter; or unfit.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> print(check_constant(trial, Expected()).check)
-        constant signals: pass (every signal changes)
+    A constant input is what the machine really got, and allowed.
     """
     still = [s for s in recording.signals if np.ptp(s.values[np.isfinite(s.values)]) == 0]
     names = tuple(s.name for s in still)
+    values = {"constant": names}
     measured = set(recording.measurements)
-    problems = []
+    if not measured:
+        return Finding("unfit", "the recording holds no measurement", values)
+    notes, problems = [], []
     for signal in still:
-        if signal.name in expected.required:
-            value = f"{signal.displayed()[0]:g} {signal.display_unit}".strip()
-            why = (
-                "nothing was commanded"
-                if signal.role == "command"
-                else "the sensor is disconnected or its channel wrong"
+        value = f"{signal.displayed()[0]:g} {signal.display_unit}".strip()
+        if signal.name not in measured:
+            notes.append(f"{signal.name} is {value} throughout")
+        elif signal.name in expected.required:
+            problems.append(
+                f"{signal.name} reads {value} throughout: the sensor is disconnected or its channel"
+                " wrong; leave it out if it is not needed"
             )
-            problems.append(f"{signal.name} reads {value} throughout: {why}")
-    if measured and measured <= set(names):
+        else:
+            notes.append(f"{signal.name} constant, not required")
+    if measured <= set(names):
         problems = problems or ["no measured signal changes"]
     if problems:
-        return unchanged(recording, _NAME, "unfit", "; ".join(problems), {"constant": names})
-    note = f"{', '.join(names)} constant, not required" if names else "every signal changes"
-    return unchanged(recording, _NAME, "pass", note, {"constant": names})
+        return Finding("unfit", "; ".join(problems), values)
+    return Finding("pass", "; ".join(notes) or "every signal changes", values)
+
+
+CONSTANT = Check(
+    "constant signals",
+    30,
+    check_constant,
+    foundation=True,
+    fix="check the cable and the channel, and that the column is the right one",
+)

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MEMORY, correlation, surprises
 from workbench.recordings.checks.loop import check_loop
 from workbench.recordings.recording import Recording, Vector
 
-_NAME = "delay"
 _THRESHOLD = 4.5
 _PEAK = 5.5
 
@@ -119,23 +118,9 @@ def estimate_delay(
     return Delay(command, response, onset * step, peak * step, float(strength[peak]))
 
 
-def check_delay(recording: Recording, expected: Expected) -> Outcome:
-    """Estimate the delay from every command to every measured signal.
-
-    Args:
-        recording: Uniformly sampled recording.
-        expected: What is known about it.
-
-    Returns:
-        Pass, with the delays.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> check_delay(trial, Expected()).check.result
-        'pass'
-    """
-    closed = check_loop(recording, expected).check.values["loop"] == "closed"
+def check_delay(recording: Recording, expected: Expected) -> Finding:
+    """Estimate the delay from every command to every measured signal."""
+    closed = check_loop(recording, expected).values["loop"] == "closed"
     delays = tuple(
         estimate_delay(recording, c, m, closed_loop=closed)
         for c in recording.commands
@@ -144,14 +129,15 @@ def check_delay(recording: Recording, expected: Expected) -> Outcome:
         if np.ptp(recording[m]) > 0
     )
     seen = [d for d in delays if np.isfinite(d.onset)]
-    if not delays:
-        note = "no command that moves among the signals"
-    elif not seen:
-        note = "the commands change too smoothly to see a delay"
-    else:
-        note = "; ".join(
-            f"{d.command} shows in {d.response} after {1e3 * d.onset:.3g} ms (most after "
-            f"{1e3 * d.peak:.3g} ms)"
-            for d in seen
-        )
-    return unchanged(recording, _NAME, "pass", note, {"delays": delays})
+    if not seen:
+        why = "the commands change too smoothly" if delays else "no command moves"
+        return Finding("not checked", f"{why} to see a delay", {"delays": delays})
+    note = "; ".join(
+        f"{d.command} shows in {d.response} after {1e3 * d.onset:.3g} ms (most after "
+        f"{1e3 * d.peak:.3g} ms)"
+        for d in seen
+    )
+    return Finding("pass", note, {"delays": delays})
+
+
+DELAY = Check("delay", 120, check_delay)

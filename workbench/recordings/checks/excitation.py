@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording, Signal, Vector
 
-_NAME = "excitation"
 _BINS = 20
 _MOTIONS = ("angle", "length")
 
@@ -108,22 +107,8 @@ def directions(signal: Signal, sample_time: float) -> Directions:
     )
 
 
-def check_excitation(recording: Recording, expected: Expected) -> Outcome:
-    """Tell where the machine has been: angles or positions, directions, pressures, commands.
-
-    Args:
-        recording: Uniformly sampled recording.
-        expected: What is known about it; ranges sharpen the occupancy.
-
-    Returns:
-        Pass with occupancies and directions; unfit if no motion and no pressure is covered.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> check_excitation(trial, Expected()).check.result
-        'pass'
-    """
+def check_excitation(recording: Recording, expected: Expected) -> Finding:
+    """Tell where the machine has been: angles or positions, directions, pressures, commands."""
     moving = [s for s in recording.signals if s.role != "reference" and np.ptp(s.values) > 0]
     where = {s.name: occupancy(s, expected.ranges.get(s.name)) for s in moving}
     motions = [s for s in moving if s.role == "measurement" and s.kind in _MOTIONS]
@@ -148,11 +133,17 @@ def check_excitation(recording: Recording, expected: Expected) -> Outcome:
         )
     asked = [n for n in recording.measurements if n in expected.required]
     if asked and not any(s.name in asked for s in moving):
-        return unchanged(recording, _NAME, "unfit", "no required measurement moves")
-    return unchanged(
-        recording,
-        _NAME,
+        return Finding("unfit", "no required measurement moves")
+    return Finding(
         "pass",
         "; ".join(notes) or "nothing moves",
         {"occupancy": where, "directions": turns},
     )
+
+
+EXCITATION = Check(
+    "excitation",
+    140,
+    check_excitation,
+    fix="record a motion that covers the range of the machine",
+)

@@ -5,45 +5,75 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from workbench.errors import WorkbenchError
 from workbench.recordings.recording import Recording
 
-ARM_SIGNS: Mapping[tuple[str, str], int] = {
-    ("valve", "pressure_1"): 1,
-    ("valve", "pressure_2"): -1,
-    ("pressure_1", "angle"): 1,
-    ("pressure_2", "angle"): -1,
-}
-"""A valve above its centre fills muscle 1 and vents muscle 2; muscle 1 raises the angle."""
+if TYPE_CHECKING:
+    from workbench.model import Input, Model, Output
 
 
 @dataclass(frozen=True)
 class Expected:
-    """What the notes of a trial and a model say about a recording.
+    """What the notes of an experiment and a model say about a recording.
 
     Args:
         required: Signals that must be fit; the others only get a note.
-        sample_rate_Hz: Rate in the notes of the trial; None if unknown.
-        supply_pressure: Supply pressure, gauge, in Pa; None if unknown.
+        sample_rate_Hz: Rate in the notes of the experiment; None if unknown.
         ranges: Smallest and largest plausible value by signal, in SI.
         signs: Sign of the response to a cause, by (cause, response).
-
-    Example:
-        >>> Expected(required=("angle",)).sample_rate_Hz is None
-        True
+        scales: Typical size by signal, in SI.
     """
 
     required: tuple[str, ...] = ()
     sample_rate_Hz: float | None = None
-    supply_pressure: float | None = None
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     signs: Mapping[tuple[str, str], int] = field(default_factory=dict)
+    scales: Mapping[str, float] = field(default_factory=dict)
 
 
-def _number(recording: Recording, key: str) -> float | None:
-    value = recording.metadata.get(key)
+def response_signs(model: Model) -> dict[tuple[str, str], int]:
+    """Return the signs of responses that follow from the structure of a model.
+
+    With the linear model (A, B, C, D) at the start, an input u first shows in an output y through
+    the first of D, CB, CAB, ... that is not zero; the outputs in which it shows earliest count,
+    because all others answer to them. A measured state accelerates a measured position (a
+    state whose rate is another state) if it stands in its second derivative.
+
+    Returns:
+        1 or -1 by (cause, response).
+    """
+    x, u = model.initial_state(), model.nominal_input
+    A, B, C, D = (np.asarray(m) for m in model.exact.jacobian_function(x, u, model.values))
+    n = len(model.states)
+    signs: dict[tuple[str, str], int] = {}
+    for j, cause in enumerate(model.inputs):
+        reached, first = D[:, j], B[:, j]
+        for _ in range(n + 1):
+            if np.any(reached):
+                break
+            reached, first = C @ first, A @ first
+        signs |= {
+            (cause.name, y.name): int(np.sign(reached[i]))
+            for i, y in enumerate(model.outputs)
+            if reached[i]
+        }
+    # Outputs that read one state as it is, by the index of that state.
+    read = {int(np.flatnonzero(row)[0]): i for i, row in enumerate(C) if np.count_nonzero(row) == 1}
+    twice, position = A @ A, np.count_nonzero(np.hstack([A, B]), axis=1) == 1
+    for m, motion in read.items():
+        for c, cause_ in read.items():
+            if c != m and position[m] and A[m, c] == 0 and twice[m, c] != 0:
+                sign = np.sign(twice[m, c] * C[motion, m] * C[cause_, c])
+                signs[model.outputs[cause_].name, model.outputs[motion].name] = int(sign)
+    return signs
+
+
+def _rate(recording: Recording) -> float | None:
+    value = recording.metadata.get("sample_rate_Hz")
     if isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value):
         return float(value) if value > 0 else None
     return None
@@ -61,7 +91,7 @@ def _required(recording: Recording) -> tuple[str, ...]:
 def expectations(
     recording: Recording,
     *,
-    model: Any = None,
+    model: Model | None = None,
     required: Iterable[str] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     signs: Mapping[tuple[str, str], int] | None = None,
@@ -69,37 +99,29 @@ def expectations(
     """Collect what is known about a recording.
 
     Args:
-        recording: The recording; its metadata may give ``sample_rate_Hz`` and ``supply_bar``.
-        model: Object with ``inputs`` and ``outputs``, whose names are required and whose
-            limits are the plausible ranges; None without.
+        recording: The recording; its metadata may give ``sample_rate_Hz``.
+        model: Model whose signals are required; its limits, scales and `response_signs` count.
         required: Names of the signals that must be fit; by default those of the model, else those
             whose unit is stated.
         ranges: Plausible ranges by signal, in SI; take precedence over the model's.
-        signs: Sign of the response by (cause, response); by default those of the arm, where its
-            signals are present.
-
-    Returns:
-        The expectations.
+        signs: Sign of the response by (cause, response); take precedence over the model's.
 
     Raises:
         WorkbenchError: If a required signal is not in the recording.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> expectations(trial, required=["angle"]).required
-        ('angle',)
     """
     known: dict[str, tuple[float, float]] = {}
+    scales: dict[str, float] = {}
     names: tuple[str, ...] | None = None
     if model is not None:
-        quantities = (*model.inputs, *model.outputs)
+        quantities: tuple[Input | Output, ...] = (*model.inputs, *model.outputs)
         names = tuple(q.name for q in quantities)
-        for q in quantities:
-            low, high = getattr(q, "lower", -math.inf), getattr(q, "upper", math.inf)
-            if math.isfinite(low) and math.isfinite(high):
-                known[q.name] = (low, high)
-    known.update(ranges or {})
+        scales = {q.name: q.scale for q in quantities}
+        known = {
+            q.name: (q.lower, q.upper)
+            for q in quantities
+            if math.isfinite(q.lower) and math.isfinite(q.upper)
+        }
+        signs = response_signs(model) if signs is None else signs
     if required is not None:
         names = tuple(required)
     for name in names or ():
@@ -108,13 +130,10 @@ def expectations(
                 f"recording {recording.name!r} has no signal {name!r}; it has "
                 f"{', '.join(recording.names)}"
             )
-    supply = _number(recording, "supply_bar")
-    arm = ARM_SIGNS if {"valve", "pressure_1", "pressure_2"} <= set(recording.names) else {}
-    chosen = arm if signs is None else signs
     return Expected(
         names if names is not None else _required(recording),
-        _number(recording, "sample_rate_Hz"),
-        None if supply is None else supply * 1e5,
-        known,
-        {k: s for k, s in chosen.items() if k[0] in recording and k[1] in recording},
+        _rate(recording),
+        {**known, **(ranges or {})},
+        {k: s for k, s in (signs or {}).items() if k[0] in recording and k[1] in recording},
+        scales,
     )

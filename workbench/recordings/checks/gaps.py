@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from workbench.recordings.checks.check import MAX_EXCLUDED, Outcome, corrected, unchanged
+from workbench.recordings.checks.check import MAX_EXCLUDED, Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording, Span, Vector
 
-_NAME = "gaps"
 FILLED_ROWS = 5
 """Missing rows in a row that are interpolated; a longer gap splits the recording."""
 
@@ -121,33 +120,16 @@ def _missing_rows(recording: Recording) -> tuple[Recording, list[str]]:
     return grown, [f"{len(added)} missing row(s) in {short.size} place(s) interpolated"]
 
 
-def check_gaps(recording: Recording, expected: Expected) -> Outcome:
+def check_gaps(recording: Recording, expected: Expected) -> Finding:
     """Check for missing rows and cells; fill short gaps and exclude them from judgement.
 
     A gap of more than five rows splits the recording, because the command in it is unknown; the
     longest piece is kept if it holds half of the rows.
-
-    Args:
-        recording: Recording with increasing time.
-        expected: What is known about it.
-
-    Returns:
-        Pass, corrected or unfit.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> rows = np.ones(len(trial), dtype=bool)
-        >>> rows[500:502] = False
-        >>> print(check_gaps(trial.take(rows), Expected()).check)
-        gaps: corrected (2 missing row(s) in 1 place(s) interpolated)
     """
     total = len(recording)
     piece, notes = _longest_piece(recording)
     if len(piece) < 0.5 * total:
-        return unchanged(
-            recording, _NAME, "unfit", notes[0] + "; less than half is left, split the file"
-        )
+        return Finding("unfit", notes[0] + "; less than half is left, split the file")
     piece, more = _missing_rows(piece)
     notes += more
     for signal in piece.signals:
@@ -157,9 +139,7 @@ def check_gaps(recording: Recording, expected: Expected) -> Outcome:
             continue
         limit = 0.01 if signal.zero_order_hold else MAX_EXCLUDED
         if share > limit and signal.name in expected.required:
-            return unchanged(
-                recording,
-                _NAME,
+            return Finding(
                 "unfit",
                 f"{signal.name} is missing in {100 * share:.3g} % of the rows; at most "
                 f"{100 * limit:g} % can be bridged",
@@ -177,7 +157,17 @@ def check_gaps(recording: Recording, expected: Expected) -> Outcome:
             f"({longest[1] - longest[0] + 1} samples)"
         )
     if not piece.signals:
-        return unchanged(recording, _NAME, "unfit", f"no signal is left: {'; '.join(notes)}")
+        return Finding("unfit", f"no signal is left: {'; '.join(notes)}")
     if notes:
-        return corrected(piece, _NAME, "; ".join(notes), {"rows_left": len(piece), "rows": total})
-    return unchanged(recording, _NAME, "pass", "no row or cell missing", {"rows": total})
+        values = {"rows_left": len(piece), "rows": total}
+        return Finding("corrected", "; ".join(notes), values, piece)
+    return Finding("pass", "no row or cell missing", {"rows": total})
+
+
+GAPS = Check(
+    "gaps",
+    20,
+    check_gaps,
+    foundation=True,
+    fix="split the file at the gaps and give the parts as recordings of their own",
+)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import runs
 from workbench.recordings.checks.innovations import MEMORY, correlation, surprises
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording
 
-_NAME = "loop"
 _LAGS = 24
 _THRESHOLD = 5.5
 """In sigmas; 24 lags and a few signals stay below 4 by chance, nonlinear machines below 5."""
@@ -76,44 +75,27 @@ def feedback_strength(recording: Recording, command: str, measurement: str) -> t
     return float(strength[best]), best + 1
 
 
-def check_loop(recording: Recording, expected: Expected) -> Outcome:
+def check_loop(recording: Recording, expected: Expected) -> Finding:
     """Tell whether the recording was made in open or closed loop.
 
     Closed if a command answers to the surprises of a measurement; open if every command stands
     still for long while a measurement moves; otherwise unknown, because a controller whose command
     carries no noise of the measurement leaves no trace.
-
-    Args:
-        recording: Uniformly sampled recording.
-        expected: What is known about it (not used).
-
-    Returns:
-        Pass; ``values["loop"]`` is ``open``, ``closed`` or ``unknown``.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> check_loop(trial, Expected()).check.values["loop"]
-        'open'
     """
     del expected
     moving = [c for c in recording.commands if np.ptp(recording[c]) > 0]
     measured = [m for m in recording.measurements if np.ptp(recording[m]) > 0]
     if not moving or not measured or len(recording) < 10 * MEMORY:
-        return unchanged(
-            recording,
-            _NAME,
-            "pass",
-            "cannot tell: no command that moves among the signals",
+        return Finding(
+            "not checked",
+            "no command that moves among the signals",
             {"loop": "unknown"},
         )
     strengths = {(c, m): feedback_strength(recording, c, m) for c in moving for m in measured}
     (command, measurement), (strength, lag) = max(strengths.items(), key=lambda kv: kv[1][0])
     values = {"strength": {f"{c}<-{m}": s for (c, m), (s, _) in strengths.items()}}
     if strength > _THRESHOLD:
-        return unchanged(
-            recording,
-            _NAME,
+        return Finding(
             "pass",
             f"closed: {command} answers to the surprises of {measurement} after "
             f"{1e3 * lag * recording.sample_time:.3g} ms ({strength:.1f} sigma); feedback hides "
@@ -123,11 +105,12 @@ def check_loop(recording: Recording, expected: Expected) -> Outcome:
     answer = f"no command answers to a measurement ({strength:.1f} sigma, {_THRESHOLD} would tell)"
     if all(is_held(recording, c) for c in moving):
         note = f"open: {answer}, and every command stands still while the machine moves"
-        return unchanged(recording, _NAME, "pass", note, {"loop": "open", **values})
-    return unchanged(
-        recording,
-        _NAME,
-        "pass",
-        f"cannot tell: {answer}, but the command moves all the time",
+        return Finding("pass", note, {"loop": "open", **values})
+    return Finding(
+        "not checked",
+        f"{answer}, but the command moves all the time",
         {"loop": "unknown", **values},
     )
+
+
+LOOP = Check("loop", 110, check_loop)

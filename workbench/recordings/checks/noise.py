@@ -9,13 +9,12 @@ from math import comb, sqrt
 import numpy as np
 import numpy.typing as npt
 
-from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.checks.uniformity import jitter
 from workbench.recordings.recording import Recording, Signal, Vector
 
-_NAME = "noise floor"
 _BLOCK = 100
 _ORDER = 4
 
@@ -59,7 +58,7 @@ def _difference_rms(blocks: Vector, order: int) -> Vector:
     return rms
 
 
-def white_rms(values: npt.ArrayLike, *, order: int = _ORDER) -> float:
+def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0.5) -> float:
     """Return the rms of the white noise in a smooth signal, from differences of high order.
 
     A difference of order k leaves nothing of a polynomial below degree k and multiplies the
@@ -69,6 +68,8 @@ def white_rms(values: npt.ArrayLike, *, order: int = _ORDER) -> float:
     Args:
         values: Uniformly sampled values, shape (n,), any unit.
         order: Order of the difference.
+        quantile: Which of the moving blocks counts, as a fraction; a low one leaves fast motion
+            out.
 
     Returns:
         Root mean square in the unit of ``values``.
@@ -86,7 +87,7 @@ def white_rms(values: npt.ArrayLike, *, order: int = _ORDER) -> float:
     blocks = array[: len(array) // size * size].reshape(-1, size)
     rms = _difference_rms(blocks, order)
     moving = rms[rms > 0]
-    return float(np.median(moving)) if moving.size else 0.0
+    return float(np.quantile(moving, quantile)) if moving.size else 0.0
 
 
 def rest_mask(recording: Recording, window: int) -> npt.NDArray[np.bool_]:
@@ -192,22 +193,8 @@ def _phrase(signal: Signal, floor: NoiseFloor) -> str:
     return text
 
 
-def check_noise(recording: Recording, expected: Expected) -> Outcome:
-    """Estimate the noise floor of every measured signal.
-
-    Args:
-        recording: Uniformly sampled recording.
-        expected: What is known about it.
-
-    Returns:
-        Pass with the floors by signal; unfit if a required signal is buried in its noise.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> check_noise(trial, Expected()).check.result
-        'pass'
-    """
+def check_noise(recording: Recording, expected: Expected) -> Finding:
+    """Estimate the noise floor of every measured signal."""
     window = max(20, round(0.2 / recording.sample_time))
     window = min(window, max(20, len(recording) // 20))
     rest = rest_mask(recording, window)
@@ -231,6 +218,14 @@ def check_noise(recording: Recording, expected: Expected) -> Outcome:
         "rest_seconds": float(rest.sum() * window * recording.sample_time),
     }
     if problems:
-        return unchanged(recording, _NAME, "unfit", "; ".join(problems), values)
+        return Finding("unfit", "; ".join(problems), values)
     note = "; ".join(_phrase(recording.signal(n), f) for n, f in floors.items())
-    return unchanged(recording, _NAME, "pass", note or "nothing was measured", values)
+    return Finding("pass", note or "nothing was measured", values)
+
+
+NOISE = Check(
+    "noise floor",
+    90,
+    check_noise,
+    fix="check shielding and supply of the sensor, or move further, and record again",
+)

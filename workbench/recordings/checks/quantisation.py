@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.check import Check, Finding, Hypothesis
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
 
-_NAME = "quantisation"
 _MIN_LEVELS = 8
 
 
@@ -74,24 +73,10 @@ def recorded_quantum(recording: Recording, name: str) -> float:
     return quantum(recording[name][recording.valid(name)])
 
 
-def check_quantisation(recording: Recording, expected: Expected) -> Outcome:
-    """Estimate the step of every signal; a signal with fewer than 20 levels is unfit.
-
-    Args:
-        recording: The recording.
-        expected: What is known about it.
-
-    Returns:
-        Pass with the steps by signal, or unfit.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> print(check_quantisation(trial.select(["pressure_1"]), Expected()).check)
-        quantisation: pass (steps of pressure_1 0.0024 bar)
-    """
+def check_quantisation(recording: Recording, expected: Expected) -> Finding:
+    """Estimate the step of every signal; fewer than 20 levels are a hypothesis with a name."""
     steps = {name: recorded_quantum(recording, name) for name in recording.names}
-    notes, problems = [], []
+    notes, hypotheses = [], []
     for signal in recording.signals:
         step = steps[signal.name]
         if step:
@@ -100,10 +85,11 @@ def check_quantisation(recording: Recording, expected: Expected) -> Outcome:
         finite = signal.values[np.isfinite(signal.values)]
         levels = round(float(np.ptp(finite)) / step) + 1 if step else 0
         if step and levels < 20 and not signal.zero_order_hold and signal.name in expected.required:
-            problems.append(
-                f"{signal.name} covers {levels} converter steps only; amplify it or move further"
-            )
-    if problems:
-        return unchanged(recording, _NAME, "unfit", "; ".join(problems), {"steps": steps})
+            text = f"{signal.name} covers {levels} converter steps only"
+            hypotheses.append(Hypothesis(signal.name, "quantisation", text))
     note = "steps of " + ", ".join(notes) if notes else "no steps visible"
-    return unchanged(recording, _NAME, "pass", note, {"steps": steps})
+    note = "; ".join([note, *(f"{h.reason}: amplify it or move further" for h in hypotheses)])
+    return Finding("pass", note, {"steps": steps}, hypotheses=tuple(hypotheses))
+
+
+QUANTISATION = Check("quantisation", 80, check_quantisation)

@@ -2,38 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from workbench.errors import WorkbenchError, check_choice
 from workbench.recordings.aligned_table import aligned_table
-from workbench.recordings.checks.check import Check, Outcome, Result
-from workbench.recordings.checks.clipping import check_clipping
-from workbench.recordings.checks.constant import check_constant
-from workbench.recordings.checks.delay import Delay, check_delay
-from workbench.recordings.checks.excitation import Directions, Occupancy, check_excitation
-from workbench.recordings.checks.expected import Expected, expectations
-from workbench.recordings.checks.gaps import check_gaps
-from workbench.recordings.checks.gauge import check_gauge
-from workbench.recordings.checks.loop import check_loop
-from workbench.recordings.checks.noise import NoiseFloor, check_noise
-from workbench.recordings.checks.quantisation import check_quantisation
-from workbench.recordings.checks.signs import check_signs
-from workbench.recordings.checks.stuck import check_stuck
-from workbench.recordings.checks.time_base import check_time_base
-from workbench.recordings.checks.uniformity import check_uniformity
-from workbench.recordings.checks.units import check_units
+
+if TYPE_CHECKING:
+    from workbench.model import Model
+from workbench.recordings.checks.check import CHECKS, Finding, Hypothesis, Result
+from workbench.recordings.checks.delay import Delay
+from workbench.recordings.checks.excitation import Directions, Occupancy
+from workbench.recordings.checks.expected import expectations
+from workbench.recordings.checks.noise import NoiseFloor
 from workbench.recordings.recording import Recording
-
-CheckFunction = Callable[[Recording, Expected], Outcome]
-
-# Each of these makes the recording fit for those after it; without them nothing else is defined.
-_FOUNDATIONS: tuple[CheckFunction, ...] = (check_time_base, check_gaps, check_constant)
-_OTHERS: tuple[CheckFunction, ...] = (
-    check_clipping, check_stuck, check_units, check_gauge, check_quantisation, check_noise,
-    check_uniformity, check_loop, check_delay, check_signs, check_excitation,
-)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +31,7 @@ class CheckReport:
     """
 
     name: str
-    checks: tuple[Check, ...]
+    checks: tuple[Finding, ...]
     recording: Recording
     original: Recording
 
@@ -65,6 +48,11 @@ class CheckReport:
             if result in results:
                 return cast("Result", result)
         return "pass"
+
+    @property
+    def hypotheses(self) -> tuple[Hypothesis, ...]:
+        """What sensors may do to their signals."""
+        return tuple(h for check in self.checks for h in check.hypotheses)
 
     @property
     def noise(self) -> dict[str, NoiseFloor]:
@@ -99,7 +87,7 @@ class CheckReport:
     def _values(self, name: str) -> Mapping[str, Any]:
         return next((c.values for c in self.checks if c.name == name), {})
 
-    def check(self, name: str) -> Check:
+    def check(self, name: str) -> Finding:
         """Return a check by name.
 
         Args:
@@ -137,16 +125,15 @@ class CheckReport:
 def check_recording(
     recording: Recording,
     *,
-    model: Any = None,
+    model: Model | None = None,
     required: Iterable[str] | None = None,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     signs: Mapping[tuple[str, str], int] | None = None,
 ) -> CheckReport:
     """Judge whether a recording is fit, and correct what can be corrected.
 
-    The checks: time base, gaps, constant signals, clipping, stuck samples, units, gauge pressure,
-    quantisation, noise floor, uniformity, loop, delay, signs, excitation. If the time base or
-    the gaps are unfit, or a required signal is constant, the others do not run.
+    The checks of the registry `CHECKS` run in their order; an unfit foundation (the time base,
+    gaps, a required measurement that is constant) ends them.
 
     Args:
         recording: The recording as it was read.
@@ -154,7 +141,7 @@ def check_recording(
         required: Names of the signals that must be fit; by default those of the model, else those
             whose column states a unit or stands in a mapping file.
         ranges: Plausible ranges by signal, in SI.
-        signs: Sign of the response by (cause, response); by default those of the arm.
+        signs: Sign of the response by (cause, response); by default as the model has them.
 
     Returns:
         The report with the corrected recording.
@@ -173,13 +160,12 @@ def check_recording(
         ('pass', 0.001)
     """
     expected = expectations(recording, model=model, required=required, ranges=ranges, signs=signs)
-    checks: list[Check] = []
+    findings: list[Finding] = []
     current = recording
-    for group in (_FOUNDATIONS, _OTHERS):
-        for function in group:
-            outcome = function(current, expected)
-            checks.append(outcome.check)
-            current = outcome.recording
-            if outcome.check.result == "unfit" and group is _FOUNDATIONS:
-                return CheckReport(recording.name, tuple(checks), current, recording)
-    return CheckReport(recording.name, tuple(checks), current, recording)
+    for check in sorted(CHECKS.members().values(), key=lambda c: (c.order, c.name)):
+        found = check(current, expected)
+        findings.append(found)
+        current = found.recording or current
+        if found.result == "unfit" and check.foundation:
+            break
+    return CheckReport(recording.name, tuple(findings), current, recording)

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
+from itertools import combinations
+
 import numpy as np
 
-from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.delay import response_correlation
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MEMORY
 from workbench.recordings.recording import Recording, Vector
 from workbench.recordings.resampling import low_pass
 
-_NAME = "signs"
 _SURE = 6.0
 
 
@@ -79,46 +81,56 @@ def _strengths(recording: Recording, expected: Expected) -> dict[tuple[str, str]
     return found
 
 
-def check_signs(recording: Recording, expected: Expected) -> Outcome:
-    """Check that commands and pressures act in the expected direction.
-
-    Args:
-        recording: Uniformly sampled recording.
-        expected: What is known about it; the signs by (cause, response).
-
-    Returns:
-        Pass; or unfit, with what is probably exchanged or reversed.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> check_signs(trial, Expected(signs={("pressure_1", "angle"): -1})).check.result
-        'unfit'
-    """
+def check_signs(recording: Recording, expected: Expected) -> Finding:
+    """Check that commands and pressures act in the expected direction."""
     if not expected.signs or len(recording) < 10 * MEMORY:
-        return unchanged(recording, _NAME, "pass", "nothing known to compare with")
+        why = "no model says which way a response goes" if not expected.signs else "too short"
+        return Finding("not checked", why)
     found = _strengths(recording, expected)
     wrong = [k for k, s in found.items() if s * expected.signs[k] < -_SURE]
     right = [k for k, s in found.items() if s * expected.signs[k] > _SURE]
     values = {"strength": {f"{c}->{r}": s for (c, r), s in found.items()}}
     if not wrong:
+        if not right:
+            return Finding("not checked", "too little motion to tell", values)
         seen = ", ".join(f"{c} -> {r}" for c, r in right)
-        note = f"as expected: {seen}" if seen else "too little motion to tell"
-        return unchanged(recording, _NAME, "pass", note, values)
-    return unchanged(recording, _NAME, "unfit", _explanation(wrong, right, found), values)
+        return Finding("pass", f"as expected: {seen}", values)
+    return Finding("unfit", _explanation(wrong, right, found, expected.signs), values)
 
 
-def _explanation(
-    wrong: list[tuple[str, str]], right: list[tuple[str, str]], found: dict[tuple[str, str], float]
-) -> str:
-    names = {n for pair in wrong for n in pair}
-    involved = [n for n in names if all(pair in wrong for pair in found if n in pair)]
+Pairs = list[tuple[str, str]]
+Signs = Mapping[tuple[str, str], int]
+
+
+def _exchanged(wrong: Pairs, signs: Signs) -> str:
+    """Return two names whose exchange turns every sign round that is wrong, ``""`` if none."""
+    names = sorted({n for pair in wrong for n in pair})
+    for a, b in combinations(names, 2):
+        swap = {a: b, b: a}
+        if all(
+            signs.get((swap.get(c, c), swap.get(r, r))) == -signs[c, r] for c, r in wrong
+        ) and all(a in pair or b in pair for pair in wrong):
+            return f"{a} and {b}"
+    return ""
+
+
+def _explanation(wrong: Pairs, right: Pairs, told: Iterable[tuple[str, str]], signs: Signs) -> str:
     listed = ", ".join(f"{c} -> {r}" for c, r in wrong)
-    pressures = {n for n in names if n.startswith("pressure_")}
-    if not right and pressures == {"pressure_1", "pressure_2"} and len(wrong) == len(found) > 2:
-        cause = "pressure_1 and pressure_2 are probably exchanged"
-    elif involved:
-        cause = f"{' or '.join(sorted(involved))} is probably reversed (sign = -1 in the mapping)"
+    names = {n for pair in wrong for n in pair}
+    turned = sorted(n for n in names if all(pair in wrong for pair in told if n in pair))
+    exchanged = _exchanged(wrong, signs) if not right and len(wrong) > 2 else ""
+    if exchanged:
+        cause = f"{exchanged} are probably exchanged"
+    elif turned:
+        cause = f"{' or '.join(turned)} is probably reversed (sign = -1 in the mapping)"
     else:
         cause = "two columns are probably exchanged"
     return f"the response has the wrong sign: {listed}; {cause}"
+
+
+SIGNS = Check(
+    "signs",
+    130,
+    check_signs,
+    fix="correct the sign or the order of the columns in a mapping (--mapping)",
+)

@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from workbench.recordings.checks.check import Outcome, corrected, unchanged
+from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording, Vector
 
-_NAME = "time base"
 _MIN_SAMPLES = 20
+_SHORTEST_STEP = 1e-8
+_LONGEST_STEP = 1e5
+"""A day and more; a machine sampled more slowly is a clock read in another unit."""
 
 
 def _in_order(recording: Recording) -> tuple[Recording, str] | str:
@@ -81,7 +83,7 @@ def _rate(recording: Recording, expected: Expected) -> tuple[Recording, str] | s
     if stated is None:
         return recording, ""
     ratio = recording.sample_time * stated
-    for factor, unit in ((1e3, "ms"), (1e6, "us")):
+    for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns")):
         if abs(ratio / factor - 1) < 0.05:
             return replace(recording, time=recording.time / factor), (
                 f"the time is in {unit}, not s ({stated:g} Hz in the notes); divided by {factor:g}"
@@ -94,41 +96,42 @@ def _rate(recording: Recording, expected: Expected) -> tuple[Recording, str] | s
     return recording, ""
 
 
-def check_time_base(recording: Recording, expected: Expected) -> Outcome:
-    """Check that the time increases and agrees with the notes; correct what can be.
-
-    Args:
-        recording: The recording.
-        expected: What is known about it.
-
-    Returns:
-        Pass; corrected (rows sorted, repeats left out, clock spread, unit of time); or unfit.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> print(check_time_base(trial, Expected()).check)
-        time base: pass (1.998 s at 500 Hz, increasing)
-    """
+def check_time_base(recording: Recording, expected: Expected) -> Finding:
+    """Check that the time increases and agrees with the notes; correct what can be."""
     if len(recording) < _MIN_SAMPLES:
-        return unchanged(
-            recording,
-            _NAME,
+        return Finding(
             "unfit",
             f"{len(recording)} samples; a judgement needs {_MIN_SAMPLES} or more",
         )
     if np.ptp(recording.time) == 0:
-        return unchanged(recording, _NAME, "unfit", "the time never advances")
+        return Finding("unfit", "the time never advances")
     notes = []
     for step in (_in_order, _without_repeats, lambda r: _rate(r, expected)):
         found = step(recording)
         if isinstance(found, str):
-            return unchanged(recording, _NAME, "unfit", found)
+            return Finding("unfit", found)
         recording, note = found
         if note:
             notes.append(note)
     values = {"duration": recording.duration, "sample_time": recording.sample_time}
+    if not _SHORTEST_STEP <= recording.sample_time <= _LONGEST_STEP:
+        return Finding(
+            "unfit",
+            f"{recording.duration:.4g} s in steps of {recording.sample_time:.4g} s; steps are"
+            f" {_SHORTEST_STEP:g} to {_LONGEST_STEP:g} s: give the unit of the time (ms, us, ns) in"
+            " its header or in a mapping file",
+            values,
+        )
     if notes:
-        return corrected(recording, _NAME, "; ".join(notes), values)
+        return Finding("corrected", "; ".join(notes), values, recording)
     note = f"{recording.duration:.6g} s at {1 / recording.sample_time:.6g} Hz, increasing"
-    return unchanged(recording, _NAME, "pass", note, values)
+    return Finding("pass", note, values)
+
+
+TIME_BASE = Check(
+    "time base",
+    10,
+    check_time_base,
+    foundation=True,
+    fix="export the time in seconds with enough digits, one row per sample",
+)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.recordings.checks.check import Outcome, corrected, unchanged
+from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording, Vector
 from workbench.recordings.resampling import resample
 
-_NAME = "uniformity"
 _TOLERANCE = 0.02
 
 
@@ -27,24 +26,11 @@ def jitter(time: Vector) -> float:
     return float(np.std(steps) / np.mean(steps))
 
 
-def check_uniformity(recording: Recording, expected: Expected) -> Outcome:
+def check_uniformity(recording: Recording, expected: Expected) -> Finding:
     """Check that the samples are evenly spaced; interpolate them to an even base if not.
 
     Jitter is the deviation of the instants from the best even time base. Up to 2 % of a step
     passes: at the largest speed of a signal it is an error of 2 % of one sample's change.
-
-    Args:
-        recording: Recording with increasing time and no gaps.
-        expected: What is known about it (not used).
-
-    Returns:
-        Pass or corrected.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> print(check_uniformity(trial, Expected()).check)
-        uniformity: pass (even steps of 2 ms (jitter 0.001 % of a step))
     """
     del expected
     time = recording.time
@@ -58,18 +44,17 @@ def check_uniformity(recording: Recording, expected: Expected) -> Outcome:
     if np.max(np.abs(deviation)) <= _TOLERANCE * step or (
         rms < 0.5 * _TOLERANCE and spread[1] - spread[0] < _TOLERANCE * step
     ):
-        return unchanged(
-            recording,
-            _NAME,
+        return Finding(
             "pass",
             f"even steps of {1e3 * step:.6g} ms (jitter {max(100 * rms, 0.001):.2g} % of a step)",
             values,
         )
     even = np.linspace(time[0], time[-1], len(time))
-    return corrected(
-        resample(recording, times=even),
-        _NAME,
+    note = (
         f"the steps vary from {1e3 * spread[0]:.4g} to {1e3 * spread[1]:.4g} ms ({100 * rms:.3g} % "
-        f"rms); interpolated to {1 / step:.6g} Hz",
-        values,
+        f"rms); interpolated to {1 / step:.6g} Hz"
     )
+    return Finding("corrected", note, values, resample(recording, times=even))
+
+
+UNIFORMITY = Check("uniformity", 100, check_uniformity)

@@ -2,40 +2,33 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from workbench.model.units import from_si, same_dimension, to_si
-from workbench.recordings.checks.check import Outcome, unchanged
+from workbench.recordings.checks.check import Check, Finding, Hypothesis
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording, Signal
 
-_NAME = "units"
-
-
-class _Plausible(NamedTuple):
-    """Extremes of a quantity on a laboratory machine, in SI, and the least useful travel."""
-
-    low: float
-    high: float
-    travel: float
-
-
-_BY_KIND = {
-    "angle": _Plausible(-20.0, 20.0, 1e-4),
-    "pressure": _Plausible(-1.05e5, 6e6, 100.0),
-    "gauge pressure": _Plausible(-1.05e5, 6e6, 100.0),
-    "voltage": _Plausible(-500.0, 500.0, 1e-4),
-    "temperature": _Plausible(150.0, 2000.0, 0.0),
-    "length": _Plausible(-100.0, 100.0, 1e-7),
-    "force": _Plausible(-1e6, 1e6, 1e-4),
-}
 # The usual units of the field first: several may be plausible.
 _UNITS = (
     "rad", "deg", "mrad", "bar", "Pa", "kPa", "mbar", "MPa", "psi", "V", "mV", "m", "mm", "um",
     "N", "kN", "degC", "K", "s", "ms",
 )  # fmt: skip
+_FAR = 30.0
+"""Times a model's typical size; a unit is wrong by more, a machine seldom."""
+
+
+def _plausible(signal: Signal, expected: Expected) -> tuple[float, float, float] | None:
+    """Return least and most value and least travel, in SI; None if nobody knows."""
+    if signal.name in expected.ranges:
+        # A tenth of the range on each side for offsets, stops that give way, and noise.
+        first, last = expected.ranges[signal.name]
+        margin = 0.1 * (last - first)
+        return first - margin, last + margin, 0.002 * (last - first)
+    scale = expected.scales.get(signal.name)
+    if scale is None:
+        return None
+    return -_FAR * scale, _FAR * scale, scale / _FAR**2
 
 
 def _better_unit(signal: Signal, stated: str, low: float, high: float, travel: float) -> str:
@@ -50,16 +43,9 @@ def _better_unit(signal: Signal, stated: str, low: float, high: float, travel: f
     return ""
 
 
-def _problem(signal: Signal, stated: str, expected: Expected) -> str:
-    kind = _BY_KIND.get(signal.kind)
-    if kind is None and signal.name not in expected.ranges:
-        return ""
-    low, high, travel = kind or _Plausible(-np.inf, np.inf, 0.0)
-    if signal.name in expected.ranges:
-        # A tenth of the range on each side for offsets, stops that give way, and noise.
-        first, last = expected.ranges[signal.name]
-        margin = 0.1 * (last - first)
-        low, high, travel = first - margin, last + margin, 0.002 * (last - first)
+def _problem(signal: Signal, stated: str, known: tuple[float, float, float]) -> tuple[str, bool]:
+    """Return what is not plausible, ``""`` if nothing, and whether another unit would be."""
+    low, high, travel = known
     least, most = float(signal.values.min()), float(signal.values.max())
     unit = signal.display_unit or signal.unit
     shown = signal.displayed([least, most])
@@ -72,43 +58,53 @@ def _problem(signal: Signal, stated: str, expected: Expected) -> str:
     elif 0 < most - least < travel and signal.role == "measurement":
         text = f"{signal.name} moves by {shown[1] - shown[0]:.3g} {unit} only"
     else:
-        return ""
-    better = _better_unit(signal, stated, low, high, 10 * travel) if stated else ""
-    hint = f": the numbers look like {better}, not {stated}" if better else ""
-    return f"{text}{hint}; correct the unit, sign or offset in the header or in a mapping file"
+        return "", False
+    # Units differ by ten and more; what is only somewhat outside is a sensor's gain or offset.
+    far = most - least < travel or max(-least, most) > 5 * max(abs(low), abs(high))
+    better = _better_unit(signal, stated, low, high, 10 * travel) if stated and far else ""
+    if better:
+        return (
+            f"{text}: the numbers look like {better}, not {stated}; correct the unit in the header"
+            " or in a mapping file",
+            True,
+        )
+    return text, False
 
 
-def check_units(recording: Recording, expected: Expected) -> Outcome:
-    """Check that every signal is of a plausible size in its unit.
+def check_units(recording: Recording, expected: Expected) -> Finding:
+    """Check that every signal is of the size that the model or a range says.
 
-    Args:
-        recording: The recording.
-        expected: What is known about it; its ranges are sharper than the general ones.
-
-    Returns:
-        Pass or unfit; a wrong unit is named but not corrected, because two units may fit.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> print(check_units(trial, Expected()).check)
-        units: pass (plausible sizes)
+    Numbers that would be plausible in another unit are unfit, not corrected, because two units may
+    fit. What is out of range in every unit is a gain or an offset that a diagnosis may name.
     """
-    stated = (
-        {}
-        if recording.mapping is None
-        else {row.signal: row.unit for row in recording.mapping.rows}
-    )
-    problems, remarks = [], []
+    stated = {row.signal: row.unit for row in recording.mapping or ()}
+    problems, remarks, hypotheses, unknown = [], [], [], []
     for signal in recording.signals:
-        problem = _problem(signal, stated.get(signal.name, signal.unit), expected)
-        if problem and signal.name in expected.required:
+        known = _plausible(signal, expected)
+        if known is None:
+            unknown.append(signal.name)
+            continue
+        problem, other_unit = _problem(signal, stated.get(signal.name, signal.unit), known)
+        if problem and other_unit and signal.name in expected.required:
             problems.append(problem)
         elif problem:
             remarks.append(problem)
+            if signal.role == "measurement" and "outside" in problem:
+                hypotheses.append(Hypothesis(signal.name, "offset_gain", problem))
     if problems:
-        return unchanged(recording, _NAME, "unfit", "; ".join(problems))
+        return Finding("unfit", "; ".join(problems))
     unstated = [s.name for s in recording.signals if not s.unit]
     if unstated:
         remarks.append(f"no unit stated for {', '.join(unstated)}: taken as SI")
-    return unchanged(recording, _NAME, "pass", "; ".join(remarks) or "plausible sizes")
+    if len(unknown) == len(recording.signals):
+        remarks.insert(0, "no model or range says what is plausible")
+        return Finding("not checked", "; ".join(remarks))
+    return Finding("pass", "; ".join(remarks) or "plausible sizes", hypotheses=tuple(hypotheses))
+
+
+UNITS = Check(
+    "units",
+    60,
+    check_units,
+    fix="say the unit in the heading or in a mapping (--mapping), such as pressure_bar",
+)
