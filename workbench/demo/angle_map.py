@@ -57,10 +57,6 @@ def linear_models() -> dict[tuple[int, int], LinearModel]:
 def response(linear: LinearModel, output: str) -> npt.NDArray[np.complex128]:
     """Compute the frequency response of the first input to an output.
 
-    Args:
-        linear: The linear model.
-        output: Name of the output.
-
     Returns:
         Response at `FREQUENCY`, shape (n,), in SI of the output per percent of full opening.
 
@@ -77,9 +73,6 @@ def response(linear: LinearModel, output: str) -> npt.NDArray[np.complex128]:
 
 def angle_map_part() -> Part:
     """Linearise the arm over angles and loads.
-
-    Returns:
-        The section and its numbers.
 
     Example:
         >>> angle_map_part().marks  # seven angles, three loads

@@ -49,11 +49,7 @@ class ForceMap:
         return LAW_LENGTH * (1 - self.length / longest)
 
     def take(self, rows: npt.NDArray[np.bool_]) -> ForceMap:
-        """Return some of the points, with the contraction they had.
-
-        Args:
-            rows: Which points to keep, shape (n,).
-        """
+        """Return some of the points, with the contraction they had."""
         return _Part(
             self.pressure[rows], self.length[rows], self.force[rows], self.contraction[rows]
         )
@@ -164,13 +160,6 @@ def fit_law(family: Family, points: ForceMap) -> ForceLaw:
     A slack muscle measures zero; the law's own clamp says the same of every tension below zero,
     so slack points bound the tension without pulling it to zero.
 
-    Args:
-        family: The law and its starting numbers.
-        points: The map.
-
-    Returns:
-        The fitted law.
-
     Raises:
         WorkbenchError: If the fit does not end.
 
@@ -200,10 +189,6 @@ def fit_law(family: Family, points: ForceMap) -> ForceLaw:
 def rms(law: ForceLaw, points: ForceMap) -> float:
     """Return the error of a law on a map.
 
-    Args:
-        law: The law.
-        points: The map.
-
     Returns:
         Root mean square error of the force, in N.
 
@@ -220,13 +205,6 @@ def compare_laws(points: ForceMap, families: Mapping[str, Family] = FAMILIES) ->
     """Fit every law to a map and judge it on contractions left out of the fit.
 
     Each contraction but the smallest and the largest at which the muscle pulls is left out once.
-
-    Args:
-        points: The map.
-        families: The laws to compare.
-
-    Returns:
-        Fits by name.
 
     Raises:
         WorkbenchError: If there are fewer than five contractions.

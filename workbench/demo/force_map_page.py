@@ -18,13 +18,6 @@ DRAWN = ("tondu_lopez_kp", "petrovic", "paper_3", "sarosi")
 def force_map_page(study: MapStudy, *, command: str) -> Page:
     """Lay out the comparison of force laws on a map.
 
-    Args:
-        study: The laws, fitted and judged.
-        command: Command line that reproduces it.
-
-    Returns:
-        The page.
-
     Example:
         >>> from workbench.demo.force_map_study import made_up_map, study_map
         >>> force_map_page(study_map(made_up_map(), "made up"), command="again").title

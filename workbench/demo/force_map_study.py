@@ -88,9 +88,6 @@ class MapStudy:
     def law(self, name: str) -> LawOnMap:
         """Return a law by its short name.
 
-        Args:
-            name: Short name.
-
         Raises:
             WorkbenchError: If there is no such law.
         """
@@ -137,15 +134,6 @@ def study_map(
     A force of zero is censored: it says that the tension is not positive, and a law that says the
     same has no error there. Each inner length at which the muscle pulls is left out once, and each
     of `FOLDS` random groups of pressures.
-
-    Args:
-        points: The map.
-        name: Name of the map.
-        seed: Seed of the groups of pressures.
-        progress: Called with the title of each law.
-
-    Returns:
-        The laws with intervals and errors.
 
     Raises:
         WorkbenchError: If the muscle pulls at fewer than four lengths.
@@ -223,9 +211,6 @@ def families_for(largest_force: float) -> dict[str, Family]:
 
 def made_up_map() -> ForceMap:
     """Compute a force map of a 200 mm muscle that obeys equation (4), without noise.
-
-    Returns:
-        Forces at ten pressures and seven lengths.
 
     Example:
         >>> made_up_map().force.shape

@@ -27,12 +27,6 @@ DRAWN_LAWS = ("tondu_lopez_k", "petrovic", "paper", "sarosi")
 def read_force_map(folder: Path) -> ForceMap:
     """Read the measured force map of a DMSP-20 from a data folder.
 
-    Args:
-        folder: The data folder.
-
-    Returns:
-        The map.
-
     Raises:
         WorkbenchError: If the folder does not hold it.
 
@@ -51,9 +45,6 @@ def force_maps_part(folder: Path | None) -> Part:
 
     Args:
         folder: The data folder, or None.
-
-    Returns:
-        The section and its numbers.
 
     Raises:
         WorkbenchError: If the folder does not hold the map.

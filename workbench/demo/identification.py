@@ -26,9 +26,6 @@ PHI_AT_MM = (0.0, 5.0, 10.0, 20.0, 30.0)
 def true_values(law: PaperLaw) -> dict[str, float]:
     """Return the numbers that an identification should find.
 
-    Args:
-        law: The law behind the trial.
-
     Returns:
         Values by name, in the units of millimetre, bar and newton.
 
@@ -43,9 +40,6 @@ def true_values(law: PaperLaw) -> dict[str, float]:
 
 def identification_part() -> Part:
     """Run the isometric trial, on one muscle and on the arm, and identify the force law.
-
-    Returns:
-        The section and its numbers.
 
     Example:
         >>> part = identification_part()

@@ -30,9 +30,6 @@ BANDS = (
 def variants() -> dict[str, Model]:
     """Build arms that lack one of the two things behind the ripple.
 
-    Returns:
-        Arms by what they have instead.
-
     Example:
         >>> list(variants())
         ['linear valve', 'constant volume']
@@ -46,9 +43,6 @@ def variants() -> dict[str, Model]:
 
 def open_loop_part() -> Part:
     """Run the open-loop trial on the full plant and on its variants.
-
-    Returns:
-        The section and its numbers.
 
     Example:
         >>> open_loop_part().marks

@@ -87,9 +87,6 @@ def run_demo(
         progress: Called with the name of each step before it begins.
         parts: What to run, as in `PARTS`.
 
-    Returns:
-        What was written.
-
     Raises:
         WorkbenchError: If the folder cannot be written, or the data folder that is named does not
             exist or does not hold the force maps.

@@ -9,11 +9,6 @@ from collections.abc import Sequence
 def aligned_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, width: int = 100) -> str:
     """Return a table with aligned columns; the last column wraps.
 
-    Args:
-        header: Column titles.
-        rows: Cells, as many per row as titles.
-        width: Width of the page, in characters.
-
     Example:
         >>> print(aligned_table(("signal", "unit"), [("angle", "rad"), ("valve", "V")]))
         signal  unit

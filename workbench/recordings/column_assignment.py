@@ -43,9 +43,6 @@ class Assigned:
 def header_list(columns: Columns) -> list[Header]:
     """Return the headers taken apart; names that occur twice keep their unit.
 
-    Args:
-        columns: Columns of a file.
-
     Example:
         >>> two = Columns(("laser_V", "laser_mm"), ("", ""), np.zeros((1, 2)))
         >>> [h.name for h in header_list(two)]
@@ -78,10 +75,6 @@ def header_list(columns: Columns) -> list[Header]:
 def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
     """Return the index of the column that a rule names.
 
-    Args:
-        headers: The columns of the file.
-        rule: Rule of a mapping file.
-
     Raises:
         WorkbenchError: If there is no such column; lists what there is.
 
@@ -101,10 +94,6 @@ def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
 
 def find_time(headers: Sequence[Header], rules: MappingRules) -> int | None:
     """Return the index of the time column, None if there is none.
-
-    Args:
-        headers: The columns of the file.
-        rules: Rules of a mapping file.
 
     Raises:
         WorkbenchError: If the mapping names a time column that the file does not have.
@@ -238,14 +227,6 @@ def assign(
     With rules for signals only those are taken; otherwise the wanted ones are found by name and
     unit, and every other column of numbers keeps its own name. Pressures stated as absolute become
     gauge pressures.
-
-    Args:
-        columns: Columns of a file.
-        rules: Content of a mapping file.
-        wanted: Signals asked for.
-
-    Returns:
-        Time, signals, mapping, notes and metadata.
 
     Raises:
         WorkbenchError: If a column is missing, of another unit or unreadable.

@@ -85,9 +85,6 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
 def guess_role(name: str) -> Role:
     """Guess from its name whether a signal is a command, a reference or a measurement.
 
-    Args:
-        name: Name of the signal.
-
     Example:
         >>> guess_role("valve"), guess_role("goal_position"), guess_role("angle")
         ('command', 'reference', 'measurement')
@@ -105,9 +102,6 @@ def _plain(text: str) -> str:
 
 def is_time(header: Header) -> bool:
     """Tell whether a column is the time by its name.
-
-    Args:
-        header: The column's header.
 
     Example:
         >>> is_time(Header("t", "t")), is_time(Header("rise_s", "rise", "s"))
@@ -140,11 +134,6 @@ def match_requested(
     wanted: Sequence[Requested], headers: Sequence[Header], taken: Iterable[int]
 ) -> dict[str, tuple[int, str]]:
     """Find the column of every wanted signal: by its name, a synonym, or as the only one left.
-
-    Args:
-        wanted: The signals asked for.
-        headers: The columns of the file.
-        taken: Indices of columns that are used already.
 
     Returns:
         Column index and ``name``, ``synonym`` or ``unit``, by signal.

@@ -46,9 +46,6 @@ class Columns:
 def without_giants(columns: Columns) -> Columns:
     """Take numbers that no sensor gives, and whose squares overflow, for missing.
 
-    Args:
-        columns: Columns of a file.
-
     Returns:
         The columns with NaN in place of numbers beyond 1e100, and a note if there were any.
 
@@ -70,10 +67,6 @@ def average_rows(rows: Values, factor: int) -> Values:
 
     All columns pass through the same filter, time included, so linear relations between them
     stay as they were.
-
-    Args:
-        rows: Shape (m factor, columns).
-        factor: Number of rows that become one.
 
     Returns:
         Shape (m, columns); NaN where all cells were NaN.
@@ -115,11 +108,7 @@ class Thinner:
         self._waiting = 0
 
     def add(self, rows: Values) -> None:
-        """Take more rows.
-
-        Args:
-            rows: Shape (m, columns), the same columns every time.
-        """
+        """Take more rows."""
         self.total += len(rows)
         if len(rows) == 0:
             return

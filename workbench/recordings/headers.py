@@ -55,9 +55,6 @@ class Header:
 def tidy_name(text: str) -> str:
     """Return a name of letters, digits and underscores.
 
-    Args:
-        text: Any text.
-
     Example:
         >>> tidy_name("Spool Pos.")
         'Spool_Pos'

@@ -209,9 +209,6 @@ def read_mapping(path: str | Path) -> MappingRules:
         sign = -1
         offset = 25.0
 
-    Args:
-        path: TOML file.
-
     Raises:
         WorkbenchError: If the file is missing, not TOML or has an unknown key.
 

@@ -38,9 +38,6 @@ def public_files(data_set: str) -> tuple[str, ...]:
     Args:
         data_set: A name from `public_data_sets`.
 
-    Returns:
-        File names.
-
     Raises:
         WorkbenchError: If there is no such data set.
 
@@ -61,9 +58,6 @@ def public_file(name: str, *, data: str | os.PathLike[str] | None = None) -> Pat
     Args:
         name: ``SET/FILE``, such as ``emps/DATA_EMPS.mat``.
         data: Data folder; None reads ``WORKBENCH_DATA``.
-
-    Returns:
-        Path of the file.
 
     Raises:
         WorkbenchError: If the name is unknown, the given folder does not exist, or the file can
@@ -91,9 +85,6 @@ def fetch(data_set: str, file: str) -> Path:
     Args:
         data_set: A name from `public_data_sets`.
         file: A name from `public_files`.
-
-    Returns:
-        Path of the file in the user's cache.
 
     Raises:
         WorkbenchError: If the file has no address, cannot be fetched or is not the one expected.

@@ -133,11 +133,6 @@ def _require_file(path: Path) -> None:
 def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_ROWS) -> Columns:
     """Read a file as columns, in the format that the rules name or its ending tells.
 
-    Args:
-        path: The file.
-        rules: Content of a mapping file.
-        max_rows: Largest number of rows kept.
-
     Raises:
         WorkbenchError: If the format is unknown or the file cannot be read.
 
@@ -355,9 +350,6 @@ def read_table(
 
 def read_settings(path: Path) -> dict[str, Any]:
     """Read a TOML file of settings.
-
-    Args:
-        path: The file.
 
     Raises:
         WorkbenchError: If it is missing or not TOML.

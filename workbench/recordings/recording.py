@@ -265,9 +265,6 @@ class Recording:
     def signal(self, name: str) -> Signal:
         """Return a signal by name.
 
-        Args:
-            name: Name of the signal.
-
         Raises:
             WorkbenchError: If there is no such signal; names the nearest spelling.
         """
@@ -288,20 +285,13 @@ class Recording:
     def matrix(self, names: Iterable[str]) -> npt.NDArray[np.float64]:
         """Return signals side by side, shape (n, number of names), in SI.
 
-        Args:
-            names: Names of the signals, in the order wanted.
-
         Raises:
             WorkbenchError: If a signal is missing.
         """
         return np.column_stack([self[name] for name in names])
 
     def valid(self, name: str) -> npt.NDArray[np.bool_]:
-        """Return where a signal was really measured, shape (n,).
-
-        Args:
-            name: Name of the signal.
-        """
+        """Return where a signal was really measured, shape (n,)."""
         good = np.isfinite(self[name])
         spans = [span for span in self.excluded if span.signal == name]
         if spans and self.increasing:
@@ -315,11 +305,7 @@ class Recording:
         return good
 
     def take(self, rows: slice | npt.NDArray[np.bool_] | npt.NDArray[np.intp]) -> Recording:
-        """Return the recording at some of its rows.
-
-        Args:
-            rows: A slice, a mask of shape (n,) or row numbers.
-        """
+        """Return the recording at some of its rows."""
         return replace(
             self,
             time=self.time[rows],
@@ -347,9 +333,6 @@ class Recording:
     def select(self, names: Iterable[str]) -> Recording:
         """Return the recording with these signals only, in this order.
 
-        Args:
-            names: Names of the signals.
-
         Raises:
             WorkbenchError: If a signal is missing.
         """
@@ -370,9 +353,6 @@ class Recording:
     def with_roles(self, roles: Mapping[str, Role]) -> Recording:
         """Return the recording with other roles of its signals.
 
-        Args:
-            roles: Role by name of signal.
-
         Raises:
             WorkbenchError: If a signal is missing or a role unknown.
         """
@@ -382,11 +362,7 @@ class Recording:
         return changed
 
     def noted(self, *notes: str) -> Recording:
-        """Return the recording with notes added.
-
-        Args:
-            notes: What was done, one sentence each.
-        """
+        """Return the recording with notes added."""
         return replace(self, notes=(*self.notes, *notes))
 
     def __str__(self) -> str:

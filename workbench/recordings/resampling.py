@@ -34,9 +34,6 @@ def low_pass(values: Vector, fraction: float, *, half_width: int = 8) -> Vector:
         fraction: Edge of the pass band as a fraction of the sampling rate, below 0.5.
         half_width: Zero crossings of the sinc on each side.
 
-    Returns:
-        Filtered values, shape (n,).
-
     Example:
         >>> ramp = np.arange(50.0)
         >>> bool(np.allclose(low_pass(ramp, 0.1), ramp))

@@ -69,9 +69,6 @@ def write_recording(recording: Recording, path: str | Path) -> Path:
         recording: The recording.
         path: File to write; a name ending in ``.gz`` is compressed.
 
-    Returns:
-        The path.
-
     Raises:
         WorkbenchError: If the file cannot be written.
 
@@ -116,10 +113,6 @@ def write_recording(recording: Recording, path: str | Path) -> Path:
 
 def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
     """Build a recording from a file that `write_recording` wrote.
-
-    Args:
-        columns: Columns of the file.
-        saved: The description in its first line.
 
     Raises:
         WorkbenchError: If the description does not fit the columns.

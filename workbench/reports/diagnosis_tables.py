@@ -94,10 +94,6 @@ _SHOWN_SCORES = 12
 def errors_table(errors: Sequence[ErrorRow], extended: bool) -> Table:
     """Build the table of free-run errors on all held-out recordings.
 
-    Args:
-        errors: Errors by output.
-        extended: Whether something was found.
-
     Example:
         >>> print(errors_table([ErrorRow("angle", "rad", 1.0, 0.1, {"refitted": 0.2})], False))
         Errors of free runs over all held-out recordings
@@ -134,9 +130,6 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
 
     Parameters that end on a bound stand first where that is the verdict; ordinates of a curve
     without a name stand last.
-
-    Args:
-        diagnosis: A finished diagnosis.
 
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
@@ -318,9 +311,6 @@ def _outcome(candidate: Candidate | None, taken_back: Mapping[str, str]) -> Cell
 def unseen_table(verdict: Verdict) -> Table:
     """Build the table of effects that these recordings could not have shown.
 
-    Args:
-        verdict: The verdict.
-
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
         >>> row = {"effect": "ripple", "reason": "the axis did not move"}
@@ -338,9 +328,6 @@ def unseen_table(verdict: Verdict) -> Table:
 
 def checks_table(verdict: Verdict) -> Table:
     """Build the table of checks that did not simply pass.
-
-    Args:
-        verdict: The verdict.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -369,12 +356,6 @@ def checks_table(verdict: Verdict) -> Table:
 
 def unfit_sentences(verdict: Verdict) -> tuple[str, ...]:
     """Say which checks found recordings unfit, and what usually helps.
-
-    Args:
-        verdict: The verdict.
-
-    Returns:
-        A sentence or two for each such check.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis

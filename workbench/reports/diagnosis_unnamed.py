@@ -20,9 +20,6 @@ from workbench.reports.tables import Cell, Table, interval, number
 def accepted_term(diagnosis: Diagnosis) -> NonparametricTerm | None:
     """Return the term without a name that stands in the improved model.
 
-    Args:
-        diagnosis: A finished diagnosis.
-
     Returns:
         The term; None if an effect of the library was found, or nothing at all.
 
@@ -38,9 +35,6 @@ def accepted_term(diagnosis: Diagnosis) -> NonparametricTerm | None:
 def improved(diagnosis: Diagnosis) -> bool:
     """Return whether there is a model that is better than the refitted one.
 
-    Args:
-        diagnosis: A finished diagnosis.
-
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
         >>> improved(example_diagnosis()[0])
@@ -51,9 +45,6 @@ def improved(diagnosis: Diagnosis) -> bool:
 
 def hull_sentence(term: NonparametricTerm) -> str:
     """Say where a fitted curve holds.
-
-    Args:
-        term: An accepted term.
 
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
@@ -81,10 +72,6 @@ def _rounded(end: float, argument: Argument, factor: float) -> float:
 
 def outside_sentence(term: NonparametricTerm, located: Located) -> str:
     """Say how much of the recordings lies where the curve is only continued.
-
-    Args:
-        term: An accepted term.
-        located: The signal at its place along recordings.
 
     Returns:
         A sentence with a blank before it; empty if all of them lie inside, or another quantity was
@@ -114,21 +101,7 @@ def outside_sentence(term: NonparametricTerm, located: Located) -> str:
 
 
 def free_form_blocks(term: NonparametricTerm) -> list[Block]:
-    """Show the curves of a term on what was measured, and the evidence for their arguments.
-
-    Args:
-        term: An accepted term.
-
-    Returns:
-        Words, a picture per argument, a table.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.2)),)
-        >>> term = NonparametricTerm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
-        >>> [type(block).__name__ for block in free_form_blocks(term)]
-        ['Words', 'Table']
-    """
+    """Show the curves of a term on what was measured, and the evidence for their arguments."""
     place = _plain(", ".join(term.ports))
     over = " and ".join(_plain(a.name) for a in term.arguments)
     form = (
@@ -162,9 +135,6 @@ def free_form_blocks(term: NonparametricTerm) -> list[Block]:
 
 def arguments_table(term: NonparametricTerm) -> Table:
     """Build the table of the arguments of a term.
-
-    Args:
-        term: An accepted term.
 
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
@@ -202,9 +172,6 @@ def arguments_table(term: NonparametricTerm) -> Table:
 def taken_back(diagnosis: Diagnosis) -> dict[str, str]:
     """Say why effects that had been accepted were taken back.
 
-    Args:
-        diagnosis: A finished diagnosis.
-
     Returns:
         The reason by name of the effect, in the order of finding.
 
@@ -219,9 +186,6 @@ def taken_back(diagnosis: Diagnosis) -> dict[str, str]:
 
 def refusals(diagnosis: Diagnosis) -> list[Block]:
     """Say what was found and taken back, and why a term without a name was refused.
-
-    Args:
-        diagnosis: A finished diagnosis.
 
     Returns:
         A paragraph for each; nothing where there is nothing to say.
@@ -254,9 +218,6 @@ def group_sentence(told: Isolability | None, ports: tuple[str, ...]) -> str:
     Args:
         told: What the recorded outputs can tell apart; None if that is not known.
         ports: Ports at which something was located.
-
-    Returns:
-        A sentence; empty if nothing was located.
 
     Example:
         >>> from workbench.diagnosis.location.isolability import isolability

@@ -43,19 +43,7 @@ LINEAR_METHODS: tuple[tuple[str, str], ...] = (
 
 
 def linear_section(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Section]:
-    """Build the section of the linear analysis.
-
-    Args:
-        study: The study.
-        loops: Its opened loops.
-
-    Returns:
-        One section; none if there are no loops.
-
-    Example:
-        >>> linear_section.__name__
-        'linear_section'
-    """
+    """Build the section of the linear analysis."""
     if not loops:
         return []
     blocks: list[Block] = [
@@ -116,15 +104,8 @@ def _command(own: list[LoopAnalysis]) -> str:
 def plant_picture(study: Study) -> list[Picture]:
     """Draw the plant's own frequency response at the operating points of a study.
 
-    Args:
-        study: The study.
-
     Returns:
         One picture; none if the plant has several inputs or cannot be drawn.
-
-    Example:
-        >>> plant_picture.__name__
-        'plant_picture'
     """
     recipe = next(iter(study.controllers.values()))
     follows = next(iter(next(iter(study.scenarios.values())).references))
@@ -159,18 +140,7 @@ def plant_picture(study: Study) -> list[Picture]:
 
 
 def map_picture(study: Study) -> list[Picture]:
-    """Draw how the nominal plant changes over its angles.
-
-    Args:
-        study: The study.
-
-    Returns:
-        One picture; none if the plant has no angle.
-
-    Example:
-        >>> map_picture.__name__
-        'map_picture'
-    """
+    """Draw how the nominal plant changes over its angles."""
     found = plant_map(study)
     if found is None:
         return []
@@ -192,12 +162,6 @@ def map_picture(study: Study) -> list[Picture]:
 
 def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
     """List the margins of all loops.
-
-    Args:
-        loops: Opened loops.
-
-    Returns:
-        The table.
 
     Example:
         >>> margin_table(()).headings[0]

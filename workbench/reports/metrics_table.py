@@ -47,12 +47,6 @@ METRIC_METHODS: tuple[tuple[str, str], ...] = (
 def metric_title(name: str) -> str:
     """Write the name of a metric as people read it.
 
-    Args:
-        name: Name as in a study file.
-
-    Returns:
-        The same name in words.
-
     Example:
         >>> metric_title("settling_time"), metric_title("solve_time_p99")
         ('settling time', 'solve time, 99th percentile')
@@ -75,9 +69,6 @@ def metrics_table(
         measured: Metrics of each run by what tells it apart.
         columns: Names of the metrics shown; those that no run has are left out.
         requirements: Limits on metrics.
-
-    Returns:
-        The table; its note states the limits.
 
     Raises:
         WorkbenchError: If the unit of a limit does not fit its metric.

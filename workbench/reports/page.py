@@ -127,9 +127,6 @@ class Page:
 def html(page: Page) -> str:
     """Write a page as HTML that needs nothing but itself.
 
-    Args:
-        page: The page.
-
     Returns:
         The document: styles and pictures inside it, no scripts, no links to elsewhere.
 
@@ -166,13 +163,6 @@ def _grouped(blocks: Sequence[Block]) -> list[tuple[str, list[Block]]]:
 
 def write_page(page: Page, path: Path) -> Path:
     """Write a page as an HTML file.
-
-    Args:
-        page: The page.
-        path: File to write.
-
-    Returns:
-        The path of the file.
 
     Raises:
         WorkbenchError: If the file cannot be written.

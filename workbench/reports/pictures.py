@@ -84,9 +84,6 @@ def _settings(name: str) -> dict[str, object]:
 def svg(picture: Picture) -> str:
     """Draw a picture as SVG.
 
-    Args:
-        picture: The picture.
-
     Returns:
         A stand-alone SVG document with text as text; the same picture gives the same document.
 
@@ -104,12 +101,6 @@ def inline_svg(picture: Picture) -> str:
 
     Each colour of the palette becomes a CSS variable with its light value as fall-back, and all
     identifiers carry the picture's name, so that several pictures stand on one page.
-
-    Args:
-        picture: The picture.
-
-    Returns:
-        One ``<svg>`` element.
 
     Example:
         >>> from workbench.reports.style import new_figure
@@ -149,9 +140,6 @@ def save(picture: Picture, folder: Path) -> tuple[Path, Path]:
     Args:
         picture: The picture.
         folder: Where to write ``NAME.png`` and ``NAME.svg``.
-
-    Returns:
-        The paths of both files.
 
     Raises:
         WorkbenchError: If a file cannot be written.

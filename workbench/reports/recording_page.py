@@ -15,13 +15,6 @@ _MARKS: dict[str, Mark] = {"pass": "met", "unfit": "missed"}
 def recording_page(report: CheckReport, *, command: str) -> Page:
     """Lay out a recording with its checks.
 
-    Args:
-        report: Checks of the recording.
-        command: Command line that reproduces it.
-
-    Returns:
-        The page.
-
     Example:
         >>> from workbench.recordings import check_recording
         >>> from workbench.recordings.example import example_recording

@@ -17,13 +17,6 @@ from workbench.reports.tables import Table, interval, number
 def refit_page(report: RefitReport, *, command: str) -> Page:
     """Lay out the page of a refit.
 
-    Args:
-        report: The refit and what it is worth.
-        command: Command line that reproduces it.
-
-    Returns:
-        The page.
-
     Example:
         >>> from workbench.diagnosis.estimation.made_up import made_up_axis
         >>> from workbench.diagnosis.estimation.refit_report import RefitTask, run_refit
@@ -77,9 +70,6 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
 
 def pictures(report: RefitReport) -> tuple[Picture, ...]:
     """Draw the free runs of a refit on its held-out recordings.
-
-    Args:
-        report: The refit and what it is worth.
 
     Returns:
         One picture per recording on which the refitted run reached the end.

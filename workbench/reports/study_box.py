@@ -18,9 +18,6 @@ def score_cell(value: float, *, capped: bool = False) -> Cell:
         value: The score, a ratio.
         capped: Whether 10 stands for 10 and above.
 
-    Returns:
-        The entry of a table.
-
     Example:
         >>> print(score_cell(0.8))
         0.80 ✓
@@ -31,12 +28,6 @@ def score_cell(value: float, *, capped: bool = False) -> Cell:
 def demand_text(demand: Demand | str) -> str:
     """Write a requirement with the name of its metric in words.
 
-    Args:
-        demand: The requirement, or what stands for it in results.
-
-    Returns:
-        The same, as people read it.
-
     Example:
         >>> demand_text("settling_time at most 0.8 s")
         'settling time at most 0.8 s'
@@ -46,18 +37,7 @@ def demand_text(demand: Demand | str) -> str:
 
 
 def box_section(outcome: Outcome) -> list[Section]:
-    """Build the section of the parameter box.
-
-    Args:
-        outcome: What a study found.
-
-    Returns:
-        One section; none if the study has no box.
-
-    Example:
-        >>> box_section.__name__
-        'box_section'
-    """
+    """Build the section of the parameter box."""
     if not outcome.robustness or outcome.study.box is None:
         return []
     units = {q.name: q.unit for q in outcome.study.plant.build().parameters}

@@ -20,19 +20,11 @@ from workbench.study.summary import summary
 def write_study_files(outcome: Outcome, folder: str | Path) -> tuple[Path, ...]:
     """Write what a study found.
 
-    Args:
-        outcome: What it found.
-        folder: Folder of results.
-
     Returns:
         ``results.json``, ``summary.md``, ``junit.xml`` and ``report.html``, each complete.
 
     Raises:
         WorkbenchError: If a file cannot be written.
-
-    Example:
-        >>> write_study_files.__name__
-        'write_study_files'
     """
     place = Path(folder)
     texts = {
@@ -46,19 +38,7 @@ def write_study_files(outcome: Outcome, folder: str | Path) -> tuple[Path, ...]:
 
 
 def linear_page(study: Study, loops: tuple[LoopAnalysis, ...]) -> Page:
-    """Build the page of the linear analysis alone.
-
-    Args:
-        study: The study.
-        loops: Its opened loops.
-
-    Returns:
-        The page.
-
-    Example:
-        >>> linear_page.__name__
-        'linear_page'
-    """
+    """Build the page of the linear analysis alone."""
     (section,) = linear_section(study, loops)
     worst = min((a.disk_margin for a in loops if a.stable), default=float("nan"))
     lead = (
@@ -84,9 +64,6 @@ def write_pictures(page: Page, folder: str | Path) -> int:
     Args:
         page: The page.
         folder: Where to write ``pictures/NAME.png`` and ``pictures/NAME.svg``.
-
-    Returns:
-        Number of pictures.
 
     Raises:
         WorkbenchError: If a file cannot be written.

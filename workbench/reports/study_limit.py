@@ -35,15 +35,8 @@ LIMIT_METHODS: tuple[tuple[str, str], ...] = (
 def limit_section(outcome: Outcome) -> list[Section]:
     """Build the section of the physical limit.
 
-    Args:
-        outcome: What a study found.
-
     Returns:
         One section; none if the study does not ask for it.
-
-    Example:
-        >>> limit_section.__name__
-        'limit_section'
     """
     found = outcome.distances
     if not found.asked:
@@ -110,16 +103,8 @@ def _worse(a: float, b: float) -> float:
 def step_text(outcome: Outcome, move: Move) -> str:
     """Write a step as people read it.
 
-    Args:
-        outcome: What the study found.
-        move: The step.
-
     Returns:
         Both references with their unit.
-
-    Example:
-        >>> step_text.__name__
-        'step_text'
     """
     quantity = next(q for q in outcome.study.plant.build().outputs if q.name == move.output)
     unit = quantity.display_unit or quantity.unit

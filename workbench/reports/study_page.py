@@ -79,18 +79,7 @@ STUDY_METHODS: tuple[tuple[str, str], ...] = (
 
 
 def study_page(outcome: Outcome) -> Page:
-    """Build the page of a study.
-
-    Args:
-        outcome: What the study found.
-
-    Returns:
-        The page.
-
-    Example:
-        >>> study_page.__name__
-        'study_page'
-    """
+    """Build the page of a study."""
     study = outcome.study
     sections = [
         _verdict(outcome),

@@ -23,9 +23,6 @@ from workbench.study.tasks import Record
 def breakable(text: str) -> str:
     """Let long names break where their words end, or a phone could not show them.
 
-    Args:
-        text: Words and names.
-
     Returns:
         The text with places, invisible, at which a line may end.
 
@@ -48,17 +45,8 @@ def _drawn(outcome: Outcome, scenario: str) -> dict[str, Record]:
 def tracking_picture(outcome: Outcome, scenario: str, index: int) -> list[Picture]:
     """Draw what every controller did in a scenario on the nominal plant.
 
-    Args:
-        outcome: What the study found.
-        scenario: Name of the scenario.
-        index: Number of the scenario, for the picture's name.
-
     Returns:
         One picture per followed output; none if every run failed.
-
-    Example:
-        >>> tracking_picture.__name__
-        'tracking_picture'
     """
     runs = _drawn(outcome, scenario)
     if not runs:
@@ -119,17 +107,8 @@ def _limit(outcome: Outcome, scenario: str) -> float | None:
 def pressure_picture(outcome: Outcome, scenario: str, index: int) -> list[Picture]:
     """Draw the pressures of both muscles in a scenario.
 
-    Args:
-        outcome: What the study found.
-        scenario: Name of the scenario.
-        index: Number of the scenario, for the picture's name.
-
     Returns:
         One picture; none if the plant has no such pressures.
-
-    Example:
-        >>> pressure_picture.__name__
-        'pressure_picture'
     """
     runs = {c: r.traces for c, r in _drawn(outcome, scenario).items() if "pressure_2" in r.traces}
     if not runs:
@@ -145,18 +124,7 @@ def pressure_picture(outcome: Outcome, scenario: str, index: int) -> list[Pictur
 
 
 def sliding_pictures(outcome: Outcome) -> list[Picture]:
-    """Draw phase portrait and surface of each sliding mode in the first scenario.
-
-    Args:
-        outcome: What the study found.
-
-    Returns:
-        Two pictures per controller with a surface.
-
-    Example:
-        >>> sliding_pictures.__name__
-        'sliding_pictures'
-    """
+    """Draw phase portrait and surface of each sliding mode in the first scenario."""
     shades = colours(outcome.study.controllers)
     found = []
     scenario = next(iter(outcome.study.scenarios))
@@ -194,15 +162,8 @@ def sliding_pictures(outcome: Outcome) -> list[Picture]:
 def solver_picture(outcome: Outcome) -> tuple[Picture | None, Table | None]:
     """Draw solve times and iterations in the first scenario, and list how the solver ended.
 
-    Args:
-        outcome: What the study found.
-
     Returns:
         The picture and the table; None if no controller solves problems.
-
-    Example:
-        >>> solver_picture.__name__
-        'solver_picture'
     """
     scenario = next(iter(outcome.study.scenarios))
     runs = {c: r for c, r in _drawn(outcome, scenario).items() if "solve_time" in r.traces}
@@ -257,18 +218,7 @@ def solver_picture(outcome: Outcome) -> tuple[Picture | None, Table | None]:
 
 
 def box_picture(outcome: Outcome) -> Picture:
-    """Draw the scores over the parameter box.
-
-    Args:
-        outcome: What a study with a box found.
-
-    Returns:
-        The picture.
-
-    Example:
-        >>> box_picture.__name__
-        'box_picture'
-    """
+    """Draw the scores over the parameter box."""
     figure = box_scores({r.controller: (r.scores, r.drawn) for r in outcome.robustness})
     return Picture(
         "box-scores",

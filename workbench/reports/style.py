@@ -92,9 +92,6 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
         names: Names of controllers; those that come with the workbench keep their own colour, the
             others take the further ones in the order in which they are named.
 
-    Returns:
-        Colours by name, no two the same.
-
     Raises:
         WorkbenchError: If there are more controllers than colours that can be told apart.
 
@@ -111,9 +108,6 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
 
 def ramp(count: int) -> tuple[Colour, ...]:
     """Return colours for an ordered family, spread over the ramp.
-
-    Args:
-        count: How many.
 
     Returns:
         ``count`` colours from the first to the last of the ramp.
@@ -133,9 +127,6 @@ def ramp(count: int) -> tuple[Colour, ...]:
 def check_family(count: int) -> None:
     """Check that a picture can tell so many unordered curves apart.
 
-    Args:
-        count: How many.
-
     Raises:
         WorkbenchError: If there are more than the palette has colours for.
 
@@ -147,9 +138,6 @@ def check_family(count: int) -> None:
 
 def colour(name: str) -> Colour:
     """Return a colour of the palette by name.
-
-    Args:
-        name: Name of the colour.
 
     Raises:
         WorkbenchError: If the palette has no such colour.
@@ -168,9 +156,6 @@ def new_figure(heights: Iterable[float], *, share_x: bool = True) -> tuple[Figur
     Args:
         heights: Height of each panel, in inches of 25.4 mm.
         share_x: Whether the panels share their horizontal axis.
-
-    Returns:
-        The figure and its axes from top to bottom.
 
     Example:
         >>> figure, (above, below) = new_figure([1.5, 1.0])

@@ -132,9 +132,6 @@ def interval(low: float, high: float, digits: int = 3, *, unit: str = "") -> str
         digits: Significant digits.
         unit: Unit written behind it.
 
-    Returns:
-        The interval as text.
-
     Example:
         >>> interval(279.5, 280.5, 4)
         '279.5 … 280.5'

@@ -81,12 +81,6 @@ def estimate_delay(
     The onset is the first of the lags around the strongest response that exceed 4.5 sigmas without
     a break and with the same sign; the strongest must exceed 5.5 sigmas.
 
-    Args:
-        recording: Uniformly sampled recording.
-        command: Name of the command.
-        response: Name of the response.
-        closed_loop: Whether the command answers to measurements.
-
     Returns:
         The delay; it includes the sample in which the response is read.
 

@@ -42,9 +42,6 @@ def response_signs(model: Model) -> dict[tuple[str, str], int]:
     the first of D, CB, CAB, ... that is not zero; the outputs in which it shows earliest count,
     because all others answer to them. A measured state accelerates a measured position (a
     state whose rate is another state) if it stands in its second derivative.
-
-    Returns:
-        1 or -1 by (cause, response).
     """
     x, u = model.initial_state(), model.nominal_input
     A, B, C, D = (np.asarray(m) for m in model.exact.jacobian_function(x, u, model.values))

@@ -18,9 +18,6 @@ FILLED_ROWS = 5
 def runs(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the first and last index of every stretch in which a mask is true.
 
-    Args:
-        mask: Shape (n,).
-
     Example:
         >>> runs(np.array([False, True, True, False, True]))
         [(1, 2), (4, 4)]

@@ -98,9 +98,6 @@ def correlation(first: Vector, second: Vector, lags: npt.ArrayLike) -> Vector:
         second: Shape (n,), zero mean.
         lags: Lags in samples, whole numbers, not negative.
 
-    Returns:
-        One value per lag.
-
     Example:
         >>> e = np.random.default_rng(2).normal(size=1000)
         >>> int(np.argmax(correlation(e[3:], e[:-3], range(6))))

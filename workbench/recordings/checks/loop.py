@@ -22,13 +22,6 @@ def is_held(recording: Recording, command: str) -> bool:
 
     A digital controller that sees the motion would answer within a few samples.
 
-    Args:
-        recording: Uniformly sampled recording.
-        command: Name of the command.
-
-    Returns:
-        True if this is so for half of the recording.
-
     Example:
         >>> from workbench.recordings.example import example_recording
         >>> is_held(example_recording(), "valve")
@@ -53,11 +46,6 @@ def feedback_strength(recording: Recording, command: str, measurement: str) -> t
     command cannot know the surprises of the measurement before it, whatever the machine does.
     This is the correlation of residual and input at negative lags (Ljung, System Identification,
     2nd ed., section 16.6).
-
-    Args:
-        recording: Uniformly sampled recording.
-        command: Name of a command.
-        measurement: Name of a measured signal.
 
     Returns:
         Largest correlation in sigmas, and its lag in samples.

@@ -97,9 +97,6 @@ def rest_mask(recording: Recording, window: int) -> npt.NDArray[np.bool_]:
         recording: Uniformly sampled recording.
         window: Samples per window.
 
-    Returns:
-        One value per complete window.
-
     Example:
         >>> from workbench.recordings.example import example_recording
         >>> trial = example_recording(seconds=2.0)
@@ -149,9 +146,6 @@ def noise_of(
         name: Name of the signal.
         rest: Which windows show no motion.
         window: Samples per window.
-
-    Returns:
-        The noise floor.
 
     Example:
         >>> from workbench.recordings.example import example_recording

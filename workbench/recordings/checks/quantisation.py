@@ -60,10 +60,6 @@ def quantum(values: npt.ArrayLike) -> float:
 def recorded_quantum(recording: Recording, name: str) -> float:
     """Return the step of a signal from the samples that were really measured.
 
-    Args:
-        recording: Recording that has not been resampled.
-        name: Name of the signal.
-
     Example:
         >>> from workbench.recordings.example import example_recording
         >>> trial = example_recording(seconds=2.0)

@@ -143,9 +143,6 @@ def check_recording(
         ranges: Plausible ranges by signal, in SI.
         signs: Sign of the response by (cause, response); by default as the model has them.
 
-    Returns:
-        The report with the corrected recording.
-
     Raises:
         WorkbenchError: If a required signal is not in the recording.
 

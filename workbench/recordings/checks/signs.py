@@ -28,11 +28,6 @@ def acceleration_sign(recording: Recording, causes: list[str], motion: str) -> d
     Least squares of the acceleration on the causes, the position and the speed, all low-passed
     at 8 Hz; the standard errors allow for the correlation that the filter leaves.
 
-    Args:
-        recording: Uniformly sampled recording.
-        causes: Names of pressures or forces.
-        motion: Name of an angle or position.
-
     Returns:
         Estimate over standard error, dimensionless, by cause.
 

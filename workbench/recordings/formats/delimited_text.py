@@ -36,10 +36,6 @@ _MARKS = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "u
 def guess_encoding(start: bytes, source: str) -> str:
     r"""Guess the encoding of a text from its first bytes.
 
-    Args:
-        start: The first bytes.
-        source: Name of the file, for messages.
-
     Returns:
         Name of a codec; ``latin-1`` for what is not UTF-8, because it reads any byte.
 
@@ -91,10 +87,6 @@ def _pieces(path: Path, cut: list[str]) -> Iterator[bytes]:
 
 def line_blocks(path: Path, cut: list[str]) -> Iterator[list[str]]:
     r"""Yield the lines of a text file in blocks of about 4 MB.
-
-    Args:
-        path: The file, plain or gzip.
-        cut: Gets a note if a compressed file breaks off.
 
     Yields:
         Lines without their ends.

@@ -172,9 +172,6 @@ def _fields(parts: Elements, kind: int, count: int, name: str) -> Any:
 def parse_mat5(content: bytes) -> dict[str, Any]:
     """Return the variables of a MATLAB version 5 file.
 
-    Args:
-        content: The bytes of the file.
-
     Returns:
         By name: numbers with singleton dimensions removed, texts, structs as dictionaries, arrays
         of structs and cells as lists; None for what is none of these (sparse, functions).

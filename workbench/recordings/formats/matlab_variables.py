@@ -100,9 +100,6 @@ def columns_of_variables(path: Path, content: Mapping[str, Any], options: ReadOp
     no time), a matrix one column per short side, structs are written out as ``struct.field``,
     scalars, texts and short vectors of another length become settings.
 
-    Returns:
-        The columns with notes on what was left out.
-
     Raises:
         WorkbenchError: If there are no vectors.
     """

@@ -70,9 +70,6 @@ def split_line(line: str, separator: str | None) -> list[str]:
 def is_comment(line: str) -> bool:
     """Tell whether a line is blank or a comment.
 
-    Args:
-        line: The line.
-
     Example:
         >>> is_comment("# made on rig 2"), is_comment("0.1;5.2")
         (True, False)
@@ -97,9 +94,6 @@ def is_number(cell: str, decimal: str = ".") -> bool:
 
 def is_missing(cell: str) -> bool:
     """Tell whether a cell says that there is no number.
-
-    Args:
-        cell: The cell.
 
     Example:
         >>> is_missing("NaN"), is_missing("0")
@@ -159,10 +153,6 @@ def _metadata(lines: Sequence[str]) -> tuple[dict[str, Scalar], dict[str, Any] |
 
 def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
     """Recognise the layout from the first lines of a file.
-
-    Args:
-        lines: The first lines (some hundred), without line ends.
-        source: Name of the file, for messages.
 
     Returns:
         The layout with the largest number of columns that holds for three rows in a row.

@@ -22,9 +22,6 @@ def diagnosis_free_form(argument: Argument, *, place: str, unit: str) -> Figure:
         place: Port or ports at which the term acts.
         unit: Unit of the curve; ``"1"`` for a fraction of the port's signal.
 
-    Returns:
-        The figure.
-
     Raises:
         WorkbenchError: If nothing was fitted over the argument.
 

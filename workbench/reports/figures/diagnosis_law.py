@@ -21,9 +21,6 @@ _SHOWN_S = 8.0
 def diagnosis_law(located: Located) -> Figure:
     """Draw the located signal against the quantity that the effect depends on most.
 
-    Args:
-        located: The signal.
-
     Returns:
         The figure: a dot per time at which the readings determine the signal, and what the effect
         adds at the same times.
@@ -82,9 +79,6 @@ def diagnosis_law(located: Located) -> Figure:
 
 def diagnosis_signal(located: Located) -> Figure:
     """Draw the located signal over time with its band.
-
-    Args:
-        located: The signal.
 
     Returns:
         The figure: the first seconds of the first held-out recording.

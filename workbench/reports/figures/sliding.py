@@ -32,9 +32,6 @@ def phase_portrait(
         shade: Colour of the controller.
         name: Name of the controller.
 
-    Returns:
-        The figure: rate of the error over the error.
-
     Example:
         >>> from workbench.reports.style import CONTROLLERS
         >>> shade = CONTROLLERS["sliding mode"]
