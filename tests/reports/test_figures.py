@@ -17,7 +17,7 @@ from workbench.reports.figures.force_maps import force_map, law_errors
 from workbench.reports.figures.open_loop import open_loop
 from workbench.reports.figures.recorded_case import recorded_case
 from workbench.reports.figures.steps import ClosedLoopCurves, closed_loop_steps
-from workbench.reports.style import CONTROLLERS
+from workbench.reports.style import controller_colours
 
 T = np.linspace(0.0, 2.0, 41)
 WAVE = 0.5 + 0.3 * np.sin(T)
@@ -26,7 +26,7 @@ WAVE = 0.5 + 0.3 * np.sin(T)
 def steps() -> Figure:
     runs = [
         ClosedLoopCurves(name, T, WAVE + 0.01 * i, 5.0 + WAVE, WAVE)
-        for i, name in enumerate(CONTROLLERS)
+        for i, name in enumerate(controller_colours())
     ]
     return closed_loop_steps(T, np.full_like(T, 0.5), runs)
 
@@ -78,7 +78,7 @@ def test_labels_of_neighbouring_panels_do_not_overlap(name: str) -> None:
 
 def test_a_controller_has_its_colour_and_the_linear_run_is_dashed() -> None:
     position = steps().axes[0]
-    for name, colour in CONTROLLERS.items():
+    for name, colour in controller_colours().items():
         own = [line for line in position.lines if to_hex(str(line.get_color())) == colour.light]
         assert {line.get_linestyle() for line in own} == {"-", "--"}, name
 

@@ -19,7 +19,7 @@ from workbench.reports.page import (
     write_page,
 )
 from workbench.reports.pictures import Picture, inline_svg, save
-from workbench.reports.style import CONTROLLERS, new_figure
+from workbench.reports.style import controller_colours, new_figure
 from workbench.reports.tables import Cell, Table, interval, number
 
 VOID = {"meta", "br", "img", "link", "hr", "input"}
@@ -54,7 +54,7 @@ class Outline(HTMLParser):
 
 def picture(name: str) -> Picture:
     figure, (axes,) = new_figure([1.5])
-    axes.plot([0, 1], [0, 1], "o-", color=CONTROLLERS["linear MPC"].light)
+    axes.plot([0, 1], [0, 1], "o-", color=controller_colours()["linear MPC"].light)
     return Picture(name, figure, f"What {name} shows.")
 
 
@@ -115,10 +115,10 @@ def test_marks_are_counted_and_said_in_words() -> None:
 
 def test_colours_follow_the_ground() -> None:
     drawn = inline_svg(picture("first"))
-    assert "var(--mpc, #00805c)" in drawn
+    assert "var(--linear-mpc, #00805c)" in drawn
     assert not re.search(r"(?:fill|stroke): #", drawn)
     text = html(page())
-    assert f"--mpc: {CONTROLLERS['linear MPC'].dark}" in text
+    assert f"--linear-mpc: {controller_colours()['linear MPC'].dark}" in text
     assert "prefers-color-scheme: dark" in text and "@media print" in text
 
 

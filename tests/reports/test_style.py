@@ -9,14 +9,14 @@ import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.reports.style import (
-    CONTROLLERS,
     FURTHER,
     INK,
     MEASURED,
-    PALETTE,
     PAPER,
     SIMULATED,
     colours,
+    controller_colours,
+    palette,
     ramp,
 )
 
@@ -38,12 +38,12 @@ def contrast(a: str, b: str) -> float:
 
 def test_every_colour_of_the_palette_is_its_own() -> None:
     # The page replaces colours by their light value, so two of the same could not differ in dark.
-    assert len({c.light for c in PALETTE}) == len({c.name for c in PALETTE}) == len(PALETTE)
+    assert len({c.light for c in palette()}) == len({c.name for c in palette()}) == len(palette())
 
 
 @pytest.mark.parametrize("ground", ["light", "dark"])
 def test_controllers_are_told_apart(ground: str) -> None:
-    shown = [*CONTROLLERS.values(), SIMULATED, MEASURED]
+    shown = [*controller_colours().values(), SIMULATED, MEASURED]
     for a, b in combinations(shown, 2):
         # 60 of 441: about the distance of two neighbours of the ten-colour wheel of matplotlib.
         assert np.linalg.norm(rgb(getattr(a, ground)) - rgb(getattr(b, ground))) > 60
@@ -53,7 +53,7 @@ def test_controllers_are_told_apart(ground: str) -> None:
 def test_lines_stand_out_from_the_ground(ground: str) -> None:
     paper = getattr(PAPER, ground)
     assert contrast(getattr(INK, ground), paper) > 7.0
-    for c in (*CONTROLLERS.values(), *FURTHER, SIMULATED, MEASURED):
+    for c in (*controller_colours().values(), *FURTHER, SIMULATED, MEASURED):
         # Web Content Accessibility Guidelines 2.1: 3 for graphics.
         assert contrast(getattr(c, ground), paper) > 3.0, c.name
 
@@ -65,13 +65,12 @@ def test_a_controller_keeps_its_colour_in_any_company() -> None:
     assert len(set(many.values())) == 5
 
 
-def test_names_of_the_shipped_controllers_are_those_of_the_palette() -> None:
-    from controllers.mpc.whole_model import LinearMPC
-    from controllers.pid import CascadePID
-    from controllers.sliding_mode import SlidingMode
+def test_a_name_without_a_colour_of_its_own_always_gets_the_same() -> None:
+    assert colours(["mine"])["mine"] == colours(["cascade PID", "mine", "yours"])["mine"]
 
-    names = {c.__dataclass_fields__["name"].default for c in (CascadePID, SlidingMode, LinearMPC)}
-    assert names == set(CONTROLLERS)
+
+def test_families_with_a_colour() -> None:
+    assert {"cascade PID", "sliding mode", "linear MPC"} <= set(controller_colours())
 
 
 def test_too_many_curves_are_refused() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from workbench.files import write_whole
 from workbench.reports.pictures import Picture, inline_svg
-from workbench.reports.style import PALETTE
+from workbench.reports.style import palette
 from workbench.reports.tables import MARKS, Table
 
 
@@ -145,7 +145,7 @@ def html(page: Page) -> str:
     )
     sections = [(section, _grouped(section.blocks)) for section in page.sections]
     return environment.get_template("page.html").render(
-        page=page, sections=sections, palette=PALETTE, marks=MARKS, inline_svg=inline_svg
+        page=page, sections=sections, palette=palette(), marks=MARKS, inline_svg=inline_svg
     )
 
 

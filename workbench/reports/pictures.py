@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
-from workbench.reports.style import FONT_POINTS, PALETTE
+from workbench.reports.style import FONT_POINTS, palette
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -120,7 +120,7 @@ def inline_svg(picture: Picture) -> str:
     head = re.sub(r'\s(?:width|height)="[^"]*"', "", head)
     title = picture.alternative or picture.caption
     head += f' role="img" aria-label="{_escaped(title)}"'
-    for colour in PALETTE:
+    for colour in palette():
         rest = rest.replace(f": {colour.light}", f": var(--{colour.name}, {colour.light})")
     rest = rest.replace("'DejaVu Sans'", FONTS.replace('"', "'"))
     # Text without a colour of its own is black, which a dark page would swallow.

@@ -6,9 +6,12 @@ values; `workbench.reports.pictures` lets a page replace them when it is shown d
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
+from zlib import crc32
 
 from workbench.errors import check_choice, check_range
 
@@ -28,21 +31,14 @@ class Colour:
         dark: Value on dark ground, ``#rrggbb``.
 
     Example:
-        >>> CONTROLLERS["cascade PID"].light
-        '#0062a8'
+        >>> INK.light
+        '#1d2226'
     """
 
     name: str
     light: str
     dark: str
 
-
-CONTROLLERS: dict[str, Colour] = {
-    "cascade PID": Colour("pid", "#0062a8", "#5db5f5"),
-    "sliding mode": Colour("sliding-mode", "#c24a00", "#ff9152"),
-    "linear MPC": Colour("mpc", "#00805c", "#36d6a4"),
-}
-"""The colours of the controllers that come with the workbench, by the name they report."""
 
 FURTHER: tuple[Colour, ...] = (
     Colour("further-1", "#00778a", "#4fc8dc"),
@@ -52,18 +48,19 @@ FURTHER: tuple[Colour, ...] = (
     Colour("further-5", "#8a4b2a", "#d79a76"),
     Colour("further-6", "#a8307c", "#f28bc8"),
 )
-"""Given in order to controllers of one's own, laws, and other things to be told apart."""
+"""For controllers without a colour of their own, laws, and other things to be told apart."""
 
 INK = Colour("ink", "#1d2226", "#e8eaed")
 MEASURED = Colour("measured", "#30373d", "#d5d9de")
 SIMULATED = Colour("simulated", "#b01f63", "#ff86bd")
 REFERENCE = Colour("reference", "#70777d", "#9aa2a9")
+LINK = Colour("link", "#0060a6", "#5fb6f4")
 FAINT = Colour("faint", "#b3bac0", "#59626b")
 GRID = Colour("grid", "#dde1e4", "#343b42")
 BAND = Colour("band", "#eaf1e4", "#26332a")
 PAPER = Colour("paper", "#fefefe", "#15191d")
 
-ROLES: tuple[Colour, ...] = (INK, MEASURED, SIMULATED, REFERENCE, FAINT, GRID, BAND, PAPER)
+ROLES: tuple[Colour, ...] = (INK, MEASURED, SIMULATED, REFERENCE, LINK, FAINT, GRID, BAND, PAPER)
 """Everything that is no controller."""
 
 RAMP: tuple[Colour, ...] = (
@@ -77,7 +74,24 @@ RAMP: tuple[Colour, ...] = (
 )
 """An ordered family, such as angles or contractions, from the smallest to the largest."""
 
-PALETTE: tuple[Colour, ...] = (*CONTROLLERS.values(), *FURTHER, *ROLES, *RAMP)
+
+@cache
+def controller_colours() -> dict[str, Colour]:
+    """Return the colours that designs state of their families, by family."""
+    from controllers.design import DESIGNS
+
+    found: dict[str, Colour] = {}
+    for design in DESIGNS.members().values():
+        if design.colour is not None and design.family not in found:
+            name = re.sub(r"[^a-z0-9]+", "-", design.family.lower()).strip("-")
+            found[design.family] = Colour(name, *design.colour)
+    return found
+
+
+def palette() -> tuple[Colour, ...]:
+    """Return every colour that a page may show."""
+    return (*controller_colours().values(), *FURTHER, *ROLES, *RAMP)
+
 
 WIDTH_INCHES = 5.2
 """One width for all pictures: readable on a phone, and two stand side by side on a screen."""
@@ -88,22 +102,30 @@ FONT_POINTS = 10.0
 def colours(names: Iterable[str]) -> dict[str, Colour]:
     """Return one colour per controller, the same in every picture.
 
-    Args:
-        names: Names of controllers; those that come with the workbench keep their own colour, the
-            others take the further ones in the order in which they are named.
+    Families of the workbench's designs have their own; any other name always takes the same one of
+    the further colours, unless a name before it has taken that.
+
+    Returns:
+        Colours by name, no two the same.
 
     Raises:
         WorkbenchError: If there are more controllers than colours that can be told apart.
 
     Example:
         >>> [colour.name for colour in colours(["cascade PID", "mine"]).values()]
-        ['pid', 'further-1']
+        ['cascade-pid', 'further-2']
     """
-    wanted = list(dict.fromkeys(names))
-    own = [name for name in wanted if name not in CONTROLLERS]
-    check_family(len(own))
-    given = dict(zip(own, FURTHER, strict=False))
-    return {name: CONTROLLERS.get(name) or given[name] for name in wanted}
+    known = controller_colours()
+    given: dict[str, Colour] = {}
+    for name in dict.fromkeys(names):
+        if name in known:
+            given[name] = known[name]
+            continue
+        check_family(1 + sum(n not in known for n in given))
+        first = crc32(name.encode()) % len(FURTHER)
+        order = (*FURTHER[first:], *FURTHER[:first])
+        given[name] = next(c for c in order if c not in given.values())
+    return given
 
 
 def ramp(count: int) -> tuple[Colour, ...]:
@@ -146,8 +168,8 @@ def colour(name: str) -> Colour:
         >>> colour("ink").dark
         '#e8eaed'
     """
-    check_choice("colour", name, [c.name for c in PALETTE])
-    return next(c for c in PALETTE if c.name == name)
+    check_choice("colour", name, [c.name for c in palette()])
+    return next(c for c in palette() if c.name == name)
 
 
 def new_figure(heights: Iterable[float], *, share_x: bool = True) -> tuple[Figure, list[Axes]]:

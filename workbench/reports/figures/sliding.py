@@ -33,9 +33,8 @@ def phase_portrait(
         name: Name of the controller.
 
     Example:
-        >>> from workbench.reports.style import CONTROLLERS
-        >>> shade = CONTROLLERS["sliding mode"]
-        >>> figure = phase_portrait([1, 0.1], [-20, -2], slope=20, shade=shade, name="mine")
+        >>> from workbench.reports.style import FURTHER
+        >>> figure = phase_portrait([1, 0.1], [-20, -2], slope=20, shade=FURTHER[0], name="mine")
         >>> figure.axes[0].get_xlabel()
         'error in °'
     """
@@ -72,8 +71,8 @@ def surface(time: npt.ArrayLike, value: npt.ArrayLike, *, shade: Colour) -> Figu
         The figure: s over layer, over time in s, with the layer at ±1.
 
     Example:
-        >>> from workbench.reports.style import CONTROLLERS
-        >>> figure = surface([0, 1], [0, 0.5], shade=CONTROLLERS["sliding mode"])
+        >>> from workbench.reports.style import FURTHER
+        >>> figure = surface([0, 1], [0, 0.5], shade=FURTHER[0])
         >>> figure.axes[0].get_ylabel()
         's over layer'
     """
