@@ -32,7 +32,7 @@ from workbench.benchmark.obstacles import obstacle_words, obstacles_table
 from workbench.benchmark.page import missed_table, write_comparison
 from workbench.benchmark.run import Comparison, compare_controllers
 from workbench.benchmark.table import comparison_table, figures_of, ratio_to_limit
-from workbench.verification.responses import Figure
+from workbench.verification.responses import Value
 
 CASE = Case(3.0)
 
@@ -70,11 +70,11 @@ def test_goals_are_reached_with_3_kg(comparison: Comparison) -> None:
 
 
 def test_ratio_and_missed_goals(comparison: Comparison) -> None:
-    limited = replace(comparison, limits={(CASE.name, size): Figure(0.1) for size in SIZES_DEG})
+    limited = replace(comparison, limits={(CASE.name, size): Value(0.1) for size in SIZES_DEG})
     own = limited.figures["cascade PID", CASE.name, "nominal"]
     ratio = ratio_to_limit(limited, CASE.name, own, 15)
     assert ratio.value == pytest.approx(own["settling_limited_15_s"].value / 0.1)
-    slow = replace(comparison, limits={(CASE.name, size): Figure(0.01) for size in SIZES_DEG})
+    slow = replace(comparison, limits={(CASE.name, size): Value(0.01) for size in SIZES_DEG})
     assert "settling 15° / limit" in str(missed_table(slow))
     assert "✗" in str(comparison_table(slow, nominal=True))
 
@@ -141,8 +141,8 @@ def test_the_worst_of_several_seeds_counts() -> None:
 
 
 def test_obstacles_are_counted_one_by_one(comparison: Comparison) -> None:
-    def settled(value: float) -> dict[str, Figure]:
-        return {f"settling_{kind}_{s}_s": Figure(value) for kind in ("limited", "planned")
+    def settled(value: float) -> dict[str, Value]:
+        return {f"settling_{kind}_{s}_s": Value(value) for kind in ("limited", "planned")
                 for s in SIZES_DEG}  # fmt: skip
 
     made = {
@@ -151,7 +151,7 @@ def test_obstacles_are_counted_one_by_one(comparison: Comparison) -> None:
         (EVIDENCE_FAMILY, CASE.name, EXACT): settled(0.24),
         (EVIDENCE_FAMILY, CASE.name, SWIFT): settled(0.21),
     }
-    limits = {(CASE.name, 5): Figure(0.1), (CASE.name, 15): Figure(0.2)}
+    limits = {(CASE.name, 5): Value(0.1), (CASE.name, 15): Value(0.2)}
     some = replace(comparison, figures=made, limits=limits)
     words = obstacle_words(some)
     # 15 degrees are within twice the limit, 30 degrees have none
@@ -170,8 +170,8 @@ def test_without_slycot_the_family_is_left_out(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_worst_is_worst() -> None:
-    missing = Figure(math.nan, "not settled")
-    found = worst_of_all([{"a": Figure(1.0), "b": missing}, {"a": Figure(2.0), "b": Figure(1.0)}])
+    missing = Value(math.nan, "not settled")
+    found = worst_of_all([{"a": Value(1.0), "b": missing}, {"a": Value(2.0), "b": Value(1.0)}])
     assert found["a"].value == 2.0
     assert found["b"].reason == "not settled"
 

@@ -33,7 +33,7 @@ from workbench.benchmark.page import limits_table, missed_table
 from workbench.benchmark.run import FAST, Comparison
 from workbench.benchmark.table import fast_table
 from workbench.verification import verify
-from workbench.verification.responses import Figure
+from workbench.verification.responses import Value
 
 CASE = Case(3.0)
 PLAN = "settling_planned_5_s"
@@ -44,7 +44,7 @@ def designed() -> MarginedDesign:  # type: ignore[type-arg]
     return design("cascade PID", CASE)
 
 
-def figures(settled: float, overshoot: float = 1.0, **more: float) -> dict[str, Figure]:
+def figures(settled: float, overshoot: float = 1.0, **more: float) -> dict[str, Value]:
     values = {
         **{f"settling_limited_{s}_s": settled for s in (5, 15, 30)},
         **{f"settling_{s}_s": settled for s in (5, 15, 30)},
@@ -55,11 +55,11 @@ def figures(settled: float, overshoot: float = 1.0, **more: float) -> dict[str, 
         "swing_deg": 0.01,
         **more,
     }
-    return {name: Figure(value) for name, value in values.items()}
+    return {name: Value(value) for name, value in values.items()}
 
 
-def made(runs: dict[tuple[str, str, str], dict[str, Figure]]) -> Comparison:
-    limits = {("3 kg", 5): Figure(0.1), ("3 kg", 15): Figure(0.1), ("3 kg", 30): Figure(0.1)}
+def made(runs: dict[tuple[str, str, str], dict[str, Value]]) -> Comparison:
+    limits = {("3 kg", 5): Value(0.1), ("3 kg", 15): Value(0.1), ("3 kg", 30): Value(0.1)}
     return Comparison(runs, {}, limits, {}, 0)
 
 
@@ -104,7 +104,7 @@ def test_the_ladder_takes_away_what_it_says(designed: MarginedDesign) -> None:  
 
 
 def test_a_miss_names_its_obstacle() -> None:
-    def reason(runs: dict[str, dict[str, Figure]], name: str, goal: float) -> str:
+    def reason(runs: dict[str, dict[str, Value]], name: str, goal: float) -> str:
         found = made({("PID", "3 kg", v): own for v, own in runs.items()})
         return reason_of_miss(found, "3 kg", "PID", name, goal)
 
@@ -140,7 +140,7 @@ def test_what_a_faster_plan_costs_is_said() -> None:
 
 def test_the_limit_with_the_kilogram_has_its_row() -> None:
     found = replace(
-        made({("PID", "3 kg", "nominal"): figures(0.1)}), limits={("4 kg", 15): Figure(0.12)}
+        made({("PID", "3 kg", "nominal"): figures(0.1)}), limits={("4 kg", 15): Value(0.12)}
     )
     rows = [str(row[0]) for row in limits_table(found).rows]
     assert rows == ["3 kg", "4 kg, with 1 kg more"]

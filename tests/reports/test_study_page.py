@@ -14,7 +14,7 @@ from workbench.reports.study_page import study_page
 from workbench.reports.style import PAPER
 from workbench.reports.tables import number
 from workbench.study import limits
-from workbench.study.outcome import Outcome, run_study
+from workbench.study.result import StudyResult, run_study
 from workbench.study.schema import load_study
 from workbench.study.shipped import shipped_study
 
@@ -64,7 +64,7 @@ addEventListener("load", () => {
 
 
 @pytest.fixture(scope="module")
-def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
+def outcome(tmp_path_factory: pytest.TempPathFactory) -> StudyResult:
     """The shipped study with fewer runs, one of which fails, and one requirement that is missed."""
     place = tmp_path_factory.mktemp("study")
     text = shipped_study("arm").read_text(encoding="utf-8")
@@ -84,12 +84,12 @@ def outcome(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
 
 
 @pytest.fixture(scope="module")
-def page(outcome: Outcome) -> Page:
+def page(outcome: StudyResult) -> Page:
     return study_page(outcome)
 
 
 @pytest.mark.system
-def test_every_part_is_there(outcome: Outcome, page: Page) -> None:
+def test_every_part_is_there(outcome: StudyResult, page: Page) -> None:
     names = [section.name for section in page.sections]
     assert names == ["verdict", "baseline", "scenario-1", "scenario-2", "limit", "sliding",
                      "solver", "linear", "robustness", "requirements", "how"]  # fmt: skip

@@ -18,22 +18,24 @@ from workbench.study.baseline import (
     read_baseline,
     write_baseline,
 )
-from workbench.study.figures_of_merit import RULES, rule
 from workbench.study.tasks import Record
-from workbench.verification import Metric, Metrics
+from workbench.verification import METRICS, Metrics, MetricValue
+from workbench.verification.metrics import tolerance_of
+
+TOLERANCES = {name: metric.tolerance for name, metric in METRICS.members().items()}
 
 
 def record(controller: str = "pid", **values: float) -> Record:
     units = {"settling_time": "s", "rmse": "rad", "stiffness_lowest": "N m/rad"}
     found = tuple(
-        Metric(n, v, units.get(n, "1"), "it never settles" if math.isnan(v) else "")
+        MetricValue(n, v, units.get(n, "1"), "it never settles" if math.isnan(v) else "")
         for n, v in values.items()
     )
     return Record(controller, "nominal", "step", 1, "", Metrics(controller, "", "step", found))
 
 
 def compare(before: Record, after: Record) -> list[Change]:
-    rules = {m: rule(m) for r in (before, after) if r.metrics for m in r.metrics}
+    rules = {m: tolerance_of(m) for r in (before, after) if r.metrics for m in r.metrics}
     return list(changes(rules, [after], Baseline({before.key: before}, "s", Path("b"))))
 
 
@@ -86,7 +88,7 @@ def test_a_run_that_fails_is_worse_one_that_is_gone_too() -> None:
 
 
 def test_every_gating_metric_states_a_tolerance() -> None:
-    assert all(r.absolute or r.relative for n, r in RULES.items() if n not in
+    assert all(r.absolute or r.relative for n, r in TOLERANCES.items() if n not in
                ("stop_impacts", "fallbacks"))  # fmt: skip
 
 

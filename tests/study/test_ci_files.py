@@ -19,7 +19,7 @@ import pytest
 from tests.study.small_study import WORSE, small_study
 from workbench.data_folder import shipped_folder
 from workbench.study.baseline import write_baseline
-from workbench.study.run import run_tasks
+from workbench.study.execution import run_tasks
 from workbench.study.schema import load_study
 from workbench.study.store import Store
 from workbench.study.tasks import tasks

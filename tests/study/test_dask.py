@@ -10,7 +10,7 @@ import pytest
 
 from tests.study.small_study import small_study
 from workbench.errors import WorkbenchError
-from workbench.study.run import run_tasks
+from workbench.study.execution import run_tasks
 from workbench.study.schema import load_study
 from workbench.study.store import Store
 from workbench.study.tasks import tasks

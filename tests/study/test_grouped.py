@@ -6,8 +6,8 @@ import math
 
 from workbench.study.baseline import Change, Way
 from workbench.study.grouped import changes_by_plant, missed_by_plant
+from workbench.study.judgements import Judgement
 from workbench.study.study import Demand
-from workbench.study.verdicts import Judgement
 from workbench.verification import Requirement
 
 SETTLING = Demand(Requirement("settling_time", 0.5, "s"))

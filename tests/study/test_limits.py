@@ -18,17 +18,17 @@ from workbench.plants.servo_axis import servo_axis
 from workbench.reports.results import json_text
 from workbench.study import limits
 from workbench.study.baseline import baseline_text
+from workbench.study.execution import store_of
 from workbench.study.limits import Move, distances, find_limits, limit_of, no_limit
-from workbench.study.outcome import run_study
 from workbench.study.plants import PlantRecipe
-from workbench.study.run import store_of
+from workbench.study.result import run_study
 from workbench.study.schema import load_study
 from workbench.study.study import Study
 from workbench.study.summary import plain_summary, summary
 from workbench.study.tasks import Record, record_from_table
 from workbench.verification import Change, Disturbance, Metrics, Scenario, Sine, Steps
-from workbench.verification.each_step import StepSettling
-from workbench.verification.responses import Figure
+from workbench.verification.each_step import StepResponse
+from workbench.verification.responses import Value
 
 UP = {"angle": Steps((0.0, 0.1), (0.4, 0.6))}
 ASKED = ('name = "small"', 'name = "small"\n[report]\nphysical_limit = true')
@@ -126,7 +126,7 @@ def test_found_once_it_is_kept(tmp_path: Path, calls: list[tuple[float, float]])
     for _ in range(2):
         store = store_of(study, tmp_path / "out")
         found = find_limits(study, store, progress=lambda *a: said.append(a))
-    assert len(calls) == 1 and list(found.values()) == [Figure(0.1)]
+    assert len(calls) == 1 and list(found.values()) == [Value(0.1)]
     assert said[-1] == (1, 1, "found before")
 
 
@@ -156,62 +156,62 @@ def test_a_solver_that_fails_is_a_reason(monkeypatch: pytest.MonkeyPatch) -> Non
     assert "ZeroDivisionError: by nothing" in limit_of(Move(PlantRecipe(), "a", 0.4, 0.6)).reason
 
 
-def record(*settled: Figure, seed: int = 1, reason: str = "") -> Record:
+def record(*settled: Value, seed: int = 1, reason: str = "") -> Record:
     ends = (0.4, 0.6, 0.4, 0.8)
     steps = tuple(
-        StepSettling("angle", float(i), ends[i], ends[i + 1], s) for i, s in enumerate(settled)
+        StepResponse("angle", float(i), ends[i], ends[i + 1], s) for i, s in enumerate(settled)
     )
     metrics = None if reason else Metrics("pid", "nominal", "step", ())
     return Record("pid", "nominal", "step", seed, reason, metrics, steps=steps)
 
 
-def limits_of(study: Study, *seconds: Figure) -> dict[Move, Figure]:
+def limits_of(study: Study, *seconds: Value) -> dict[Move, Value]:
     ends = (0.4, 0.6, 0.4, 0.8)
     return {Move(study.plant, "angle", ends[i], ends[i + 1]): s for i, s in enumerate(seconds)}
 
 
 def test_the_worst_step_and_seed_count(tmp_path: Path) -> None:
     study = asking(tmp_path)
-    own = limits_of(study, Figure(0.1), Figure(0.2), Figure(0.1))
+    own = limits_of(study, Value(0.1), Value(0.2), Value(0.1))
     records = [
-        record(Figure(0.2), Figure(0.3), Figure(0.15)),
-        record(Figure(0.2), Figure(0.8), Figure(0.15), seed=2),
+        record(Value(0.2), Value(0.3), Value(0.15)),
+        record(Value(0.2), Value(0.8), Value(0.15), seed=2),
     ]
     found = distances(study, records, own)
     worst = found.of("pid", "step")
-    assert worst is not None and worst.ratio == Figure(4.0)
+    assert worst is not None and worst.ratio == Value(4.0)
     assert worst.worst is not None and (worst.worst.seed, worst.worst.begin) == (2, 1.0)
     assert len(found.steps) == 6
 
 
 def test_a_step_that_never_settles_is_the_worst(tmp_path: Path) -> None:
     study = asking(tmp_path)
-    own = limits_of(study, Figure(0.1), Figure(0.2), Figure(0.1))
-    never = Figure(math.nan, "not within 2 % of the step by the end of the record")
-    worst = distances(study, [record(Figure(0.2), never, Figure(9.0))], own).of("pid", "step")
+    own = limits_of(study, Value(0.1), Value(0.2), Value(0.1))
+    never = Value(math.nan, "not within 2 % of the step by the end of the record")
+    worst = distances(study, [record(Value(0.2), never, Value(9.0))], own).of("pid", "step")
     assert worst is not None and math.isnan(worst.ratio.value) and worst.ratio == never
 
 
 def test_a_step_without_a_limit_says_nothing_about_the_controller(tmp_path: Path) -> None:
     study = asking(tmp_path)
-    gone = Figure(math.nan, "the time-optimal move did not converge")
-    own = limits_of(study, Figure(0.1), gone, gone)
-    records = [record(Figure(0.2), Figure(0.3), Figure(0.4))]
+    gone = Value(math.nan, "the time-optimal move did not converge")
+    own = limits_of(study, Value(0.1), gone, gone)
+    records = [record(Value(0.2), Value(0.3), Value(0.4))]
     worst = distances(study, records, own).of("pid", "step")
-    assert worst is not None and worst.ratio == Figure(2.0)
+    assert worst is not None and worst.ratio == Value(2.0)
     none = distances(study, records, dict.fromkeys(own, gone)).of("pid", "step")
     assert none is not None and none.ratio == gone and none.worst is None
 
 
 def test_a_failed_run_has_no_distance(tmp_path: Path) -> None:
     study = asking(tmp_path)
-    found = distances(study, [record(reason="diverged at 0.2 s")], limits_of(study, Figure(0.1)))
+    found = distances(study, [record(reason="diverged at 0.2 s")], limits_of(study, Value(0.1)))
     worst = found.of("pid", "step")
     assert worst is not None and worst.ratio.reason == "the run failed: diverged at 0.2 s"
 
 
 def test_settled_steps_come_back_from_a_table() -> None:
-    first = record(Figure(0.2), Figure(math.nan, "not settled"))
+    first = record(Value(0.2), Value(math.nan, "not settled"))
     again = record_from_table(json.loads(json.dumps(first.table())))
     assert again.steps[0] == first.steps[0] and again.steps[1].settling.reason == "not settled"
     assert math.isnan(again.steps[1].settling.value)
@@ -221,7 +221,8 @@ def test_settled_steps_come_back_from_a_table() -> None:
 
 @pytest.mark.system
 def test_the_real_limit_is_below_what_the_controller_needs(tmp_path: Path) -> None:
-    study = replace(asking(tmp_path), variations={"nominal": PlantRecipe("arm", (("load", 3.0),))})
+    study = asking(tmp_path)
+    study = replace(study, variations={"nominal": study.nominal()})
     outcome = run_study(study, tmp_path / "out")
     (step,) = outcome.distances.steps
     # The move of the benchmark's plant takes a tenth of a second; no loop is faster than that.

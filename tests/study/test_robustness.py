@@ -10,8 +10,8 @@ from scipy.stats import binomtest
 
 from tests.study.small_study import TEXT
 from workbench.study.draws import interval, scaled, straight_line, unit_draws
+from workbench.study.execution import store_of
 from workbench.study.robustness import robustness
-from workbench.study.run import store_of
 from workbench.study.schema import load_study
 from workbench.study.study import Box, Study
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from tests.study.small_study import small_study
-from workbench.study.outcome import run_study
-from workbench.study.run import run_tasks, store_of
+from workbench.study.execution import run_tasks, store_of
+from workbench.study.result import run_study
 from workbench.study.schema import load_study
 from workbench.study.store import Store
 from workbench.study.tasks import tasks
@@ -106,9 +106,7 @@ def test_a_plant_and_a_design_beside_the_study(tmp_path: Path) -> None:
     )
     study = load_study(small_study(tmp_path, own, design))
     assert study.plant.build().parameter("load").value == 2.0
-    records = run_tasks(
-        tasks(study), store_of(study, tmp_path / "out"), jobs=2, paths=(str(tmp_path),)
-    )
+    records = run_tasks(tasks(study), store_of(study, tmp_path / "out"), jobs=2)
     assert [r.reason for r in records] == ["", ""]
 
 

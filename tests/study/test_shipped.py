@@ -11,13 +11,13 @@ from pathlib import Path
 import pytest
 
 from workbench.study.baseline import Baseline, changes, read_baseline
-from workbench.study.run import run_tasks
+from workbench.study.execution import run_tasks
+from workbench.study.judgements import judge_records
 from workbench.study.schema import load_study
 from workbench.study.shipped import shipped_study
 from workbench.study.store import Store
 from workbench.study.study import NOMINAL
 from workbench.study.tasks import record_from_table, tasks
-from workbench.study.verdicts import judge_records
 
 BASELINE = shipped_study("arm").with_name("arm.baseline.json")
 
@@ -27,7 +27,7 @@ from workbench.study.schema import load_study
 from workbench.study.shipped import shipped_study
 from workbench.study.tasks import execute, tasks
 wanted = [t for t in tasks(load_study(shipped_study("arm")))
-          if t.variation == "nominal" and t.name == "staircase"]
+          if t.variation.nominal and t.scenario.name == "staircase"]
 print(json.dumps([execute(t).table() for t in wanted]))
 """
 
@@ -37,7 +37,7 @@ def test_the_shipped_study_meets_its_requirements_and_its_baseline(tmp_path: Pat
     study = load_study(shipped_study("arm"))
     records = run_tasks(tasks(study), Store(tmp_path, "0"), jobs=2)
     before = read_baseline(BASELINE)
-    rules = {name: study.rule(name) for r in records if r.metrics for name in r.metrics}
+    rules = {name: study.tolerance(name) for r in records if r.metrics for name in r.metrics}
     found = changes(rules, records, before)
     # Accept an intended change with: workbench bless DIR --baseline arm.baseline.json
     assert not [str(c) for c in found if c.fails]
@@ -60,6 +60,6 @@ def test_without_a_compiler_the_numbers_are_the_same_within_tolerances() -> None
     study = load_study(shipped_study("arm"))
     stored = read_baseline(BASELINE).records
     own = {key: r for key, r in stored.items() if key[1:3] == (NOMINAL, "staircase")}
-    rules = {name: study.rule(name) for r in records if r.metrics for name in r.metrics}
+    rules = {name: study.tolerance(name) for r in records if r.metrics for name in r.metrics}
     found = changes(rules, records, Baseline(own, "arm", BASELINE))
     assert not [str(c) for c in found]

@@ -8,7 +8,7 @@ import pytest
 from controllers.open_loop import HeldCommand
 from workbench.plants.servo_axis import servo_axis
 from workbench.verification import Scenario, Steps, metrics, verify
-from workbench.verification.each_step import each_step, settling_of_each_step
+from workbench.verification.each_step import each_step, step_responses
 
 TIME = np.arange(1500) * 0.002
 CHANGES = ((0.5, 0.0, 1.0), (1.2, 1.0, 3.0), (2.0, 3.0, 2.0))
@@ -32,7 +32,7 @@ def test_every_sample_after_the_first_step_belongs_to_one_step() -> None:
 
 def test_each_step_has_its_own_settling_time() -> None:
     lags = (0.02, 0.04, 0.08)
-    found = settling_of_each_step("angle", TIME, lagging(lags), CHANGES)
+    found = step_responses("angle", TIME, lagging(lags), CHANGES)
     # A first-order lag is within 2 % after ln 50 time constants; a sample is 2 ms.
     for step, lag, change in zip(found, lags, CHANGES, strict=True):
         assert step.settling.value == pytest.approx(np.log(50.0) * lag, abs=0.0021)
@@ -40,7 +40,7 @@ def test_each_step_has_its_own_settling_time() -> None:
 
 
 def test_a_step_that_is_cut_short_did_not_settle() -> None:
-    found = settling_of_each_step("angle", TIME, lagging((0.5, 0.02, 0.02)), CHANGES)
+    found = step_responses("angle", TIME, lagging((0.5, 0.02, 0.02)), CHANGES)
     assert np.isnan(found[0].settling.value) and "not within 2 %" in found[0].settling.reason
     assert found[1].settling.value < 0.1
 
@@ -55,7 +55,7 @@ def test_the_worst_step_is_the_metric() -> None:
     scenario = Scenario("up and down", {"position": steps}, 0.6, settle=0.0)
     held = HeldCommand((0.0,), actuators=("force",), follows=("position",))
     run = verify(held, servo_axis(), scenario)
-    found = settling_of_each_step("position", run.time, run["position"], steps.changes)
+    found = step_responses("position", run.time, run["position"], steps.changes)
     assert len(found) == 2
     # The axis never moves, so the step up is missed and the step back is met at once.
     assert np.isnan(metrics(run)["settling_time"].value) and np.isnan(found[0].settling.value)

@@ -9,14 +9,14 @@ import numpy as np
 
 from workbench.benchmark.cases import CHANGES
 from workbench.verification import Run, metrics, responses
-from workbench.verification.each_step import each_step, settling_of_each_step
-from workbench.verification.responses import Figure
+from workbench.verification.each_step import each_step, response_to_each_step
+from workbench.verification.responses import Value
 
 SIZES_DEG = (5, 15, 30)
 """Sizes of steps, °."""
 
 
-def figures_of_run(run: Run) -> dict[str, Figure]:
+def figures_of_run(run: Run) -> dict[str, Value]:
     """Compute what the table needs of a run.
 
     Args:
@@ -37,37 +37,35 @@ def figures_of_run(run: Run) -> dict[str, Figure]:
     return _sine(run)
 
 
-def _steps(run: Run) -> dict[str, Figure]:
+def _steps(run: Run) -> dict[str, Value]:
     found = step_figures(run)
     whole = metrics(run)
-    found["chatter_V_per_s"] = Figure(whole["chatter"].value)
-    found["air_g"] = Figure(1e3 * whole["air"].value)
-    found["mean_pressure_lowest_bar"] = Figure(1e-5 * whole["mean_pressure_lowest"].value)
-    found["mean_pressure_highest_bar"] = Figure(1e-5 * whole["mean_pressure_highest"].value)
-    found["stop_impacts"] = Figure(whole["stop_impacts"].value)
+    found["chatter_V_per_s"] = Value(whole["chatter"].value)
+    found["air_g"] = Value(1e3 * whole["air"].value)
+    found["mean_pressure_lowest_bar"] = Value(1e-5 * whole["mean_pressure_lowest"].value)
+    found["mean_pressure_highest_bar"] = Value(1e-5 * whole["mean_pressure_highest"].value)
+    found["stop_impacts"] = Value(whole["stop_impacts"].value)
     if "surface" in run.infos[0]:
         found["surface_rms_rad_per_s2"] = responses.rms(run.info("surface"))
     if "plan" in run.infos[0]:
         found |= _planned(run)
     for name in ("fallbacks", "solve_time_p99"):
         if name in whole:
-            found[name if name == "fallbacks" else f"{name}_s"] = Figure(whole[name].value)
+            found[name if name == "fallbacks" else f"{name}_s"] = Value(whole[name].value)
     return found
 
 
-def _planned(run: Run) -> dict[str, Figure]:
+def _planned(run: Run) -> dict[str, Value]:
     """Return when the planned reference itself enters the band for good, per size of step."""
     found = {}
-    plan = run.info("plan")
-    changes = run.scenario.references["angle"].changes
-    for step in settling_of_each_step("angle", run.time, plan, changes):
+    for step in response_to_each_step(run, "angle"):
         a, b = _degrees(step.initial, step.final)
         if (a, b) in LIMITED_DEG:
-            found[f"settling_planned_{round(abs(b - a))}_s"] = step.settling
+            found[f"settling_planned_{round(abs(b - a))}_s"] = Value(step.planned)
     return found
 
 
-def step_figures(run: Run) -> dict[str, Figure]:
+def step_figures(run: Run) -> dict[str, Value]:
     """Compute figures of the steps of a run of the staircase.
 
     Args:
@@ -81,10 +79,10 @@ def step_figures(run: Run) -> dict[str, Figure]:
         'step_figures'
     """
     time, angle, error = run.time, run["angle"], run.references["angle"] - run["angle"]
-    by_size: dict[int, dict[str, list[Figure]]] = {
+    by_size: dict[int, dict[str, list[Value]]] = {
         size: {"settling": [], "overshoot": [], "steady": [], "swing": []} for size in SIZES_DEG
     }
-    found: dict[str, Figure] = {}
+    found: dict[str, Value] = {}
     for _, initial, final, part in each_step(time, run.scenario.references["angle"].changes):
         a, b = _degrees(initial, final)
         t, y = time[part], angle[part]
@@ -114,7 +112,7 @@ LIMITED_DEG = ((35.0, 30.0), (20.0, 35.0), (5.0, 35.0))
 """Steps that are compared with the physical limit, one of each size, °."""
 
 
-def _sine(run: Run) -> dict[str, Figure]:
+def _sine(run: Run) -> dict[str, Value]:
     signal = run.scenario.references["angle"]
     frequency = float(getattr(signal, "frequency_Hz", math.nan))
     error = np.degrees(run.references["angle"] - run["angle"])
@@ -126,19 +124,19 @@ def _sine(run: Run) -> dict[str, Figure]:
     }
 
 
-def _changes(run: Run) -> dict[str, Figure]:
+def _changes(run: Run) -> dict[str, Value]:
     error = np.degrees(run.references["angle"] - run["angle"])
     found = {}
     for name, begin in (("load", 0.5), ("supply", 2.0), ("valve", 3.5)):
         part = (run.time >= begin) & (run.time < begin + 1.5)
-        found[f"peak_after_{name}_deg"] = Figure(float(np.max(np.abs(error[part]))))
+        found[f"peak_after_{name}_deg"] = Value(float(np.max(np.abs(error[part]))))
         found[f"left_after_{name}_deg"] = responses.steady_error(
             run.time[part], error[part], window=0.4
         )
     return found
 
 
-def worst(figures: list[Figure]) -> Figure:
+def worst(figures: list[Value]) -> Value:
     """Return the largest figure; one that is missing is worse than any number.
 
     Args:
@@ -148,14 +146,14 @@ def worst(figures: list[Figure]) -> Figure:
         The worst, in their unit.
 
     Example:
-        >>> worst([Figure(1.0), Figure(2.0)]).value
+        >>> worst([Value(1.0), Value(2.0)]).value
         2.0
     """
     missing = [f for f in figures if math.isnan(f.value)]
     return missing[0] if missing else max(figures, key=lambda f: f.value)
 
 
-def worst_of_all(all_figures: list[Mapping[str, Figure]]) -> dict[str, Figure]:
+def worst_of_all(all_figures: list[Mapping[str, Value]]) -> dict[str, Value]:
     """Return the worst of every figure over several variations.
 
     Args:
@@ -165,7 +163,7 @@ def worst_of_all(all_figures: list[Mapping[str, Figure]]) -> dict[str, Figure]:
         The worst by name; of the lowest mean pressure, the lowest.
 
     Example:
-        >>> worst_of_all([{"a": Figure(1.0)}, {"a": Figure(3.0)}])["a"].value
+        >>> worst_of_all([{"a": Value(1.0)}, {"a": Value(3.0)}])["a"].value
         3.0
     """
     result = {}
@@ -176,5 +174,5 @@ def worst_of_all(all_figures: list[Mapping[str, Figure]]) -> dict[str, Figure]:
     return result
 
 
-def _times(figure: Figure, factor: float) -> Figure:
-    return Figure(factor * figure.value, figure.reason)
+def _times(figure: Value, factor: float) -> Value:
+    return Value(factor * figure.value, figure.reason)

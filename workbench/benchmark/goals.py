@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from workbench.verification.responses import Figure
+from workbench.verification.responses import Value
 
 SETTLING_15_S = {"0 kg": 0.5, "3 kg": 0.5, "8 kg": 0.9}
 """Goals for settling after 15°, s, by load."""
@@ -42,7 +42,7 @@ def goals_of(case: str) -> dict[str, float]:
     return {**GOALS, "settling_15_s": settling}
 
 
-def is_missed(figure: Figure, goal: float) -> bool:
+def is_missed(figure: Value, goal: float) -> bool:
     """Tell whether a goal is missed; one that cannot be judged without a limit is not.
 
     Args:
@@ -53,7 +53,7 @@ def is_missed(figure: Figure, goal: float) -> bool:
         Whether it is (a truth value, without unit).
 
     Example:
-        >>> is_missed(Figure(0.3), 0.2), is_missed(Figure(math.nan, "no limit"), 0.2)
+        >>> is_missed(Value(0.3), 0.2), is_missed(Value(math.nan, "no limit"), 0.2)
         (True, False)
     """
     if math.isnan(figure.value) and "limit" in figure.reason:

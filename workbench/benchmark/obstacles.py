@@ -18,7 +18,7 @@ from workbench.benchmark.figures_of_run import SIZES_DEG
 from workbench.benchmark.run import FAST, Comparison
 from workbench.benchmark.table import figures_of
 from workbench.reports.tables import Cell, Mark, Table, number
-from workbench.verification.responses import Figure
+from workbench.verification.responses import Value
 
 KILOGRAM = "A. The unknown kilogram"
 """Obstacle: a load that the design must bear without knowing of it."""
@@ -52,7 +52,7 @@ OVERSHOOT = 5.0
 STEPS = ("35° to 30°", "20° to 35°", "5° to 35°")
 """Steps that are compared with the limit, one of each of `SIZES_DEG`."""
 
-Figures = Mapping[str, Figure]
+Figures = Mapping[str, Value]
 
 
 def obstacles_table(comparison: Comparison) -> Table:
@@ -94,7 +94,7 @@ def _settled(comparison: Comparison, case: str, figures: Figures, size: int) -> 
 
 
 def _limit(comparison: Comparison, case: str, size: int) -> float:
-    return comparison.limits.get((case, size), Figure(math.nan)).value
+    return comparison.limits.get((case, size), Value(math.nan)).value
 
 
 def plan_table(comparison: Comparison) -> Table:

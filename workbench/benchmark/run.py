@@ -45,7 +45,7 @@ from workbench.benchmark.figures_of_run import LIMITED_DEG, figures_of_run, wors
 from workbench.benchmark.one_sample_late import OneSampleLate
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.verification import Run, Scenario, verify
-from workbench.verification.responses import Figure
+from workbench.verification.responses import Value
 
 Vector = npt.NDArray[np.float64]
 
@@ -118,9 +118,9 @@ class Comparison:
         0
     """
 
-    figures: Mapping[tuple[str, str, str], Mapping[str, Figure]]
+    figures: Mapping[tuple[str, str, str], Mapping[str, Value]]
     curves: Mapping[tuple[str, str, str], Curves] = field(repr=False)
-    limits: Mapping[tuple[str, int], Figure]
+    limits: Mapping[tuple[str, int], Value]
     margins: Mapping[tuple[str, str], tuple[float, float, float, float]]
     seed: int
     seeds: int = 1
@@ -251,9 +251,9 @@ def compare_controllers(
         else delayed(_run)(job, None)
         for job in sorted(runs, key=lambda job: job.family != "nonlinear MPC")
     ]
-    figures: dict[tuple[str, str, str], list[Mapping[str, Figure]]] = {}
+    figures: dict[tuple[str, str, str], list[Mapping[str, Value]]] = {}
     curves: dict[tuple[str, str, str], Curves] = {}
-    found_limits: dict[tuple[str, int], Figure] = {}
+    found_limits: dict[tuple[str, int], Value] = {}
     found = Parallel(n_jobs=count, return_as="generator_unordered")(work)
     for done, result in enumerate(found, start=1):
         if isinstance(result, _Limit):
@@ -288,19 +288,19 @@ def _design(family: str, case: Case) -> tuple[tuple[str, str], MarginedDesign[Co
 class _Limit(NamedTuple):
     case: str
     size: int
-    limit: Figure
+    limit: Value
 
 
 def _limit(case: Case, size: int, start: float, end: float) -> _Limit:
     try:
         from workbench.verification.physical_limit import physical_limit
     except ImportError:
-        return _Limit(case.name, size, Figure(math.nan, "no time-optimal move is available"))
+        return _Limit(case.name, size, Value(math.nan, "no time-optimal move is available"))
     try:
         found = physical_limit(nominal_plant(case), start, end, until="band")
     except WorkbenchError as error:
-        return _Limit(case.name, size, Figure(math.nan, str(error)))
-    return _Limit(case.name, size, Figure(float(found.seconds)))
+        return _Limit(case.name, size, Value(math.nan, str(error)))
+    return _Limit(case.name, size, Value(float(found.seconds)))
 
 
 @lru_cache(maxsize=8)
@@ -309,7 +309,7 @@ def _built(family: str, case: Case) -> Controller:
     return fast_design(case) if family == FAST else design(family, case).controller
 
 
-def _run(job: Job, given: Controller | None) -> tuple[Job, dict[str, Figure], dict[str, Curves]]:
+def _run(job: Job, given: Controller | None) -> tuple[Job, dict[str, Value], dict[str, Curves]]:
     controller = _built(job.family, job.case) if given is None else given
     if job.variation == CHANGES:
         own: tuple[Scenario, ...] = (changes_at_rest(job.case),)
@@ -323,7 +323,7 @@ def _run(job: Job, given: Controller | None) -> tuple[Job, dict[str, Figure], di
     else:
         plant, own = varied_plant(job.case, job.variation), scenarios(job.variation)
         own = own if job.whole else own[:1]
-    figures: dict[str, Figure] = {}
+    figures: dict[str, Value] = {}
     curves = {}
     for scenario in own:
         run = verify(controller, plant, scenario, seed=job.seed)

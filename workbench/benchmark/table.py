@@ -12,10 +12,10 @@ from workbench.benchmark.figures_of_run import SIZES_DEG, worst_of_all
 from workbench.benchmark.goals import GOALS, goals_of, is_missed
 from workbench.benchmark.run import FAST, LATE, Comparison
 from workbench.reports.tables import Cell, Mark, Table, number
-from workbench.verification.responses import Figure
+from workbench.verification.responses import Value
 
-NOT_RUN = Figure(math.nan, "only steps were run")
-"""Figure of a scenario that was not run."""
+NOT_RUN = Value(math.nan, "only steps were run")
+"""Value of a scenario that was not run."""
 
 STEP_HEADINGS = (
     "load",
@@ -44,8 +44,8 @@ COURSE_HEADINGS = (
 
 
 def ratio_to_limit(
-    comparison: Comparison, case: str, figures: Mapping[str, Figure], size: int
-) -> Figure:
+    comparison: Comparison, case: str, figures: Mapping[str, Value], size: int
+) -> Value:
     """Return settling time over the physical limit of the same step.
 
     Args:
@@ -63,16 +63,16 @@ def ratio_to_limit(
     """
     limit = comparison.limits.get((case, size))
     if limit is None:
-        return Figure(math.nan, "the physical limit was not computed")
+        return Value(math.nan, "the physical limit was not computed")
     if math.isnan(limit.value):
         return limit
-    settled = figures.get(f"settling_limited_{size}_s", Figure(math.nan, "not among the steps"))
-    return Figure(settled.value / limit.value, settled.reason)
+    settled = figures.get(f"settling_limited_{size}_s", Value(math.nan, "not among the steps"))
+    return Value(settled.value / limit.value, settled.reason)
 
 
 def figures_of(
     comparison: Comparison, family: str, case: str, *, nominal: bool
-) -> dict[str, Figure]:
+) -> dict[str, Value]:
     """Return the figures of a family for a load, nominal or the worst of all variations.
 
     Args:
@@ -277,8 +277,8 @@ def margins_table(comparison: Comparison) -> Table:
             none = (math.nan, math.nan, math.nan, math.nan)
             speed, ms, mt, slow = comparison.margins.get((family, case), none)
             late = comparison.figures.get((family, case, LATE), {})
-            swing = late.get("swing_deg", Figure(math.nan, "not run"))
-            over = late.get("overshoot_percent", Figure(math.nan, "not run"))
+            swing = late.get("swing_deg", Value(math.nan, "not run"))
+            over = late.get("overshoot_percent", Value(math.nan, "not run"))
             rows.append(
                 (
                     case,
@@ -309,7 +309,7 @@ def margins_table(comparison: Comparison) -> Table:
     )
 
 
-def _cell(figure: Figure, goal: float = math.inf) -> Cell:
+def _cell(figure: Value, goal: float = math.inf) -> Cell:
     mark: Mark = ""
     if math.isfinite(goal):
         mark = "missed" if not figure.value <= goal else "met"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -72,13 +71,13 @@ def compare(
     """
     from workbench.cli.counter import Counter
     from workbench.reports.study_files import write_study_files
-    from workbench.study.outcome import run_study
+    from workbench.study.result import run_study
     from workbench.study.schema import load_study
     from workbench.study.summary import plain_summary
 
     wanted = load_study(study_file(study))
     if limit is not None:
-        wanted = replace(wanted, physical_limit=limit)
+        wanted = wanted.with_limit(limit)
     typer.echo(str(wanted), err=True)
     counter = Counter()
     try:

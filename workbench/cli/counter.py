@@ -30,7 +30,7 @@ class Counter:
         """
         from tqdm import tqdm
 
-        from workbench.study.run import FINISHED_BEFORE
+        from workbench.study.execution import FINISHED_BEFORE
 
         if self._bar is None or part != self._part or total != self._bar.total:
             self.close()

@@ -82,14 +82,14 @@ def report(
     from workbench.reports.study_files import linear_page, write_pictures
     from workbench.reports.study_page import study_page
     from workbench.study.linear_loop import analyse_study
-    from workbench.study.outcome import run_study
+    from workbench.study.result import run_study
     from workbench.study.schema import load_study
 
     wanted = load_study(study_file(study))
     if limit is not None:
         if bode:
             raise WorkbenchError("--limit needs the runs of the study; leave out --bode")
-        wanted = replace(wanted, physical_limit=limit)
+        wanted = wanted.with_limit(limit)
     if controller:
         for name in controller:
             check_choice("controller", name, wanted.controllers)
@@ -102,7 +102,7 @@ def report(
             check_range("operating angle", quantity("angle", text, "deg"), -90.0, 90.0, "deg")
             for text in angle
         ]
-        wanted = replace(wanted, angles=tuple((("angle", to_si(d, "deg")),) for d in degrees))
+        wanted = replace(wanted, points=tuple((("angle", to_si(d, "deg")),) for d in degrees))
     if bode:
         loops = analyse_study(wanted)
         page = linear_page(wanted, loops)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from importlib import import_module
 
+from controllers.design import DESIGNS
 from controllers.protocol import Controller
 from workbench.errors import check_choice, check_range
 from workbench.linearisation import LinearModel, linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
-from workbench.study.designs import DESIGNS, DRY
+from workbench.study.designs import dry_effects
 
-FROM_ONE_MODEL = tuple(name for name, design in DESIGNS.items() if design.source == "linear")
+FROM_ONE_MODEL = ("pid", "sliding-mode", "mpc")
 """Designs that start from the linear model at one operating point, by name."""
 
 
@@ -39,8 +39,7 @@ def design_model(plant: Model, angle_deg: float = 30.0) -> LinearModel:
         ('valve',)
     """
     check_range("design angle", angle_deg, 0.0, 60.0, "deg")
-    dry = [e.name for e in plant.effects if e.name in DRY]
-    point = operating_point(plant.without(*dry), {"angle": math.radians(angle_deg)})
+    point = operating_point(plant.without(*dry_effects(plant)), {"angle": math.radians(angle_deg)})
     return linearise(point, verdict=False)
 
 
@@ -66,6 +65,6 @@ def design_controllers(
     """
     found = []
     for name in names:
-        design = DESIGNS[check_choice("controller", name, FROM_ONE_MODEL)]
-        found.append(getattr(import_module(design.module), design.function)(linear))
+        design = DESIGNS.get(check_choice("controller", name, FROM_ONE_MODEL))
+        found.append(design.controller(linear, design.specified({})))
     return tuple(found)

@@ -130,6 +130,7 @@ class Plant:
         controlled: Outputs that a controller makes follow a reference; the first one by default.
         design_point: Where it is linearised and a run starts if nothing is said: values of outputs,
             states or inputs by name, in SI; by default where the nominal inputs hold it.
+        design_map: Grid of linear models for scheduled designs: values of outputs by name, in SI.
         effects: Effects of the library under the plant's own words, sized for it.
 
     Example:
@@ -144,6 +145,7 @@ class Plant:
     options: tuple[Option, ...] = ()
     controlled: tuple[str, ...] = ()
     design_point: Mapping[str, float] = field(default_factory=dict)
+    design_map: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     effects: Mapping[str, Callable[[], Effect]] = field(default_factory=dict)
 
     def option(self, name: str) -> Option:

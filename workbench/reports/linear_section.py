@@ -110,7 +110,7 @@ def plant_picture(study: Study) -> list[Picture]:
     recipe = next(iter(study.controllers.values()))
     follows = next(iter(next(iter(study.scenarios.values())).references))
     curves, frequency = {}, np.zeros(0)
-    for point in study.angles:
+    for point in study.points:
         linear = recipe.linear(point)
         if len(linear.input_names) != 1 or follows not in linear.output_names:
             return []
@@ -144,7 +144,7 @@ def map_picture(study: Study) -> list[Picture]:
     found = plant_map(study)
     if found is None:
         return []
-    marked = [math.degrees(v) for point in study.angles for n, v in point if n == "angle"]
+    marked = [math.degrees(v) for point in study.points for n, v in point if n == "angle"]
     figure = angle_course(
         np.degrees(found.angles),
         found.frequency_hz,

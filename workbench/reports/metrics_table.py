@@ -74,8 +74,8 @@ def metrics_table(
         WorkbenchError: If the unit of a limit does not fit its metric.
 
     Example:
-        >>> from workbench.verification import Metric
-        >>> run = Metrics("pid", "arm", "step", (Metric("settling_time", 0.4, "s"),))
+        >>> from workbench.verification import MetricValue
+        >>> run = Metrics("pid", "arm", "step", (MetricValue("settling_time", 0.4, "s"),))
         >>> limit = Requirement("settling_time", 0.8, "s")
         >>> print(metrics_table("Steps", ("run",), {("one",): run}, ["settling_time"], [limit]))
         Steps

@@ -6,7 +6,7 @@ from workbench.reports.metrics_table import metric_title
 from workbench.reports.page import Block, Section, Words
 from workbench.reports.study_pictures import box_picture, breakable
 from workbench.reports.tables import Cell, Table, number
-from workbench.study.outcome import Outcome
+from workbench.study.result import StudyResult
 from workbench.study.study import Demand
 from workbench.study.summary import parameter_text, score_text
 
@@ -36,7 +36,7 @@ def demand_text(demand: Demand | str) -> str:
     return f"{metric_title(metric)} {rest}"
 
 
-def box_section(outcome: Outcome) -> list[Section]:
+def box_section(outcome: StudyResult) -> list[Section]:
     """Build the section of the parameter box."""
     if not outcome.robustness or outcome.study.box is None:
         return []

@@ -12,12 +12,12 @@ from workbench.reports.results import json_text
 from workbench.reports.study_page import study_page
 from workbench.study.junit import junit
 from workbench.study.linear_loop import LoopAnalysis
-from workbench.study.outcome import Outcome, installed_version
+from workbench.study.result import StudyResult, installed_version
 from workbench.study.study import Study
 from workbench.study.summary import summary
 
 
-def write_study_files(outcome: Outcome, folder: str | Path) -> tuple[Path, ...]:
+def write_study_files(outcome: StudyResult, folder: str | Path) -> tuple[Path, ...]:
     """Write what a study found.
 
     Returns:
@@ -42,7 +42,7 @@ def linear_page(study: Study, loops: tuple[LoopAnalysis, ...]) -> Page:
     (section,) = linear_section(study, loops)
     worst = min((a.disk_margin for a in loops if a.stable), default=float("nan"))
     lead = (
-        f"{len(study.controllers)} controllers at {len(study.angles)} operating points; the "
+        f"{len(study.controllers)} controllers at {len(study.points)} operating points; the "
         f"smallest disk margin is {worst:.2g}. No run was made."
     )
     section = type(section)(

@@ -10,7 +10,7 @@ from workbench.reports.page import Block, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.limits import Distances, Move, StepDistance
-from workbench.study.outcome import Outcome
+from workbench.study.result import StudyResult
 
 MOST = 8
 """Steps that a picture shows; of more, each scenario shows its worst."""
@@ -32,7 +32,7 @@ LIMIT_METHODS: tuple[tuple[str, str], ...] = (
 """How the numbers of this section were computed."""
 
 
-def limit_section(outcome: Outcome) -> list[Section]:
+def limit_section(outcome: StudyResult) -> list[Section]:
     """Build the section of the physical limit.
 
     Returns:
@@ -59,7 +59,7 @@ def limit_section(outcome: Outcome) -> list[Section]:
     return [Section("limit", "Distance to the physical limit", tuple(blocks))]
 
 
-def _lead(outcome: Outcome) -> str:
+def _lead(outcome: StudyResult) -> str:
     said = []
     for name in outcome.study.controllers:
         own = [d for d in outcome.distances.worst if d.controller == name and d.worst]
@@ -79,7 +79,7 @@ def _lead(outcome: Outcome) -> str:
     return f"{opening} {'; '.join(said)}." if said else f"{opening} No step has a limit here."
 
 
-def _bars(outcome: Outcome) -> dict[str, dict[str, float]]:
+def _bars(outcome: StudyResult) -> dict[str, dict[str, float]]:
     known = [s for s in outcome.distances.steps if not math.isnan(s.limit.value)]
     several = len({s.scenario for s in known}) > 1
     found: dict[str, dict[str, float]] = {}
@@ -100,7 +100,7 @@ def _worse(a: float, b: float) -> float:
     return math.nan if math.isnan(a) or math.isnan(b) else max(a, b)
 
 
-def step_text(outcome: Outcome, move: Move) -> str:
+def step_text(outcome: StudyResult, move: Move) -> str:
     """Write a step as people read it.
 
     Returns:
@@ -113,7 +113,7 @@ def step_text(outcome: Outcome, move: Move) -> str:
     return " to ".join(f"{v:.4g}{suffix}" for v in ends)
 
 
-def _steps(outcome: Outcome) -> Table:
+def _steps(outcome: StudyResult) -> Table:
     study, found = outcome.study, outcome.distances
     groups: dict[tuple[str, float, Move], dict[str, StepDistance]] = {}
     for s in found.steps:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from workbench.model.units import from_si
 from workbench.reports.linear_section import LINEAR_METHODS, linear_section
 from workbench.reports.metrics_table import METRIC_METHODS, metric_title, metrics_table
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words
@@ -19,24 +20,13 @@ from workbench.reports.study_pictures import (
 )
 from workbench.reports.tables import Cell, Mark, Table, number
 from workbench.study.grouped import changes_by_plant, missed_by_plant
-from workbench.study.outcome import Outcome, installed_version
-from workbench.study.study import NOMINAL, Demand
+from workbench.study.judgements import Judgement
+from workbench.study.result import StudyResult, installed_version
+from workbench.study.study import Case, Demand, Variation
 from workbench.study.summary import parameter_text, score_text
-from workbench.study.verdicts import Judgement
+from workbench.study.tasks import Record
 from workbench.verification import Metrics
-
-COLUMNS = (
-    "settling_time",
-    "overshoot",
-    "steady_error",
-    "oscillation",
-    "stop_impacts",
-    "rmse",
-    "chatter",
-    "air",
-    "solve_time_p99",
-    "fallbacks",
-)
+from workbench.verification.metrics import columns
 
 STUDY_METHODS: tuple[tuple[str, str], ...] = (
     (
@@ -78,7 +68,7 @@ STUDY_METHODS: tuple[tuple[str, str], ...] = (
 """How the numbers that only a study has were computed."""
 
 
-def study_page(outcome: Outcome) -> Page:
+def study_page(outcome: StudyResult) -> Page:
     """Build the page of a study."""
     study = outcome.study
     sections = [
@@ -120,7 +110,7 @@ def _where(j: Judgement | None) -> str:
     return f"{metric_title(j.demand.requirement.metric)}, {j.scenario}, {j.variation}"
 
 
-def _verdict(outcome: Outcome) -> Section:
+def _verdict(outcome: StudyResult) -> Section:
     boxes = {r.controller: r for r in outcome.robustness}
     head = ["controller", "score", "mean score", "worst requirement, scenario, plant"]
     if boxes:
@@ -184,7 +174,7 @@ def _list(title: str, found: Sequence[Judgement]) -> Table:
     return Table(title, head, tuple(rows), note)
 
 
-def _baseline(outcome: Outcome) -> Section:
+def _baseline(outcome: StudyResult) -> Section:
     assert outcome.baseline is not None
     if not outcome.changes:
         text = "Nothing differs from the baseline by more than its tolerance."
@@ -215,58 +205,90 @@ def _baseline(outcome: Outcome) -> Section:
     return Section("baseline", "Against the baseline", (table, words, command))
 
 
-def _scenario(outcome: Outcome, name: str, index: int) -> Section:
+def _scenario(outcome: StudyResult, name: str, index: int) -> Section:
     study = outcome.study
-    records = {c: outcome.record(c, name) for c in study.controllers}
-    measured: dict[tuple[str, ...], Metrics] = {
-        (c,): r.metrics for c, r in records.items() if r is not None and r.metrics is not None
-    }
-    blocks: list[Block] = [
-        *tracking_picture(outcome, name, index),
-        *pressure_picture(outcome, name, index),
-    ]
-    if measured:
-        limits = [
-            d.requirement
-            for d in study.demands
-            if d.requirement.scenario in ("", name)
-            and not d.controllers
-            and d.applies(next(iter(study.controllers)), NOMINAL, name)
-            and any(d.requirement.metric in m for m in measured.values())
-        ]
-        applicable = [
-            r
-            for r in limits
-            if any(not math.isnan(m[r.metric].value) for m in measured.values() if r.metric in m)
-        ]
-        columns = [
-            c
-            for c in COLUMNS
-            if any(c in m and not math.isnan(m[c].value) for m in measured.values())
-        ]
-        blocks.append(
-            metrics_table(
-                f"{name} on the nominal plant",
-                ("controller",),
-                measured,
-                columns,
-                [r for r in applicable if r.hard],
-            )
-        )
-    if len(study.variations) > 1:
-        blocks.append(_variations(outcome, name))
+    blocks: list[Block] = []
+    for i, case in enumerate(study.cases.values()):
+        records = {c: outcome.record(c, name, case.name) for c in case.controllers}
+        measured: dict[tuple[str, ...], Metrics] = {
+            (c,): r.metrics for c, r in records.items() if r is not None and r.metrics is not None
+        }
+        suffix = f"{index}-{i + 1}" if case.name else str(index)
+        blocks += tracking_picture(outcome, name, suffix, case.name)
+        blocks += pressure_picture(outcome, name, suffix, case.name)
+        if measured:
+            blocks.append(_nominal(outcome, name, case, measured))
+        if any(e.events for e in records.values() if e is not None):
+            blocks.append(_events(name, case, [r for r in records.values() if r is not None]))
+        if len([v for v in study.variations.values() if v.case == case.name]) > 1:
+            blocks.append(_variations(outcome, name, case))
     return Section(f"scenario-{index}", f"Scenario {name}", tuple(blocks))
 
 
-def _variations(outcome: Outcome, scenario: str) -> Table:
+def _nominal(
+    outcome: StudyResult, name: str, case: Case, measured: dict[tuple[str, ...], Metrics]
+) -> Table:
+    study, nominal = outcome.study, outcome.study.nominal(case.name)
+    limits = [
+        d.requirement
+        for d in study.demands
+        if d.requirement.scenario in ("", name)
+        and not d.controllers
+        and d.applies(next(iter(case.controllers)), nominal, name)
+        and any(d.requirement.metric in m for m in measured.values())
+    ]
+    applicable = [
+        r
+        for r in limits
+        if any(not math.isnan(m[r.metric].value) for m in measured.values() if r.metric in m)
+    ]
+    shown = [
+        c
+        for c in (*columns("page"), *(m.name for m in study.metrics))
+        if any(c in m and not math.isnan(m[c].value) for m in measured.values())
+    ]
+    title = f"{name}, {case.name}" if case.name else f"{name} on the nominal plant"
+    hard = [r for r in applicable if r.hard]
+    return metrics_table(title, ("controller",), measured, shown, hard)
+
+
+def _events(name: str, case: Case, records: Sequence[Record]) -> Table:
+    """Return what changes and disturbances did, on the nominal plant."""
+    output = next(e.output for r in records for e in r.events)
+    quantity = next(q for q in case.plant.build().outputs if q.name == output)
+    unit = quantity.display_unit or quantity.unit
+    sign = "°" if unit == "deg" else f" {unit}"
+    heads = [f"{e.what} at {e.time:g} s" for e in next(r.events for r in records if r.events)]
+    rows: list[tuple[Cell | str, ...]] = [
+        (
+            r.controller,
+            *(
+                " / ".join(f"{number(float(from_si(v, unit)))}{sign}" for v in (e.peak, e.left))
+                for e in r.events
+            ),
+        )
+        for r in records
+        if r.events
+    ]
+    return Table(
+        f"{name}{', ' if case.name else ''}{case.name}: largest error after each change, and what"
+        " is left at its end",
+        ("controller", *heads),
+        tuple(rows),
+    )
+
+
+def _variations(outcome: StudyResult, scenario: str, case: Case) -> Table:
     rows: list[tuple[Cell | str, ...]] = []
-    for variation in outcome.study.variations:
-        row: list[Cell | str] = [variation]
-        for controller in outcome.study.controllers:
+    for variation in outcome.study.variations.values():
+        if variation.case != case.name or not variation.judged:
+            continue
+        row: list[Cell | str] = [variation.name]
+        for controller in case.controllers:
             own = [
                 j
                 for j in outcome.judgements
-                if (j.controller, j.variation, j.scenario) == (controller, variation, scenario)
+                if (j.controller, j.variation, j.scenario) == (controller, variation.name, scenario)
                 and j.hard
             ]
             worst = max(own, key=lambda j: j.score, default=None)
@@ -279,12 +301,12 @@ def _variations(outcome: Outcome, scenario: str) -> Table:
         rows.append(tuple(row))
     return Table(
         "Score on every plant, and the requirement that decides it",
-        ("plant", *outcome.study.controllers),
+        ("plant", *case.controllers),
         tuple(rows),
     )
 
 
-def _controllers(outcome: Outcome) -> list[Section]:
+def _controllers(outcome: StudyResult) -> list[Section]:
     found = []
     pictures = sliding_pictures(outcome)
     if pictures:
@@ -300,7 +322,7 @@ def _controllers(outcome: Outcome) -> list[Section]:
     return found
 
 
-def _requirements(outcome: Outcome) -> Section:
+def _requirements(outcome: StudyResult) -> Section:
     study = outcome.study
     rows: list[tuple[Cell | str, ...]] = []
     for demand in study.demands:
@@ -321,7 +343,7 @@ def _requirements(outcome: Outcome) -> Section:
     )
 
 
-def _worst_cell(outcome: Outcome, demand: Demand, controller: str) -> Cell:
+def _worst_cell(outcome: StudyResult, demand: Demand, controller: str) -> Cell:
     own = [j for j in outcome.judgements if j.demand is demand and j.controller == controller]
     if not own:
         return Cell("–")
@@ -341,12 +363,12 @@ def _worst_cell(outcome: Outcome, demand: Demand, controller: str) -> Cell:
     return Cell(text, "met" if worst.met else "missed" if hard else "", place)
 
 
-def _how(outcome: Outcome) -> Section:
+def _how(outcome: StudyResult) -> Section:
     study = outcome.study
     plants = Table(
         "Plants",
         ("plant", "differs from the nominal one by"),
-        tuple((name, _difference(outcome, name)) for name in study.variations),
+        tuple((v.name, _difference(outcome, v)) for v in study.variations.values()),
     )
     designs = Table(
         "Controllers",
@@ -367,9 +389,9 @@ def _how(outcome: Outcome) -> Section:
             for name, c in study.controllers.items()
         ),
     )
-    limits = LIMIT_METHODS if study.physical_limit else ()
+    limits = LIMIT_METHODS if study.report.physical_limit else ()
     command = f"workbench compare {study.path.name} --out DIR"
-    command += " --limit" if study.physical_limit else ""
+    command += " --limit" if study.report.physical_limit else ""
     return Section(
         "how",
         "How it was done",
@@ -382,18 +404,28 @@ def _how(outcome: Outcome) -> Section:
     )
 
 
-def _difference(outcome: Outcome, name: str) -> str:
-    study = outcome.study
-    plant, nominal = study.variations[name], study.plant
-    if name == NOMINAL:
+def _difference(outcome: StudyResult, variation: Variation) -> str:
+    plant, nominal = variation.plant, outcome.study.nominal(variation.case).plant
+    if variation.nominal:
         return "–"
     units = {q.name: q.unit for q in plant.build().parameters}
     said = [f"effect {e}" for e in plant.effects if e not in nominal.effects]
-    said += [f"without {e}" for e in plant.without if e not in nominal.without]
+    gone = [e for e in nominal.effects if e not in plant.effects]
+    said += [f"without {e}" for e in (*gone, *plant.without) if e not in nominal.without]
     before = dict(nominal.parameters)
     for key, value in plant.parameters:
         if before.get(key) != value:
             said.append(f"{key} {parameter_text(value, units[key])}")
+    said += [f"{key} x {factor:g}" for key, factor in plant.scaled]
     if plant.noise != nominal.noise:
         said.append(f"noise x {plant.noise / nominal.noise:g}")
+    said += [f"{d.level:g} on {d.port}" for d in variation.disturbances]
+    if variation.ideal:
+        said.append("ideal sensors and converters")
+    if variation.late_samples:
+        said.append(f"every command {variation.late_samples} samples late")
+    if variation.plan_duration != 1.0:
+        said.append(f"plan x {variation.plan_duration:g}")
+    if variation.lead:
+        said.append(f"lead {1e3 * variation.lead:+g} ms")
     return breakable(", ".join(said))

@@ -16,7 +16,7 @@ from workbench.reports.figures.tracking import Course, pressures, tracking
 from workbench.reports.pictures import Picture
 from workbench.reports.style import colours
 from workbench.reports.tables import Table, number
-from workbench.study.outcome import Outcome
+from workbench.study.result import StudyResult
 from workbench.study.tasks import Record
 
 
@@ -37,20 +37,25 @@ def _array(values: Any) -> Any:
     return np.asarray(values, dtype=float)
 
 
-def _drawn(outcome: Outcome, scenario: str) -> dict[str, Record]:
-    records = {c: outcome.record(c, scenario) for c in outcome.study.controllers}
+def _drawn(outcome: StudyResult, scenario: str, case: str = "") -> dict[str, Record]:
+    nominal = outcome.study.nominal(case)
+    chosen = outcome.study.cases[nominal.case].controllers
+    records = {c: outcome.record(c, scenario, case) for c in chosen}
     return {c: r for c, r in records.items() if r is not None and r.traces}
 
 
-def tracking_picture(outcome: Outcome, scenario: str, index: int) -> list[Picture]:
+def tracking_picture(
+    outcome: StudyResult, scenario: str, index: str, case: str = ""
+) -> list[Picture]:
     """Draw what every controller did in a scenario on the nominal plant.
 
     Returns:
         One picture per followed output; none if every run failed.
     """
-    runs = _drawn(outcome, scenario)
+    runs = _drawn(outcome, scenario, case)
     if not runs:
         return []
+    where = case or "nominal plant"
     first = next(iter(runs.values())).traces
     model = outcome.study.plant.build()
     command = next(name for name in first if name.startswith("input."))
@@ -86,7 +91,7 @@ def tracking_picture(outcome: Outcome, scenario: str, index: int) -> list[Pictur
         )
         dotted = f" (dotted: ± {limit:g}°)" if limit else ""
         linear = any(c.linear is not None for c in courses)
-        caption = f"{scenario}, nominal plant: {name}, error{dotted} and command." + (
+        caption = f"{scenario}, {where}: {name}, error{dotted} and command." + (
             " Dashed: the same controller on its linear model, with ideal sensors."
             if linear
             else " No linear run: the plant changes during the run."
@@ -96,7 +101,7 @@ def tracking_picture(outcome: Outcome, scenario: str, index: int) -> list[Pictur
     return found[:1]
 
 
-def _limit(outcome: Outcome, scenario: str) -> float | None:
+def _limit(outcome: StudyResult, scenario: str) -> float | None:
     for demand in outcome.study.demands:
         wanted = demand.requirement
         if wanted.metric == "steady_error" and wanted.scenario in ("", scenario):
@@ -104,13 +109,16 @@ def _limit(outcome: Outcome, scenario: str) -> float | None:
     return None
 
 
-def pressure_picture(outcome: Outcome, scenario: str, index: int) -> list[Picture]:
+def pressure_picture(
+    outcome: StudyResult, scenario: str, index: str, case: str = ""
+) -> list[Picture]:
     """Draw the pressures of both muscles in a scenario.
 
     Returns:
         One picture; none if the plant has no such pressures.
     """
-    runs = {c: r.traces for c, r in _drawn(outcome, scenario).items() if "pressure_2" in r.traces}
+    drawn = _drawn(outcome, scenario, case)
+    runs = {c: r.traces for c, r in drawn.items() if "pressure_2" in r.traces}
     if not runs:
         return []
     figure = pressures(
@@ -119,11 +127,11 @@ def pressure_picture(outcome: Outcome, scenario: str, index: int) -> list[Pictur
             for c, t in runs.items()
         }
     )
-    caption = f"{scenario}, nominal plant: gauge pressures of both muscles."
+    caption = f"{scenario}, {case or 'nominal plant'}: gauge pressures of both muscles."
     return [Picture(f"pressures-{index}", figure, caption, f"pressures over time in {scenario}")]
 
 
-def sliding_pictures(outcome: Outcome) -> list[Picture]:
+def sliding_pictures(outcome: StudyResult) -> list[Picture]:
     """Draw phase portrait and surface of each sliding mode in the first scenario."""
     shades = colours(outcome.study.controllers)
     found = []
@@ -159,7 +167,7 @@ def sliding_pictures(outcome: Outcome) -> list[Picture]:
     return found
 
 
-def solver_picture(outcome: Outcome) -> tuple[Picture | None, Table | None]:
+def solver_picture(outcome: StudyResult) -> tuple[Picture | None, Table | None]:
     """Draw solve times and iterations in the first scenario, and list how the solver ended.
 
     Returns:
@@ -217,7 +225,7 @@ def solver_picture(outcome: Outcome) -> tuple[Picture | None, Table | None]:
     return picture, Table("How the solver ended, nominal plant", head, tuple(rows))
 
 
-def box_picture(outcome: Outcome) -> Picture:
+def box_picture(outcome: StudyResult) -> Picture:
     """Draw the scores over the parameter box."""
     figure = box_scores({r.controller: (r.scores, r.drawn) for r in outcome.robustness})
     return Picture(

@@ -5,14 +5,15 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
-from workbench.study.figures_of_merit import INVARIANTS, Rule
 from workbench.study.tasks import Record, record_from_table
+from workbench.verification import Metric, MetricValue, Tolerance
+from workbench.verification.metrics import metric_of
 
 BASELINE_SCHEMA = 1
 KIND = "workbench baseline"
@@ -204,7 +205,7 @@ def write_baseline(path: str | Path, study: str, records: Iterable[Record]) -> P
 
 
 def changes(
-    rules: Mapping[str, Rule], records: Iterable[Record], baseline: Baseline
+    rules: Mapping[str, Tolerance], records: Iterable[Record], baseline: Baseline
 ) -> tuple[Change, ...]:
     """Compare runs with a baseline.
 
@@ -250,16 +251,15 @@ def _whole(key: Key, way: Way, reason: str) -> Change:
     return Change(key, "", math.nan, math.nan, "1", way, way in ("worse", "gone"), 0.0, reason)
 
 
-def _metrics(rules: Mapping[str, Rule], before: Record, after: Record) -> list[Change]:
+def _metrics(rules: Mapping[str, Tolerance], before: Record, after: Record) -> list[Change]:
     assert before.metrics is not None and after.metrics is not None
-    sliding = any(name in after.metrics for name in INVARIANTS[:1])
+    sliding = any(_known(name).needs == "surface" for name in after.metrics)
     found = []
     for name in (*after.metrics, *(n for n in before.metrics if n not in after.metrics)):
         own = rules[name]
         if not own.repeats:
             continue
-        kept = name.split(".")[-1] in INVARIANTS
-        gates = own.gates and (kept or not sliding)
+        gates = own.gates and (_known(name).invariant or not sliding)
         old = before.metrics[name].value if name in before.metrics else math.nan
         metric = after.metrics[name] if name in after.metrics else before.metrics[name]
         new = metric.value if name in after.metrics else math.nan
@@ -286,8 +286,10 @@ def _metrics(rules: Mapping[str, Rule], before: Record, after: Record) -> list[C
     return found
 
 
-def _shown(metric: Any, value: float) -> float:
-    from dataclasses import replace
+def _known(name: str) -> Metric:
+    return metric_of(name) or Metric(name, lambda run: math.nan)
 
+
+def _shown(metric: MetricValue, value: float) -> float:
     number, _ = replace(metric, value=value).shown()
     return float(number)

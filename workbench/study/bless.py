@@ -7,9 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import WorkbenchError
-from workbench.study.baseline import Baseline, changes, read_baseline, write_baseline
-from workbench.study.figures_of_merit import Rule, rule
+from workbench.study.baseline import (
+    Baseline,
+    changes,
+    read_baseline,
+    write_baseline,
+)
 from workbench.study.tasks import record_from_table
+from workbench.verification import Tolerance
+from workbench.verification.metrics import tolerance_of
 
 
 def bless(folder: str | Path, baseline: str | Path) -> str:
@@ -44,10 +50,10 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
             f"{str(place)!r} is the baseline of study {before.study!r}, the results are of"
             f" {study!r}; give another file"
         )
-    own = {name: Rule(**given) for name, given in table.get("tolerances", {}).items()}
+    own = {name: Tolerance(**given) for name, given in table.get("tolerances", {}).items()}
     known = [*records, *before.records.values()]
     names = dict.fromkeys(name for r in known if r.metrics for name in r.metrics)
-    rules = {name: own.get(name) or rule(name) for name in names}
+    rules = {name: own.get(name) or tolerance_of(name) for name in names}
     found = changes(rules, records, before)
     failed = [r for r in records if r.failed]
     write_baseline(place, study, records)

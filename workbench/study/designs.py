@@ -1,84 +1,58 @@
-"""Controllers of a study, designed from a linear model of its plant."""
+"""Controllers of a study, designed from linear models of its plant."""
 
 from __future__ import annotations
 
-import importlib
-import inspect
-from dataclasses import dataclass, fields, is_dataclass, replace
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, is_dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from controllers.joint.schedule import JointSchedule, joint_schedule
+from controllers.design import DESIGNS, Design
+from controllers.joint.tracking import joint_tracking
+from controllers.largest_bandwidth import MarginedDesign, largest_bandwidth
 from controllers.protocol import Controller
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation.angle_map import angle_map
+from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.simulation.compiled import compiled
-from workbench.study.plants import PlantRecipe, own_function
+from workbench.study.plants import PlantRecipe
 
-
-class Design(NamedTuple):
-    """Where a design that comes with the workbench is found.
-
-    Args:
-        module: Name of the module.
-        function: Name of the function that returns a controller.
-        specification: Name of the specification's class; empty if its fields are keywords of the
-            function.
-        source: What the design starts from: ``"linear"`` model at one operating point, a
-            ``"map"`` of linear models over angle and mean pressure, or the plant's ``"model"``.
-        solves: Whether the controller solves an optimisation at each sample.
-        slides: Whether it has a sliding surface, and is judged by invariants.
-    """
-
-    module: str
-    function: str
-    specification: str = ""
-    source: str = "linear"
-    solves: bool = False
-    slides: bool = False
-
-
-DESIGNS: dict[str, Design] = {
-    "pid": Design("controllers.pid", "design_pid", "PIDSpecification"),
-    "sliding-mode": Design(
-        "controllers.sliding_mode", "design_sliding_mode", "SlidingModeSpecification", slides=True
-    ),
-    "mpc": Design("controllers.mpc.whole_model", "design_mpc", "MPCSpecification", solves=True),
-    "scheduled-pid": Design("controllers.scheduled_pid", "design_scheduled_pid", source="map"),
-    "scheduled-sliding-mode": Design(
-        "controllers.scheduled_sliding_mode",
-        "design_scheduled_sliding_mode",
-        source="map",
-        slides=True,
-    ),
-    "scheduled-mpc": Design(
-        "controllers.mpc.along_plan", "design_scheduled_mpc", source="map", solves=True
-    ),
-    "scheduled-state-feedback": Design(
-        "controllers.state_feedback", "design_scheduled_state_feedback", source="map"
-    ),
-    "nonlinear-mpc": Design(
-        "controllers.nonlinear_mpc.controller",
-        "design_nonlinear_mpc",
-        "NonlinearMPCSpecification",
-        source="model",
-        solves=True,
-    ),
-}
-"""Designs by the name used in a study; others are named as ``module:function``."""
-
-MAP_ANGLES_DEG = (1.0, 59.0, 13)
-"""First and last angle of a design map in °, and how many."""
-
-MAP_MEAN_PRESSURES = (2.8e5, 3.6e5)
-"""Mean gauge pressures of a design map, in Pa."""
+Pairs = tuple[tuple[str, Any], ...]
 
 DRY = ("bearing_friction", "muscle_hysteresis")
 """Left out of design models: at rest their slopes look like damping and stiffness that a moving arm
 does not have."""
+
+
+class Fastest(NamedTuple):
+    """Search of the fastest design within limits on the peaks of the sensitivities.
+
+    Args:
+        key: Key of the specification that sets the speed.
+        speeds: First speed, last speed, in rad/s, and how many are tried between them.
+        at: Operating points at which the limits hold.
+        plants: Plants on which the limits hold.
+        maximum_sensitivity: Limit on Ms, a ratio.
+        maximum_complementary: Limit on Mt, a ratio.
+        late_sensitivity: Limit on Ms with every command one sample late, a ratio.
+        reduced: Key of the specification that is reduced where no speed is within the limits.
+        factors: What it is reduced by, ratios, in the order in which they are tried.
+    """
+
+    key: str
+    speeds: tuple[float, float, int]
+    at: tuple[Pairs, ...]
+    plants: tuple[PlantRecipe, ...]
+    maximum_sensitivity: float = 2.0
+    maximum_complementary: float = 1.9
+    late_sensitivity: float = math.inf
+    reduced: str = ""
+    factors: tuple[float, ...] = (1.0,)
 
 
 @dataclass(frozen=True)
@@ -87,11 +61,15 @@ class ControllerRecipe:
 
     Args:
         name: Name in the study.
-        design: Name from `DESIGNS`, or ``module:function`` called with the linear model and the
-            specification as a mapping.
-        plant: Plant of the linear model.
+        design: Name of a design, or ``module:function`` of one's own, called with the linear model
+            and the specification as a mapping.
+        plant: Plant of the design model.
         at: Given values of the operating point by name, in SI.
         specification: Fields of the design's specification.
+        inertia_margin: What is added to parameters, in SI, for the inertia that the feedback is
+            designed for; the plant at rest stays as it is.
+        plan: Options of the planned move of a design on the plant's model; none without a plan.
+        fastest: How the fastest design is searched; None for the specification as it is.
 
     Example:
         >>> recipe = ControllerRecipe("mine", "pid", PlantRecipe(), (("angle", 0.5),))
@@ -102,138 +80,210 @@ class ControllerRecipe:
     name: str
     design: str
     plant: PlantRecipe
-    at: tuple[tuple[str, float], ...]
-    specification: tuple[tuple[str, Any], ...] = ()
+    at: Pairs
+    specification: Pairs = ()
+    inertia_margin: Pairs = ()
+    plan: Pairs = ()
+    fastest: Fastest | None = None
 
-    def linear(self, at: tuple[tuple[str, float], ...] | None = None) -> LinearModel:
+    def kind(self) -> Design:
+        """Return the design of the registry."""
+        return DESIGNS.get(self.design, folder=self.plant.folder)
+
+    def linear(self, at: Pairs | None = None) -> LinearModel:
         """Return the linear model of the design, or the one at another operating point.
 
         Args:
             at: Given values by name, in SI; those of the design by default.
-
-        Returns:
-            The linear model, without friction at rest.
 
         Raises:
             WorkbenchError: If the plant cannot rest there.
         """
         return _linear(self.plant, self.at if at is None else at)
 
-    def build(self) -> Controller:
-        """Return the controller under its name in the study; designed once per process.
+    def designed(self) -> MarginedDesign[Controller]:
+        """Return the controller under its name in the study, with its margins if it was searched.
+
+        It is designed once per process.
 
         Raises:
             WorkbenchError: If the design does not meet its specification.
         """
         # A specification may hold tables, which have no hash but are written the same every time.
-        key = repr(self)
+        key = f"{self!r} {self.plant.folder}"
         if key not in _DESIGNED:
             _DESIGNED[key] = _designed(self)
         return _DESIGNED[key]
 
-    def checked_specification(self) -> Any:
+    def build(self) -> Controller:
+        """Return the controller under its name in the study."""
+        return self.designed().controller
+
+    def checked_specification(self, given: Mapping[str, Any] | None = None) -> Any:
         """Return the specification: an object of the design's class, or a mapping.
+
+        Args:
+            given: Fields of the specification; those of the recipe by default.
 
         Raises:
             WorkbenchError: If a key is unknown or a value outside its range.
         """
-        if ":" in self.design:
-            return dict(self.specification)
-        design = DESIGNS[check_choice("design", self.design, DESIGNS)]
-        module = importlib.import_module(design.module)
-        what = f"key of the {self.design} specification"
-        if not design.specification:
-            parameters = inspect.signature(getattr(module, design.function)).parameters
-            words = [n for n, p in parameters.items() if p.kind is p.KEYWORD_ONLY and n != "valve"]
-            for key, _ in self.specification:
-                check_choice(what, key, words)
-            return dict(self.specification)
-        kind = getattr(module, design.specification)
-        for key, _ in self.specification:
-            check_choice(what, key, [f.name for f in fields(kind)])
-        try:
-            return kind(**dict(self.specification))
-        except TypeError as error:
-            raise WorkbenchError(f"specification of controller {self.name!r}: {error}") from None
+        design = self.kind()
+        found = dict(self.specification if given is None else given)
+        hints = _hints(design)
+        for name, value in found.items():
+            if isinstance(value, Mapping) and is_dataclass(hints.get(name)):
+                kind = cast(Any, hints[name])
+                for key in value:
+                    check_choice(f"key of {name}", key, kind.__dataclass_fields__)
+                found[name] = kind(**value)
+        return design.specified(found)
+
+
+def _hints(design: Design) -> dict[str, Any]:
+    """Return the class of each entry of a specification, None taken away."""
+    if design.own:
+        return {}
+    found = get_type_hints(design.specification or design.function)
+    return {name: _plain(hint) for name, hint in found.items()}
+
+
+def _plain(hint: Any) -> Any:
+    union = get_origin(hint) is Union or type(hint).__name__ == "UnionType"
+    kinds = [k for k in get_args(hint) if k is not type(None)] if union else [hint]
+    return kinds[0] if len(kinds) == 1 else None
+
+
+def dry_effects(model: Model) -> tuple[str, ...]:
+    """Return the effects of a model that design models leave out: dry friction and hysteresis."""
+    return tuple(e.name for e in model.effects if e.name in DRY)
 
 
 @lru_cache(maxsize=64)
-def _linear(plant: PlantRecipe, at: tuple[tuple[str, float], ...]) -> LinearModel:
+def _linear(plant: PlantRecipe, at: Pairs) -> LinearModel:
     model = plant.build()
-    dry = [e.name for e in model.effects if e.name in DRY]
-    return linearise(operating_point(model.without(*dry), dict(at)), verdict=False)
+    return linearise(operating_point(model.without(*dry_effects(model)), dict(at)), verdict=False)
 
 
 @lru_cache(maxsize=16)
-def _schedule(plant: PlantRecipe) -> JointSchedule:
-    from workbench.linearisation.angle_map import angle_map
-
-    first, last, count = MAP_ANGLES_DEG
-    angles = np.radians(np.linspace(first, last, int(count)))
-    found = angle_map(plant.build(), angles, mean_pressures=MAP_MEAN_PRESSURES)
+def _map(plant: PlantRecipe) -> JointSchedule:
+    grid = plant.plant().design_map
+    if set(grid) != {"angle", "mean_pressure"}:
+        raise WorkbenchError(
+            f"plant {plant.kind!r} declares no map over angle and mean pressure, which a scheduled"
+            " design needs; give its Plant a design_map, or use another design"
+        )
+    found = angle_map(plant.build(), grid["angle"], mean_pressures=grid["mean_pressure"])
     return joint_schedule(found.models, found.angles, found.mean_pressures)
 
 
-_DESIGNED: dict[str, Controller] = {}
+def _heavier(recipe: ControllerRecipe) -> PlantRecipe:
+    """Return the plant with the margin of inertia, within the bounds of its parameters."""
+    model = recipe.plant.build()
+    changed = []
+    for name, more in recipe.inertia_margin:
+        quantity = model.parameter(name)
+        changed.append((name, min(max(quantity.value + more, quantity.lower), quantity.upper)))
+    return recipe.plant.varied(parameters=changed)
 
 
-def _designed(recipe: ControllerRecipe) -> Controller:
-    want = recipe.checked_specification()
-    if ":" in recipe.design:
-        found = own_function("design", recipe.design)(recipe.linear(), want)
-    else:
-        design = DESIGNS[recipe.design]
-        function = getattr(importlib.import_module(design.module), design.function)
-        if design.source == "map":
-            found = function(_schedule(recipe.plant), **want)
-        elif design.source == "model":
-            dry = [e.name for e in recipe.plant.build().effects if e.name in DRY]
-            model = recipe.plant.build().without(*dry)
-            rest = operating_point(model, dict(recipe.at)).x
-            found = function(model, want, rest=rest, compile_function=compiled)
-        else:
-            found = function(recipe.linear(), want)
-    if not isinstance(found, Controller):
-        raise WorkbenchError(
-            f"design {recipe.design!r} returned {type(found).__name__}, which is no controller"
+def _schedule(recipe: ControllerRecipe) -> JointSchedule:
+    own, heavier = _map(recipe.plant), _heavier(recipe)
+    same = np.array_equal(heavier.build().values, recipe.plant.build().values)
+    return own if same else own.with_inertia_of(_map(heavier))
+
+
+_DESIGNED: dict[str, MarginedDesign[Controller]] = {}
+
+
+def _designed(recipe: ControllerRecipe) -> MarginedDesign[Controller]:
+    given = dict(recipe.specification)
+    if recipe.fastest is None:
+        return MarginedDesign(_made(recipe, given), math.nan, math.nan, math.nan)
+    want = recipe.fastest
+    models = [
+        linearise(operating_point(plant.build(), dict(at)), input="opening", verdict=False)
+        for plant in want.plants
+        for at in want.at
+    ]
+    first, last, count = want.speeds
+    speeds = [float(v) for v in np.round(np.geomspace(first, last, int(count)), 1)]
+
+    def search(factor: float) -> MarginedDesign[Controller]:
+        own = {**given, want.reduced: factor * given[want.reduced]} if want.reduced else given
+        return largest_bandwidth(
+            lambda speed: _made(recipe, _with(own, want.key, speed)),
+            models,
+            speeds,
+            maximum_sensitivity=want.maximum_sensitivity,
+            maximum_complementary=want.maximum_complementary,
+            late_sensitivity=want.late_sensitivity,
         )
-    return _named(found, recipe.name)
+
+    for factor in want.factors[:-1]:
+        try:
+            return search(factor)
+        except WorkbenchError:
+            continue
+    return search(want.factors[-1])
 
 
-def _named(controller: Any, name: str) -> Controller:
-    """Return the controller under its name in the study, where its class has names."""
-    if is_dataclass(controller) and "name" in {f.name for f in fields(controller)}:
-        return cast(Controller, replace(cast(Any, controller), name=name))
-    return cast(Controller, controller)
+def _with(given: Mapping[str, Any], key: str, value: float) -> dict[str, Any]:
+    """Return a specification with an entry, such as ``slope`` or ``weights.speed``."""
+    name, _, inner = key.partition(".")
+    return {**given, name: {**given.get(name, {}), inner: value} if inner else value}
 
 
-def solves(design: str) -> bool:
-    """Tell whether controllers of a design may solve an optimisation at each sample.
+def _made(recipe: ControllerRecipe, given: Mapping[str, Any]) -> Controller:
+    design = recipe.kind()
+    if design.needs == "map":
+        want = recipe.checked_specification(given)
+        found = design.controller(_schedule(recipe), want, name=recipe.name)
+    elif design.needs == "model":
+        model = _heavier(recipe).build()
+        model = model.without(*dry_effects(model))
+        if recipe.plan:
+            given = {
+                **given,
+                "planner": joint_tracking(_schedule(recipe), **dict(recipe.plan)).planner,
+            }
+        found = design.controller(
+            model,
+            recipe.checked_specification(given),
+            name=recipe.name,
+            rest=operating_point(model, dict(recipe.at)).x,
+            compile_function=compiled,
+        )
+    else:
+        want = recipe.checked_specification(given)
+        found = design.controller(recipe.linear(), want, name=recipe.name)
+    return cast(Controller, found)
+
+
+def with_plan(controller: Controller, *, duration: float = 1.0, lead: float = 0.0) -> Controller:
+    """Stretch the planned moves of a scheduled controller, and lead its feedforward by more.
+
+    ``plan(t / k)`` has jerk, acceleration and speed that scale with k^-3, k^-2 and k^-1. The
+    feedback stays, so that it shows what a faster plan costs.
 
     Args:
-        design: Name of the design; one of one's own may.
+        controller: A controller with a `JointTracking`.
+        duration: Duration k of every move relative to its own, a ratio.
+        lead: What is added to the lead of the feedforward, in s.
 
-    Returns:
-        Whether metrics of a solver can be asked for.
-
-    Example:
-        >>> solves("pid"), solves("mpc")
-        (False, True)
+    Raises:
+        WorkbenchError: If the controller plans no moves.
     """
-    return ":" in design or DESIGNS[design].solves
-
-
-def slides(design: str) -> bool:
-    """Tell whether controllers of a design may have a sliding surface.
-
-    Args:
-        design: Name of the design; one of one's own may.
-
-    Returns:
-        Whether metrics of the surface can be asked for.
-
-    Example:
-        >>> slides("pid"), slides("sliding-mode")
-        (False, True)
-    """
-    return ":" in design or DESIGNS[design].slides
+    law = cast(Any, controller)
+    if not hasattr(law, "tracking"):
+        raise WorkbenchError(f"controller {controller.name!r} plans no moves, so none can change")
+    own = law.tracking.planner
+    planner = replace(
+        own,
+        jerk=own.jerk / duration**3,
+        acceleration=own.acceleration / duration**2,
+        speed=own.speed / duration,
+        shortest=max(own.shortest * duration, own.sample_time),
+    )
+    tracking = replace(law.tracking, planner=planner, lead=max(law.tracking.lead + lead, 0.0))
+    return cast(Controller, replace(law, tracking=tracking))

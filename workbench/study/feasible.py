@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import convert, same_dimension
-from workbench.study.designs import ControllerRecipe, slides, solves
-from workbench.study.figures_of_merit import AT_REST, MAY_BE_ZERO, SOLVER, STEP_ONLY, SURFACE
+from workbench.study.designs import ControllerRecipe
 from workbench.study.study import Demand
-from workbench.verification import Scenario, Steps
+from workbench.verification import Metric, Scenario
+from workbench.verification.metrics import metric_of
+from workbench.verification.signals import rests
 
 
 def check_demand(
@@ -17,6 +18,7 @@ def check_demand(
     units: Mapping[str, str],
     scenarios: Mapping[str, Scenario],
     controllers: Mapping[str, ControllerRecipe],
+    own_metrics: Sequence[Metric] = (),
 ) -> None:
     """Check that a requirement can be judged and met.
 
@@ -25,6 +27,7 @@ def check_demand(
         units: SI unit of each metric by name.
         scenarios: Scenarios by name.
         controllers: Controllers by name.
+        own_metrics: Metrics of the study's own.
 
     Raises:
         WorkbenchError: If its unit does not fit, or nothing can meet it.
@@ -45,32 +48,38 @@ def check_demand(
             f"unit of the limit on {wanted.metric} is {given!r}; {wanted.metric} is in {unit!r}"
         )
     limit = float(convert(wanted.limit, given, unit))
-    base = wanted.metric.split(".")[-1]
-    if limit == 0.0 and wanted.kind == "at_most" and base not in MAY_BE_ZERO:
+    metric = metric_of(wanted.metric, own_metrics)
+    assert metric is not None, "the schema has checked its name"
+    if limit == 0.0 and wanted.kind == "at_most" and not metric.zero:
         raise WorkbenchError(
             f"{wanted.metric} at most 0 is impossible: it is above zero in every run; give a"
             " positive limit"
         )
     chosen = [s for name, s in scenarios.items() if wanted.scenario in ("", name)]
-    judged = [s for s in chosen if can_have(base, s)]
+    judged = [s for s in chosen if can_have(wanted.metric, s, own_metrics)]
     if not judged:
         where = f"scenario {wanted.scenario!r}" if wanted.scenario else "any scenario"
-        what = "a step" if base in STEP_ONLY else "a reference that rests"
+        what = "a step" if metric.needs == "step" else "a reference that rests"
         raise WorkbenchError(
             f"a requirement on {wanted.metric} is impossible: {where} has no reference with {what};"
             " name another metric or scenario"
         )
     shortest = min(s.sample_time for s in judged)
-    if base in ("settling_time", "rise_time") and wanted.kind == "at_most" and limit < shortest:
+    if (
+        metric.unit == "s"
+        and metric.needs == "step"
+        and wanted.kind == "at_most"
+        and limit < shortest
+    ):
         raise WorkbenchError(
             f"{wanted.metric} at most {limit:g} s is impossible: a sample lasts {shortest:g} s"
         )
     own = [c for name, c in controllers.items() if name in (demand.controllers or controllers)]
-    for names, can, what in (
-        (SOLVER, solves, "solves an optimisation"),
-        (SURFACE, slides, "has a sliding surface"),
+    for need, can, what in (
+        ("solver", [c.kind().solves for c in own], "solves an optimisation"),
+        ("surface", [c.kind().slides for c in own], "has a sliding surface"),
     ):
-        if base in names and not any(can(c.design) for c in own):
+        if metric.needs == need and not any(can):
             raise WorkbenchError(
                 f"a requirement on {wanted.metric} is impossible: no controller it applies"
                 f" to {what}"
@@ -110,12 +119,13 @@ def check_demands(demands: Sequence[Demand]) -> None:
             )
 
 
-def can_have(metric: str, scenario: Scenario) -> bool:
+def can_have(metric: str, scenario: Scenario, own: Sequence[Metric] = ()) -> bool:
     """Tell whether a scenario can give a metric a value.
 
     Args:
         metric: Name of the metric, with or without its output.
         scenario: The scenario.
+        own: Metrics of the study's own.
 
     Returns:
         Whether it can: the settling time of a sine does not exist.
@@ -125,10 +135,10 @@ def can_have(metric: str, scenario: Scenario) -> bool:
         >>> can_have("settling_time", step_scenario(from_deg=15, to_deg=30))
         True
     """
-    base = metric.split(".")[-1]
+    found = metric_of(metric, own)
     signals = scenario.references.values()
-    if base in STEP_ONLY:
+    if found is not None and found.needs == "step":
         return any(s.changes for s in signals)
-    if base in AT_REST:
-        return any(isinstance(s, Steps) for s in signals)
+    if found is not None and found.needs == "rest":
+        return any(rests(s) for s in signals)
     return True

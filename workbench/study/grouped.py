@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Generic, TypeVar
 
 from workbench.study.baseline import Change
-from workbench.study.verdicts import Judgement
+from workbench.study.judgements import Judgement
 
 T = TypeVar("T")
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 import xml.etree.ElementTree as ET
 
-from workbench.study.outcome import Outcome
+from workbench.study.result import StudyResult
 
 _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def junit(outcome: Outcome) -> str:
+def junit(outcome: StudyResult) -> str:
     """Write the outcome as JUnit XML.
 
     Args:

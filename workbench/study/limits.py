@@ -9,19 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.model import Model
+from workbench.study.designs import dry_effects
+from workbench.study.execution import Progress, parallel
 from workbench.study.plants import PlantRecipe
-from workbench.study.run import Progress, own_paths, parallel
 from workbench.study.store import Store
-from workbench.study.study import NOMINAL, Study
-from workbench.study.tasks import Record, add_paths
+from workbench.study.study import Study, Variation
+from workbench.study.tasks import Record
 from workbench.verification import Scenario
 from workbench.verification.physical_limit import physical_limit
-from workbench.verification.responses import Figure
+from workbench.verification.responses import Value
 
 SPEED = "speed"
 """Name of the state that is the rate of the followed output."""
@@ -60,10 +61,11 @@ class StepDistance:
         move: The step.
         settling: Settling time of the run, in s, or NaN with a reason.
         limit: Shortest time the plant allows, in s, or NaN with a reason.
+        variation: Name of the nominal plant.
 
     Example:
         >>> step = Move(PlantRecipe(), "angle", 0.2, 0.5)
-        >>> StepDistance("pid", "up", 1, 0.5, step, Figure(0.4), Figure(0.2)).ratio.value
+        >>> StepDistance("pid", "up", 1, 0.5, step, Value(0.4), Value(0.2)).ratio.value
         2.0
     """
 
@@ -72,17 +74,18 @@ class StepDistance:
     seed: int
     begin: float
     move: Move
-    settling: Figure
-    limit: Figure
+    settling: Value
+    limit: Value
+    variation: str = "nominal"
 
     @property
-    def ratio(self) -> Figure:
+    def ratio(self) -> Value:
         """Settling over limit, dimensionless, or NaN with a reason."""
         if math.isnan(self.limit.value):
-            return Figure(math.nan, self.limit.reason)
+            return Value(math.nan, self.limit.reason)
         if math.isnan(self.settling.value):
-            return Figure(math.nan, self.settling.reason)
-        return Figure(self.settling.value / self.limit.value)
+            return Value(math.nan, self.settling.reason)
+        return Value(self.settling.value / self.limit.value)
 
 
 @dataclass(frozen=True)
@@ -94,16 +97,18 @@ class Distance:
         scenario: Name of the scenario.
         ratio: Settling over limit of the worst step, dimensionless, or NaN with a reason.
         worst: The worst step, or None if no step could be compared.
+        case: Name of the case; empty if the study has one plant.
 
     Example:
-        >>> Distance("pid", "sine", Figure(math.nan, "the reference has no step")).worst is None
+        >>> Distance("pid", "sine", Value(math.nan, "the reference has no step")).worst is None
         True
     """
 
     controller: str
     scenario: str
-    ratio: Figure
+    ratio: Value
     worst: StepDistance | None = None
+    case: str = ""
 
 
 @dataclass(frozen=True)
@@ -124,19 +129,10 @@ class Distances:
     steps: tuple[StepDistance, ...] = ()
     worst: tuple[Distance, ...] = field(default=())
 
-    def of(self, controller: str, scenario: str) -> Distance | None:
-        """Return the distance of a controller in a scenario.
-
-        Args:
-            controller: Name of the controller.
-            scenario: Name of the scenario.
-
-        Returns:
-            The entry, or None if there is none.
-        """
-        return next(
-            (d for d in self.worst if (d.controller, d.scenario) == (controller, scenario)), None
-        )
+    def of(self, controller: str, scenario: str, case: str = "") -> Distance | None:
+        """Return the distance of a controller in a scenario, or None."""
+        wanted = (controller, scenario, case)
+        return next((d for d in self.worst if (d.controller, d.scenario, d.case) == wanted), None)
 
     def table(self) -> dict[str, Any]:
         """Return the distances as plain numbers and words; times in s, references in SI."""
@@ -145,7 +141,7 @@ class Distances:
             "steps": [
                 {
                     "controller": s.controller,
-                    "variation": NOMINAL,
+                    "variation": s.variation,
                     "scenario": s.scenario,
                     "seed": s.seed,
                     "output": s.move.output,
@@ -162,6 +158,7 @@ class Distances:
             "worst": [
                 {
                     "controller": d.controller,
+                    **({"plant": d.case} if d.case else {}),
                     "scenario": d.scenario,
                     "ratio": d.ratio.value,
                     "limit_s": d.worst.limit.value if d.worst else math.nan,
@@ -215,7 +212,7 @@ def find_limits(
     jobs: int = 1,
     dask: str | None = None,
     progress: Progress | None = None,
-) -> dict[Move, Figure]:
+) -> dict[Move, Value]:
     """Find the physical limit of every step of a study on its nominal plant.
 
     Args:
@@ -240,27 +237,28 @@ def find_limits(
         >>> find_limits(study, Store(Path("nowhere"), "0"))
         {}
     """
-    if not study.physical_limit:
+    if not study.report.physical_limit:
         return {}
-    model = study.plant.build()
     wanted = dict.fromkeys(
-        Move(study.plant, output, initial, final)
+        Move(variation.plant, output, initial, final)
+        for variation in study.variations.values()
+        if variation.nominal or variation.kind in study.report.limit_variations
         for scenario in study.scenarios.values()
-        if not no_limit(scenario, model)
+        if not no_limit(scenario, variation.plant.build())
         for output, signal in scenario.references.items()
         for _, initial, final in signal.changes
+        if _is_compared(study, initial, final)
     )
-    found: dict[Move, Figure] = {}
+    found: dict[Move, Value] = {}
     for move in wanted:
         stored = store.get(store.key(move))
         if stored is not None and "limit_s" in stored:
             seconds = stored["limit_s"]
             value = math.nan if seconds is None else float(seconds)
-            found[move] = Figure(value, str(stored.get("reason", "")))
+            found[move] = Value(value, str(stored.get("reason", "")))
     if progress and found:
         progress(len(found), len(wanted), "found before")
-    paths = own_paths(study)
-    calls = [(_found, (move, paths)) for move in wanted if move not in found]
+    calls = [(_found, (move,)) for move in wanted if move not in found]
     for move, limit in parallel(calls, jobs=jobs, dask=dask):
         found[move] = limit
         seconds = None if math.isnan(limit.value) else limit.value
@@ -270,16 +268,23 @@ def find_limits(
     return found
 
 
-def _found(move: Move, paths: tuple[str, ...]) -> tuple[Move, Figure]:
-    return move, limit_of(move, paths)
+def _is_compared(study: Study, initial: float, final: float) -> bool:
+    chosen = study.report.limit_steps
+    return not chosen or any(
+        math.isclose(a, initial, abs_tol=1e-9) and math.isclose(b, final, abs_tol=1e-9)
+        for a, b in chosen
+    )
 
 
-def limit_of(move: Move, paths: tuple[str, ...] = ()) -> Figure:
+def _found(move: Move) -> tuple[Move, Value]:
+    return move, limit_of(move)
+
+
+def limit_of(move: Move) -> Value:
     """Find the physical limit of one move; whatever goes wrong becomes the reason.
 
     Args:
         move: The move.
-        paths: Folders of plants of one's own.
 
     Returns:
         Time until the plant is within the band for good, in s, or NaN with a reason.
@@ -288,10 +293,12 @@ def limit_of(move: Move, paths: tuple[str, ...] = ()) -> Figure:
         >>> limit_of(Move(PlantRecipe(), "angle", 0.2, 0.2)).reason
         'the move from 0.2 to 0.2 goes nowhere'
     """
-    add_paths(paths)
+    model = move.plant.build()
+    # The limit of the plant itself: effects of memory are no smooth equations.
+    model = model.without(*(e for e in dry_effects(model) if e in move.plant.effects))
     try:
         found = physical_limit(
-            move.plant.build(),
+            model,
             move.initial,
             move.final,
             until="band",
@@ -300,13 +307,13 @@ def limit_of(move: Move, paths: tuple[str, ...] = ()) -> Figure:
         )
     except WorkbenchError as error:
         # Behind the semicolon stands what a caller of the function may change, not a reader.
-        return Figure(math.nan, str(error).split(";")[0])
+        return Value(math.nan, str(error).split(";")[0])
     except Exception as error:  # noqa: BLE001 -- As of a run: a reason, never the end of a study.
-        return Figure(math.nan, f"{type(error).__name__}: {' '.join(str(error).split())}")
-    return Figure(found.seconds)
+        return Value(math.nan, f"{type(error).__name__}: {' '.join(str(error).split())}")
+    return Value(found.seconds)
 
 
-def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Figure]) -> Distances:
+def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Value]) -> Distances:
     """Compare every step on the nominal plant with its limit.
 
     Args:
@@ -321,35 +328,50 @@ def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Fig
         >>> distances.__name__
         'distances'
     """
-    model = study.plant.build()
     steps: list[StepDistance] = []
     worst: list[Distance] = []
-    for controller in study.controllers:
-        for name, scenario in study.scenarios.items():
-            reason = no_limit(scenario, model) if study.physical_limit else "not asked for"
-            if reason:
-                worst.append(Distance(controller, name, Figure(math.nan, reason)))
-                continue
-            own = [
-                r
-                for r in records
-                if (r.controller, r.variation, r.scenario) == (controller, NOMINAL, name)
-            ]
-            compared = [s for r in own for s in _compared(study, r, limits)]
-            steps += compared
-            failed = next((r.reason for r in own if r.failed), "")
-            worst.append(_worst(controller, name, compared, failed))
-    return Distances(study.physical_limit, tuple(steps), tuple(worst))
+    for case in study.cases.values():
+        nominal = study.nominal(case.name)
+        for controller in case.controllers:
+            for name, scenario in study.scenarios.items():
+                asked = study.report.physical_limit
+                reason = no_limit(scenario, case.plant.build()) if asked else "not asked for"
+                if reason:
+                    none = Value(math.nan, reason)
+                    worst.append(Distance(controller, name, none, case=case.name))
+                    continue
+                own = [
+                    r
+                    for r in records
+                    if (r.controller, r.variation, r.scenario) == (controller, nominal.name, name)
+                ]
+                compared = [s for r in own for s in _compared(study, nominal, r, limits)]
+                steps += compared
+                failed = next((r.reason for r in own if r.failed), "")
+                found = _worst(controller, name, compared, failed)
+                worst.append(replace(found, case=case.name))
+    return Distances(study.report.physical_limit, tuple(steps), tuple(worst))
 
 
-def _compared(study: Study, record: Record, limits: Mapping[Move, Figure]) -> list[StepDistance]:
+def _compared(
+    study: Study, nominal: Variation, record: Record, limits: Mapping[Move, Value]
+) -> list[StepDistance]:
     found = []
     for s in record.steps:
-        move = Move(study.plant, s.output, s.initial, s.final)
-        limit = limits.get(move, Figure(math.nan, "not computed"))
+        if not _is_compared(study, s.initial, s.final):
+            continue
+        move = Move(nominal.plant, s.output, s.initial, s.final)
+        limit = limits.get(move, Value(math.nan, "not computed"))
         found.append(
             StepDistance(
-                record.controller, record.scenario, record.seed, s.begin, move, s.settling, limit
+                record.controller,
+                record.scenario,
+                record.seed,
+                s.begin,
+                move,
+                s.settling,
+                limit,
+                nominal.name,
             )
         )
     return found
@@ -359,12 +381,12 @@ def _worst(
     controller: str, scenario: str, compared: Sequence[StepDistance], failed: str
 ) -> Distance:
     if failed:
-        return Distance(controller, scenario, Figure(math.nan, f"the run failed: {failed}"))
+        return Distance(controller, scenario, Value(math.nan, f"the run failed: {failed}"))
     # A step without a limit says nothing about the controller, one that never settled does.
     known = [s for s in compared if not math.isnan(s.limit.value)]
     if not known:
         reason = compared[0].ratio.reason if compared else "the run ends before the first step"
-        return Distance(controller, scenario, Figure(math.nan, reason))
+        return Distance(controller, scenario, Value(math.nan, reason))
     missing = [s for s in known if math.isnan(s.settling.value)]
     most = missing[0] if missing else max(known, key=lambda s: s.ratio.value)
     return Distance(controller, scenario, most.ratio, most)

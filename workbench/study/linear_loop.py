@@ -310,7 +310,7 @@ def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
     """
     found: list[LoopAnalysis] = []
     for recipe in study.controllers.values():
-        for point in study.angles:
+        for point in study.points:
             try:
                 found += analyse_loop(recipe.build(), recipe.linear(point), point)
             # Own controllers may have any state; what cannot be linearised is told, not fatal.

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
 from workbench.linearisation.angle_map import angle_map
-from workbench.study.designs import DRY, MAP_ANGLES_DEG
+from workbench.study.designs import dry_effects
 from workbench.study.study import Study
 
 Vector = npt.NDArray[np.float64]
@@ -61,11 +61,12 @@ def plant_map(study: Study) -> PlantMap | None:
     model = study.plant.build()
     if "angle" not in [q.name for q in model.outputs] or [q.unit for q in model.inputs] != ["V"]:
         return None
-    first, last, _ = MAP_ANGLES_DEG
-    angles = np.radians(np.linspace(first, last, COUNT))
-    dry = [e.name for e in model.effects if e.name in DRY]
+    grid = study.plant.plant().design_map.get("angle")
+    if not grid:
+        return None
+    angles = np.linspace(grid[0], grid[-1], COUNT)
     try:
-        found = angle_map(model.without(*dry), angles, input="plant")
+        found = angle_map(model.without(*dry_effects(model)), angles, input="plant")
     except WorkbenchError:
         return None
     gain = np.full(len(angles), np.nan)

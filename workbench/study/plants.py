@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import copy
-import importlib
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
-from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.errors import check_range
 from workbench.model import Model
-
-ARM_OPTIONS: dict[str, str] = {
-    "load": "kg",
-    "supply": "Pa",
-    "plane": "",
-    "force_law": "",
-    "valve_curve": "",
-    "silencers": "",
-    "line_volumes": "",
-}
-"""What a study may say about the arm, with the SI unit of each number."""
+from workbench.plants.plant import Plant
+from workbench.plants.registry import PLANTS
 
 
 @dataclass(frozen=True)
@@ -29,12 +20,16 @@ class PlantRecipe:
     """How to build a plant.
 
     Args:
-        kind: ``"arm"``, or ``module:function`` that returns a model.
-        options: Options of the arm by name, numbers in SI.
-        effects: Effects of the library that are attached, at zero size until a parameter says more.
+        kind: Name of a plant, or ``module:object`` of one's own.
+        options: Options of the plant by name, numbers in the option's unit.
+        effects: Effects that are attached; those of the library at zero size until a parameter says
+            more.
         without: Effects that are left out.
         parameters: Changed parameters by name, in SI.
         noise: Factor on the noise of every sensor, dimensionless.
+        scaled: Parameters multiplied by a factor (dimensionless), whatever their bounds: evidence
+            of what a part would do that does not exist.
+        folder: Where a plant of one's own is found.
 
     Example:
         >>> PlantRecipe("arm", (("load", 3.0),)).build().parameter("load").value
@@ -47,6 +42,12 @@ class PlantRecipe:
     without: tuple[str, ...] = ()
     parameters: tuple[tuple[str, float], ...] = ()
     noise: float = 1.0
+    scaled: tuple[tuple[str, float], ...] = ()
+    folder: Path | None = field(default=None, repr=False)
+
+    def plant(self) -> Plant:
+        """Return the plant of the registry that is built."""
+        return PLANTS.get(self.kind, folder=self.folder)
 
     def build(self) -> Model:
         """Return the plant; the equations are written down once per process.
@@ -54,8 +55,13 @@ class PlantRecipe:
         Raises:
             WorkbenchError: If a name is unknown or a value outside its range.
         """
-        model = _structure(self.kind, self.options, self.effects, self.without)
+        model = _structure(self.kind, self.options, self.effects, self.without, self.folder)
         model = model.with_parameters(dict(self.parameters))
+        for name, factor in self.scaled:
+            value = factor * model.parameter(name).value
+            moved = replace(model.parameter(name), value=value, lower=value, upper=value)
+            rows = tuple(moved if q.name == name else q for q in model.parameters)
+            model = replace(model, parameters=rows)
         if self.noise == 1.0:
             return model
         noisy = copy.copy(model)
@@ -66,118 +72,42 @@ class PlantRecipe:
     def varied(
         self,
         *,
+        options: Iterable[tuple[str, Any]] = (),
         parameters: Iterable[tuple[str, float]] = (),
         effects: Iterable[str] = (),
         without: Iterable[str] = (),
         noise: float = 1.0,
+        scaled: Iterable[tuple[str, float]] = (),
     ) -> PlantRecipe:
-        """Return the recipe with more changes; a parameter named again takes the new value.
-
-        Args:
-            parameters: Changed parameters by name, in SI.
-            effects: Further effects of the library.
-            without: Further effects that are left out.
-            noise: Factor on the noise of every sensor, dimensionless.
-
-        Returns:
-            Another recipe.
-        """
+        """Return the recipe with more changes; what is named again takes the new value."""
+        without = tuple(without)
+        # What an effect brought goes with it.
+        gone = tuple(f"{name}." for name in without)
+        kept = {k: v for k, v in self.parameters if not (gone and k.startswith(gone))}
+        attached = tuple(e for e in (*self.effects, *effects) if e not in without)
         return replace(
             self,
-            effects=(*self.effects, *effects),
-            without=(*self.without, *without),
-            parameters=tuple({**dict(self.parameters), **dict(parameters)}.items()),
+            options=tuple({**dict(self.options), **dict(options)}.items()),
+            effects=attached,
+            without=(*self.without, *(w for w in without if w not in self.effects)),
+            parameters=tuple({**kept, **dict(parameters)}.items()),
             noise=self.noise * noise,
+            scaled=(*self.scaled, *scaled),
         )
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def _structure(
     kind: str,
     options: tuple[tuple[str, Any], ...],
     effects: tuple[str, ...],
     without: tuple[str, ...],
+    folder: Path | None,
 ) -> Model:
-    model = _arm(dict(options)) if kind == "arm" else _own(kind, dict(options))
-    if effects:
-        # The library is large; a study without effects does not wait for it.
-        from workbench.physics.library import library
-
-        entries = {entry.name: entry.effect for entry in library(model)}
-        for name in effects:
-            check_choice("effect", name, entries)
-        model = model.with_effect(*(entries[name] for name in effects))
-    return model.without(*without)
-
-
-def _arm(options: dict[str, Any]) -> Model:
-    from workbench.plants.arm import arm
-
-    for name in options:
-        check_choice("key of the plant", name, ARM_OPTIONS)
-    supply = options.pop("supply", 6e5)
-    return arm(options.pop("load", 3.0), supply_bar=supply / 1e5, **options)
-
-
-def _own(kind: str, options: dict[str, Any]) -> Model:
-    if options:
-        raise WorkbenchError(
-            f"key of the plant is {next(iter(options))!r}; a plant of one's own takes parameters,"
-            " effects and without only"
-        )
-    model = own_function("plant", kind)()
-    if not isinstance(model, Model):
-        raise WorkbenchError(f"plant {kind!r} returned {type(model).__name__}, not a model")
-    return model
-
-
-def own_function(what: str, place: str) -> Callable[..., Any]:
-    """Return a function that a study names as ``module:function``.
-
-    Args:
-        what: What the function stands for, as the user knows it.
-        place: Module and function.
-
-    Returns:
-        The function.
-
-    Raises:
-        WorkbenchError: If there is no such module or function.
-
-    Example:
-        >>> own_function("plant", "workbench.plants.servo_axis:servo_axis").__name__
-        'servo_axis'
-    """
-    module, sign, name = place.partition(":")
-    if not sign:
-        raise WorkbenchError(
-            f"{what} is {place!r}; write a function of your own as module:function"
-        )
-    try:
-        found = getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise WorkbenchError(
-            f"{what} {place!r} cannot be imported: {error}; put the module beside the study file"
-        ) from None
-    if not callable(found):
-        raise WorkbenchError(f"{what} {place!r} is not a function")
-    return found  # type: ignore[no-any-return]
+    plant = PLANTS.get(kind, folder=folder)
+    return plant.model(dict(options), effects=effects, without=without, folder=folder)
 
 
 def checked_noise(value: float) -> float:
-    """Return a factor on the sensors' noise if it is one.
-
-    Args:
-        value: Factor, dimensionless.
-
-    Returns:
-        The same number, dimensionless.
-
-    Raises:
-        WorkbenchError: If it is outside 0 to 100.
-
-    Example:
-        >>> checked_noise(2.0)
-        2.0
-    """
+    """Return a factor on the sensors' noise (dimensionless) if it is within 0 to 100."""
     return check_range("noise factor", value, 0.0, 100.0)

@@ -20,11 +20,11 @@ import numpy.typing as npt
 
 from workbench.study.designs import ControllerRecipe
 from workbench.study.draws import interval, scaled, straight_line, unit_draws
-from workbench.study.run import Progress, own_paths, parallel, run_tasks
+from workbench.study.execution import Progress, parallel, run_tasks
+from workbench.study.judgements import LARGEST, Judgement, judge_records, worst_score
 from workbench.study.store import Store
-from workbench.study.study import NOMINAL, Study
-from workbench.study.tasks import Record, Task, add_paths, execute, record_from_table
-from workbench.study.verdicts import LARGEST, Judgement, judge_records, worst_score
+from workbench.study.study import Study, Variation
+from workbench.study.tasks import Record, Task, execute, record_from_table
 
 Vector = npt.NDArray[np.float64]
 
@@ -158,8 +158,7 @@ def robustness(
     points = scaled(box, unit)
     chosen = [study.controllers[name] for name in box.controllers or study.controllers]
     wanted = [task for c in chosen for i, p in enumerate(points) for task in _tasks(study, c, p, i)]
-    paths = own_paths(study)
-    records = run_tasks(wanted, store, paths=paths, jobs=jobs, dask=dask, progress=progress)
+    records = run_tasks(wanted, store, jobs=jobs, dask=dask, progress=progress)
     each = box.draws * len(box.scenarios)
     groups = {
         c.name: [
@@ -178,7 +177,13 @@ def _tasks(study: Study, controller: ControllerRecipe, point: Vector, i: int) ->
     plant = study.plant.varied(parameters=values)
     label = f"draw {i + 1}" if i < study.box.draws else f"search {i + 1 - study.box.draws}"
     return [
-        Task(controller, label, plant, name, study.scenarios[name], study.seeds[0])
+        Task(
+            controller,
+            Variation(label, plant, kind=label),
+            replace(study.scenarios[name], name=name),
+            study.seeds[0],
+            study.own_metrics,
+        )
         for name in study.box.scenarios
     ]
 
@@ -190,7 +195,7 @@ def _score(study: Study, records: Sequence[Record]) -> float:
 def _judgements(study: Study, records: Sequence[Record]) -> tuple[Judgement, ...]:
     """Judge drawn plants by the requirements on the nominal one."""
     labels = {r.variation for r in records}
-    judged = judge_records(study, [replace(r, variation=NOMINAL) for r in records])
+    judged = judge_records(study, [replace(r, variation=study.nominal().name) for r in records])
     return tuple(replace(j, variation=next(iter(labels))) for j in judged)
 
 
@@ -217,14 +222,11 @@ class Search:
     start_score: float
 
 
-def search(
-    wanted: Search, paths: tuple[str, ...] = ()
-) -> list[tuple[tuple[float, ...], list[Any]]]:
+def search(wanted: Search) -> list[tuple[tuple[float, ...], list[Any]]]:
     """Move from a bad point of the box to a worse one.
 
     Args:
         wanted: Where to begin.
-        paths: Folders of plants and designs of one's own.
 
     Returns:
         Points of the unit cube that were tried, with the tables of their records.
@@ -233,7 +235,6 @@ def search(
         >>> search.__name__
         'search'
     """
-    add_paths(paths)
     study, box = wanted.study, wanted.study.box
     assert box is not None
     controller = wanted.tasks[0].controller
@@ -301,7 +302,7 @@ def _searches(
             open_searches.append((c.name, key, wanted))
         else:
             tables[c.name] = stored["tried"]
-    calls = [(_named_search, (name, key, w, own_paths(study))) for name, key, w in open_searches]
+    calls = [(_named_search, (name, key, w)) for name, key, w in open_searches]
     done = len(tables)
     for name, key, tried in parallel(calls, jobs=jobs, dask=dask):
         tables[name] = tried
@@ -316,9 +317,9 @@ def _searches(
 
 
 def _named_search(
-    name: str, key: str, wanted: Search, paths: tuple[str, ...]
+    name: str, key: str, wanted: Search
 ) -> tuple[str, str, list[tuple[tuple[float, ...], list[Any]]]]:
-    return name, key, search(wanted, paths)
+    return name, key, search(wanted)
 
 
 def _result(

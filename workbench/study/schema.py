@@ -1,27 +1,36 @@
-"""Reads a study file; a mistake is one sentence with the file and the line where it stands."""
+"""Reads a study file; a mistake is one sentence with the file and the line where it stands.
+
+`read_study` parses the file and computes nothing. `resolve` finds plants, designs, effects and
+metrics, a user's own beside the file, and checks everything that can be known without a run.
+"""
 
 from __future__ import annotations
 
-import sys
 import tomllib
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Model
-from workbench.model.units import same_dimension
-from workbench.study.designs import DESIGNS, ControllerRecipe
+from workbench.model.units import quantity, same_dimension
+from workbench.plants.registry import PLANTS
+from workbench.study.designs import ControllerRecipe, Fastest, Pairs
 from workbench.study.feasible import check_demand, check_demands
-from workbench.study.figures_of_merit import Rule, metric_units, rule
-from workbench.study.located import Located
-from workbench.study.plants import ARM_OPTIONS, PlantRecipe, checked_noise, own_function
-from workbench.study.quantities import si_value
-from workbench.study.study import NOMINAL, Box, Demand, Study
-from workbench.study.tolerance_keys import TOLERANCE_KEYS
-from workbench.study.toml_lines import toml_lines
-from workbench.verification import Requirement, Scenario, requirement_from_table
+from workbench.study.plants import PlantRecipe, checked_noise
+from workbench.study.study import NOMINAL, Box, Case, Demand, Limitations, Report, Study, Variation
+from workbench.study.toml_tables import TomlTables, toml_lines
+from workbench.verification import (
+    METRICS,
+    Disturbance,
+    Metric,
+    Requirement,
+    Scenario,
+    Tolerance,
+    requirement_from_table,
+)
+from workbench.verification.metrics import metric_units, tolerance_of
 from workbench.verification.scenario import scenario_from_table
 
 SCHEMA = 1
@@ -32,10 +41,12 @@ _KEYS = (
     "name",
     "description",
     "plant",
+    "plants",
     "variations",
     "controllers",
     "scenarios",
     "requirements",
+    "metrics",
     "seeds",
     "linear",
     "robustness",
@@ -43,27 +54,53 @@ _KEYS = (
     "report",
 )
 _VARIED = ("parameters", "effects", "without", "noise")
+_VARIATION = (
+    *_VARIED,
+    "scaled",
+    "scenarios",
+    "controllers",
+    "disturbances",
+    "ideal",
+    "late_samples",
+    "plan_duration",
+    "lead",
+    "judged",
+)
+_CONTROLLER = (
+    "design",
+    "at",
+    "specification",
+    "inertia_margin",
+    "plan",
+    "fastest",
+    "seeds",
+    "plants",
+    *_VARIED,
+)
+_MERGED = ("specification", "inertia_margin", "plan", "fastest", "parameters")
+_FASTEST = (*Fastest._fields[:3], "variations", *Fastest._fields[4:])
 
 
-def load_study(path: str | Path) -> Study:
-    """Read and check a study file.
-
-    Everything that can be known without a run is checked: keys, units, names of parameters,
-    effects, designs, scenarios and metrics, ranges, and requirements that nothing can meet.
+@dataclass(frozen=True)
+class StudyFile:
+    """A study as it was written.
 
     Args:
-        path: TOML file.
+        path: The file.
+        table: What it holds.
+        lines: Line by path of each entry.
+    """
 
-    Returns:
-        The study.
+    path: Path
+    table: dict[str, Any]
+    lines: Mapping[tuple[str | int, ...], int]
+
+
+def read_study(path: str | Path) -> StudyFile:
+    """Parse a study file, without looking at plants, designs or modules.
 
     Raises:
-        WorkbenchError: With file and line of the first mistake.
-
-    Example:
-        >>> from workbench.study.shipped import shipped_study
-        >>> list(load_study(shipped_study("arm")).controllers)
-        ['cascade PID', 'sliding mode', 'linear MPC']
+        WorkbenchError: If it cannot be read, is no TOML, has an unknown or lacks a needed part.
     """
     place = Path(path)
     try:
@@ -75,96 +112,169 @@ def load_study(path: str | Path) -> Study:
         raise WorkbenchError(f"study {str(place)!r} is not UTF-8 text") from None
     try:
         table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise WorkbenchError(f"{place}: {str(error)[:1].lower()}{str(error)[1:]}") from None
-    folder = str(place.resolve().parent)
-    if ":" in "".join(_places(table)) and folder not in sys.path:
-        # Plants and designs of one's own stand beside the study.
-        sys.path.append(folder)
-    return _Reader(place, table, toml_lines(text)).study()
+    file = TomlTables(place, table, toml_lines(text))
+    file.keys(table, _KEYS, "the study")
+    with file.at("schema"):
+        if table.get("schema", SCHEMA) != SCHEMA:
+            raise WorkbenchError(
+                f"schema is {table['schema']!r}; this version reads schema {SCHEMA}"
+            )
+    for key in ("controllers", "scenarios", "requirements"):
+        if not table.get(key):
+            raise WorkbenchError(f"{place}, line 1: the study has no {key}; add at least one")
+    return StudyFile(place, table, file.lines)
 
 
-def _places(table: dict[str, Any]) -> list[str]:
-    """Return what a study says about where plants and designs are found."""
-    controllers = table.get("controllers", {})
-    rows = [
-        table.get("plant", {}),
-        *(controllers.values() if isinstance(controllers, dict) else ()),
-    ]
-    return [str(r.get("kind", r.get("design", ""))) for r in rows if isinstance(r, dict)]
+def resolve(file: StudyFile) -> Study:
+    """Find and check everything that a study names.
+
+    Keys, units, names of parameters, effects, designs, scenarios and metrics, ranges, and
+    requirements that nothing can meet.
+
+    Raises:
+        WorkbenchError: With file and line of the first mistake.
+    """
+    return _Resolver(file.path, file.table, file.lines).study()
 
 
-class _Reader(Located):
+def load_study(path: str | Path) -> Study:
+    """Read and resolve a study file.
+
+    Raises:
+        WorkbenchError: With file and line of the first mistake.
+
+    Example:
+        >>> from workbench.study.shipped import shipped_study
+        >>> list(load_study(shipped_study("arm")).controllers)
+        ['cascade PID', 'sliding mode', 'linear MPC']
+    """
+    return resolve(read_study(path))
+
+
+class _Resolver(TomlTables):
+    @property
+    def folder(self) -> Path:
+        return self.path.resolve().parent
+
     def study(self) -> Study:
-        top = self.keys(self.table, _KEYS, "the study")
-        with self.at("schema"):
-            if top.get("schema", SCHEMA) != SCHEMA:
-                raise WorkbenchError(
-                    f"schema is {top['schema']!r}; this version reads schema {SCHEMA}"
-                )
-        for key in ("controllers", "scenarios", "requirements"):
-            if not top.get(key):
-                raise WorkbenchError(
-                    f"{self.path}, line 1: the study has no {key}; add at least one"
-                )
-        plant, model = self.plant(top.get("plant", {}))
-        variations = {NOMINAL: plant}
-        for name, table in self.tables("variations"):
-            with self.at("variations", name):
-                if name == NOMINAL:
-                    raise WorkbenchError(
-                        f"variation {NOMINAL!r} is the plant itself; give another name"
-                    )
-            variations[name] = self.varied(plant, table, f"variation {name!r}", "variations", name)
+        top = self.table
+        base, model = self.plant(top.get("plant", {}))
+        plants = self.plants(base)
         scenarios = {name: self.scenario(name, t, model) for name, t in self.tables("scenarios")}
-        controllers = {
-            name: self.controller(name, table, plant, model)
-            for name, table in self.tables("controllers")
+        variations: dict[str, Variation] = {}
+        for case, plant in plants.items():
+            nominal = Variation(case or NOMINAL, plant, case)
+            variations[nominal.name] = nominal
+            for name in dict.fromkeys([n for n, _ in self.tables("variations")]):
+                found = self.variation(name, case, plant, model, scenarios)
+                variations[found.name] = found
+        few: dict[str, int] = {}
+        cases = {
+            case: Case(case, plant, self.controllers(case, plant, model, variations, few))
+            for case, plant in plants.items()
         }
-        follows = tuple(dict.fromkeys(n for s in scenarios.values() for n in s.references))
-        units = metric_units(model, follows)
-        demands = self.demands(units, scenarios, controllers, variations)
+        controllers: dict[str, ControllerRecipe] = {}
+        for name, _ in self.tables("controllers"):
+            owns = [c.controllers[name] for c in cases.values() if name in c.controllers]
+            if owns:
+                controllers[name] = owns[0]
+        for name, table in self.tables("scenarios"):
+            self.few(few, name, table, "scenarios", name)
+        for variation in variations.values():
+            with self.at("variations", variation.kind, "controllers"):
+                _names("controllers", list(variation.controllers), controllers)
+        controlled = tuple(dict.fromkeys(n for s in scenarios.values() for n in s.references))
+        own = self.metrics(top.get("metrics", []))
+        units = metric_units(model, controlled, own)
         return Study(
-            name=str(top.get("name", self.path.stem)),
+            name=self.text("name", self.path.stem),
             path=self.path,
-            plant=plant,
+            cases=cases,
             variations=variations,
             controllers=controllers,
             scenarios=scenarios,
-            demands=demands,
+            demands=self.demands(units, scenarios, controllers, variations, cases, own),
             seeds=self.seeds(top.get("seeds", [1])),
-            angles=self.angles(top.get("linear", {}), model, controllers),
-            box=self.box(top.get("robustness"), model, scenarios, controllers),
-            tolerances=self.tolerances(units),
-            description=str(top.get("description", "")),
-            physical_limit=self.physical_limit(top.get("report", {})),
+            few_seeds=few,
+            points=self.points(top.get("linear", {}), plants, controllers),
+            box=self.box(top.get("robustness"), model, plants, scenarios, controllers),
+            tolerances=self.tolerances(units, own),
+            description=self.text("description", ""),
+            report=self.report(top.get("report", {}), scenarios, controllers, variations),
+            own_metrics=tuple(n for n in top.get("metrics", []) if ":" in n),
         )
 
+    def text(self, key: str, default: str) -> str:
+        with self.at(key):
+            found = self.table.get(key, default)
+            if not isinstance(found, str):
+                raise WorkbenchError(f"{key} is {found!r}; give text")
+            return found
+
+    def flag(self, table: Mapping[str, Any], key: str, default: bool, *path: str | int) -> bool:
+        with self.at(*path, key):
+            found = table.get(key, default)
+            if not isinstance(found, bool):
+                raise WorkbenchError(f"{key} is {found!r}; give true or false")
+            return found
+
     def plant(self, given: Any) -> tuple[PlantRecipe, Model]:
-        known = ("kind", *ARM_OPTIONS, *_VARIED)
-        table = self.keys(given, known, "the plant", "plant")
-        options = []
-        for key, unit in ARM_OPTIONS.items():
-            if key in table:
-                with self.at("plant", key):
-                    value = si_value(key, table[key], unit) if unit else table[key]
-                    options.append((key, value))
-                    # One option alone says which of them is wrong, and on which line.
-                    PlantRecipe("arm", ((key, value),)).build()
-        base = PlantRecipe(str(table.get("kind", "arm")), tuple(options))
+        kind = str(given.get("kind", "arm")) if isinstance(given, dict) else "arm"
+        with self.at("plant", "kind"):
+            options = [o.name for o in PLANTS.get(kind, folder=self.folder).options]
+        table = self.keys(given, ("kind", *options, *_VARIED), "the plant", "plant")
+        base = self.chosen(PlantRecipe(kind, folder=self.folder), table, "plant")
         with self.at("plant", "kind"):
             base.build()
         changes = {key: table[key] for key in _VARIED if key in table}
         recipe = self.varied(base, changes, "the plant", "plant")
         return recipe, recipe.build()
 
+    def chosen(
+        self, recipe: PlantRecipe, table: Mapping[str, Any], *path: str | int
+    ) -> PlantRecipe:
+        """Return the plant with the options of a table."""
+        plant = recipe.plant()
+        for option in plant.options:
+            if option.name in table:
+                with self.at(*path, option.name):
+                    parsed = plant.parse({option.name: table[option.name]}, in_si=True)
+                    recipe = recipe.varied(options=parsed.items())
+                    # One option alone says which of them is wrong, and on which line.
+                    replace(recipe, options=tuple(parsed.items()), effects=(), without=()).plant()
+        return recipe
+
+    def plants(self, base: PlantRecipe) -> dict[str, PlantRecipe]:
+        """Return the plants that designs know, by the name of the case."""
+        found = {}
+        options = [o.name for o in base.plant().options]
+        known = (*options, *_VARIED, "controllers", "variations")
+        for name, given in self.tables("plants"):
+            path = ("plants", name)
+            table = self.keys(given, known, f"plant {name!r}", *path)
+            own = self.chosen(base, table, *path)
+            changes = {key: table[key] for key in _VARIED if key in table}
+            found[name] = self.varied(own, changes, f"plant {name!r}", *path)
+            with self.at(*path):
+                found[name].build()
+            for part in ("controllers", "variations"):
+                known_names = [n for n, _ in self.tables(part)]
+                self.keys(table.get(part, {}), known_names, f"{part} of {name}", *path, part)
+        return found or {"": base}
+
     def varied(self, plant: PlantRecipe, given: Any, what: str, *path: str | int) -> PlantRecipe:
         table = self.keys(given, _VARIED, what, *path)
-        for key in ("effects", "without"):
+        for key in ("without", "effects"):
             with self.at(*path, key):
                 names = table.get(key, [])
                 if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
                     raise WorkbenchError(f"{key} is {names!r}; give a list of names")
+                if key == "without":
+                    known = [e.name for e in plant.build().effects]
+                    for name in names:
+                        check_choice("effect of the plant", name, known)
                 plant = (
                     plant.varied(effects=names) if key == "effects" else plant.varied(without=names)
                 )
@@ -179,82 +289,255 @@ class _Reader(Located):
         )
         for name, value in parameters.items():
             with self.at(*path, "parameters", name):
-                number = si_value(name, value, model.parameter(name).unit)
+                number = quantity(name, value, model.parameter(name).unit)
                 plant = plant.varied(parameters=[(name, number)])
                 plant.build()
         if "noise" in table:
             with self.at(*path, "noise"):
-                plant = plant.varied(noise=checked_noise(si_value("noise", table["noise"], "1")))
+                plant = plant.varied(noise=checked_noise(quantity("noise", table["noise"], "1")))
         return plant
 
+    def variation(
+        self,
+        name: str,
+        case: str,
+        plant: PlantRecipe,
+        model: Model,
+        scenarios: Mapping[str, Scenario],
+    ) -> Variation:
+        path: tuple[str | int, ...] = ("variations", name)
+        with self.at(*path):
+            if name == NOMINAL:
+                raise WorkbenchError(
+                    f"variation {NOMINAL!r} is the plant itself; give another name"
+                )
+        table = self.keys(self.table["variations"][name], _VARIATION, f"variation {name!r}", *path)
+        own = self.table.get("plants", {}).get(case, {}).get("variations", {}).get(name, {})
+        if own:
+            path = ("plants", case, "variations", name)
+            table = {**table, **self.keys(own, _VARIATION, f"variation {name!r}", *path)}
+        changes = {key: table[key] for key in _VARIED if key in table}
+        varied = self.varied(plant, changes, f"variation {name!r}", *path)
+        units = {p.name: p.unit for p in model.ports}
+        varied_model = varied.build()
+        names = [q.name for q in varied_model.parameters]
+        scaled = self.keys(table.get("scaled", {}), names, "scaled", *path, "scaled")
+        for key, factor in scaled.items():
+            with self.at(*path, "scaled", key):
+                number = check_range(f"factor on {key}", quantity(key, factor, "1"), 1e-6, 1e6)
+                varied = varied.varied(scaled=[(key, number)])
+        numbers: dict[str, Any] = {}
+        for key, unit, low, high in (
+            ("late_samples", "1", 0, 1000),
+            ("plan_duration", "1", 0.01, 100),
+            ("lead", "s", -1, 1),
+        ):
+            if key in table:
+                with self.at(*path, key):
+                    value = check_range(key, quantity(key, table[key], unit), low, high)
+                    numbers[key] = int(value) if key == "late_samples" else value
+        chosen: dict[str, Any] = {}
+        for key, known in (("scenarios", scenarios), ("controllers", self.table["controllers"])):
+            with self.at(*path, key):
+                chosen[key] = _names(key, table.get(key, []), known)
+        rows = []
+        for i, row in enumerate(table.get("disturbances", ())):
+            entry = self.event(row, "port", "level", units, *path, "disturbances", i)
+            with self.at(*path, "disturbances", i):
+                rows.append(Disturbance(**entry))
+        return Variation(
+            f"{case}, {name}" if case else name,
+            varied,
+            case,
+            name,
+            disturbances=tuple(rows),
+            ideal=self.flag(table, "ideal", False, *path),
+            judged=self.flag(table, "judged", True, *path),
+            **chosen,
+            **numbers,
+        )
+
+    def controllers(
+        self,
+        case: str,
+        plant: PlantRecipe,
+        model: Model,
+        variations: Mapping[str, Variation],
+        few: dict[str, int],
+    ) -> dict[str, ControllerRecipe]:
+        found = {}
+        cases = list(self.table.get("plants", {})) or [""]
+        for name, given in self.tables("controllers"):
+            path: tuple[str | int, ...] = ("controllers", name)
+            table = self.keys(given, _CONTROLLER, f"controller {name!r}", *path)
+            with self.at(*path, "plants"):
+                allowed = _names("plants", table.get("plants", []), cases)
+            self.few(few, name, table, *path)
+            if allowed and case not in allowed:
+                continue
+            own = self.table.get("plants", {}).get(case, {}).get("controllers", {}).get(name, {})
+            if own:
+                path = ("plants", case, "controllers", name)
+                own = self.keys(own, _CONTROLLER, f"controller {name!r}", *path)
+                merged = {
+                    key: {**table.get(key, {}), **own[key]}
+                    for key in _MERGED
+                    if isinstance(own.get(key), dict)
+                }
+                table = {**table, **own, **merged}
+            found[name] = self.controller(name, table, plant, model, case, variations, *path)
+        return found
+
     def controller(
-        self, name: str, given: Any, plant: PlantRecipe, model: Model
+        self,
+        name: str,
+        table: dict[str, Any],
+        plant: PlantRecipe,
+        model: Model,
+        case: str,
+        variations: Mapping[str, Variation],
+        *path: str | int,
     ) -> ControllerRecipe:
-        path = ("controllers", name)
-        known = ("design", "at", "specification", *_VARIED)
-        table = self.keys(given, known, f"controller {name!r}", *path)
+        changes = {key: table[key] for key in _VARIED if key in table}
+        own = self.varied(plant, changes, f"controller {name!r}", *path)
+        default = plant.plant().design_point
+        at = (
+            self.point(table["at"], model, *path, "at") if "at" in table else tuple(default.items())
+        )
         with self.at(*path, "design"):
             if "design" not in table:
                 raise WorkbenchError(
-                    f"controller {name!r} has no design; give one of {', '.join(DESIGNS)}, or"
-                    " module:function"
+                    f"controller {name!r} has no design; name one, or write module:function"
                 )
-            design = str(table["design"])
-            if ":" in design:
-                own_function("design", design)
-            else:
-                check_choice("design", design, DESIGNS)
-        changes = {key: table[key] for key in _VARIED if key in table}
-        own = self.varied(plant, changes, f"controller {name!r}", *path)
-        default = {"angle": "30 deg"} if "angle" in [q.name for q in model.outputs] else {}
-        at = self.point(table.get("at", default), model, *path, "at")
+            recipe = ControllerRecipe(name, str(table["design"]), own, at)
+            design = recipe.kind()
         specification = table.get("specification", {})
         if not isinstance(specification, dict):
             specification = self.keys(specification, (), "the specification", *path)
-        recipe = ControllerRecipe(name, design, own, at)
         for key, value in specification.items():
             with self.at(*path, "specification", key):
-                replace(recipe, specification=((key, _hashable(value)),)).checked_specification()
+                recipe.checked_specification({key: _hashable(value)})
         recipe = replace(
             recipe, specification=tuple((k, _hashable(v)) for k, v in specification.items())
         )
         with self.at(*path, "specification"):
             recipe.checked_specification()
-        with self.at(*path, "at"):
-            recipe.linear()
+        units = {q.name: q.unit for q in own.build().parameters}
+        margin = self.keys(
+            table.get("inertia_margin", {}), list(units), "inertia_margin", *path, "inertia_margin"
+        )
+        more = []
+        for key, value in margin.items():
+            with self.at(*path, "inertia_margin", key):
+                more.append((key, quantity(key, value, units[key])))
+        plan = table.get("plan", {})
+        with self.at(*path, "plan"):
+            if not isinstance(plan, dict) or (plan and design.needs != "model"):
+                raise WorkbenchError(
+                    "plan is for designs on the plant's model; others plan by their specification"
+                )
+        recipe = replace(recipe, inertia_margin=tuple(more), plan=tuple(plan.items()))
+        if "fastest" in table:
+            recipe = replace(
+                recipe, fastest=self.fastest(table["fastest"], recipe, case, variations, *path)
+            )
+        if design.needs == "linear":
+            with self.at(*path, "at"):
+                recipe.linear()
         return recipe
 
-    def point(self, given: Any, model: Model, *path: str | int) -> tuple[tuple[str, float], ...]:
+    def fastest(
+        self,
+        given: Any,
+        recipe: ControllerRecipe,
+        case: str,
+        variations: Mapping[str, Variation],
+        *path: str | int,
+    ) -> Fastest:
+        path = (*path, "fastest")
+        table = self.keys(given, _FASTEST, "fastest", *path)
+        model = recipe.plant.build()
+        kinds = {v.kind: v for v in variations.values() if v.case == case}
+        nominal = dict(kinds[NOMINAL].plant.parameters)
+        with self.at(*path, "variations"):
+            names = _names("variations", table.pop("variations", [NOMINAL]), kinds)
+        known = {q.name for q in model.parameters}
+        plants = tuple(
+            recipe.plant.varied(
+                parameters=[
+                    (k, v)
+                    for k, v in kinds[name].plant.parameters
+                    if k in known and nominal.get(k) != v
+                ]
+            )
+            for name in names
+        )
+        points = table.pop("at", [dict(recipe.at)])
+        at = tuple(self.point(p, model, *path, "at", i) for i, p in enumerate(points))
+        with self.at(*path):
+            for key in ("key", "speeds"):
+                if key not in table:
+                    raise WorkbenchError(f"fastest has no {key!r}; add it")
+        with self.at(*path, "reduced"):
+            reduced = table.get("reduced", "")
+            if reduced:
+                check_choice("key that is reduced", reduced, dict(recipe.specification))
+        with self.at(*path, "speeds"):
+            speeds = table["speeds"]
+            if not isinstance(speeds, list) or len(speeds) != 3 or not speeds[0] > speeds[1] > 0:
+                raise WorkbenchError(
+                    f"speeds is {speeds!r}; give the first, the last, lower one, and how many"
+                )
+        entries = {k: _hashable(v) for k, v in table.items()}
+        return Fastest(at=at, plants=plants, **entries)
+
+    def few(self, few: dict[str, int], name: str, given: Any, *path: str | int) -> None:
+        if isinstance(given, dict) and "seeds" in given:
+            with self.at(*path, "seeds"):
+                few[name] = int(check_range("number of seeds", given["seeds"], 1, 1000))
+
+    def point(self, given: Any, model: Model, *path: str | int) -> Pairs:
         known = {q.name: q.unit for q in (*model.outputs, *model.states)}
         table = self.keys(given, list(known), "the operating point", *path)
         found = []
         for name, value in table.items():
             with self.at(*path, name):
-                found.append((name, si_value(name, value, known[name])))
+                found.append((name, quantity(name, value, known[name])))
         return tuple(found)
+
+    def event(
+        self, row: Any, which: str, column: str, units: Mapping[str, str], *path: str | int
+    ) -> dict[str, Any]:
+        """Return one change or disturbance, in SI."""
+        entry = self.keys(row, ("time", "until", which, column), str(path[-2]), *path)
+        with self.at(*path):
+            for needed in ("time", which, column):
+                if needed not in entry:
+                    raise WorkbenchError(f"an entry of {path[-2]} has no {needed!r}; add it")
+            check_choice(which, entry[which], units)
+            entry[column] = quantity(column, entry[column], units[entry[which]])
+            for time in ("time", "until"):
+                if time in entry:
+                    entry[time] = quantity(time, entry[time], "s")
+        return entry
 
     def scenario(self, name: str, given: Any, model: Model) -> Scenario:
         path = ("scenarios", name)
-        fields = (
-            "references",
-            "duration",
-            "sample_time",
-            "start",
-            "settle",
-            "changes",
-            "disturbances",
-            "noise",
-            "quantise",
-        )
-        table = self.keys(given, fields, f"scenario {name!r}", *path)
+        times = ("duration", "sample_time", "settle", "rest_window", "count_from")
+        known = (*(f.name for f in fields(Scenario) if f.name != "name"), "seeds")
+        table = self.keys(given, known, f"scenario {name!r}", *path)
+        table.pop("seeds", None)
         for key in ("noise", "quantise"):
-            with self.at(*path, key):
-                if not isinstance(table.get(key, True), bool):
-                    raise WorkbenchError(f"{key} is {table[key]!r}; give true or false")
-        for key in ("duration", "sample_time", "settle"):
+            self.flag(table, key, True, *path)
+        for key in times:
             if key in table:
                 with self.at(*path, key):
-                    table[key] = si_value(key, table[key], "s")
+                    table[key] = quantity(key, table[key], "s")
+        if "late_samples" in table:
+            with self.at(*path, "late_samples"):
+                table["late_samples"] = int(
+                    check_range("late samples", table["late_samples"], 0, 1000)
+                )
         if "start" in table:
             table["start"] = dict(self.point(table["start"], model, *path, "start"))
         outputs = {q.name: q.unit for q in model.outputs}
@@ -263,65 +546,78 @@ class _Reader(Located):
         )
         for output, signal in references.items():
             with self.at(*path, "references", output):
-                one = scenario_from_table(
-                    name, {"references": {output: signal}, "duration": table.get("duration", 1.0)}
-                )
+                one = {"references": {output: signal}, "duration": table.get("duration", 1.0)}
+                scenario_from_table(name, one, folder=self.folder)
                 unit = str(signal.get("unit", "1"))
                 if not same_dimension(unit, outputs[output]):
                     raise WorkbenchError(
                         f"the reference of {output} is in {unit!r}; give it in a unit like"
                         f" {outputs[output]!r}"
                     )
-                del one
-        for key, column, units in (
-            ("changes", "value", {q.name: q.unit for q in model.parameters}),
-            ("disturbances", "level", {p.name: p.unit for p in model.ports}),
+        for key, which, column, units in (
+            ("changes", "parameter", "value", {q.name: q.unit for q in model.parameters}),
+            ("disturbances", "port", "level", {p.name: p.unit for p in model.ports}),
         ):
-            which = "parameter" if key == "changes" else "port"
             rows = []
             for i, row in enumerate(table.get(key, ())):
-                entry = self.keys(row, ("time", "until", which, column), f"{key}", *path, key, i)
+                entry = self.event(row, which, column, units, *path, key, i)
                 with self.at(*path, key, i):
-                    for needed in ("time", which, column):
-                        if needed not in entry:
-                            raise WorkbenchError(f"an entry of {key} has no {needed!r}; add it")
-                    check_choice(which, entry[which], units)
-                    entry[column] = si_value(column, entry[column], units[entry[which]])
-                    for time in ("time", "until"):
-                        if time in entry:
-                            entry[time] = si_value(time, entry[time], "s")
                     if key == "changes":
                         model.parameter(entry[which]).with_value(entry[column])
-                    scenario_from_table(
-                        name, {**table, "changes": (), "disturbances": (), key: [entry]}
-                    )
+                    alone = {**table, "changes": (), "disturbances": (), key: [entry]}
+                    scenario_from_table(name, alone, folder=self.folder)
                 rows.append(entry)
             table[key] = rows
         with self.at(*path):
-            return scenario_from_table(name, table)
+            return scenario_from_table(name, table, folder=self.folder)
+
+    def metrics(self, given: Any) -> tuple[Metric, ...]:
+        with self.at("metrics"):
+            if not isinstance(given, list) or not all(isinstance(n, str) for n in given):
+                raise WorkbenchError(f"metrics is {given!r}; give a list such as ['mine:energy']")
+        found = []
+        for i, name in enumerate(given):
+            with self.at("metrics", i):
+                metric = METRICS.get(name, folder=self.folder)
+                if ":" in name and metric.name in METRICS.names():
+                    raise WorkbenchError(
+                        f"metric {name!r} is called {metric.name!r} like one of the workbench;"
+                        " give it another name"
+                    )
+                if ":" in name:
+                    found.append(metric)
+        return tuple(found)
 
     def demands(
         self,
         units: Mapping[str, str],
         scenarios: Mapping[str, Scenario],
         controllers: Mapping[str, ControllerRecipe],
-        variations: Mapping[str, PlantRecipe],
+        variations: Mapping[str, Variation],
+        cases: Mapping[str, Case],
+        own_metrics: tuple[Metric, ...],
     ) -> tuple[Demand, ...]:
-        known = (*Requirement.__dataclass_fields__, "weight", "controllers", "variations")
+        known = (*Requirement.__dataclass_fields__, "weight", "controllers", "variations", "plants")
+        kinds = {v.kind: v for v in variations.values()} | dict(variations)
         rows = self.table["requirements"]
         with self.at("requirements"):
             if not isinstance(rows, list):
                 raise WorkbenchError("requirements is no list; write [[requirements]]")
-        found = []
+        found: list[Demand] = []
         for i, row in enumerate(rows):
             path: tuple[str | int, ...] = ("requirements", i)
             table = self.keys(row, known, "a requirement", *path)
             with self.at(*path, "weight"):
                 weight = check_range("weight", table.pop("weight", 1.0), 0.0, 1e6)
             chosen = {}
-            for key, names in (("controllers", controllers), ("variations", variations)):
+            for key, names in (
+                ("controllers", controllers),
+                ("variations", kinds),
+                ("plants", cases),
+            ):
                 with self.at(*path, key):
                     chosen[key] = _names(key, table.pop(key, []), names)
+            self.flag(table, "hard", True, *path)
             with self.at(*path, "scenario"):
                 if table.get("scenario"):
                     check_choice("scenario of a requirement", table["scenario"], scenarios)
@@ -329,11 +625,14 @@ class _Reader(Located):
                 if "metric" in table:
                     check_choice("metric", table["metric"], units)
                     table.setdefault("unit", units[table["metric"]])
+            with self.at(*path, "unit"):
+                if not isinstance(table.get("unit", ""), str):
+                    raise WorkbenchError(f"unit is {table['unit']!r}; give text such as 'deg'")
             with self.at(*path, "limit"):
                 requirement = requirement_from_table(table)
             demand = Demand(requirement, weight, **chosen)
             with self.at(*path):
-                check_demand(demand, units, scenarios, controllers)
+                check_demand(demand, units, scenarios, controllers, own_metrics)
             found.append(demand)
             with self.at(*path):
                 check_demands(found)
@@ -348,28 +647,44 @@ class _Reader(Located):
                 )
             return tuple(given)
 
-    def angles(
-        self, given: Any, model: Model, controllers: Mapping[str, ControllerRecipe]
-    ) -> tuple[tuple[tuple[str, float], ...], ...]:
-        table = self.keys(given, ("angles",), "linear", "linear")
-        points = []
-        for i, value in enumerate(table.get("angles", ())):
-            with self.at("linear", "angles", i):
-                point = (("angle", si_value("angle", value, "rad")),)
-                next(iter(controllers.values())).linear(point)
-                points.append(point)
-        return tuple(points) or tuple(dict.fromkeys(c.at for c in controllers.values()))
+    def points(
+        self,
+        given: Any,
+        plants: Mapping[str, PlantRecipe],
+        controllers: Mapping[str, ControllerRecipe],
+    ) -> tuple[Pairs, ...]:
+        """Return the points of the linear analysis; none of its own for several plants."""
+        table = self.keys(given, ("angles", "points"), "linear", "linear")
+        recipe = next(iter(controllers.values()))
+        output = next(iter(recipe.plant.plant().controlled_outputs(recipe.plant.build())))
+        if "angles" in table:
+            rows, key = [{output: value} for value in table["angles"]], "angles"
+        else:
+            rows, key = table.get("points", ()), "points"
+        found = []
+        for i, row in enumerate(rows):
+            with self.at("linear", key, i):
+                point = self.point(row, recipe.plant.build(), "linear", key, i)
+                recipe.linear(point)
+                found.append(point)
+        if found or len(plants) > 1:
+            return tuple(found)
+        return tuple(dict.fromkeys(c.at for c in controllers.values()))
 
     def box(
         self,
         given: Any,
         model: Model,
+        plants: Mapping[str, PlantRecipe],
         scenarios: Mapping[str, Scenario],
         controllers: Mapping[str, ControllerRecipe],
     ) -> Box | None:
         if given is None:
             return None
         path = "robustness"
+        with self.at(path):
+            if len(plants) > 1:
+                raise WorkbenchError("a box is drawn from one plant; this study has several")
         known = ("box", "scenarios", "controllers", "draws", "search", "seed", "hard")
         table = self.keys(given, known, path, path)
         names = [q.name for q in model.parameters]
@@ -378,12 +693,12 @@ class _Reader(Located):
             with self.at(path, "box", name):
                 if not isinstance(ends, list) or len(ends) != 2:
                     raise WorkbenchError(f"range of {name} is {ends!r}; give lowest and highest")
-                quantity = model.parameter(name)
-                low, high = (si_value(name, v, quantity.unit) for v in ends)
+                bounded = model.parameter(name)
+                low, high = (quantity(name, v, bounded.unit) for v in ends)
                 if not low < high:
                     raise WorkbenchError(f"range of {name} is {ends!r}; the first must be lower")
-                quantity.with_value(low)
-                quantity.with_value(high)
+                bounded.with_value(low)
+                bounded.with_value(high)
                 ranges[name] = (low, high)
         with self.at(path):
             if not ranges:
@@ -397,37 +712,73 @@ class _Reader(Located):
             if key in table:
                 with self.at(path, key):
                     values[key] = int(check_range(key, table[key], lower, upper))
-        with self.at(path, "hard"):
-            if not isinstance(table.get("hard", False), bool):
-                raise WorkbenchError(f"hard is {table['hard']!r}; give true or false")
-        return Box(ranges, hard=table.get("hard", False), **values)
+        return Box(ranges, hard=self.flag(table, "hard", False, path), **values)
 
-    def physical_limit(self, given: Any) -> bool:
-        table = self.keys(given, ("physical_limit",), "report", "report")
-        wanted = table.get("physical_limit", False)
-        with self.at("report", "physical_limit"):
-            if not isinstance(wanted, bool):
-                raise WorkbenchError(f"physical_limit is {wanted!r}; give true or false")
-        return wanted
+    def report(
+        self,
+        given: Any,
+        scenarios: Mapping[str, Scenario],
+        controllers: Mapping[str, ControllerRecipe],
+        variations: Mapping[str, Variation],
+    ) -> Report:
+        known = [f.name for f in fields(Report)]
+        table = self.keys(given, known, "report", "report")
+        recipe = next(iter(controllers.values()))
+        model = recipe.plant.build()
+        units = {q.name: q.unit for q in model.outputs}
+        output = next(iter(recipe.plant.plant().controlled_outputs(model)))
+        steps = []
+        for i, ends in enumerate(table.get("limit_steps", ())):
+            with self.at("report", "limit_steps", i):
+                if not isinstance(ends, list) or len(ends) != 2:
+                    raise WorkbenchError(f"a step is {ends!r}; give the values before and after")
+                steps.append(tuple(quantity(output, end, units[output]) for end in ends))
+        kinds = {v.kind: v for v in variations.values()}
+        with self.at("report", "limit_variations"):
+            varied = _names("variations", table.get("limit_variations", []), kinds)
+        limitations = None
+        if "limitations" in table:
+            path = ("report", "limitations")
+            names = [f.name for f in fields(Limitations)]
+            rows = self.keys(table["limitations"], names, "limitations", *path)
+            with self.at(*path, "scenario"):
+                check_choice("scenario", str(rows.get("scenario", "")), scenarios)
+            with self.at(*path, "controllers"):
+                _names("controllers", rows.get("controllers", []), controllers)
+            for key in ("ladder", "unknown"):
+                with self.at(*path, key):
+                    named = [r[0] if key == "ladder" else r for r in rows.get(key, [])]
+                    _names("variations", named, kinds)
+            limitations = Limitations(**{k: _hashable(v) for k, v in rows.items()})
+        return Report(
+            self.flag(table, "physical_limit", False, "report"),
+            tuple(steps),  # type: ignore[arg-type]
+            varied,
+            limitations,
+        )
 
-    def tolerances(self, units: Mapping[str, str]) -> dict[str, Rule]:
+    def tolerances(self, units: Mapping[str, str], own: tuple[Metric, ...]) -> dict[str, Tolerance]:
         found = {}
-        known = ("absolute", "relative", "better", "gates")
         for name, given in self.tables("tolerances"):
-            with self.at("tolerances", name):
+            path = ("tolerances", name)
+            with self.at(*path):
                 check_choice("metric", name, units)
-            table = self.keys(given, known, f"tolerance of {name}", "tolerances", name)
-            own = rule(name)
-            for key, read in TOLERANCE_KEYS.items():
+            known = [f for f in Tolerance._fields if f != "repeats"]
+            table = self.keys(given, known, f"tolerance of {name}", *path)
+            for key, unit, most in (("absolute", units[name], 1e12), ("relative", "1", 10.0)):
                 if key in table:
-                    with self.at("tolerances", name, key):
-                        own = own._replace(**{key: read(table[key], units[name])})
-            found[name] = own
+                    with self.at(*path, key):
+                        value = quantity("tolerance", table[key], unit)
+                        table[key] = check_range("tolerance", value, 0.0, most)
+            with self.at(*path, "better"):
+                check_choice("better", table.get("better", "less"), ("less", "more", "neither"))
+            self.flag(table, "gates", True, *path)
+            found[name] = tolerance_of(name, own)._replace(**table)
         return found
 
 
-def _names(key: str, given: Any, known: Mapping[str, Any]) -> tuple[str, ...]:
-    if not isinstance(given, list):
+def _names(key: str, given: Any, known: Any) -> tuple[str, ...]:
+    if not isinstance(given, (list, tuple)):
         raise WorkbenchError(f"{key} is {given!r}; give a list of names")
     return tuple(check_choice(key.removesuffix("s"), name, known) for name in given)
 

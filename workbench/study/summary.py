@@ -9,29 +9,18 @@ from typing import Any
 from workbench.model.units import from_si
 from workbench.study.baseline import Change
 from workbench.study.grouped import Group, changes_by_plant, missed_by_plant
+from workbench.study.judgements import Judgement
 from workbench.study.limits import Distance
-from workbench.study.outcome import Outcome
-from workbench.study.study import NOMINAL
+from workbench.study.result import StudyResult
 from workbench.study.tasks import Record
-from workbench.study.verdicts import Judgement
-from workbench.verification import Metric
+from workbench.verification import MetricValue
+from workbench.verification.metrics import columns
 
 MOST = 20
 """Entries of a list that are written out; a pull request is read, not searched."""
 
-SHOWN = (
-    "settling_time",
-    "overshoot",
-    "steady_error",
-    "oscillation",
-    "rmse",
-    "chatter",
-    "air",
-    "solve_time_p99",
-)
 
-
-def summary(outcome: Outcome) -> str:
+def summary(outcome: StudyResult) -> str:
     """Write the outcome as Markdown.
 
     Args:
@@ -66,8 +55,9 @@ def summary(outcome: Outcome) -> str:
     soft = missed_by_plant(outcome.missed_softly)
     entries = [f"{g.worst}{_also(g)}" for g in soft]
     lines += _list("Soft requirements missed", len(outcome.missed_softly), entries, fold=True)
-    for scenario in study.scenarios:
-        lines += _metrics(outcome, scenario)
+    for case in study.cases:
+        for scenario in study.scenarios:
+            lines += _metrics(outcome, scenario, case)
     lines += _limits(outcome)
     lines += _robustness(outcome)
     if outcome.baseline is not None and outcome.changes:
@@ -78,7 +68,7 @@ def summary(outcome: Outcome) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-def plain_summary(outcome: Outcome) -> str:
+def plain_summary(outcome: StudyResult) -> str:
     """Write the outcome as a few lines for a terminal.
 
     Args:
@@ -99,7 +89,8 @@ def plain_summary(outcome: Outcome) -> str:
     for distance in outcome.distances.worst:
         if distance.worst is not None:
             text = f"{distance.controller:<20} {limit_text(distance)}"
-            lines.append(f"{text} settling / physical limit, {distance.scenario}")
+            where = f", {distance.case}" if distance.case else ""
+            lines.append(f"{text} settling / physical limit, {distance.scenario}{where}")
     for title, entries in (
         ("missed", [f"{g.worst}{_also(g)}" for g in missed_by_plant(outcome.missed)]),
         ("failed", [_failed(r).replace("*", "") for r in outcome.failed]),
@@ -125,7 +116,7 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     return [body[0], rule, *body[1:], ""]
 
 
-def _scores(outcome: Outcome) -> list[str]:
+def _scores(outcome: StudyResult) -> list[str]:
     rows = []
     for s in outcome.scores:
         j = s.judgement
@@ -219,39 +210,47 @@ def _list(title: str, count: int, entries: Sequence[str], *, fold: bool = False)
     return [f"### {heading}", "", *items, ""]
 
 
-def _metrics(outcome: Outcome, scenario: str) -> list[str]:
+def _metrics(outcome: StudyResult, scenario: str, case: str) -> list[str]:
     study = outcome.study
-    records = {c: outcome.record(c, scenario) for c in study.controllers}
+    records = {c: outcome.record(c, scenario, case) for c in study.cases[case].controllers}
     done = {c: r.metrics for c, r in records.items() if r is not None and r.metrics is not None}
-    names = [n for n in SHOWN if any(n in m and not math.isnan(m[n].value) for m in done.values())]
+    names = [
+        n
+        for n in columns("summary")
+        if any(n in m and not math.isnan(m[n].value) for m in done.values())
+    ]
     rows = []
-    for controller in study.controllers:
+    for controller in records:
         found = done.get(controller)
         cells = [
-            _value(outcome, controller, scenario, found[name]) if found and name in found else ""
+            _value(outcome, records[controller], found[name]) if found and name in found else ""
             for name in names
         ]
         own = [
             j
             for j in outcome.judgements
-            if j.controller == controller and j.scenario == scenario and j.hard
+            if j.controller == controller
+            and j.scenario == scenario
+            and j.hard
+            and study.variations[j.variation].case == case
         ]
         worst = max(own, key=lambda j: j.score, default=None)
         tail = f"{worst.variation} ({score_text(worst.score)})" if worst else "–"
         rows.append([controller, *cells, tail])
     head = ["controller", *(n.replace("_", " ") for n in names), "worst variation (score)"]
-    return [f"### {scenario}, {NOMINAL} plant", "", *_table(head, rows)]
+    nominal = study.nominal(case)
+    where = nominal.case or f"{nominal.name} plant"
+    return [f"### {scenario}, {where}", "", *_table(head, rows)]
 
 
-def _value(outcome: Outcome, controller: str, scenario: str, metric: Metric) -> str:
+def _value(outcome: StudyResult, record: Record | None, metric: MetricValue) -> str:
     value, unit = metric.shown()
     suffix = "" if unit == "1" else "°" if unit == "deg" else f" {unit}"
     if math.isnan(value):
         return "none"
     text = f"{value:.3g}{suffix}"
-    key = (controller, NOMINAL, scenario, outcome.study.seeds[0])
     for change in outcome.changes:
-        if change.key == key and change.metric == metric.name:
+        if record is not None and change.key == record.key and change.metric == metric.name:
             arrow = {"worse": "🔺", "better": "🔽"}.get(change.way, "")
             if math.isnan(change.before):
                 return f"{text} {arrow} (none before)"
@@ -259,15 +258,16 @@ def _value(outcome: Outcome, controller: str, scenario: str, metric: Metric) -> 
     return text
 
 
-def _limits(outcome: Outcome) -> list[str]:
+def _limits(outcome: StudyResult) -> list[str]:
     found = outcome.distances
     if not found.asked:
         return []
     shown = list(dict.fromkeys(d.scenario for d in found.worst if d.worst))
     rows = []
-    for controller in outcome.study.controllers:
-        cells = [limit_text(found.of(controller, scenario)) for scenario in shown]
-        rows.append([controller, *cells])
+    for case in outcome.study.cases.values():
+        for controller in case.controllers:
+            cells = [limit_text(found.of(controller, scenario, case.name)) for scenario in shown]
+            rows.append([f"{controller}, {case.name}".rstrip(", "), *cells])
     lines = ["### Distance to the physical limit: settling / limit of the worst step", ""]
     if shown:
         lines += _table(["controller", *shown], rows)
@@ -286,8 +286,8 @@ def limit_text(distance: Distance | None) -> str:
         Ratio, settling time and limit, or why there is none.
 
     Example:
-        >>> from workbench.verification.responses import Figure
-        >>> limit_text(Distance("pid", "sine", Figure(math.nan, "the reference has no step")))
+        >>> from workbench.verification.responses import Value
+        >>> limit_text(Distance("pid", "sine", Value(math.nan, "the reference has no step")))
         'none (the reference has no step)'
     """
     if distance is None or distance.worst is None or math.isnan(distance.ratio.value):
@@ -296,7 +296,7 @@ def limit_text(distance: Distance | None) -> str:
     return f"{distance.ratio.value:.2g} ({step.settling.value:#.3g} s / {step.limit.value:#.3g} s)"
 
 
-def _robustness(outcome: Outcome) -> list[str]:
+def _robustness(outcome: StudyResult) -> list[str]:
     if not outcome.robustness:
         return []
     units = {q.name: q.unit for q in outcome.study.plant.build().parameters}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -11,15 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from controllers.largest_bandwidth import MarginedDesign
 from controllers.protocol import Controller
 from workbench.errors import WorkbenchError
-from workbench.study.designs import ControllerRecipe
-from workbench.study.figures_of_merit import study_metrics
-from workbench.study.plants import PlantRecipe
-from workbench.study.study import NOMINAL, Study
-from workbench.verification import Metric, Metrics, Run, Scenario, verify
-from workbench.verification.each_step import StepSettling, settling_of_each_step
-from workbench.verification.responses import Figure
+from workbench.registry import user_code
+from workbench.study.designs import ControllerRecipe, with_plan
+from workbench.study.study import Study, Variation, load_metrics
+from workbench.verification import Metrics, MetricValue, Run, Scenario, metrics, verify
+from workbench.verification.each_event import EventResponse, response_to_each_event
+from workbench.verification.each_step import StepResponse, response_to_each_step
 
 TRACE_POINTS = 600
 """Samples kept of a run for pictures."""
@@ -31,12 +30,11 @@ class Task:
 
     Args:
         controller: The controller.
-        variation: Name of the plant.
-        plant: The plant.
-        name: Name of the scenario in the study.
+        variation: The plant, and what else differs.
         scenario: What is asked.
         seed: Seed of the sensors' noise.
-        traces: Whether the courses are kept for pictures.
+        own_metrics: Metrics of the study's own, as ``module:object``.
+        traces: Whether the trajectories are kept for pictures.
 
     Example:
         >>> "seed" in Task.__dataclass_fields__
@@ -44,17 +42,16 @@ class Task:
     """
 
     controller: ControllerRecipe
-    variation: str
-    plant: PlantRecipe
-    name: str
+    variation: Variation
     scenario: Scenario
     seed: int
+    own_metrics: tuple[str, ...] = ()
     traces: bool = False
 
     @property
     def key(self) -> tuple[str, str, str, int]:
         """Controller, variation, scenario and seed."""
-        return (self.controller.name, self.variation, self.name, self.seed)
+        return (self.controller.name, self.variation.name, self.scenario.name, self.seed)
 
 
 @dataclass(frozen=True)
@@ -70,7 +67,10 @@ class Record:
         metrics: Its metrics; none if it failed.
         seconds: Time it took, in s.
         traces: Courses for pictures by name, in SI.
-        steps: How long each step of the reference took; none if it failed.
+        steps: How each step of the reference was followed; none if the run failed.
+        events: What each change and disturbance did.
+        margins: Speed in rad/s and peaks of the sensitivities (ratios) of a design that was
+            searched, by name.
 
     Example:
         >>> Record("pid", "nominal", "step", 1, "diverged at 0.2 s").failed
@@ -85,7 +85,9 @@ class Record:
     metrics: Metrics | None = None
     seconds: float = 0.0
     traces: Mapping[str, Any] = field(default_factory=dict)
-    steps: tuple[StepSettling, ...] = ()
+    steps: tuple[StepResponse, ...] = ()
+    events: tuple[EventResponse, ...] = ()
+    margins: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def key(self) -> tuple[str, str, str, int]:
@@ -117,17 +119,11 @@ class Record:
             }
             for m in (self.metrics.values if self.metrics else ())
         }
-        found["steps"] = [
-            {
-                "output": s.output,
-                "begin_s": s.begin,
-                "from": s.initial,
-                "to": s.final,
-                "settling_s": None if math.isnan(s.settling.value) else s.settling.value,
-                "reason": s.settling.reason,
-            }
-            for s in self.steps
-        ]
+        found["steps"] = [s.table() for s in self.steps]
+        if self.events:
+            found["events"] = [e._asdict() for e in self.events]
+        if self.margins:
+            found["margins"] = dict(self.margins)
         return found
 
 
@@ -152,7 +148,7 @@ def record_from_table(table: Mapping[str, Any]) -> Record:
     metrics = None
     if table["status"] == "done":
         values = tuple(
-            Metric(
+            MetricValue(
                 name,
                 math.nan if m["value"] is None else float(m["value"]),
                 m["unit"],
@@ -167,14 +163,10 @@ def record_from_table(table: Mapping[str, Any]) -> Record:
         metrics=metrics,
         seconds=float(table.get("seconds", 0.0)),
         traces=table.get("traces", {}),
-        steps=tuple(_step(row) for row in table.get("steps", ())),
+        steps=tuple(StepResponse.from_table(row) for row in table.get("steps", ())),
+        events=tuple(EventResponse(**row) for row in table.get("events", ())),
+        margins=table.get("margins", {}),
     )
-
-
-def _step(row: Mapping[str, Any]) -> StepSettling:
-    seconds = row["settling_s"]
-    settling = Figure(math.nan if seconds is None else float(seconds), row["reason"])
-    return StepSettling(row["output"], row["begin_s"], row["from"], row["to"], settling)
 
 
 def tasks(study: Study) -> tuple[Task, ...]:
@@ -195,77 +187,69 @@ def tasks(study: Study) -> tuple[Task, ...]:
     """
     return tuple(
         Task(
-            controller,
+            study.cases[variation.case].controllers[controller],
             variation,
-            plant,
-            name,
-            scenario,
+            replace(scenario, name=name),
             seed,
-            traces=variation == NOMINAL and seed == study.seeds[0],
+            study.own_metrics,
+            traces=variation.nominal and seed == study.seeds[0],
         )
-        for variation, plant in study.variations.items()
-        for controller in study.controllers.values()
+        for variation in study.variations.values()
+        for controller in study.cases[variation.case].controllers
         for name, scenario in study.scenarios.items()
-        for seed in study.seeds
+        if variation.runs(controller, name)
+        for seed in study.seeds_of(controller, name)
     )
 
 
-def add_paths(paths: tuple[str, ...]) -> None:
-    """Let this process import plants and designs of one's own.
-
-    Args:
-        paths: Folders that hold their modules.
-
-    Example:
-        >>> add_paths(())
-    """
-    sys.path += [path for path in paths if path not in sys.path]
-
-
-def execute(task: Task, paths: tuple[str, ...] = ()) -> Record:
+def execute(task: Task) -> Record:
     """Do one run; whatever goes wrong becomes the record's reason.
 
-    Args:
-        task: The run.
-        paths: Folders of plants and designs of one's own.
-
-    Returns:
-        The record.
-
     Example:
+        >>> from workbench.study.plants import PlantRecipe
         >>> from workbench.verification import step_scenario
         >>> pid = ControllerRecipe("pid", "pid", PlantRecipe(), (("angle", 0.5),))
         >>> step = step_scenario(from_deg=25, to_deg=30, hold=0.5)
-        >>> execute(Task(pid, "nominal", PlantRecipe(), "step", step, 1)).failed
+        >>> execute(Task(pid, Variation("nominal", PlantRecipe()), step, 1)).failed
         False
     """
-    add_paths(paths)
     begin = time.perf_counter()
     # A run of a study never ends the study: what one's own code raises is a reason like any other.
     try:
-        controller = task.controller.build()
-        run = verify(
-            controller,
-            task.plant.build(),
-            replace(task.scenario, name=task.name),
-            seed=task.seed,
-        )
-        found = study_metrics(run, controller)
-        traces = _traces(run, controller, task) if task.traces else {}
-        steps = tuple(
-            step
-            for name in run.follows
-            for step in settling_of_each_step(
-                name, run.time, run[name], run.scenario.references[name].changes
-            )
-        )
-    except Exception as error:  # noqa: BLE001
-        reason = " ".join(str(error).split()) or type(error).__name__
-        if not isinstance(error, WorkbenchError):
-            reason = f"{type(error).__name__}: {reason}"
+        with user_code("run"):
+            design = task.controller.designed()
+            controller, variation = design.controller, task.variation
+            if variation.plan_duration != 1.0 or variation.lead != 0.0:
+                controller = with_plan(
+                    controller, duration=variation.plan_duration, lead=variation.lead
+                )
+            plant, scenario = variation.plant.build(), variation.of(task.scenario)
+            run = verify(controller, plant, scenario, seed=task.seed)
+            found = metrics(run, load_metrics(task.own_metrics, task.controller.plant.folder))
+            traces = _traces(run, controller, task) if task.traces else {}
+    except WorkbenchError as error:
+        reason = " ".join(str(error).removeprefix("run failed: ").split())
         return Record(*task.key, reason=reason, seconds=time.perf_counter() - begin)
-    seconds = time.perf_counter() - begin
-    return Record(*task.key, metrics=found, seconds=seconds, traces=traces, steps=steps)
+    return Record(
+        *task.key,
+        metrics=found,
+        seconds=time.perf_counter() - begin,
+        traces=traces,
+        steps=tuple(step for name in run.follows for step in response_to_each_step(run, name)),
+        events=response_to_each_event(run),
+        margins=_margins(design),
+    )
+
+
+def _margins(design: MarginedDesign[Controller]) -> dict[str, float]:
+    if math.isnan(design.speed):
+        return {}
+    return {
+        "speed_rad_per_s": design.speed,
+        "Ms": design.sensitivity,
+        "Mt": design.complementary,
+        "Ms_one_sample_late": design.late,
+    }
 
 
 def _traces(run: Run, controller: Controller, task: Task) -> dict[str, Any]:

@@ -1,15 +1,22 @@
 """The sampled loop on the full plant: scenarios, runs, metrics and requirements."""
 
+from workbench.verification.closed_loop_run import Run
 from workbench.verification.loop import verify
-from workbench.verification.metrics import Metric, Metrics, metrics
+from workbench.verification.metrics import (
+    METRICS,
+    Metric,
+    Metrics,
+    MetricValue,
+    Tolerance,
+    metrics,
+)
 from workbench.verification.requirements import (
     Requirement,
-    Verdict,
+    RequirementResult,
     judge,
     requirement_from_table,
     score,
 )
-from workbench.verification.run import Run
 from workbench.verification.scenario import (
     Change,
     Disturbance,
@@ -17,21 +24,25 @@ from workbench.verification.scenario import (
     scenario_from_table,
     step_scenario,
 )
-from workbench.verification.signals import Ramps, Signal, Sine, Steps, signal_from_table
+from workbench.verification.signals import SIGNALS, Ramps, Signal, Sine, Steps, signal_from_table
 
 __all__ = [
+    "METRICS",
+    "SIGNALS",
     "Change",
     "Disturbance",
     "Metric",
+    "MetricValue",
     "Metrics",
     "Ramps",
     "Requirement",
+    "RequirementResult",
     "Run",
     "Scenario",
     "Signal",
     "Sine",
     "Steps",
-    "Verdict",
+    "Tolerance",
     "judge",
     "metrics",
     "requirement_from_table",

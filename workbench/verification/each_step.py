@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import NamedTuple
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from workbench.verification.responses import Figure, settling_time
+from workbench.verification.closed_loop_run import Run
+from workbench.verification.responses import Value, overshoot, settling_time
 
 Vector = npt.NDArray[np.float64]
 
@@ -32,22 +34,50 @@ class StepPart(NamedTuple):
     part: slice
 
 
-class StepSettling(NamedTuple):
-    """How long one step of a run took.
+class StepResponse(NamedTuple):
+    """How one step of a run was followed.
 
     Args:
-        output: Name of the followed output.
+        output: Name of the controlled output.
         begin: Time of the step, in s.
         initial: Reference before it, in the unit of the output.
         final: Reference after it, in the unit of the output.
         settling: Settling time, in s, or NaN with a reason.
+        overshoot: How far the output goes past the reference, a fraction of the step.
+        planned: Time after which the plan of the controller itself stays within the band, in s;
+            NaN if it plans no move.
     """
 
     output: str
     begin: float
     initial: float
     final: float
-    settling: Figure
+    settling: Value
+    overshoot: float = math.nan
+    planned: float = math.nan
+
+    def table(self) -> dict[str, Any]:
+        """Return the response as plain numbers and words, None where there is no number."""
+        return {
+            "output": self.output,
+            "begin_s": self.begin,
+            "from": self.initial,
+            "to": self.final,
+            "settling_s": None if math.isnan(self.settling.value) else self.settling.value,
+            "reason": self.settling.reason,
+            "overshoot": None if math.isnan(self.overshoot) else self.overshoot,
+            "planned_s": None if math.isnan(self.planned) else self.planned,
+        }
+
+    @classmethod
+    def from_table(cls, row: Mapping[str, Any]) -> StepResponse:
+        """Return the response that a table describes."""
+        seconds, over, plan = (
+            math.nan if row.get(key) is None else float(row[key])
+            for key in ("settling_s", "overshoot", "planned_s")
+        )
+        settling = Value(seconds, row["reason"])
+        return cls(row["output"], row["begin_s"], row["from"], row["to"], settling, over, plan)
 
 
 def each_step(time: Vector, changes: Sequence[tuple[float, float, float]]) -> tuple[StepPart, ...]:
@@ -74,35 +104,37 @@ def each_step(time: Vector, changes: Sequence[tuple[float, float, float]]) -> tu
     )
 
 
-def settling_of_each_step(
-    output: str, time: Vector, course: Vector, changes: Sequence[tuple[float, float, float]]
-) -> tuple[StepSettling, ...]:
-    """Return the settling time of every step of a course.
+def step_responses(
+    output: str,
+    time: Vector,
+    course: Vector,
+    changes: Sequence[tuple[float, float, float]],
+    plan: Vector | None = None,
+) -> tuple[StepResponse, ...]:
+    """Return how every step of a trajectory was followed.
 
     Args:
-        output: Name of the followed output.
+        output: Name of the controlled output.
         time: Sample times, shape (n,), in s.
         course: The output, shape (n,), in any unit.
-        changes: Time in s, value before and value after of every step, in the unit of the course.
-
-    Returns:
-        One settling time per step, as `responses.settling_time` defines it.
-
-    Example:
-        >>> time = np.arange(1000) * 0.001
-        >>> (step,) = settling_of_each_step("angle", time, 1.0 * (time > 0.3), [(0.2, 0.0, 1.0)])
-        >>> round(step.settling.value, 3)
-        0.101
+        changes: Time in s, value before and value after of every step, in the unit of the output.
+        plan: The controller's own planned move, shape (n,), in the unit of the output.
     """
-    return tuple(
-        StepSettling(
-            output,
-            step.begin,
-            step.initial,
-            step.final,
-            settling_time(
-                time[step.part], course[step.part], initial=step.initial, final=step.final
-            ),
-        )
-        for step in each_step(time, changes)
-    )
+    found = []
+    for begin, a, b, part in each_step(time, changes):
+        t, y = time[part], course[part]
+        planned = Value(math.nan)
+        if plan is not None:
+            planned = settling_time(t, plan[part], initial=a, final=b)
+        settling = settling_time(t, y, initial=a, final=b)
+        over = overshoot(y, initial=a, final=b).value
+        found.append(StepResponse(output, begin, a, b, settling, over, planned.value))
+    return tuple(found)
+
+
+def response_to_each_step(run: Run, output: str) -> tuple[StepResponse, ...]:
+    """Return how every step of the reference of an output was followed in a run."""
+    planned = len(run.follows) == 1 and bool(run.infos) and "plan" in run.infos[0]
+    changes = run.scenario.references[output].changes
+    plan = run.info("plan") if planned else None
+    return step_responses(output, run.time, run[output], changes, plan)

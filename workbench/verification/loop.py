@@ -13,6 +13,7 @@ The controller's own computing time is not simulated as a delay.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -21,10 +22,10 @@ import numpy as np
 from controllers.protocol import Controller
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite, check_range
 from workbench.model import Effect, Input, Model, Output, Parameter
-from workbench.verification.run import Run
+from workbench.operating_point import operating_point
+from workbench.verification.closed_loop_run import Run
 from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LinearPlant
 from workbench.verification.scenario import Scenario
-from workbench.verification.start import start_state, start_values
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -91,8 +92,8 @@ def verify(
     if isinstance(plant, Model):
         model: Model | None = _with_disturbances(plant, scenario, events)
         assert model is not None
-        x0, _ = start_state(model, scenario)
-        sampled = FullPlant(model, h, x0, tolerance=tolerance, method=method)
+        rest = operating_point(model, scenario.start_values())
+        sampled = FullPlant(model, h, rest.x, tolerance=tolerance, method=method)
         inputs, outputs, name = model.inputs, model.outputs, model.name
         state_names = tuple(q.name for q in model.states)
     else:
@@ -102,7 +103,7 @@ def verify(
                 " cannot; use the full plant"
             )
         model = None
-        sampled = LinearPlant(plant, h, start_values(scenario))
+        sampled = LinearPlant(plant, h, scenario.start_values())
         described = plant.operating_point.model
         own = plant.inverse is None
         inputs = _named(described.inputs, plant.input_names) if own else described.inputs
@@ -157,6 +158,7 @@ def _loop(
     parameters[:] = plant.parameters
     pending = sorted(events)
     memory: Any = None
+    late: deque[tuple[float, ...]] = deque()
     try:
         for k in range(-warm, n):
             while pending and k >= pending[0][0]:
@@ -168,6 +170,10 @@ def _loop(
             if k == -warm:
                 memory = controller.initial_state(seen)
             command, memory, info = step(memory, seen, rows[k + warm])
+            if scenario.late_samples:
+                # Before the first one arrives, it is the command that holds the start.
+                late.extend([command] * (1 if k > -warm else 1 + scenario.late_samples))
+                command = late.popleft()
             command = convert(straighten(command) if straight else command)
             if k >= 0:
                 states[k] = plant.scaled_state
@@ -203,6 +209,7 @@ def _loop(
         integrator=plant.integrator,
         tolerance=plant.tolerance,
         state_names=state_names,
+        surface_layer=float(getattr(controller, "layer", 1.0)),
     )
 
 

@@ -1,38 +1,121 @@
-"""Metrics of a closed-loop run: numbers with units, or NaN with the reason."""
+"""Metrics of a closed-loop run: numbers with units, or NaN with the reason.
+
+A metric is one object that states everything about itself: how it is measured, its unit, what a run
+must have for it, which way is better and what difference counts. Tables, the check of a study file,
+the report and the comparison with a baseline follow from it. A metric of one's own is such an
+object in a module beside the study, named as ``module:object``.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from dataclasses import dataclass, field
+from itertools import count
+from typing import Literal, NamedTuple
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import check_choice
+from workbench.model import Model
 from workbench.model.units import convert
+from workbench.registry import Registry
 from workbench.verification import responses
+from workbench.verification.closed_loop_run import Run
 from workbench.verification.each_step import each_step
-from workbench.verification.responses import Figure
-from workbench.verification.run import Run
+from workbench.verification.responses import Value
 
 Vector = npt.NDArray[np.float64]
+
+_ORDER = count()
+
+
+class Tolerance(NamedTuple):
+    """How a metric is compared with that of a baseline.
+
+    Args:
+        better: ``"less"``, ``"more"``, or ``"neither"`` for what only describes.
+        absolute: Difference that does not count, in the metric's SI unit.
+        relative: Difference that does not count, as a fraction of the baseline.
+        gates: Whether a worse value fails a study.
+        repeats: Whether another machine gives the same number: times of computation do not.
+    """
+
+    better: Literal["less", "more", "neither"] = "less"
+    absolute: float = 0.0
+    relative: float = 0.05
+    gates: bool = True
+    repeats: bool = True
 
 
 @dataclass(frozen=True)
 class Metric:
+    """One kind of number that a run can have.
+
+    Args:
+        name: Name in studies and results; of several outputs ``output.name``, of several commands
+            ``name.command``.
+        measure: Called with the run, and with the name of the output or command it is ``of``.
+        help: How it is computed, in the words of a table.
+        unit: SI unit; ``{unit}`` stands for that of the output or command.
+        display_unit: Unit in which people read it, ``{unit}`` for the display unit of the output.
+        of: Whether there is one per run, per controlled output or per command.
+        needs: What a run must have: a ``"step"`` of the reference, a reference that comes to
+            ``"rest"``, a controller that is a ``"solver"`` or has a sliding ``"surface"``.
+        fits: Tells from the names of a plant's outputs and signals whether it has the metric.
+        tolerance: How it is compared with a baseline.
+        zero: Whether a good run has it at zero, so that zero is a limit that can be met.
+        invariant: Whether a sliding mode is held to it; when the surface is crossed depends on
+            rounding, so its other metrics are shown and do not fail a study.
+        table: Where it is a column: the ``"page"``, or the ``"summary"`` and the page.
+        title: Name as people read it, if not the name in words.
+
+    Example:
+        >>> METRICS.get("settling_time").unit
+        's'
+    """
+
+    name: str
+    measure: Callable[..., Value | float]
+    help: str = ""
+    unit: str = "1"
+    display_unit: str = ""
+    of: Literal["run", "output", "command"] = "run"
+    needs: Literal["", "step", "rest", "solver", "surface"] = ""
+    fits: Callable[[Set[str]], bool] = lambda signals: True
+    tolerance: Tolerance = Tolerance()
+    zero: bool = False
+    invariant: bool = False
+    table: Literal["", "page", "summary"] = ""
+    title: str = ""
+    order: int = field(default_factory=lambda: next(_ORDER), compare=False, repr=False)
+
+    @property
+    def words(self) -> str:
+        """Name as people read it."""
+        return self.title or self.name.replace("_", " ")
+
+
+METRICS: Registry[Metric] = Registry(
+    "metric", Metric, package="workbench.verification", group="workbench.metrics"
+)
+"""Every metric, by name."""
+
+
+@dataclass(frozen=True)
+class MetricValue:
     """One number of a run.
 
     Args:
-        name: Name of the metric.
+        name: Name of the metric, with its output or command where there are several.
         value: The number in ``unit``, NaN if there is none.
         unit: SI unit.
         reason: Why there is no number; empty if there is one.
         display_unit: Unit in which people read it.
 
     Example:
-        >>> print(Metric("settling_time", 0.45, "s"))
+        >>> print(MetricValue("settling_time", 0.45, "s"))
         settling_time                  0.45 s
     """
 
@@ -55,7 +138,7 @@ class Metric:
 
 
 @dataclass(frozen=True)
-class Metrics(Mapping[str, Metric]):
+class Metrics(Mapping[str, MetricValue]):
     """All metrics of a run, by name.
 
     Args:
@@ -65,7 +148,7 @@ class Metrics(Mapping[str, Metric]):
         values: The metrics.
 
     Example:
-        >>> print(Metrics("pid", "arm", "step", (Metric("settling_time", 0.45, "s"),)))
+        >>> print(Metrics("pid", "arm", "step", (MetricValue("settling_time", 0.45, "s"),)))
         pid on arm, step
           settling_time                  0.45 s
     """
@@ -73,9 +156,9 @@ class Metrics(Mapping[str, Metric]):
     controller: str
     plant: str
     scenario: str
-    values: tuple[Metric, ...]  # type: ignore[assignment]
+    values: tuple[MetricValue, ...]  # type: ignore[assignment]
 
-    def __getitem__(self, name: str) -> Metric:
+    def __getitem__(self, name: str) -> MetricValue:
         """Return a metric by name."""
         check_choice("metric", name, [m.name for m in self.values])
         return next(m for m in self.values if m.name == name)
@@ -98,20 +181,36 @@ class Metrics(Mapping[str, Metric]):
         return "\n".join([head, *(f"  {metric}" for metric in self.values)])
 
 
-def metrics(run: Run) -> Metrics:
+def known_metrics(own: Iterable[Metric] = ()) -> tuple[Metric, ...]:
+    """Return all metrics in the order of tables, a user's own last."""
+    return (*sorted(METRICS.members().values(), key=lambda m: m.order), *own)
+
+
+def columns(table: Literal["page", "summary"]) -> tuple[str, ...]:
+    """Return the names of the metrics that are columns of a table."""
+    return tuple(m.name for m in known_metrics() if m.table in ("summary", table) and m.table)
+
+
+def metric_of(label: str, own: Iterable[Metric] = ()) -> Metric | None:
+    """Return the metric that a label such as ``angle.rmse`` or ``chatter.valve`` names, or None."""
+    known = {m.name: m for m in known_metrics(own)}
+    return next((known[part] for part in (label, *label.split(".")) if part in known), None)
+
+
+def tolerance_of(label: str, own: Iterable[Metric] = ()) -> Tolerance:
+    """Return how a metric is compared unless a study says otherwise; 5 % if it is not known."""
+    found = metric_of(label, own)
+    return found.tolerance if found else Tolerance()
+
+
+def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
     """Compute every metric of a run.
 
-    Of several steps the worst counts. Figures of the output use the plant's output without noise.
+    Of several steps the worst counts. Metrics of an output use the plant's output without noise.
 
     Args:
         run: The run.
-
-    Returns:
-        ``settling_time``, ``rise_time``, ``overshoot``, ``steady_error``, ``oscillation`` (what
-        still moves when the reference has been constant: a limit cycle), ``rmse``, ``iae`` per
-        followed output; ``chatter`` per command; ``air``, pressures, stiffness, stop impacts where
-        the plant has them; ``solve_time_p99``, ``fallbacks`` and ``deadline_misses`` where the
-        controller solves problems.
+        own: Metrics of a user's own, beside those of `METRICS`.
 
     Example:
         >>> from controllers.open_loop import HeldCommand
@@ -124,148 +223,323 @@ def metrics(run: Run) -> Metrics:
         >>> metrics(verify(held, servo_axis(), scenario))["rmse"].value
         0.0
     """
-    found: list[Metric] = []
-    for name in run.follows:
-        quantity = next(q for q in run.output_quantities if q.name == name)
-        prefix = f"{name}." if len(run.follows) > 1 else ""
-        found += _following(run, name, prefix, quantity.unit, quantity.display_unit)
-    several = len(run.input_quantities) > 1
-    for command, column in zip(run.input_quantities, run.inputs.T, strict=True):
-        label = f"chatter.{command.name}" if several else "chatter"
-        unit = "1/s" if command.unit == "1" else f"{command.unit}/s"
-        found.append(_metric(label, responses.variation_rate(run.time, column), unit))
-    found += _pneumatics(run)
-    found += _stops(run)
-    found += _solving(run)
+    found: list[MetricValue] = []
+    told = run.infos[0] if run.infos else {}
+    signals = {q.name for q in run.output_quantities} | set(run.signal_names)
+    outputs = {q.name: (q.unit, q.display_unit) for q in run.output_quantities}
+    commands = {q.name: (q.unit, "") for q in run.input_quantities}
+    for metric in known_metrics(own):
+        if metric.needs == "solver" and "solve_time" not in told:
+            continue
+        if metric.needs == "surface" and "surface" not in told:
+            continue
+        if not metric.fits(signals):
+            continue
+        for label, name in _labels(metric, run.follows, tuple(commands)):
+            unit, shown = (outputs if metric.of == "output" else commands).get(name, ("1", ""))
+            value = metric.measure(run, name) if name else metric.measure(run)
+            value = value if isinstance(value, Value) else Value(float(value))
+            found.append(
+                MetricValue(
+                    label,
+                    value.value,
+                    _unit(metric.unit, unit),
+                    value.reason,
+                    _unit(metric.display_unit, shown or unit),
+                )
+            )
     return Metrics(run.controller, run.plant, run.scenario.name, tuple(found))
 
 
-def _metric(name: str, figure: Figure, unit: str, display_unit: str = "") -> Metric:
-    return Metric(name, figure.value, unit, figure.reason, display_unit)
-
-
-def _following(run: Run, name: str, prefix: str, unit: str, display: str) -> list[Metric]:
-    time, course, reference = run.time, run[name], run.references[name]
-    signal = run.scenario.references[name]
-    error = reference - course
-    settle, rise, over, steady, moving = [], [], [], [], []
-    changes = each_step(time, signal.changes)
-    for _, initial, final, part in changes:
-        t, y = time[part], course[part]
-        settle.append(responses.settling_time(t, y, initial=initial, final=final))
-        rise.append(responses.rise_time(t, y, initial=initial, final=final))
-        over.append(responses.overshoot(y, initial=initial, final=final))
-        steady.append(responses.steady_error(t, error[part]))
-        moving.append(responses.oscillation(t, y))
-    if not changes:
-        none = "the reference has no step"
-        settle, rise, over = ([Figure(math.nan, none)] for _ in range(3))
-        if np.ptp(reference) == 0.0:
-            steady, moving = (
-                [responses.steady_error(time, error)],
-                [responses.oscillation(time, course)],
-            )
-        else:
-            none = "the reference never rests"
-            steady, moving = [Figure(math.nan, none)], [Figure(math.nan, none)]
-    product = "s" if unit == "1" else f"{unit} s"
-    shown_product = "s" if display == "1" else f"{display} s"
-    return [
-        _metric(f"{prefix}settling_time", _worst(settle), "s"),
-        _metric(f"{prefix}rise_time", _worst(rise), "s"),
-        _metric(f"{prefix}overshoot", _worst(over), "1", "%"),
-        _metric(f"{prefix}steady_error", _worst(steady), unit, display),
-        _metric(f"{prefix}oscillation", _worst(moving), unit, display),
-        _metric(f"{prefix}rmse", responses.rms(error), unit, display),
-        _metric(
-            f"{prefix}iae",
-            responses.integral_absolute_error(time, error),
-            product,
-            shown_product,
-        ),
-    ]
-
-
-def _worst(figures: list[Figure]) -> Figure:
-    """Return the largest; a figure that is missing is worse than any number."""
-    missing = [f for f in figures if math.isnan(f.value)]
-    return missing[0] if missing else max(figures, key=lambda f: f.value)
-
-
-def _pneumatics(run: Run) -> list[Metric]:
-    found = []
-    if run.model is None:
-        found.append(Metric("air", math.nan, "kg", "a linear model has no air", "g"))
-    elif "supply.flow" in run.signal_names:
-        flow = run["supply.flow"]
-        h = run.scenario.sample_time
-        found.append(Metric("air", float(np.sum(flow) * h), "kg", display_unit="g"))
-    names = [q.name for q in run.output_quantities]
-    if "pressure_1" in names and "pressure_2" in names:
-        mean = 0.5 * (run["pressure_1"] + run["pressure_2"])
-        found += [
-            Metric("mean_pressure_lowest", float(mean.min()), "Pa", display_unit="bar"),
-            Metric("mean_pressure_highest", float(mean.max()), "Pa", display_unit="bar"),
-        ]
-    if run.model is not None and "joint.torque" in run.signal_names:
-        stiffness = joint_stiffness(run)
-        found += [
-            Metric("stiffness_lowest", float(stiffness.min()), "N m/rad"),
-            Metric("stiffness_highest", float(stiffness.max()), "N m/rad"),
-        ]
-    return found
-
-
-def joint_stiffness(run: Run) -> Vector:
-    """Compute the joint's stiffness at constant pressures, ``-d torque / d angle``.
-
-    Args:
-        run: A run on a full plant with the port ``joint.torque`` and the state ``angle``.
-
-    Returns:
-        Stiffness, shape (n,), in N m/rad.
-
-    Raises:
-        WorkbenchError: If the plant has no such port or state.
+def metric_units(
+    plant: Model, controlled: tuple[str, ...], own: Iterable[Metric] = ()
+) -> dict[str, str]:
+    """Return the SI unit of every metric that a run on a plant can have, by its label.
 
     Example:
-        >>> joint_stiffness.__name__
-        'joint_stiffness'
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> metric_units(servo_axis(), ("position",))["rmse"]
+        'm'
     """
-    check_choice("signal", "joint.torque", run.signal_names)
-    check_choice("state", "angle", run.state_names)
-    assert run.model is not None
-    traced = run.model.exact
-    torque = traced.signals[traced.signal_names.index("joint.torque")]
-    slope = ca.jacobian(torque, traced.x[run.state_names.index("angle")])
-    function = traced.function("stiffness", -slope).map(len(run.time))
-    values = function(run.states.T, run.inputs.T, run.parameters.T)
-    return np.asarray(values, dtype=float).ravel()
+    units = {q.name: q.unit for q in (*plant.outputs, *plant.inputs)}
+    signals = {q.name for q in plant.outputs} | set(plant.exact.signal_names)
+    return {
+        label: _unit(metric.unit, units.get(name, "1"))
+        for metric in known_metrics(own)
+        if metric.fits(signals)
+        for label, name in _labels(metric, controlled, tuple(q.name for q in plant.inputs))
+    }
 
 
-def _stops(run: Run) -> list[Metric]:
-    stops = [name for name in run.signal_names if name.endswith("_stop.torque")]
-    if not stops:
-        return []
-    impacts, peak = 0, 0.0
-    for name in stops:
-        torque = run[name]
-        touching = torque > 0.0
-        impacts += int(np.sum(touching[1:] & ~touching[:-1])) + int(touching[0])
-        peak = max(peak, float(torque.max()))
-    return [
-        Metric("stop_impacts", float(impacts), "1"),
-        Metric("stop_peak_torque", peak, "N m"),
-    ]
+def _labels(
+    metric: Metric, controlled: tuple[str, ...], commands: tuple[str, ...]
+) -> list[tuple[str, str]]:
+    """Return the labels of a metric with the output or command that each is of."""
+    if metric.of == "output":
+        several = len(controlled) > 1
+        return [(f"{n}.{metric.name}" if several else metric.name, n) for n in controlled]
+    if metric.of == "command":
+        several = len(commands) > 1
+        return [(f"{metric.name}.{n}" if several else metric.name, n) for n in commands]
+    return [(metric.name, "")]
 
 
-def _solving(run: Run) -> list[Metric]:
-    if not run.infos or "solve_time" not in run.infos[0]:
-        return []
-    seconds = run.info("solve_time")
-    return [
-        Metric("solve_time_median", float(np.median(seconds)), "s", display_unit="ms"),
-        Metric("solve_time_p99", float(np.percentile(seconds, 99)), "s", display_unit="ms"),
-        Metric("fallbacks", float(np.nansum(run.info("fallback"))), "1"),
-        Metric("deadline_misses", float(np.sum(seconds > run.scenario.sample_time)), "1"),
-    ]
+def _unit(text: str, unit: str) -> str:
+    """Put the unit of a signal into that of a metric: a ratio over s is 1/s, times s is s."""
+    if unit == "1" and text == "{unit} s":
+        return "s"
+    return text.replace("{unit}", unit)
+
+
+def _of_steps(
+    respond: Callable[[Vector, Vector, float, float], Value],
+) -> Callable[[Run, str], Value]:
+    """Return the worst of a response over the steps of an output's reference."""
+
+    def measure(run: Run, name: str) -> Value:
+        found = [
+            respond(run.time[part], run[name][part], initial, final)
+            for _, initial, final, part in each_step(
+                run.time, run.scenario.references[name].changes
+            )
+        ]
+        return worst(found) if found else Value(math.nan, "the reference has no step")
+
+    return measure
+
+
+def _at_rest(respond: Callable[[Run, str, slice], Value]) -> Callable[[Run, str], Value]:
+    """Return the worst of what an output does where its reference rests."""
+
+    def measure(run: Run, name: str) -> Value:
+        steps = each_step(run.time, run.scenario.references[name].changes)
+        parts = [step.part for step in steps]
+        if not parts and np.ptp(run.references[name]) == 0.0:
+            parts = [slice(None)]
+        found = [respond(run, name, part) for part in parts]
+        return worst(found) if found else Value(math.nan, "the reference never rests")
+
+    return measure
+
+
+def worst(values: list[Value]) -> Value:
+    """Return the largest; a value that is missing is worse than any number."""
+    missing = [v for v in values if math.isnan(v.value)]
+    return missing[0] if missing else max(values, key=lambda v: v.value)
+
+
+def _error(run: Run, name: str) -> Vector:
+    return np.asarray(run.references[name] - run[name])
+
+
+def _counted(run: Run) -> slice:
+    return slice(int(np.searchsorted(run.time, run.scenario.count_from - 1e-9)), None)
+
+
+# Two samples of 2 ms: entry into a band is counted in whole samples.
+_TIMES = Tolerance(absolute=0.004, relative=0.02)
+# 0.01 deg: some steps of an encoder.
+_REST = Tolerance(absolute=1.7e-4, relative=0.1)
+_ERROR = Tolerance(absolute=1e-5, relative=0.02)
+_RANGE = Tolerance("neither", 1e-3, 0.02)
+_COMMAND = Tolerance("neither", 0.05, 0.05)
+_COMPUTING = Tolerance(gates=False, repeats=False)
+
+SETTLING_TIME = Metric(
+    "settling_time",
+    _of_steps(lambda t, y, a, b: responses.settling_time(t, y, initial=a, final=b)),
+    "time from the step until the output stays within 2 % of the step; worst step",
+    unit="s",
+    of="output",
+    needs="step",
+    tolerance=_TIMES,
+    table="summary",
+)
+RISE_TIME = Metric(
+    "rise_time",
+    _of_steps(lambda t, y, a, b: responses.rise_time(t, y, initial=a, final=b)),
+    "time from 10 % to 90 % of the step; worst step",
+    unit="s",
+    of="output",
+    needs="step",
+    tolerance=_TIMES,
+)
+OVERSHOOT = Metric(
+    "overshoot",
+    _of_steps(lambda t, y, a, b: responses.overshoot(y, initial=a, final=b)),
+    "how far the output goes past the reference, as a share of the step; worst step",
+    display_unit="%",
+    of="output",
+    needs="step",
+    tolerance=Tolerance(absolute=0.002, relative=0.05),
+    zero=True,
+    table="summary",
+)
+STEADY_ERROR = Metric(
+    "steady_error",
+    _at_rest(
+        lambda run, name, part: responses.steady_error(
+            run.time[part], _error(run, name)[part], window=run.scenario.rest_window
+        )
+    ),
+    "mean error of the last second of each step, as a magnitude; worst step",
+    unit="{unit}",
+    display_unit="{unit}",
+    of="output",
+    needs="rest",
+    tolerance=_REST,
+    table="summary",
+)
+OSCILLATION = Metric(
+    "oscillation",
+    _at_rest(
+        lambda run, name, part: responses.oscillation(
+            run.time[part], run[name][part], window=run.scenario.rest_window
+        )
+    ),
+    "what still moves: half of highest minus lowest output in the last second of each step, its"
+    " straight line taken away, the amplitude of a limit cycle; worst step",
+    unit="{unit}",
+    display_unit="{unit}",
+    of="output",
+    needs="rest",
+    tolerance=_REST,
+    table="summary",
+)
+RMSE = Metric(
+    "rmse",
+    lambda run, name: responses.rms(_error(run, name)[_counted(run)]),
+    "root mean square of reference minus output over the whole run, or from where the scenario"
+    " counts it",
+    unit="{unit}",
+    display_unit="{unit}",
+    of="output",
+    tolerance=_ERROR,
+    table="summary",
+)
+IAE = Metric(
+    "iae",
+    lambda run, name: responses.integral_absolute_error(
+        run.time[_counted(run)], _error(run, name)[_counted(run)]
+    ),
+    "integral of the magnitude of reference minus output",
+    unit="{unit} s",
+    display_unit="{unit} s",
+    of="output",
+    tolerance=_ERROR,
+)
+LOWEST = Metric(
+    "lowest",
+    lambda run, name: float(run[name].min()),
+    "lowest value of the output",
+    unit="{unit}",
+    display_unit="{unit}",
+    of="output",
+    tolerance=_RANGE,
+)
+HIGHEST = Metric(
+    "highest",
+    lambda run, name: float(run[name].max()),
+    "highest value of the output",
+    unit="{unit}",
+    display_unit="{unit}",
+    of="output",
+    tolerance=_RANGE,
+)
+CHATTER = Metric(
+    "chatter",
+    lambda run, name: responses.variation_rate(run.time, run[name]),
+    "how much the command moves: sum of the magnitudes of all its changes, per second",
+    unit="{unit}/s",
+    of="command",
+    tolerance=Tolerance(absolute=0.1, relative=0.05),
+    table="summary",
+)
+COMMAND_LOWEST = Metric(
+    "command_lowest",
+    lambda run, name: float(run[name].min()),
+    "lowest command",
+    unit="{unit}",
+    of="command",
+    tolerance=_COMMAND,
+)
+COMMAND_HIGHEST = Metric(
+    "command_highest",
+    lambda run, name: float(run[name].max()),
+    "highest command",
+    unit="{unit}",
+    of="command",
+    tolerance=_COMMAND,
+)
+SOLVE_TIME_MEDIAN = Metric(
+    "solve_time_median",
+    lambda run: float(np.median(run.info("solve_time"))),
+    "time of one optimisation on this machine, exceeded by every second sample",
+    unit="s",
+    display_unit="ms",
+    needs="solver",
+    tolerance=_COMPUTING,
+    title="solve time, median",
+)
+SOLVE_TIME_P99 = Metric(
+    "solve_time_p99",
+    lambda run: float(np.percentile(run.info("solve_time"), 99)),
+    "the same, exceeded by one sample in a hundred; whatever else the machine does adds to it",
+    unit="s",
+    display_unit="ms",
+    needs="solver",
+    tolerance=_COMPUTING,
+    table="summary",
+    title="solve time, 99th percentile",
+)
+FALLBACKS = Metric(
+    "fallbacks",
+    lambda run: float(np.nansum(run.info("fallback"))),
+    "how often the optimisation failed and its named fallback was used",
+    needs="solver",
+    tolerance=Tolerance(relative=0.0),
+    zero=True,
+    table="page",
+)
+DEADLINE_MISSES = Metric(
+    "deadline_misses",
+    lambda run: float(np.sum(run.info("solve_time") > run.scenario.sample_time)),
+    "how often the optimisation took longer than a sample on this machine",
+    needs="solver",
+    tolerance=_COMPUTING,
+    zero=True,
+)
+
+
+def _surface(run: Run) -> Vector:
+    return np.abs(run.info("surface")) / run.surface_layer
+
+
+SURFACE_RMS = Metric(
+    "surface_rms",
+    lambda run: float(np.sqrt(np.mean(_surface(run) ** 2))),
+    "rms of the sliding variable s over its boundary layer",
+    needs="surface",
+    tolerance=Tolerance(relative=0.05),
+    invariant=True,
+    title="surface, rms",
+)
+SURFACE_PEAK = Metric(
+    "surface_peak",
+    lambda run: float(_surface(run).max()),
+    "largest magnitude of s over its boundary layer",
+    needs="surface",
+    tolerance=Tolerance(relative=0.1),
+    invariant=True,
+    title="surface, peak",
+)
+OUTSIDE_LAYER = Metric(
+    "outside_layer",
+    lambda run: float(np.mean(_surface(run) > 1.0)),
+    "share of the samples at which s is outside its boundary layer",
+    display_unit="%",
+    needs="surface",
+    tolerance=Tolerance(absolute=0.005, relative=0.1),
+    zero=True,
+    invariant=True,
+)

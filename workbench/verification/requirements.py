@@ -52,7 +52,7 @@ class Requirement:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class RequirementResult:
     """How well a requirement is met.
 
     Args:
@@ -65,7 +65,7 @@ class Verdict:
         reason: Why there is no value.
 
     Example:
-        >>> Verdict(Requirement("rmse", 1.0), "pid", "step", 0.5, 0.5).met
+        >>> RequirementResult(Requirement("rmse", 1.0), "pid", "step", 0.5, 0.5).met
         True
     """
 
@@ -93,7 +93,7 @@ class Verdict:
         )
 
 
-def judge(requirement: Requirement, measured: Metrics) -> Verdict:
+def judge(requirement: Requirement, measured: Metrics) -> RequirementResult:
     """Judge one requirement on the metrics of a run.
 
     Args:
@@ -107,8 +107,8 @@ def judge(requirement: Requirement, measured: Metrics) -> Verdict:
         WorkbenchError: If the run has no such metric or the units do not fit.
 
     Example:
-        >>> from workbench.verification.metrics import Metric
-        >>> run = Metrics("pid", "arm", "step", (Metric("settling_time", 0.4, "s"),))
+        >>> from workbench.verification.metrics import MetricValue
+        >>> run = Metrics("pid", "arm", "step", (MetricValue("settling_time", 0.4, "s"),))
         >>> print(judge(Requirement("settling_time", 0.5, unit="s"), run))
         settling_time                   0.4 <= 0.5      s      score    0.8  met
     """
@@ -123,12 +123,14 @@ def judge(requirement: Requirement, measured: Metrics) -> Verdict:
         score = value / limit if limit > 0 else (0.0 if value <= 0 else math.inf)
     else:
         score = limit / value if value > 0 else math.inf
-    return Verdict(requirement, measured.controller, measured.scenario, value, score, metric.reason)
+    return RequirementResult(
+        requirement, measured.controller, measured.scenario, value, score, metric.reason
+    )
 
 
 def score(
     requirements: Iterable[Requirement], measured: Iterable[Metrics]
-) -> tuple[float, tuple[Verdict, ...]]:
+) -> tuple[float, tuple[RequirementResult, ...]]:
     """Judge requirements on runs and return the worst score.
 
     Args:
@@ -143,13 +145,13 @@ def score(
         WorkbenchError: If a requirement applies to no run.
 
     Example:
-        >>> from workbench.verification.metrics import Metric
-        >>> run = Metrics("pid", "arm", "step", (Metric("settling_time", 0.4, "s"),))
+        >>> from workbench.verification.metrics import MetricValue
+        >>> run = Metrics("pid", "arm", "step", (MetricValue("settling_time", 0.4, "s"),))
         >>> score([Requirement("settling_time", 0.5)], [run])[0]
         0.8
     """
     runs = list(measured)
-    verdicts: list[Verdict] = []
+    verdicts: list[RequirementResult] = []
     for requirement in requirements:
         fitting = [
             m for m in runs if not requirement.scenario or m.scenario == requirement.scenario

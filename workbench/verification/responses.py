@@ -18,7 +18,7 @@ BAND = 0.02
 """Half width of the settling band, as a fraction of the step."""
 
 
-class Figure(NamedTuple):
+class Value(NamedTuple):
     """A number, or NaN and the reason why there is none.
 
     Args:
@@ -32,7 +32,7 @@ class Figure(NamedTuple):
 
 def settling_time(
     time: Vector, course: Vector, *, initial: float, final: float, band: float = BAND
-) -> Figure:
+) -> Value:
     """Return the time after which a step response stays within the band.
 
     Args:
@@ -56,17 +56,17 @@ def settling_time(
     """
     width = band * abs(final - initial)
     if width == 0.0:
-        return Figure(math.nan, "the reference does not step")
+        return Value(math.nan, "the reference does not step")
     outside = np.flatnonzero(np.abs(course - final) > width)
     if not len(outside):
-        return Figure(0.0)
+        return Value(0.0)
     last = int(outside[-1])
     if last >= len(course) - max(1, len(course) // 10):
-        return Figure(math.nan, f"not within {100 * band:g} % of the step by the end of the record")
-    return Figure(float(time[last + 1] - time[0]))
+        return Value(math.nan, f"not within {100 * band:g} % of the step by the end of the record")
+    return Value(float(time[last + 1] - time[0]))
 
 
-def rise_time(time: Vector, course: Vector, *, initial: float, final: float) -> Figure:
+def rise_time(time: Vector, course: Vector, *, initial: float, final: float) -> Value:
     """Return the time from 10 % to 90 % of a step.
 
     Args:
@@ -87,15 +87,15 @@ def rise_time(time: Vector, course: Vector, *, initial: float, final: float) -> 
         2.2
     """
     if final == initial:
-        return Figure(math.nan, "the reference does not step")
+        return Value(math.nan, "the reference does not step")
     share = (course - initial) / (final - initial)
     above_10, above_90 = np.flatnonzero(share >= 0.1), np.flatnonzero(share >= 0.9)
     if not len(above_90):
-        return Figure(math.nan, "90 % of the step is not reached")
-    return Figure(float(time[above_90[0]] - time[above_10[0]]))
+        return Value(math.nan, "90 % of the step is not reached")
+    return Value(float(time[above_90[0]] - time[above_10[0]]))
 
 
-def overshoot(course: Vector, *, initial: float, final: float) -> Figure:
+def overshoot(course: Vector, *, initial: float, final: float) -> Value:
     """Return how far a step response goes beyond the reference.
 
     Args:
@@ -114,11 +114,11 @@ def overshoot(course: Vector, *, initial: float, final: float) -> Figure:
         0.2
     """
     if final == initial:
-        return Figure(math.nan, "the reference does not step")
-    return Figure(max(0.0, float(np.max((course - final) / (final - initial)))))
+        return Value(math.nan, "the reference does not step")
+    return Value(max(0.0, float(np.max((course - final) / (final - initial)))))
 
 
-def steady_error(time: Vector, error: Vector, *, window: float = 1.0) -> Figure:
+def steady_error(time: Vector, error: Vector, *, window: float = 1.0) -> Value:
     """Return the mean error at the end of a record, as a magnitude.
 
     Args:
@@ -136,11 +136,11 @@ def steady_error(time: Vector, error: Vector, *, window: float = 1.0) -> Figure:
     """
     end = _end(time, window)
     if end is None:
-        return Figure(math.nan, "fewer than 10 samples")
-    return Figure(abs(float(np.mean(error[end]))))
+        return Value(math.nan, "fewer than 10 samples")
+    return Value(abs(float(np.mean(error[end]))))
 
 
-def oscillation(time: Vector, course: Vector, *, window: float = 1.0) -> Figure:
+def oscillation(time: Vector, course: Vector, *, window: float = 1.0) -> Value:
     """Return the amplitude of what still moves at the end of a record.
 
     The straight line through the end is taken away first, so that a slow drift does not count.
@@ -160,15 +160,15 @@ def oscillation(time: Vector, course: Vector, *, window: float = 1.0) -> Figure:
     """
     end = _end(time, window)
     if end is None:
-        return Figure(math.nan, "fewer than 10 samples")
+        return Value(math.nan, "fewer than 10 samples")
     t, y = time[end], course[end]
     # Weights that fade at the ends keep the line from following a part of an oscillation.
     fade = np.sin(np.pi * (np.arange(len(t)) + 0.5) / len(t))
     line = np.polynomial.Polynomial.fit(t, y, 1, w=fade)
-    return Figure(0.5 * float(np.ptp(y - line(t))))
+    return Value(0.5 * float(np.ptp(y - line(t))))
 
 
-def rms(error: Vector) -> Figure:
+def rms(error: Vector) -> Value:
     """Return the root mean square.
 
     Args:
@@ -181,10 +181,10 @@ def rms(error: Vector) -> Figure:
         >>> rms(np.array([3.0, -3.0])).value
         3.0
     """
-    return Figure(float(np.sqrt(np.mean(np.square(error)))))
+    return Value(float(np.sqrt(np.mean(np.square(error)))))
 
 
-def integral_absolute_error(time: Vector, error: Vector) -> Figure:
+def integral_absolute_error(time: Vector, error: Vector) -> Value:
     """Return the integral of the magnitude of an error that is held between samples.
 
     Args:
@@ -198,10 +198,10 @@ def integral_absolute_error(time: Vector, error: Vector) -> Figure:
         >>> integral_absolute_error(np.array([0.0, 0.5]), np.array([1.0, -2.0])).value
         1.5
     """
-    return Figure(float(np.sum(np.abs(error)) * (time[1] - time[0])))
+    return Value(float(np.sum(np.abs(error)) * (time[1] - time[0])))
 
 
-def variation_rate(time: Vector, command: Vector) -> Figure:
+def variation_rate(time: Vector, command: Vector) -> Value:
     """Return the total variation of a command per time: how much it chatters.
 
     Args:
@@ -218,7 +218,7 @@ def variation_rate(time: Vector, command: Vector) -> Figure:
         >>> variation_rate(np.array([0.0, 0.5, 1.0]), np.array([0.0, 1.0, 0.0])).value
         2.0
     """
-    return Figure(float(np.sum(np.abs(np.diff(command))) / (time[-1] - time[0])))
+    return Value(float(np.sum(np.abs(np.diff(command))) / (time[-1] - time[0])))
 
 
 def _end(time: Vector, window: float) -> slice | None:

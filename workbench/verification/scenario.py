@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
@@ -88,6 +89,11 @@ class Scenario:
         disturbances: Loads on ports of the plant during the run.
         noise: Whether sensors are noisy.
         quantise: Whether sensors and commands have the resolution of their converters.
+        late_samples: Samples by which every command is late, as from a slow computer.
+        rest_window: Length of the end of a step at which steady error and oscillation are taken,
+            in s.
+        count_from: Time from which tracking errors count, in s: a sine starts at full speed, which
+            nothing at rest can follow.
 
     Raises:
         WorkbenchError: If a number is outside its range or there is no reference.
@@ -107,6 +113,9 @@ class Scenario:
     disturbances: tuple[Disturbance, ...] = ()
     noise: bool = True
     quantise: bool = True
+    late_samples: int = 0
+    rest_window: float = 1.0
+    count_from: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -114,6 +123,14 @@ class Scenario:
         lower = 2 * self.sample_time
         check_range(f"duration of scenario {self.name!r}", self.duration, lower, 1e5, "s")
         check_range(f"settle time of scenario {self.name!r}", self.settle, 0.0, 1e4, "s")
+        check_range(f"rest window of scenario {self.name!r}", self.rest_window, lower, 1e5, "s")
+        check_range(
+            f"begin of counting in scenario {self.name!r}",
+            self.count_from,
+            0.0,
+            self.duration - lower,
+            "s",
+        )
         if not self.references:
             raise WorkbenchError(
                 f"scenario {self.name!r} has no reference; give one, such as angle = steps"
@@ -123,6 +140,12 @@ class Scenario:
     def samples(self) -> int:
         """Number of samples of the run."""
         return round(self.duration / self.sample_time)
+
+    def start_values(self) -> dict[str, float]:
+        """Return what is given at rest before the run: ``start``, or the references at t = 0."""
+        if self.start is not None:
+            return dict(self.start)
+        return {name: float(s.sample(0.0)) for name, s in self.references.items()}
 
     def without_imperfections(self) -> Scenario:
         """Return the scenario with ideal sensors and converters."""
@@ -169,13 +192,16 @@ def step_scenario(
     )
 
 
-def scenario_from_table(name: str, table: Mapping[str, Any]) -> Scenario:
+def scenario_from_table(
+    name: str, table: Mapping[str, Any], *, folder: Path | None = None
+) -> Scenario:
     """Build a scenario from a table of a study file.
 
     Args:
         name: Name of the scenario.
         table: The fields of `Scenario`; ``references`` maps an output to a signal's table,
             ``changes`` and ``disturbances`` are lists of tables.
+        folder: Where signals of one's own are found.
 
     Returns:
         The scenario.
@@ -195,11 +221,12 @@ def scenario_from_table(name: str, table: Mapping[str, Any]) -> Scenario:
         if key not in entries:
             raise WorkbenchError(f"scenario {name!r} has no {key!r}; add it")
     entries["references"] = {
-        output: signal_from_table(signal) for output, signal in entries["references"].items()
+        output: signal_from_table(signal, folder=folder)
+        for output, signal in entries["references"].items()
     }
     for key, build in (("changes", Change), ("disturbances", Disturbance)):
         entries[key] = tuple(_build(build, name, key, row) for row in entries.get(key, ()))
-    for key in ("duration", "sample_time", "settle"):
+    for key in ("duration", "sample_time", "settle", "rest_window", "count_from"):
         if key in entries:
             entries[key] = check_range(f"{key} of scenario {name!r}", entries[key], 0.0, 1e6, "s")
     return Scenario(name, **entries)

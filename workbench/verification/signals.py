@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
 from workbench.model.units import to_si
+from workbench.registry import Registry, user_code
 
 Vector = npt.NDArray[np.float64]
 
@@ -50,14 +52,7 @@ class Steps:
             )
 
     def sample(self, time: npt.ArrayLike) -> Vector:
-        """Return the signal at some times.
-
-        Args:
-            time: Times, shape (n,), in s.
-
-        Returns:
-            Values, shape (n,), in SI.
-        """
+        """Return the signal at some times, shape (n,), in s; values in SI."""
         # A time computed as k h may fall short of its decimal value by one rounding.
         instants = np.asarray(time, dtype=float) + 1e-9
         index = np.searchsorted(self.times, instants, side="right") - 1
@@ -100,14 +95,7 @@ class Sine:
         check_range("begin of the sine", self.begin, 0.0, 1e5, "s")
 
     def sample(self, time: npt.ArrayLike) -> Vector:
-        """Return the signal at some times.
-
-        Args:
-            time: Times, shape (n,), in s.
-
-        Returns:
-            Values, shape (n,), in SI.
-        """
+        """Return the signal at some times, shape (n,), in s; values in SI."""
         elapsed = np.maximum(np.asarray(time, dtype=float) - self.begin, 0.0)
         wave = np.sin(2.0 * math.pi * self.frequency_Hz * elapsed)
         return np.asarray(self.mean + self.amplitude * wave, dtype=float)
@@ -148,14 +136,7 @@ class Ramps:
             )
 
     def sample(self, time: npt.ArrayLike) -> Vector:
-        """Return the signal at some times.
-
-        Args:
-            time: Times, shape (n,), in s.
-
-        Returns:
-            Values, shape (n,), in SI.
-        """
+        """Return the signal at some times, shape (n,), in s; values in SI."""
         instants = np.asarray(time, dtype=float)
         return np.asarray(np.interp(instants, self.times, self.values), dtype=float)
 
@@ -165,22 +146,57 @@ class Ramps:
         return ()
 
 
-Signal = Steps | Sine | Ramps
+class Signal(Protocol):
+    """A reference over time."""
 
-_KINDS: dict[str, tuple[type[Signal], tuple[str, ...], tuple[str, ...]]] = {
-    # kind: class, keys in the signal's unit, other keys
-    "steps": (Steps, ("values",), ("times",)),
-    "sine": (Sine, ("mean", "amplitude"), ("frequency_Hz", "begin")),
-    "ramps": (Ramps, ("values",), ("times",)),
-}
+    def sample(self, time: npt.ArrayLike) -> Vector:
+        """Return the signal at some times, shape (n,), in s; values in SI."""
+
+    @property
+    def changes(self) -> tuple[tuple[float, float, float], ...]:
+        """Time in s, value before and value after of every step."""
 
 
-def signal_from_table(table: Mapping[str, Any]) -> Signal:
+@dataclass(frozen=True)
+class SignalKind:
+    """A kind of reference that a study file can hold.
+
+    Args:
+        name: Its ``kind`` in the file.
+        build: Makes the signal from its keys.
+        valued: Keys in the unit of the signal; they are converted to SI.
+        others: Keys in SI.
+        optional: Keys that may be left out.
+    """
+
+    name: str
+    build: Callable[..., Signal]
+    valued: tuple[str, ...]
+    others: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+
+
+STEPS = SignalKind("steps", Steps, ("values",), ("times",))
+SINE = SignalKind("sine", Sine, ("mean", "amplitude"), ("frequency_Hz", "begin"), ("begin",))
+RAMPS = SignalKind("ramps", Ramps, ("values",), ("times",))
+
+SIGNALS: Registry[SignalKind] = Registry(
+    "kind of reference", SignalKind, package="workbench.verification", group="workbench.signals"
+)
+"""Every kind of reference, by name; a recorded course is ``ramps`` through its samples."""
+
+
+def rests(signal: Signal) -> bool:
+    """Tell whether a signal comes to rest."""
+    return bool(signal.changes) or isinstance(signal, Steps)
+
+
+def signal_from_table(table: Mapping[str, Any], *, folder: Path | None = None) -> Signal:
     """Build a signal from a table of a study file.
 
     Args:
-        table: ``kind`` (``"steps"``, ``"sine"``, ``"ramps"``), ``unit`` of its values and the
-            fields of that kind.
+        table: ``kind``, a member of `SIGNALS`; ``unit`` of its values; and the keys of that kind.
+        folder: Where a kind of one's own is found as ``module:object``.
 
     Raises:
         WorkbenchError: If the kind, the unit or a key is unknown, or a key is missing.
@@ -190,21 +206,23 @@ def signal_from_table(table: Mapping[str, Any]) -> Signal:
         Steps(times=(0.0,), values=(3.14...,))
     """
     entries = dict(table)
-    kind = check_choice("kind of reference", str(entries.pop("kind", "steps")), _KINDS)
+    kind = SIGNALS.get(str(entries.pop("kind", "steps")), folder=folder)
     unit = str(entries.pop("unit", "1"))
-    build, in_unit, others = _KINDS[kind]
     for key in entries:
-        check_choice(f"key of the {kind} reference", key, ("kind", "unit", *in_unit, *others))
-    for key in (*in_unit, *others):
-        if key not in entries and key != "begin":
-            raise WorkbenchError(f"the {kind} reference has no {key!r}; add it")
+        check_choice(
+            f"key of the {kind.name} reference", key, ("kind", "unit", *kind.valued, *kind.others)
+        )
+    for key in (*kind.valued, *kind.others):
+        if key not in entries and key not in kind.optional:
+            raise WorkbenchError(f"the {kind.name} reference has no {key!r}; add it")
     arguments: dict[str, Any] = {}
     for key, value in entries.items():
-        numbers = check_finite(f"{key} of the {kind} reference", value)
-        converted = to_si(numbers, unit) if key in in_unit else numbers
+        numbers = check_finite(f"{key} of the {kind.name} reference", value)
+        converted = to_si(numbers, unit) if key in kind.valued else numbers
         arguments[key] = (
             tuple(float(v) for v in np.ravel(converted))
             if np.ndim(value)
             else float(np.asarray(converted))
         )
-    return build(**arguments)
+    with user_code(f"reference of kind {kind.name!r}"):
+        return kind.build(**arguments)

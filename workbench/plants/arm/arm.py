@@ -295,5 +295,9 @@ ARM = Plant(
     options=(LOAD, PLANE, SUPPLY, VARIANT, FORCE_LAW, VALVE_CURVE, SILENCERS, LINE_VOLUMES),
     controlled=("angle",),
     design_point={"angle": math.radians(30.0)},
+    design_map={
+        "angle": tuple(math.radians(1.0 + 58.0 * i / 12) for i in range(13)),
+        "mean_pressure": (2.8e5, 3.6e5),
+    },
     effects={"hysteresis": bouc_wen_hysteresis},
 )

@@ -24,7 +24,6 @@ def run_tasks(
     wanted: Sequence[Task],
     store: Store,
     *,
-    paths: tuple[str, ...] = (),
     jobs: int = 1,
     dask: str | None = None,
     progress: Progress | None = None,
@@ -34,7 +33,6 @@ def run_tasks(
     Args:
         wanted: The runs.
         store: Where finished runs are kept.
-        paths: Folders of plants and designs of one's own.
         jobs: Number of processes.
         dask: Address of a Dask scheduler that does the work, instead of local processes.
         progress: Told after each run.
@@ -59,7 +57,7 @@ def run_tasks(
         progress(len(found), len(wanted), FINISHED_BEFORE)
 
     def call(i: int) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-        return _numbered, (i, wanted[i], paths)
+        return _numbered, (i, wanted[i])
 
     for i, record in parallel([call(i) for i in open_tasks], jobs=jobs, dask=dask):
         found[i] = record
@@ -69,8 +67,8 @@ def run_tasks(
     return tuple(found[i] for i in range(len(wanted)))
 
 
-def _numbered(number: int, task: Task, paths: tuple[str, ...]) -> tuple[int, Record]:
-    return number, execute(task, paths)
+def _numbered(number: int, task: Task) -> tuple[int, Record]:
+    return number, execute(task)
 
 
 def parallel(
@@ -140,34 +138,8 @@ def _client(address: str) -> Any:
         ) from None
 
 
-def own_paths(study: Study) -> tuple[str, ...]:
-    """Return the folders of a study's own plants and designs.
-
-    Args:
-        study: The study.
-
-    Returns:
-        The folder of the study file if the study uses functions of its own, else nothing.
-
-    Example:
-        >>> from workbench.study.schema import load_study
-        >>> from workbench.study.shipped import shipped_study
-        >>> own_paths(load_study(shipped_study("arm")))
-        ()
-    """
-    places = [study.plant.kind, *(c.design for c in study.controllers.values())]
-    return (str(study.path.resolve().parent),) if any(":" in p for p in places) else ()
-
-
 def store_of(study: Study, folder: Path) -> Store:
-    """Return the store of a study's runs in its folder of results.
-
-    Args:
-        study: The study.
-        folder: Folder of results.
-
-    Returns:
-        The store, in ``runs`` below the folder.
+    """Return the store of a study's runs, in ``runs`` below its folder of results.
 
     Example:
         >>> from workbench.study.schema import load_study
@@ -175,4 +147,5 @@ def store_of(study: Study, folder: Path) -> Store:
         >>> store_of(load_study(shipped_study("arm")), Path("out")).folder.name
         'runs'
     """
-    return Store(Path(folder) / "runs", code_digest(*own_paths(study)))
+    own = (str(study.path.resolve().parent),) if study.has_own_code else ()
+    return Store(Path(folder) / "runs", code_digest(*own))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -45,6 +45,7 @@ class Run:
         integrator: How the plant was advanced.
         tolerance: Tolerance of the integrator, relative to the scales of the states.
         state_names: Names of the columns of ``states``.
+        surface_layer: Boundary layer of a sliding controller, in the unit of its surface.
 
     Example:
         >>> "measured" in Run.__dataclass_fields__
@@ -71,6 +72,7 @@ class Run:
     integrator: str = ""
     tolerance: float = 0.0
     state_names: tuple[str, ...] = field(default=())
+    surface_layer: float = 1.0
 
     def __getitem__(self, name: str) -> Vector:
         """Return an output, input, state or signal over time, shape (n,), in SI."""
@@ -83,7 +85,7 @@ class Run:
                 return np.asarray(table[:, names.index(name)])
         known = [q.name for q in (*self.output_quantities, *self.input_quantities)]
         check_choice("signal", name, [*known, *self.state_names, *self.signal_names])
-        return self._signal(name)
+        return self.derived(name, lambda run: self._signal(name))
 
     @cached_property
     def signal_names(self) -> tuple[str, ...]:
@@ -141,6 +143,16 @@ class Run:
             worst = max(worst, float(np.max(np.abs(plant.state - self.states[k]) / plant.scale)))
             plant.hold(tuple(command.tolist()))
         return worst
+
+    @cached_property
+    def _derived(self) -> dict[str, Vector]:
+        return {}
+
+    def derived(self, name: str, compute: Callable[[Run], Vector]) -> Vector:
+        """Return what a function makes of the run, computed once."""
+        if name not in self._derived:
+            self._derived[name] = compute(self)
+        return self._derived[name]
 
     def _signal(self, name: str) -> Vector:
         assert self.model is not None

@@ -1,17 +1,104 @@
-"""Line numbers of the entries of a TOML text, so that a mistake can be shown where it stands.
+"""Tables of a TOML file whose mistakes are told with file and line.
 
-The reader of the standard library returns values without their places. This scanner walks a text
-that the reader has accepted, and so needs no checks of its own.
+The reader of the standard library returns values without their places. The scanner here walks a
+text that the reader has accepted, and so needs no checks of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
-Path = tuple[str | int, ...]
+from workbench.errors import WorkbenchError, check_choice
+
+Place = tuple[str | int, ...]
 
 
-def toml_lines(text: str) -> dict[Path, int]:
+class TomlTables:
+    """A table of a file, with the line of each entry.
+
+    Args:
+        path: The file.
+        table: What the file holds.
+        lines: Line by path of the entry.
+
+    Example:
+        >>> with TomlTables(Path("study.toml"), {}, {("plant",): 3}).at("plant", "load"):
+        ...     raise WorkbenchError("load is 12 kg")
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: study.toml, line 3: load is 12 kg
+    """
+
+    def __init__(self, path: Path, table: dict[str, Any], lines: Mapping[Place, int]) -> None:
+        self.path, self.table, self.lines = path, table, lines
+
+    @contextmanager
+    def at(self, *path: str | int) -> Iterator[None]:
+        """Add file and line to a mistake, unless a place further inside did.
+
+        Args:
+            path: Path of the entry that is being read: keys, and indices of arrays.
+
+        Yields:
+            Nothing.
+
+        Raises:
+            WorkbenchError: The mistake, with its place.
+        """
+        try:
+            yield
+        except WorkbenchError as error:
+            if str(error).startswith(f"{self.path}, line "):
+                raise
+            line = line_of(self.lines, path)
+            raise WorkbenchError(f"{self.path}, line {line}: {error}") from None
+
+    def keys(self, table: Any, known: Sequence[str], what: str, *path: str | int) -> dict[str, Any]:
+        """Return a table whose keys are all known.
+
+        Args:
+            table: What stands in the file.
+            known: Names of the keys.
+            what: What the table describes, as the user knows it.
+            path: Path of the table.
+
+        Returns:
+            A copy of the table.
+
+        Raises:
+            WorkbenchError: If it is no table or has another key.
+        """
+        with self.at(*path):
+            if not isinstance(table, dict):
+                raise WorkbenchError(f"{what} is {table!r}; it must be a table")
+        for key in table:
+            with self.at(*path, key):
+                check_choice(f"key of {what}", key, known)
+        return dict(table)
+
+    def tables(self, key: str) -> list[tuple[str, Any]]:
+        """Return the named tables below a key of the file.
+
+        Args:
+            key: The key.
+
+        Returns:
+            Pairs of a name and what stands under it.
+
+        Raises:
+            WorkbenchError: If the key holds no table.
+        """
+        table = self.table.get(key, {})
+        with self.at(key):
+            if not isinstance(table, dict):
+                raise WorkbenchError(f"{key} is no table; write [{key}.NAME]")
+        return list(table.items())
+
+
+def toml_lines(text: str) -> dict[Place, int]:
     """Return the line of every table and entry of a TOML text.
 
     Args:
@@ -27,12 +114,12 @@ def toml_lines(text: str) -> dict[Path, int]:
     return _Scanner(text).scan()
 
 
-def line_of(lines: Mapping[Path, int], path: Path) -> int:
+def line_of(lines: Mapping[Place, int], path: Place) -> int:
     """Return the line of an entry, or of the innermost table that holds it.
 
     Args:
         lines: What `toml_lines` returned.
-        path: Path of the entry, which need not exist.
+        path: Place of the entry, which need not exist.
 
     Returns:
         Line, counted from 1.
@@ -51,11 +138,11 @@ class _Scanner:
         self.text = text.replace("\r\n", "\n")
         self.at = 0
         self.line = 1
-        self.lines: dict[Path, int] = {}
-        self.counts: dict[Path, int] = {}
+        self.lines: dict[Place, int] = {}
+        self.counts: dict[Place, int] = {}
 
-    def scan(self) -> dict[Path, int]:
-        prefix: Path = ()
+    def scan(self) -> dict[Place, int]:
+        prefix: Place = ()
         self.space(newlines=True)
         while self.at < len(self.text):
             if self.text.startswith("[[", self.at):
@@ -83,12 +170,12 @@ class _Scanner:
             else:
                 return
 
-    def header(self, brackets: int, *, array: bool) -> Path:
+    def header(self, brackets: int, *, array: bool) -> Place:
         line = self.line
         self.step(brackets)
         keys = self.keys()
         self.step(brackets)
-        path: Path = ()
+        path: Place = ()
         for i, name in enumerate(keys):
             path = (*path, name)
             last = i == len(keys) - 1
@@ -120,7 +207,7 @@ class _Scanner:
                 return found
             self.at += 1
 
-    def entry(self, prefix: Path) -> None:
+    def entry(self, prefix: Place) -> None:
         line = self.line
         path = prefix
         for name in self.keys():
@@ -129,7 +216,7 @@ class _Scanner:
         self.step()  # the sign =
         self.value(path)
 
-    def value(self, path: Path) -> None:
+    def value(self, path: Place) -> None:
         self.space(newlines=False)
         c = self.text[self.at]
         self.lines.setdefault(path, self.line)
@@ -143,7 +230,7 @@ class _Scanner:
             while self.at < len(self.text) and self.text[self.at] not in ",]}#\n":
                 self.at += 1
 
-    def items(self, path: Path, close: str) -> None:
+    def items(self, path: Place, close: str) -> None:
         self.step()
         index = 0
         while True:

@@ -1,4 +1,4 @@
-"""What a study found, and whether it passes."""
+"""The result of a study, and whether it passes."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from typing import Any
 from workbench.errors import check_range
 from workbench.files import check_folder
 from workbench.study.baseline import Baseline, Change, changes, read_baseline
+from workbench.study.execution import run_tasks, store_of
+from workbench.study.judgements import Judgement, Score, judge_records, scores
 from workbench.study.limits import Distances, distances, find_limits
 from workbench.study.linear_loop import LoopAnalysis, analyse_study
 from workbench.study.robustness import Robustness, robustness
-from workbench.study.run import own_paths, run_tasks, store_of
-from workbench.study.study import NOMINAL, Study
+from workbench.study.study import Study
 from workbench.study.tasks import Record, tasks
-from workbench.study.verdicts import Judgement, Score, judge_records, scores
 
 RESULTS_SCHEMA = 1
 """Version of ``results.json``; a change of meaning or a removed entry raises it."""
 
 
 @dataclass(frozen=True)
-class Outcome:
+class StudyResult:
     """Everything a study found.
 
     Args:
@@ -41,7 +41,7 @@ class Outcome:
         distances: Distance to the physical limit, where the study asks for it.
 
     Example:
-        >>> "judgements" in Outcome.__dataclass_fields__
+        >>> "judgements" in StudyResult.__dataclass_fields__
         True
     """
 
@@ -189,19 +189,11 @@ class Outcome:
         known = list(self.records)
         known += list(self.baseline.records.values()) if self.baseline else []
         names = dict.fromkeys(name for r in known if r.metrics for name in r.metrics)
-        return {name: self.study.rule(name) for name in names}
+        return {name: self.study.tolerance(name) for name in names}
 
-    def record(self, controller: str, scenario: str) -> Record | None:
-        """Return the run on the nominal plant with the first seed.
-
-        Args:
-            controller: Name of the controller.
-            scenario: Name of the scenario.
-
-        Returns:
-            The record, or None if there is none.
-        """
-        key = (controller, NOMINAL, scenario, self.study.seeds[0])
+    def record(self, controller: str, scenario: str, case: str = "") -> Record | None:
+        """Return the run on the nominal plant of a case with the first seed, or None."""
+        key = (controller, self.study.nominal(case).name, scenario, self.study.seeds[0])
         return next((r for r in self.records if r.key == key), None)
 
 
@@ -230,7 +222,7 @@ def run_study(
     dask: str | None = None,
     fresh: bool = False,
     progress: Callable[[str, int, int, str], None] | None = None,
-) -> Outcome:
+) -> StudyResult:
     """Run a study, judge it, and compare it with a baseline.
 
     Finished runs are kept in ``runs`` below the folder of results, so that a study that was stopped
@@ -272,7 +264,6 @@ def run_study(
     records = run_tasks(
         tasks(study),
         store,
-        paths=own_paths(study),
         jobs=jobs,
         dask=dask,
         progress=part("runs"),
@@ -282,7 +273,7 @@ def run_study(
     loops = analyse_study(study)
     store.prune()
     judged = judge_records(study, records)
-    outcome = Outcome(
+    outcome = StudyResult(
         study,
         records,
         judged,

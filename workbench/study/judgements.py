@@ -7,10 +7,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from workbench.study.feasible import can_have
-from workbench.study.figures_of_merit import SOLVER, SURFACE
 from workbench.study.study import Demand, Study
 from workbench.study.tasks import Record
 from workbench.verification import judge
+from workbench.verification.metrics import metric_of
 
 LARGEST = 10.0
 """Score that counts in a mean where a requirement was missed by more, or could not be judged."""
@@ -134,14 +134,15 @@ def judge_records(study: Study, records: Iterable[Record]) -> tuple[Judgement, .
 
 def _judged(study: Study, demand: Demand, record: Record) -> bool:
     metric = demand.requirement.metric
-    if not demand.applies(record.controller, record.variation, record.scenario):
+    variation = study.variations[record.variation]
+    if not demand.applies(record.controller, variation, record.scenario):
         return False
     scenario = study.scenarios.get(record.scenario)
-    if scenario is not None and not can_have(metric, scenario):
+    if scenario is not None and not can_have(metric, scenario, study.metrics):
         return False
     # A PID neither solves nor slides; a failed run is judged by what it would have had.
-    optional = metric.split(".")[-1] in (*SOLVER, *SURFACE)
-    if optional:
+    known = metric_of(metric, study.metrics)
+    if known is not None and known.needs in ("solver", "surface"):
         return record.metrics is not None and metric in record.metrics
     return True
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from workbench.study.toml_lines import line_of, toml_lines
+from workbench.study.toml_tables import line_of, toml_lines
 
 TEXT = '''# a comment [not.a.table]
 name = "a # b" # x

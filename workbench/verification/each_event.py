@@ -1,0 +1,53 @@
+"""What each change of the plant and each disturbance does to a controlled output."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from workbench.verification.closed_loop_run import Run
+from workbench.verification.responses import steady_error
+
+WINDOW = 0.4
+"""End of the time until the next event over which what is left is taken, s."""
+
+
+class EventResponse(NamedTuple):
+    """What one change or disturbance did.
+
+    Args:
+        output: Name of the controlled output.
+        time: When it began, in s.
+        what: Parameter that changed, or port of the disturbance.
+        peak: Largest error until the next event, in the unit of the output.
+        left: Mean error at the end of that time, as a magnitude, in the unit of the output.
+    """
+
+    output: str
+    time: float
+    what: str
+    peak: float
+    left: float
+
+
+def response_to_each_event(run: Run) -> tuple[EventResponse, ...]:
+    """Return what each change and disturbance during a run did to each controlled output."""
+    events = sorted(
+        [
+            *((c.time, c.parameter) for c in run.scenario.changes),
+            *((d.time, d.port) for d in run.scenario.disturbances if d.time > 0.0),
+        ]
+    )
+    ends = [*(time for time, _ in events), run.scenario.duration][1:]
+    found = []
+    for name in run.follows:
+        error = run.references[name] - run[name]
+        for (begin, what), end in zip(events, ends, strict=True):
+            part = (run.time >= begin) & (run.time < end)
+            if part.sum() < 2:
+                continue
+            left = steady_error(run.time[part], error[part], window=WINDOW)
+            peak = float(np.max(np.abs(error[part])))
+            found.append(EventResponse(name, begin, what, peak, left.value))
+    return tuple(found)

@@ -1,0 +1,133 @@
+"""Metrics of driven joints: supply, pair of pressures, stiffness, stops, by a plant's ports."""
+
+from __future__ import annotations
+
+from collections.abc import Set
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import check_choice
+from workbench.verification.closed_loop_run import Run
+from workbench.verification.metrics import Metric, Tolerance
+
+Vector = npt.NDArray[np.float64]
+
+_STOP = "_stop.torque"
+_PRESSURE = Tolerance("neither", 1e3, 0.02)
+_STIFFNESS = Tolerance("neither", 0.1, 0.02)
+
+
+def joint_stiffness(run: Run) -> Vector:
+    """Compute the joint's stiffness at constant pressures, ``-d torque / d angle``.
+
+    Args:
+        run: A run on a full plant with the port ``joint.torque`` and the state ``angle``.
+
+    Returns:
+        Stiffness, shape (n,), in N m/rad.
+
+    Raises:
+        WorkbenchError: If the plant has no such port or state.
+    """
+    check_choice("signal", "joint.torque", run.signal_names)
+    check_choice("state", "angle", run.state_names)
+    assert run.model is not None
+    traced = run.model.exact
+    torque = traced.signals[traced.signal_names.index("joint.torque")]
+    slope = ca.jacobian(torque, traced.x[run.state_names.index("angle")])
+    function = traced.function("stiffness", -slope).map(len(run.time))
+    values = function(run.states.T, run.inputs.T, run.parameters.T)
+    return np.asarray(values, dtype=float).ravel()
+
+
+def _stiffness(run: Run) -> Vector:
+    return run.derived("stiffness", joint_stiffness)
+
+
+def _mean_pressure(run: Run) -> Vector:
+    return 0.5 * (run["pressure_1"] + run["pressure_2"])
+
+
+def _stops(run: Run) -> list[Vector]:
+    return [run[name] for name in run.signal_names if name.endswith(_STOP)]
+
+
+def _impacts(run: Run) -> float:
+    touching = [torque > 0.0 for torque in _stops(run)]
+    return float(sum(int(np.sum(t[1:] & ~t[:-1])) + int(t[0]) for t in touching))
+
+
+def _has_pressures(signals: Set[str]) -> bool:
+    return {"pressure_1", "pressure_2"} <= signals
+
+
+def _has_stops(signals: Set[str]) -> bool:
+    return any(name.endswith(_STOP) for name in signals)
+
+
+AIR = Metric(
+    "air",
+    lambda run: float(np.sum(run["supply.flow"]) * run.scenario.sample_time),
+    "mass of air drawn from the supply over the whole run",
+    unit="kg",
+    display_unit="g",
+    fits=lambda signals: "supply.flow" in signals,
+    tolerance=Tolerance(absolute=1e-6, relative=0.05),
+    table="summary",
+)
+MEAN_PRESSURE_LOWEST = Metric(
+    "mean_pressure_lowest",
+    lambda run: float(_mean_pressure(run).min()),
+    "lowest mean of the two pressures",
+    unit="Pa",
+    display_unit="bar",
+    fits=_has_pressures,
+    tolerance=_PRESSURE,
+)
+MEAN_PRESSURE_HIGHEST = Metric(
+    "mean_pressure_highest",
+    lambda run: float(_mean_pressure(run).max()),
+    "highest mean of the two pressures",
+    unit="Pa",
+    display_unit="bar",
+    fits=_has_pressures,
+    tolerance=_PRESSURE,
+)
+STIFFNESS_LOWEST = Metric(
+    "stiffness_lowest",
+    lambda run: float(_stiffness(run).min()),
+    "lowest stiffness of the joint at constant pressures",
+    unit="N m/rad",
+    fits=lambda signals: "joint.torque" in signals,
+    tolerance=_STIFFNESS,
+)
+STIFFNESS_HIGHEST = Metric(
+    "stiffness_highest",
+    lambda run: float(_stiffness(run).max()),
+    "highest stiffness of the joint at constant pressures",
+    unit="N m/rad",
+    fits=lambda signals: "joint.torque" in signals,
+    tolerance=_STIFFNESS,
+)
+STOP_IMPACTS = Metric(
+    "stop_impacts",
+    _impacts,
+    "how often a mechanical stop is touched",
+    fits=_has_stops,
+    tolerance=Tolerance(relative=0.0),
+    zero=True,
+    invariant=True,
+    table="page",
+)
+STOP_PEAK_TORQUE = Metric(
+    "stop_peak_torque",
+    lambda run: max(float(torque.max()) for torque in _stops(run)),
+    "largest torque of a mechanical stop",
+    unit="N m",
+    fits=_has_stops,
+    tolerance=Tolerance(absolute=0.05, relative=0.05),
+    zero=True,
+    invariant=True,
+)
