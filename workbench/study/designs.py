@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Union, cast, get_args, get_origin, get_type_
 import numpy as np
 
 from controllers.design import DESIGNS, Design
+from controllers.joint.schedule import JointSchedule, joint_schedule
 from controllers.joint.tracking import joint_tracking
 from controllers.largest_bandwidth import MarginedDesign, largest_bandwidth
 from controllers.protocol import Controller
@@ -251,8 +252,10 @@ def _made(recipe: ControllerRecipe, given: Mapping[str, Any]) -> Controller:
             model,
             recipe.checked_specification(given),
             name=recipe.name,
-            rest=operating_point(model, dict(recipe.at)).x,
-            compile_function=compiled,
+            given={
+                "rest": operating_point(model, dict(recipe.at)).x,
+                "compile_function": compiled,
+            },
         )
     else:
         want = recipe.checked_specification(given)
