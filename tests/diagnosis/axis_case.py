@@ -13,9 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.stages import Diagnosis
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording, Signal
 

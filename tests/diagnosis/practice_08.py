@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from workbench.data_folder import shipped_data
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.hysteresis import elements
 from workbench.evaluation.rig.parameters import nominal

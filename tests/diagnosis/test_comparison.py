@@ -8,7 +8,6 @@ import pytest
 from tests.diagnosis.axis_case import (
     diagnosed,
     excitation,
-    held_out,
     observed,
     positions,
     stribeck,
@@ -51,7 +50,7 @@ def test_unknown_ports_are_refused() -> None:
 
 def test_the_law_lies_on_the_located_signal_of_held_out_recordings() -> None:
     found = diagnosed(True)
-    proof = proof_of(found, held_out(True))
+    proof = proof_of(found)
     (located,) = proof.located
     assert located.port == "axis.force" and located.argument == "speed"
     assert located.law is not None
@@ -76,7 +75,7 @@ def test_errors_are_those_of_the_verdict() -> None:
 def test_nothing_is_shown_where_nothing_is_missing() -> None:
     found = diagnosed(False)
     assert located_ports(found) == ()
-    assert proof_of(found, held_out(False)).located == ()
+    assert proof_of(found).located == ()
 
 
 def test_correlation_ratio_of_noise_is_small_and_of_a_function_large(

@@ -35,14 +35,14 @@ def _verdict() -> Verdict:
 
 def test_verdict_reads_back_from_json() -> None:
     data = json.loads(_verdict().to_json())
-    assert data["schema"] == SCHEMA == "workbench.verdict/1"
+    assert data["schema"] == SCHEMA == "workbench.verdict/2"
     assert data["verdict"] == "named" and data["seconds"] == 12.5
     (finding,) = data["findings"]
     assert finding["where"] == ["axis.force"]
     assert finding["effect"] == "stribeck_friction"
     assert finding["class"] == ["stribeck_friction", "local_friction"]
     assert finding["parameters"] == {"break_away": {"value": 25.0, "unit": "N", "std": 0.5}}
-    assert finding["share_of_excess_explained"] == 0.97 and finding["p_value"] == 1e-9
+    assert finding["excess_explained"] == 0.97 and finding["p_value"] == 1e-9
     assert data["fit"]["units"] == {"position": "m"}
 
 

@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.stages import Diagnosis
 from workbench.physics.library import library
 from workbench.physics.stiffness import linear_spring
 from workbench.plants.servo_axis import servo_axis

@@ -109,7 +109,7 @@ def test_points_where_nothing_is_hidden(folder: Path) -> None:
     assert _points(folder, [], "unexplained") == 0
     assert _points(folder, [], "data_unfit") == 0
     assert _points(folder, [], "named", _found("tilt_gravity", ["joint.torque"])) == -6
-    assert _points(folder, [], "located_unnamed", _found("free_form", ["joint.torque"])) == -6
+    assert _points(folder, [], "located_unnamed", _found("nonparametric", ["joint.torque"])) == -6
 
 
 def test_points_of_two_effects_and_of_names_too_many(folder: Path) -> None:
@@ -123,7 +123,7 @@ def test_points_of_two_effects_and_of_names_too_many(folder: Path) -> None:
 
 
 def test_points_of_an_effect_outside_the_library(folder: Path) -> None:
-    free = _found("free_form", ["joint.torque"])
+    free = _found("nonparametric", ["joint.torque"])
     better = _round(
         folder, {"one": (["torque_noise"], "located_unnamed", [free])}, refitted=2.0, extended=1.0
     )

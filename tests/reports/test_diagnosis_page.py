@@ -9,11 +9,10 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
-from tests.diagnosis.axis_case import diagnosed, held_out
+from tests.diagnosis.axis_case import diagnosed
 from workbench.diagnosis.comparison import Proof, proof_of
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.free_run import FreeRun
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.stages import Diagnosis, Prepared
 from workbench.diagnosis.verdict import Verdict
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_page import diagnosis_page
@@ -26,7 +25,7 @@ from workbench.reports.tables import Table
 @lru_cache(maxsize=2)
 def _page(hidden: bool) -> Page:
     found = diagnosed(hidden)
-    return diagnosis_page(found, proof_of(found, held_out(hidden)), name="axis")
+    return diagnosis_page(found, proof_of(found), name="axis")
 
 
 def _table(page: Page, title: str) -> Table:
@@ -123,10 +122,9 @@ def test_a_page_without_findings_claims_none() -> None:
 
 def test_a_page_of_unfit_recordings_says_so_and_no_more() -> None:
     model = servo_axis()
-    unfit = ProcessNoiseFit.__new__(ProcessNoiseFit)
     row = {"recording": "one", "check": "gaps", "result": "unfit", "note": "half is missing"}
     verdict = Verdict("data_unfit", "Recording one cannot be judged.", model, data=(row,))
-    found = Diagnosis(model, unfit, unfit, verdict=verdict)
+    found = Diagnosis(model, Prepared((), (), (), (row,), verdict.sentence), verdict=verdict)
     page = diagnosis_page(found, Proof((), ()), name="one")
     assert [section.name for section in page.sections] == ["recordings"]
     assert "half is missing" in html(page)

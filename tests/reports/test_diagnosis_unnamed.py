@@ -12,11 +12,9 @@ import pytest
 from tests.diagnosis.unnamed_case import shaken, sprung
 from workbench.diagnosis.comparison import Proof, proof_of
 from workbench.diagnosis.conclude import conclude
-from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.selection.search import withdraw_all
+from workbench.diagnosis.selection.selected import Withdrawn
+from workbench.diagnosis.stages import Diagnosis, Fitted, Prepared
 from workbench.diagnosis.verdict import Verdict
 from workbench.evaluation.blind_round import score_verdicts
 from workbench.plants.servo_axis import servo_axis
@@ -28,11 +26,11 @@ from workbench.reports.tables import Table
 
 @lru_cache(maxsize=2)
 def _page(curve: bool) -> Page:
-    found, hold_out = sprung() if curve else shaken()
+    found, _ = sprung() if curve else shaken()
     assert found.verdict is not None
     step = {"sentence": "Read the position twice."}
     found = replace(found, verdict=replace(found.verdict, next_experiment=step))
-    return diagnosis_page(found, proof_of(found, hold_out), name="axis")
+    return diagnosis_page(found, proof_of(found), name="axis")
 
 
 def _table(page: Page, title: str) -> Table:
@@ -48,7 +46,7 @@ def test_a_curve_without_a_name_leads_the_page() -> None:
     found, _ = sprung()
     assert found.verdict is not None and found.verdict.kind == "located_unnamed"
     lead = _page(True).lead
-    share = 100 * found.verdict.findings[0].share_of_excess_explained
+    share = 100 * found.verdict.findings[0].excess_explained
     assert "Missing at axis.force" in lead and "a curve over position" in lead
     assert f"takes away {share:.0f} % of the held-out mean square error" in lead
     assert "empirical: valid inside its data hull, position from 0 to" in lead
@@ -56,7 +54,7 @@ def test_a_curve_without_a_name_leads_the_page() -> None:
 
 
 def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
-    found, hold_out = sprung()
+    found, _ = sprung()
     page = _page(True)
     names = [picture.name for picture in page.pictures]
     assert names == ["runs-1", "residuals-1", "location", "free-form-1", "law-1", "signal-1"]
@@ -66,12 +64,15 @@ def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
     (row,) = _table(page, "Arguments").rows
     assert row[0] == "position in mm" and str(row[-1]).startswith("x (")
     ordinates = [r[0].text for r in _table(page, "Values with").cells if "curve at" in r[0].text]
-    assert len(ordinates) == 6 and ordinates[0] == "free form, curve at position 0 mm, in N (new)"
-    (located,) = proof_of(found, hold_out).located
+    assert (
+        len(ordinates) == 6
+        and ordinates[0] == "nonparametric term, curve at position 0 mm, in N (new)"
+    )
+    (located,) = proof_of(found).located
     assert located.argument == "position" and located.law is not None
     # The made-up spring pulls with 200 N/m; the curve is constant beyond its hull.
-    assert found.free_form is not None
-    low, high = found.free_form.hull["position"]
+    assert found.nonparametric is not None
+    low, high = found.nonparametric.hull["position"]
     share = float(((located.argument_values < low) | (located.argument_values > high)).mean())
     assert share > 0.5
     caption = next(p.caption for p in page.pictures if p.name == "law-1")
@@ -93,12 +94,20 @@ def test_noise_is_shown_where_it_acts_with_what_was_refused() -> None:
 
 
 def test_what_was_taken_back_stands_with_the_reason() -> None:
-    given, hold_out = example_diagnosis()
-    found = replace(given, accepted=list(given.accepted), withdrawn=[], runs=dict(given.runs))
-    withdraw_all(found, "what was found takes away too little on held-out recordings")
-    found.runs["extended"] = found.runs["refitted"]
-    seen = [observe(found.nominal, recording) for recording in hold_out]
-    found.verdict = conclude(found, seen, (), {}, 1.0)
+    given, _ = example_diagnosis()
+    assert given.selected is not None and given.validated is not None
+    why = "what was found takes away too little on held-out recordings"
+    selected = replace(
+        given.selected,
+        accepted=(),
+        extended=given.base,
+        withdrawn=(Withdrawn(given.accepted[0].candidate, why),),
+    )
+    runs = {**given.runs, "extended": given.runs["refitted"]}
+    validated = replace(given.validated, extended=given.base, runs=runs, location=None)
+    found = replace(given, selected=selected, validated=validated)
+    found = replace(found, verdict=conclude(found))
+    assert found.verdict is not None
     assert found.verdict.kind == "unexplained"
     assert "too little" in taken_back(found)["coulomb_friction"]
     page = diagnosis_page(found, Proof((), ()), name="axis")
@@ -111,9 +120,16 @@ def test_a_value_on_its_bound_stands_first() -> None:
     given, _ = sprung()
     estimates = given.base.refit.estimates
     bound = tuple(replace(e, on_bound=e.name == "offset") for e in estimates)
-    base = replace(given.base, refit=replace(given.base.refit, estimates=bound), share=0.0)
-    found = replace(given, base=base, extended=base, free_form=None)
-    found.verdict = conclude(found, [observe(servo_axis(), r) for r in sprung()[1]], (), {}, 1.0)
+    base = replace(given.base, refit=replace(given.base.refit, estimates=bound), noise_scale=0.0)
+    assert given.selected is not None and given.validated is not None
+    found = replace(
+        given,
+        fitted=Fitted(base),
+        selected=replace(given.selected, extended=base, nonparametric=None),
+        validated=replace(given.validated, extended=base),
+    )
+    found = replace(found, verdict=conclude(found))
+    assert found.verdict is not None
     assert found.verdict.kind == "parameter"
     page = diagnosis_page(found, Proof((), ()), name="axis")
     assert page.sections[0].name == "parameters"
@@ -124,13 +140,13 @@ def test_a_value_on_its_bound_stands_first() -> None:
 
 def test_unfit_recordings_come_with_the_usual_fix() -> None:
     axis = servo_axis()
-    unfit = ProcessNoiseFit.__new__(ProcessNoiseFit)
     rows = (
         {"recording": "one", "check": "gaps", "result": "corrected", "note": "one gap bridged"},
         {"recording": "two", "check": "clipping", "result": "unfit", "note": "half is clipped"},
     )
     verdict = Verdict("data_unfit", "Recording two cannot be judged: half", axis, data=rows)
-    page = diagnosis_page(Diagnosis(axis, unfit, unfit, verdict=verdict), Proof((), ()), name="x")
+    found = Diagnosis(axis, Prepared((), (), (), rows, verdict.sentence), verdict=verdict)
+    page = diagnosis_page(found, Proof((), ()), name="x")
     assert page.lead.endswith("half.")
     assert "two fails the check of clipping: half is clipped. Usual fix: widen" in _words(page)
     assert _table(page, "Checks").cells[0][2].mark == "missed"

@@ -14,7 +14,7 @@ from workbench.cli.plant import Parameters, Without, plant_from_options
 from workbench.errors import WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
-    from workbench.diagnosis.diagnosis import Diagnosis
+    from workbench.diagnosis.stages import Diagnosis
     from workbench.model import Model
     from workbench.recordings.recording import Recording
 
@@ -249,12 +249,14 @@ def _changed(model: Model, without: Sequence[str], parameters: Sequence[str]) ->
 
 
 def _run(model: Model, task: _Task, jobs: int, out: Path | None) -> Diagnosis:
-    from workbench.diagnosis.diagnose import diagnose as run_diagnosis
-    from workbench.diagnosis.interrupted import interrupted_diagnosis, interrupted_text
+    from workbench.diagnosis.conclude import conclude_early
+    from workbench.diagnosis.diagnose import stages
     from workbench.files import write_whole
 
     begin = time.perf_counter()
     step = "starting"
+    found: Diagnosis | None = None
+    reached: Diagnosis
 
     def say(text: str) -> None:
         nonlocal step
@@ -262,13 +264,14 @@ def _run(model: Model, task: _Task, jobs: int, out: Path | None) -> Diagnosis:
         typer.echo(f"{time.perf_counter() - begin:6.1f} s  {text}", err=True)
 
     try:
-        return run_diagnosis(model, task.fit, task.hold_out, jobs=jobs, progress=say)
-    except KeyboardInterrupt as stop:
-        if out is not None:
-            partial = interrupted_diagnosis(stop)
-            seconds = time.perf_counter() - begin
-            write_whole(out / "verdict.json", interrupted_text(model, partial, step, seconds))
+        for reached in stages(model, task.fit, task.hold_out, jobs=jobs, folder=out, progress=say):
+            found = reached
+    except KeyboardInterrupt:
+        if out is not None and found is not None:
+            write_whole(out / "verdict.json", conclude_early(found, step).to_json())
         raise
+    assert found is not None
+    return found
 
 
 def _write(found: Diagnosis, task: _Task, out: Path) -> None:
@@ -283,7 +286,7 @@ def _write(found: Diagnosis, task: _Task, out: Path) -> None:
         write_whole(folder / "verdict.json", found.verdict.to_json())
         page = diagnosis_page(
             found,
-            proof_of(found, task.hold_out),
+            proof_of(found),
             name=task.name,
             commands=(f"{task.command} --out {out.name}",),
         )

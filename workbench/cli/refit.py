@@ -103,7 +103,7 @@ def _results(report: Any) -> dict[str, Any]:
         "name": report.task.name,
         "converged": report.refit.converged,
         "seconds": report.seconds,
-        "share_of_expected_disturbance": report.refit.share,
+        "process_noise_scale": report.refit.noise_scale,
         "reaches_noise_floor": report.reaches_floor,
         "parameters": {
             e.name: {

@@ -8,16 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.location.isolability import Isolability, isolability
 from workbench.diagnosis.location.locate import groups_of
 from workbench.diagnosis.location.missing_signal import Located, located_signal
+from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import NumericalError
-from workbench.model import Model
-from workbench.recordings.checks import check_recording
-from workbench.recordings.recording import Recording
 
 _NOTHING_LEFT = ("nothing_missing", "parameter")
 
@@ -85,23 +80,16 @@ class Proof:
     ports: tuple[str, ...] = ()
 
 
-def proof_of(diagnosis: Diagnosis, hold_out: Sequence[Recording]) -> Proof:
+def proof_of(diagnosis: Diagnosis) -> Proof:
     """Compute what the proof page shows.
 
     The located signal is estimated from the held-out recordings; the law beside it was fitted to
     the others.
 
-    Args:
-        diagnosis: A finished diagnosis.
-        hold_out: The held-out recordings.
-
-    Returns:
-        The located signals and the table of errors.
-
     Example:
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> found, hold_out = example_diagnosis()
-        >>> [located.argument for located in proof_of(found, hold_out).located]
+        >>> found, _ = example_diagnosis()
+        >>> [located.argument for located in proof_of(found).located]
         ['speed']
     """
     if not diagnosis.runs:
@@ -112,18 +100,11 @@ def proof_of(diagnosis: Diagnosis, hold_out: Sequence[Recording]) -> Proof:
     if not ports:
         return Proof((), errors, "nothing was located", told)
     found = tuple(dict.fromkeys(p for c, _ in diagnosis.accepted for p in c.entry.ports)) or ports
-    seen = [_observed(diagnosis.nominal, recording) for recording in hold_out]
+    seen = diagnosis.prepared.judging
     try:
         return Proof(located_signal(diagnosis, seen, ports), errors, "", told, found)
     except NumericalError as error:
         return Proof((), errors, str(error), told, found)
-
-
-def _observed(model: Model, recording: Recording) -> Observed:
-    """Bring a recording into the shape in which it was judged."""
-    read = [q.name for q in model.outputs if q.name in recording]
-    needed = [*(q.name for q in model.inputs), *read]
-    return observe(model, check_recording(recording, model=model, required=needed).recording)
 
 
 def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
@@ -144,8 +125,8 @@ def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
     """
     if diagnosis.accepted:
         return diagnosis.accepted[0][0].entry.ports
-    if diagnosis.free_form is not None and diagnosis.free_form.accepted:
-        return diagnosis.free_form.ports
+    if diagnosis.nonparametric is not None and diagnosis.nonparametric.accepted:
+        return diagnosis.nonparametric.ports
     verdict = diagnosis.verdict
     if diagnosis.before is None or verdict is None or verdict.kind in _NOTHING_LEFT:
         return ()

@@ -5,79 +5,83 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
-from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.selection.held_out import explained, held_out_errors
+from workbench.diagnosis.selection.rules import IMPERFECT
+from workbench.diagnosis.selection.score import COLLINEAR
+from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
 
-IMPERFECT = 0.1
-"""Share of the expected disturbance above which something is still left out."""
 
-
-def conclude(
-    diagnosis: Diagnosis,
-    judging: Sequence[Observed],
-    data: tuple[dict[str, str], ...],
-    next_step: Mapping[str, object],
-    seconds: float,
-) -> Verdict:
-    """Put what a diagnosis found into a verdict.
-
-    Args:
-        diagnosis: A diagnosis whose search and free runs are finished.
-        judging: Held-out recordings, observed with the nominal model.
-        data: Checks of the recordings.
-        next_step: What to record next.
-        seconds: Time that the diagnosis took, in s.
-
-    Returns:
-        The verdict.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> from workbench.diagnosis.estimation.observe import observe
-        >>> found, hold_out = example_diagnosis()
-        >>> seen = [observe(found.nominal, recording) for recording in hold_out]
-        >>> conclude(found, seen, (), {}, 1.0).kind == found.verdict.kind
-        True
-    """
-    outputs = judging[0].used
-    fit = held_out_errors(diagnosis, judging)
-    units = {q.name: q.unit for q in diagnosis.nominal.outputs if q.name in outputs}
+def conclude(diagnosis: Diagnosis) -> Verdict:
+    """Put what a finished diagnosis found into a verdict."""
+    prepared, nominal = diagnosis.prepared, diagnosis.nominal
+    if prepared.unfit:
+        return Verdict(
+            "data_unfit", prepared.unfit, nominal, data=prepared.data, seconds=diagnosis.seconds
+        )
+    validated = diagnosis.validated
+    assert validated is not None
+    fit = held_out_errors(validated.runs, prepared.judging)
     findings = tuple(_finding(diagnosis, i, fit) for i in range(len(diagnosis.accepted)))
     findings = findings or _without_name(diagnosis, fit)
     kind, sentence = _kind(diagnosis, findings)
-    first = diagnosis.rounds[0][0] if diagnosis.rounds else None
+    used = prepared.judging[0].used
     return Verdict(
         kind=kind,
         sentence=sentence,
         model=diagnosis.extended.model,
         findings=findings,
         fit=fit,
-        units=units,
+        units={q.name: q.unit for q in nominal.outputs if q.name in used},
         parameters=_parameters(diagnosis.base),
-        improved={} if diagnosis.extended is diagnosis.base else _parameters(diagnosis.extended),
-        not_testable=tuple(
-            {
-                "effect": s.entry.name,
-                "reason": (
-                    f"{100 * s.absorption:.1f} % of its signature can be imitated by parameters"
-                    if s.absorption >= 0.99
-                    else f"only sizes beyond {s.smallest:.2g} {s.entry.unit} would show"
-                ),
-            }
-            for s in (first.scores if first else ())
-            if not s.testable
-        ),
-        next_experiment=next_step,
-        data=data,
+        improved=_parameters(diagnosis.extended) if diagnosis.improved else {},
+        not_testable=_not_testable(diagnosis),
+        refused=_refused(diagnosis),
+        next_experiment=validated.advice,
+        data=prepared.data,
         location={
             "before": dict(diagnosis.before.alone) if diagnosis.before else {},
             "after": dict(diagnosis.after.alone) if diagnosis.after else {},
         },
-        seconds=seconds,
+        seconds=diagnosis.seconds,
+    )
+
+
+def conclude_early(diagnosis: Diagnosis, step: str) -> Verdict:
+    """Put what was found before an interruption into a verdict that claims nothing beyond it.
+
+    Args:
+        diagnosis: A diagnosis as far as it came.
+        step: What was being done, in plain words.
+    """
+    findings = tuple(
+        Finding(
+            where=candidate.entry.ports,
+            effect=candidate.entry.name,
+            alike=alike,
+            sentence=f"Found before the interruption: {candidate.entry.name.replace('_', ' ')}.",
+            parameters=_own(diagnosis.extended, candidate.entry.effect.name),
+            gain=candidate.gain,
+            held_out=candidate.held_out,
+        )
+        for candidate, alike in diagnosis.accepted
+    )
+    kind: Kind = "unexplained"
+    if findings:
+        kind = "named_class" if any(len(f.alike) > 1 for f in findings) else "named"
+    names = ", ".join(f.effect.replace("_", " ") for f in findings if f.effect) or "nothing"
+    return Verdict(
+        kind,
+        f"Interrupted while {step}; found until then: {names}.",
+        diagnosis.extended.model if diagnosis.fitted else diagnosis.nominal,
+        findings=findings,
+        parameters=_parameters(diagnosis.base) if diagnosis.fitted else {},
+        refused=_refused(diagnosis),
+        data=diagnosis.prepared.data,
+        location={"before": dict(diagnosis.before.alone)} if diagnosis.before else {},
+        seconds=diagnosis.seconds,
+        interrupted=True,
     )
 
 
@@ -95,47 +99,60 @@ def _parameters(fit: ProcessNoiseFit) -> dict[str, dict[str, object]]:
     }
 
 
-def held_out_errors(
-    diagnosis: Diagnosis, judging: Sequence[Observed]
-) -> dict[str, dict[str, float]]:
-    """Return the errors of the free runs on all held-out recordings together.
+def _not_testable(diagnosis: Diagnosis) -> tuple[Mapping[str, str], ...]:
+    scores = diagnosis.scored.scores.scores if diagnosis.scored else ()
+    return tuple(
+        {
+            "effect": s.entry.name,
+            "reason": (
+                f"{100 * s.collinearity:.1f} % of its signature is collinear with parameters"
+                if s.collinearity >= COLLINEAR
+                else f"only sizes beyond {s.smallest:.2g} {s.entry.unit} would show"
+            ),
+        }
+        for s in scores
+        if not s.testable
+    )
 
-    Args:
-        diagnosis: A diagnosis with free runs.
-        judging: Held-out recordings, observed with the nominal model.
 
-    Returns:
-        Root mean square error by model and output, and the noise of the sensors as
-        ``noise_floor``, in SI.
+def _refused(diagnosis: Diagnosis) -> tuple[Mapping[str, object], ...]:
+    """List what was followed and refused, or found and taken back."""
+    rows: dict[str, Mapping[str, object]] = {}
+    for _, candidates in diagnosis.rounds:
+        for c in candidates:
+            if c.refused and c.rule:
+                rows[c.entry.name] = {
+                    "effect": c.entry.name,
+                    "rule": c.rule,
+                    "reason": c.refused,
+                    "log_likelihood_gain": c.gain,
+                    "held_out_gain": list(c.held_out),
+                }
+    kept = {c.entry.name for c, _ in diagnosis.accepted}
+    for c, why in diagnosis.withdrawn:
+        rows[c.entry.name] = {
+            "effect": c.entry.name,
+            "rule": "taken back",
+            "reason": why,
+            "log_likelihood_gain": c.gain,
+            "held_out_gain": list(c.held_out),
+        }
+    return tuple(row for name, row in rows.items() if name not in kept)
 
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> from workbench.diagnosis.estimation.observe import observe
-        >>> found, hold_out = example_diagnosis()
-        >>> errors = held_out_errors(found, [observe(found.nominal, r) for r in hold_out])
-        >>> errors["extended"]["position"] < errors["refitted"]["position"]
-        True
-    """
-    outputs = judging[0].used
-    floor = dict(zip(outputs, judging[0].noise_rms.tolist(), strict=True))
+
+def _own(fit: ProcessNoiseFit, effect: str) -> dict[str, Value]:
     return {
-        label: {o: _rms([run.rmse[o] for run in runs.values()]) for o in outputs}
-        for label, runs in diagnosis.runs.items()
-    } | {"noise_floor": floor}
+        e.name.removeprefix(f"{effect}."): Value(e.value, e.unit, e.std)
+        for e in fit.refit.estimates
+        if e.name.startswith(f"{effect}.")
+    }
 
 
 def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]]) -> Finding:
     candidate, alike = diagnosis.accepted[index]
     entry = candidate.entry
-    own = [
-        e for e in diagnosis.extended.refit.estimates if e.name.startswith(f"{entry.effect.name}.")
-    ]
-    parameters = {
-        e.name.removeprefix(f"{entry.effect.name}."): Value(e.value, e.unit, e.std) for e in own
-    }
-    share = explained(fit)
-    name = f"{entry.effect.name}.{entry.size_parameter}"
-    size = next((e for e in own if e.name == name), None)
+    parameters = _own(diagnosis.extended, entry.effect.name)
+    size = parameters.get(entry.size_parameter)
     about = entry.effect.about
     text = (
         f"Missing: {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
@@ -148,16 +165,16 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
         + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
         + "."
     )
-    gain, low, _ = candidate.held_out
     return Finding(
         where=entry.ports,
         effect=entry.name,
         alike=alike,
         sentence=text,
         parameters=parameters,
-        share_of_excess_explained=share,
+        excess_explained=explained(fit),
         gain=candidate.gain,
-        p_value=_by_chance(gain, low),
+        held_out=candidate.held_out,
+        p_value=_by_chance(candidate.held_out),
     )
 
 
@@ -165,31 +182,26 @@ def _without_name(
     diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]
 ) -> tuple[Finding, ...]:
     """Say where something is left out that no effect of the library explains."""
-    if diagnosis.base.share <= IMPERFECT:
+    if diagnosis.base.noise_scale <= IMPERFECT.value:
         return ()
-    term = diagnosis.free_form
+    term = diagnosis.nonparametric
     if term is not None and term.accepted:
         over = " and ".join(a.name for a in term.arguments)
-        own = f"{term.effect_name}."
-        gain, low, _ = term.held_out
         return (
             Finding(
                 where=term.ports,
-                effect="free_form",
-                alike=("free_form",),
+                effect=term.effect_name,
+                alike=(term.effect_name,),
                 sentence=(
                     f"Missing at {', '.join(term.ports)}: something that the library has no name"
                     f" for; a curve over {over}{' with a memory' if term.loop else ''} takes away"
                     f" {100 * term.explained:.0f} % of the signal that is missing there."
                 ),
-                parameters={
-                    e.name.removeprefix(own): Value(e.value, e.unit, e.std)
-                    for e in diagnosis.extended.refit.estimates
-                    if e.name.startswith(own)
-                },
-                share_of_excess_explained=explained(fit),
+                parameters=_own(diagnosis.extended, term.effect_name),
+                excess_explained=explained(fit),
                 gain=term.gain,
-                p_value=_by_chance(gain, low),
+                held_out=term.held_out,
+                p_value=_by_chance(term.held_out),
             ),
         )
     ports = diagnosis.before.ports(diagnosis.nominal) if diagnosis.before else ()
@@ -199,34 +211,11 @@ def _without_name(
     return (Finding(where=ports, effect=None, alike=(), sentence=sentence),)
 
 
-def _by_chance(gain: float, low: float) -> float:
-    """Probability of a held-out gain whose 99 % interval begins at ``low``."""
+def _by_chance(held_out: tuple[float, float, float]) -> float:
+    """Probability of a held-out gain by chance, from its 99 % interval."""
+    gain, low, _ = held_out
     deviation = max((gain - low) / 2.576, 1e-9)
     return 0.5 * math.erfc(gain / deviation / math.sqrt(2))
-
-
-def explained(fit: Mapping[str, Mapping[str, float]]) -> float:
-    """Return the share of the held-out mean square error beyond the noise that is removed.
-
-    Args:
-        fit: Errors as `held_out_errors` returns them, in SI.
-
-    Returns:
-        The share, the mean over the outputs, 0 to 1, dimensionless; NaN if a run failed.
-
-    Example:
-        >>> explained(
-        ...     {"refitted": {"y": 5.0}, "extended": {"y": 3.0}, "noise_floor": {"y": 3.0}}
-        ... )
-        1.0
-    """
-    shares = []
-    for output, noise in fit["noise_floor"].items():
-        before = fit["refitted"][output] ** 2 - noise**2
-        after = fit["extended"][output] ** 2 - noise**2
-        if math.isfinite(before) and before > 0:
-            shares.append(1.0 - max(after, 0.0) / before)
-    return float(np.clip(np.mean(shares), 0.0, 1.0)) if shares else math.nan
 
 
 def _kind(diagnosis: Diagnosis, findings: Sequence[Finding]) -> tuple[Kind, str]:
@@ -241,13 +230,13 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding]) -> tuple[Kind, str]
         )
     if findings:
         sentence = " ".join(f.sentence for f in findings)
-        if extended.share > IMPERFECT:
+        if extended.noise_scale > IMPERFECT.value:
             sentence += " Something else is still left out."
         if any(len(f.alike) > 1 for f in findings):
             return "named_class", sentence
         sensor = all(c.entry.group == "sensor" for c, _ in diagnosis.accepted)
         return ("sensor" if sensor else "named"), sentence
-    if base.share <= IMPERFECT:
+    if base.noise_scale <= IMPERFECT.value:
         bound = [e for e in base.refit.estimates if e.on_bound]
         if bound:
             names = ", ".join(f"{e.name} at {e.value:.3g} {e.unit}" for e in bound)
@@ -267,7 +256,3 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding]) -> tuple[Kind, str]
         "Something is left out, but neither a place nor an effect of the library explains it on the"
         " held-out recordings.",
     )
-
-
-def _rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

@@ -2,35 +2,35 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
 
-from workbench.diagnosis.conclude import IMPERFECT, conclude, explained, held_out_errors
-from workbench.diagnosis.diagnosis import Diagnosis
-from workbench.diagnosis.estimation.fixed_parameters import with_held
+from workbench.diagnosis.conclude import conclude
+from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
 from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior, default_priors
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
+from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.experiment.next_experiment import next_experiment
 from workbench.diagnosis.location.locate import locate
-from workbench.diagnosis.nonparametric.fit import free_form
+from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.selection.held_out import settled_run
-from workbench.diagnosis.selection.search import search, started, withdraw_all
-from workbench.diagnosis.verdict import Verdict
+from workbench.diagnosis.selection.rules import IMPERFECT
+from workbench.diagnosis.selection.search import Task, score, search
+from workbench.diagnosis.selection.selected import Scored, Selected
+from workbench.diagnosis.stage_files import StageFiles, fingerprint
+from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
-from workbench.physics.library import Hypothesis
+from workbench.physics.library import Hypothesis, library
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
 
 Progress = Callable[[str], None]
-
-LEAST_EXPLAINED = 0.3
-"""Share of the held-out free-run error beyond the noise that everything found must remove."""
-
-MOST_SEARCHES = 3
-"""How many effects may be tried as the first one found."""
+Stage = TypeVar("Stage")
 
 
 def diagnose(
@@ -42,6 +42,7 @@ def diagnose(
     priors: Sequence[Prior] | None = None,
     jobs: int = 2,
     advise: bool = True,
+    folder: Path | None = None,
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Diagnose a model on recordings of the machine.
@@ -54,10 +55,8 @@ def diagnose(
         priors: Free parameters of the nominal model; `default_priors` by default.
         jobs: Number of processes.
         advise: Whether to work out what to record next.
+        folder: Where stages are kept: what an earlier call reached there is not done again.
         progress: Called with a line of text before each step.
-
-    Returns:
-        The diagnosis, with the verdict.
 
     Raises:
         WorkbenchError: If there are no recordings or they do not belong to the model.
@@ -74,117 +73,210 @@ def diagnose(
         >>> diagnose(axis, runs[:1], runs[1:], jobs=1).verdict.kind
         'nothing_missing'
     """
+    *_, finished = stages(
+        model,
+        fit_on,
+        hold_out,
+        entries=entries,
+        priors=priors,
+        jobs=jobs,
+        advise=advise,
+        folder=folder,
+        progress=progress,
+    )
+    return finished
+
+
+def stages(
+    model: Model,
+    fit_on: Sequence[Recording],
+    hold_out: Sequence[Recording],
+    *,
+    entries: Sequence[Hypothesis] | None = None,
+    priors: Sequence[Prior] | None = None,
+    jobs: int = 2,
+    advise: bool = True,
+    folder: Path | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Diagnosis]:
+    """Diagnose a model stage by stage, as `diagnose` does.
+
+    Yields:
+        The diagnosis with each stage that is reached, and after each round of the search; the last
+        one has a verdict.
+    """
     if not fit_on or not hold_out:
         raise WorkbenchError(
             f"a diagnosis needs recordings to fit on and others to judge on; it got {len(fit_on)}"
             f" and {len(hold_out)}"
         )
     say = progress or (lambda text: None)
-    began = time.perf_counter()
+    known = tuple(priors if priors is not None else default_priors(model))
+    recorded = tuple(q.name for q in model.outputs if q.name in fit_on[0])
+    offered = tuple(library(model, outputs=recorded) if entries is None else entries)
+    files = _Files(StageFiles(folder, model, offered))
+    files.add(fingerprint(model, (*fit_on, *hold_out), known, split=len(fit_on)))
+
     say("checking the recordings")
-    needed = [q.name for q in model.inputs]
-    # What drives the model is held between samples, whatever its column was taken for.
-    fit_on, hold_out = (
-        [r.with_roles({n: "command" for n in needed if n in r}) for r in recordings]
-        for recordings in (fit_on, hold_out)
+    prepared = files.reached(Prepared, lambda: prepare(model, fit_on, hold_out, known))
+    found = Diagnosis(model, prepared, seconds=files.seconds)
+    if prepared.unfit:
+        yield replace(found, verdict=conclude(found))
+        return
+    yield found
+
+    say("refitting the nominal model")
+    fitted = files.reached(Fitted, lambda: fit(model, prepared))
+    found = replace(found, fitted=fitted, seconds=files.seconds)
+    yield found
+
+    say("locating the mismatch")
+    located = files.reached(Located, lambda: Located(locate(fitted.base.model, prepared.fitting)))
+    found = replace(found, located=located, seconds=files.seconds)
+    yield found
+
+    files.add(repr([(e.name, e.typical_size, e.effect.parameters) for e in offered]))
+    task = Task(
+        model,
+        fitted.base,
+        prepared.fitting,
+        prepared.judging,
+        known,
+        None if entries is None else offered,
+        jobs,
+        say,
     )
+    scored = files.reached(Scored, lambda: score(task))
+    found = replace(found, scored=scored, seconds=files.seconds)
+    yield found
+
+    begun = files.read(Selected)
+    if begun is not None and begun.finished:
+        found = replace(found, selected=begun, seconds=files.seconds)
+    else:
+        for selected in search(task, scored, begun):
+            if selected.finished and not selected.accepted:
+                selected = _without_name(found, selected, say)  # noqa: PLW2901
+            files.write(selected)
+            found = replace(found, selected=selected, seconds=files.seconds)
+            yield found
+
+    files.add(f"advise {advise}")
+    finished = found
+    validated = files.reached(Validated, lambda: validate(finished, advise=advise, say=say))
+    found = replace(found, validated=validated, seconds=files.seconds)
+    yield replace(found, verdict=conclude(found))
+
+
+class _Files:
+    """The files of a diagnosis, with the key and the time that grow from stage to stage."""
+
+    def __init__(self, files: StageFiles) -> None:
+        self._files, self._key = files, ""
+        self._began, self._before = time.perf_counter(), 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Time of this call and of the stages that earlier ones reached, in s."""
+        return self._before + time.perf_counter() - self._began
+
+    def add(self, what: str) -> None:
+        """Let the stages from here on depend on something else."""
+        self._key = hashlib.sha256(f"{self._key} {what}".encode()).hexdigest()
+
+    def reached(self, kind: type[Stage], do: Callable[[], Stage]) -> Stage:
+        """Return a stage: read if it is there, else done and written."""
+        stage = self.read(kind)
+        if stage is None:
+            stage = do()
+            self.write(stage)
+        return stage
+
+    def read(self, kind: type[Stage]) -> Stage | None:
+        """Return a stage that an earlier call reached."""
+        found = self._files.read(kind, self._key)
+        if found is None:
+            return None
+        stage: Stage
+        stage, seconds = found
+        self._before += max(seconds - self.seconds, 0.0)
+        return stage
+
+    def write(self, stage: Any) -> None:
+        """Write a stage."""
+        self._files.write(stage, self._key, self.seconds)
+
+
+def prepare(
+    model: Model,
+    fit_on: Sequence[Recording],
+    hold_out: Sequence[Recording],
+    priors: Sequence[Prior],
+) -> Prepared:
+    """Check and observe the recordings."""
+    needed = [q.name for q in model.inputs]
     reports = [
         check_recording(
-            r,
+            # What drives the model is held between samples, whatever its column was taken for.
+            r.with_roles({n: "command" for n in needed if n in r}),
             model=model,
             required=[*needed, *(q.name for q in model.outputs if q.name in r)],
         )
         for r in (*fit_on, *hold_out)
     ]
     data = tuple(row for report in reports for row in report.as_data())
-    if not all(report.fit for report in reports):
-        bad = next(report for report in reports if not report.fit)
-        reason = next(c.note for c in bad.checks if c.result == "unfit")
-        unfit = ProcessNoiseFit.__new__(ProcessNoiseFit)
-        diagnosis = Diagnosis(model, unfit, unfit)
-        diagnosis.verdict = Verdict(
-            "data_unfit",
-            f"Recording {bad.name} cannot be judged: {reason}",
-            model,
-            data=data,
-            seconds=time.perf_counter() - began,
-        )
-        return diagnosis
-    fitting = [observe(model, report.recording) for report in reports[: len(fit_on)]]
-    judging = [observe(model, report.recording) for report in reports[len(fit_on) :]]
-    known = tuple(priors if priors is not None else default_priors(model))
-    say("refitting the nominal model")
-    base = with_held(fit_with_process_noise(model, fitting, known), fitting)
-    diagnosis = Diagnosis(model, base, base)
-    say("locating the mismatch")
-    diagnosis.before = locate(base.model, fitting)
-    # What gains the most at first may lead nowhere: then the next best begins.
-    failed: list[str] = []
-    while len(failed) < MOST_SEARCHES:
-        began_with = search(
-            diagnosis, fitting, judging, known, entries, jobs, say, without=tuple(failed)
-        )
-        if diagnosis.accepted:
-            say("running the improved model freely on the held-out recordings")
-            _run_freely(diagnosis, judging, ("refitted", "extended"))
-            if explained(held_out_errors(diagnosis, judging)) < LEAST_EXPLAINED:
-                withdraw_all(
-                    diagnosis,
-                    "what was found takes away less than"
-                    f" {100 * LEAST_EXPLAINED:.0f} % of the error of the free run on held-out"
-                    " recordings",
-                )
-        if diagnosis.accepted or began_with is None:
-            break
-        failed.append(began_with)
-    if not diagnosis.accepted and base.share > IMPERFECT:
-        _free(diagnosis, fitting, judging, known, say)
-    if diagnosis.extended is not base:
-        diagnosis.extended = with_held(diagnosis.extended, started(fitting, diagnosis))
-        say("locating what is left")
-        diagnosis.after = locate(diagnosis.extended.model, started(fitting, diagnosis))
-    say("running the models freely on the held-out recordings")
-    _run_freely(diagnosis, judging, ("nominal", "refitted", "extended"))
-    advice: dict[str, object] = {}
-    if advise:
-        say("choosing what to record next")
-        advice = next_experiment(diagnosis, fitting)
-    seconds = time.perf_counter() - began
-    diagnosis.verdict = conclude(diagnosis, judging, data, advice, seconds)
-    return diagnosis
+    for report in reports:
+        if not report.fit:
+            reason = next(c.note for c in report.checks if c.result == "unfit")
+            unfit = f"Recording {report.name} cannot be judged: {reason}"
+            return Prepared((), (), tuple(priors), data, unfit)
+    seen = [observe(model, report.recording) for report in reports]
+    return Prepared(tuple(seen[: len(fit_on)]), tuple(seen[len(fit_on) :]), tuple(priors), data)
 
 
-def _run_freely(diagnosis: Diagnosis, judging: Sequence[Observed], labels: Sequence[str]) -> None:
-    """Simulate models along the held-out recordings, unless that was done before."""
-    models = {
-        "nominal": diagnosis.nominal,
-        "refitted": diagnosis.base.model,
-        "extended": diagnosis.extended.model,
-    }
-    for label in labels:
-        if label in diagnosis.runs:
-            continue
-        diagnosis.runs[label] = {
-            r.name: settled_run(models[label], diagnosis.nominal, r) for r in judging
-        }
-    diagnosis.runs = {label: diagnosis.runs[label] for label in models if label in diagnosis.runs}
+def fit(model: Model, prepared: Prepared) -> Fitted:
+    """Refit the nominal model."""
+    base = fit_with_process_noise(model, prepared.fitting, prepared.priors)
+    return Fitted(with_fixed_uncertainty(base, prepared.fitting))
 
 
-def _free(
-    diagnosis: Diagnosis,
-    fitting: Sequence[Observed],
-    judging: Sequence[Observed],
-    priors: Sequence[Prior],
-    say: Progress,
-) -> None:
-    """Fit a law without a name where nothing of the library explains the recordings."""
-    ports = diagnosis.before.ports(diagnosis.nominal) if diagnosis.before else ()
-    if not ports:
-        return
+def _without_name(found: Diagnosis, selected: Selected, say: Progress) -> Selected:
+    """Fit a term without a name where nothing of the library explains the recordings."""
+    base, prepared = found.base, found.prepared
+    ports = found.before.ports(found.nominal) if found.before else ()
+    if not ports or base.noise_scale <= IMPERFECT.value:
+        return selected
     say(f"fitting a law without a name at {', '.join(ports)}")
     try:
-        diagnosis.free_form = free_form(diagnosis.base, fitting, judging, ports, priors)
+        term = nonparametric_term(base, prepared.fitting, prepared.judging, ports, prepared.priors)
     except NumericalError:
-        return
-    if diagnosis.free_form.accepted:
-        diagnosis.extended = diagnosis.free_form.fit
+        return selected
+    extended = term.fit if term.accepted else selected.extended
+    return replace(selected, nonparametric=term, extended=extended)
+
+
+def validate(found: Diagnosis, *, advise: bool = True, say: Progress) -> Validated:
+    """Judge what was found on the held-out recordings, and work out what to record next."""
+    selected, prepared = found.selected, found.prepared
+    assert selected is not None
+    extended, location = selected.extended, None
+    if found.improved:
+        started = Task(found.nominal, found.base, (), (), ()).started(
+            prepared.fitting, extended.model
+        )
+        extended = with_fixed_uncertainty(extended, started)
+        say("locating what is left")
+        location = locate(extended.model, started)
+    say("running the models freely on the held-out recordings")
+    models = {"nominal": found.nominal, "refitted": found.base.model, "extended": extended.model}
+    runs = {
+        label: selected.runs.get(label)
+        or {r.name: settled_run(model, found.nominal, r) for r in prepared.judging}
+        for label, model in models.items()
+    }
+    validated = Validated(extended, runs, location)
+    if advise:
+        say("choosing what to record next")
+        found = replace(found, validated=validated)
+        validated = replace(validated, advice=next_experiment(found, prepared.fitting))
+    return validated

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import cache
 
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.stages import Diagnosis
 from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording

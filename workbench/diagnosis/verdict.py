@@ -8,9 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from workbench.errors import WorkbenchError
 from workbench.model import Model
 
-SCHEMA = "workbench.verdict/1"
+SCHEMA = "workbench.verdict/2"
+
+_SCHEMA_1 = "workbench.verdict/1"
 
 Kind = Literal[
     "data_unfit",
@@ -49,13 +52,14 @@ class Finding:
 
     Args:
         where: Port names, the most likely group first.
-        effect: Name in the library, ``"free_form"``, or None.
+        effect: Name in the library, ``"nonparametric"``, or None.
         alike: Effects that these data cannot separate, the named one first.
         sentence: One plain sentence.
         parameters: Own parameters of the effect, by name.
-        share_of_excess_explained: Fraction of the error beyond the noise that the effect removes
-            on held-out recordings, 0 to 1.
+        excess_explained: Fraction of the error beyond the noise that the effect removes on
+            held-out recordings, 0 to 1.
         gain: Log likelihood gained on the fitting recordings, dimensionless.
+        held_out: The same on the held-out recordings with its 99 % interval, dimensionless.
         p_value: Probability of such a gain on held-out recordings by chance.
 
     Example:
@@ -68,8 +72,9 @@ class Finding:
     alike: tuple[str, ...]
     sentence: str
     parameters: Mapping[str, Value] = field(default_factory=dict)
-    share_of_excess_explained: float = math.nan
+    excess_explained: float = math.nan
     gain: float = math.nan
+    held_out: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     p_value: float = math.nan
 
 
@@ -87,11 +92,13 @@ class Verdict:
         parameters: Parameters of the refitted nominal model.
         improved: Parameters of the improved model; empty where nothing was found.
         not_testable: Effects that these data could not have shown, with the reason.
+        refused: Effects that were followed and refused or taken back, with rule and reason.
         next_experiment: What to do next, with the predicted separation.
         data: Checks of the recordings.
         location: Log likelihood gained by an unknown input at each group of ports, before and
             after the extension, dimensionless.
         seconds: Time that the diagnosis took, in s.
+        interrupted: Whether the diagnosis was ended early.
         model: The improved model; the refitted nominal one where nothing was found.
 
     Example:
@@ -110,10 +117,12 @@ class Verdict:
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     improved: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     not_testable: tuple[Mapping[str, str], ...] = ()
+    refused: tuple[Mapping[str, Any], ...] = ()
     next_experiment: Mapping[str, Any] = field(default_factory=dict)
     data: tuple[Mapping[str, str], ...] = ()
     location: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     seconds: float = math.nan
+    interrupted: bool = False
 
     def as_data(self) -> dict[str, Any]:
         """Return the verdict as plain data; numbers that are not finite become None."""
@@ -132,8 +141,9 @@ class Verdict:
                             k: {"value": v.value, "unit": v.unit, "std": v.std}
                             for k, v in f.parameters.items()
                         },
-                        "share_of_excess_explained": f.share_of_excess_explained,
+                        "excess_explained": f.excess_explained,
                         "log_likelihood_gain": f.gain,
+                        "held_out_gain": list(f.held_out),
                         "p_value": f.p_value,
                     }
                     for f in self.findings
@@ -142,11 +152,13 @@ class Verdict:
                 "parameters": self.parameters,
                 "improved_parameters": self.improved,
                 "not_testable": list(self.not_testable),
+                "refused": list(self.refused),
                 "next_experiment": self.next_experiment,
                 "data": list(self.data),
                 "location": self.location,
                 "seconds": self.seconds,
             }
+            | ({"interrupted": True} if self.interrupted else {})
         )
         return data
 
@@ -175,6 +187,46 @@ class Verdict:
         if self.next_experiment:
             lines.append(f"  next: {self.next_experiment.get('sentence', '')}")
         return "\n".join(lines)
+
+
+def upgraded(data: Mapping[str, Any], source: str = "the verdict") -> dict[str, Any]:
+    """Return the data of a ``verdict.json`` of any schema in the words of the present one.
+
+    Args:
+        data: The data as they were read.
+        source: Where they come from, for the error.
+
+    Raises:
+        WorkbenchError: If they are no verdict of a known schema.
+
+    Example:
+        >>> old = {"schema": "workbench.verdict/1", "verdict": "located_unnamed"}
+        >>> upgraded(old | {"findings": [{"effect": "free_form"}]})["findings"]
+        [{'effect': 'nonparametric'}]
+    """
+    schema = data.get("schema")
+    if schema not in (SCHEMA, _SCHEMA_1) or not isinstance(data.get("verdict"), str):
+        raise WorkbenchError(
+            f"{source} has the schema {schema!r}; it must be {SCHEMA!r} or {_SCHEMA_1!r}"
+        )
+    if schema == SCHEMA:
+        return dict(data)
+    words = {"share_of_excess_explained": "excess_explained"}
+    findings = [
+        {words.get(key, key): value for key, value in finding.items()}
+        for finding in data.get("findings") or ()
+    ]
+    for finding in findings:
+        for key in ("effect", "class"):
+            if key in finding:
+                finding[key] = _renamed(finding[key])
+    return dict(data) | {"schema": SCHEMA, "findings": findings}
+
+
+def _renamed(value: Any) -> Any:
+    if isinstance(value, list):
+        return [_renamed(v) for v in value]
+    return "nonparametric" if value == "free_form" else value
 
 
 def _plain(data: Any) -> Any:

@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from workbench.diagnosis.verdict import SCHEMA
-from workbench.errors import WorkbenchError
+from workbench.diagnosis.verdict import upgraded
 from workbench.evaluation.answer_key import Names, read_json
 
 
@@ -47,20 +46,16 @@ def read_answer(path: str | Path, case: str, names: Names) -> Answer:
     Raises:
         WorkbenchError: If the file cannot be read or is no verdict.
     """
-    data = read_json(path, "verdict")
-    if data.get("schema") != SCHEMA or not isinstance(data.get("verdict"), str):
-        raise WorkbenchError(
-            f"verdict {str(path)!r} has the schema {data.get('schema')!r}; it must be {SCHEMA!r}"
-        )
-    return answer_of(data, case, names)
+    return answer_of(upgraded(read_json(path, "verdict"), f"verdict {str(path)!r}"), case, names)
 
 
 def answer_of(data: Mapping[str, Any], case: str, names: Names) -> Answer:
     """Return what the content of a ``verdict.json`` claims."""
+    data = upgraded(data) if data else data
     findings = []
     for finding in data.get("findings") or ():
         effect = finding.get("effect")
-        named = bool(effect) and effect != "free_form"
+        named = bool(effect) and effect != "nonparametric"
         alike = tuple(finding.get("class") or ()) if named else ()
         members = tuple(dict.fromkeys((effect, *alike))) if named else ()
         groups = tuple(dict.fromkeys(names.group(port) for port in finding.get("where") or ()))

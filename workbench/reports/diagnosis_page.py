@@ -6,9 +6,9 @@ import math
 from collections.abc import Sequence
 
 from workbench.diagnosis.comparison import Proof
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.missing_signal import Located
+from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
 from workbench.reports.diagnosis_tables import (
     METHODS,
@@ -74,7 +74,7 @@ def diagnosis_page(
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
         >>> from workbench.diagnosis.comparison import proof_of
         >>> found, hold_out = example_diagnosis()
-        >>> page = diagnosis_page(found, proof_of(found, hold_out), name="axis")
+        >>> page = diagnosis_page(found, proof_of(found), name="axis")
         >>> [section.name for section in page.sections]
         ['held-out', 'where', 'parameters', 'alternatives', 'limits', 'recordings']
     """
@@ -107,7 +107,7 @@ def _lead(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
     sentence = verdict.sentence.replace("+-", "±").replace("_", " ")
     term = accepted_term(diagnosis)
     if term is not None:
-        share = share_sentence(verdict.findings[0].share_of_excess_explained)
+        share = share_sentence(verdict.findings[0].excess_explained)
         parts = (sentence, share, _falls(diagnosis, proof), hull_sentence(term), _next(verdict))
         return " ".join(part for part in parts if part)
     if not diagnosis.accepted:
@@ -158,7 +158,7 @@ def _next(verdict: Verdict) -> str:
 
 def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...]:
     facts = [("verdict", VERDICTS[verdict.kind]), ("model", diagnosis.nominal.name)]
-    share = [f.share_of_excess_explained for f in verdict.findings]
+    share = [f.excess_explained for f in verdict.findings]
     if share and math.isfinite(share[0]):
         facts.append(("excess error removed", f"{100 * share[0]:.4g} %"))
     if math.isfinite(verdict.seconds):

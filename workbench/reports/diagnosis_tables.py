@@ -6,10 +6,10 @@ import math
 from collections.abc import Mapping, Sequence
 
 from workbench.diagnosis.comparison import ErrorRow
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.refit_result import Estimate
-from workbench.diagnosis.selection.candidates import Candidate
-from workbench.diagnosis.selection.score import ABSORBED, Scores
+from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.score import COLLINEAR, Scores
+from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
 from workbench.recordings.checks import CHECKS
 from workbench.reports.diagnosis_unnamed import improved
@@ -175,7 +175,7 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
 
 def _ordinates(diagnosis: Diagnosis) -> dict[str, str]:
     """Say of the ordinates of a term without a name where on the curve they are."""
-    term = diagnosis.free_form
+    term = diagnosis.nonparametric
     if term is None:
         return {}
     named = {}
@@ -186,7 +186,9 @@ def _ordinates(diagnosis: Diagnosis) -> dict[str, str]:
             near = abs(knot) < 1e-3 * (curve.knots[-1] - curve.knots[0])
             where = f"{number(0.0 if near else factor * knot)} {unit}".removesuffix(" 1")
             argument = curve.argument.replace("_", " ")
-            named[f"{term.effect_name}.{short}"] = f"free form, curve at {argument} {where},"
+            named[f"{term.effect_name}.{short}"] = (
+                f"nonparametric term, curve at {argument} {where},"
+            )
     return named
 
 
@@ -251,7 +253,7 @@ def scores_table(
                 ", ".join(dict.fromkeys(score.entry.ports)).replace("_", " "),
                 number(score.gain),
                 _size(score.size, score.entry.unit),
-                f"{100 * score.absorption:.0f} %",
+                f"{100 * score.collinearity:.0f} %",
                 "–" if name == reference else f"{scores.confusion[row, i]:.2f}",
                 _fitted(candidate),
                 _held_out(candidate),
@@ -322,7 +324,7 @@ def unseen_table(verdict: Verdict) -> Table:
         "What these recordings could not have shown",
         ("effect", "why"),
         tuple((item["effect"].replace("_", " "), item["reason"]) for item in verdict.not_testable),
-        f"Absorbed beyond {100 * ABSORBED:.0f} %, or too small at every plausible size.",
+        f"Absorbed beyond {100 * COLLINEAR:.0f} %, or too small at every plausible size.",
     )
 
 

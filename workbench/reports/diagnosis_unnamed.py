@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.location.isolability import Isolability
 from workbench.diagnosis.location.missing_signal import Located
 from workbench.diagnosis.nonparametric.result import Argument, NonparametricTerm
+from workbench.diagnosis.stages import Diagnosis
 from workbench.reports.figures.diagnosis_free_form import diagnosis_free_form
 from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Block, Words
@@ -28,7 +28,7 @@ def accepted_term(diagnosis: Diagnosis) -> NonparametricTerm | None:
         >>> accepted_term(example_diagnosis()[0]) is None
         True
     """
-    term = diagnosis.free_form
+    term = diagnosis.nonparametric
     return term if term is not None and term.accepted and not diagnosis.accepted else None
 
 
@@ -199,7 +199,7 @@ def refusals(diagnosis: Diagnosis) -> list[Block]:
         Words(f"Taken back: {_plain(name)}; {reason}.", "note")
         for name, reason in taken_back(diagnosis).items()
     ]
-    term = diagnosis.free_form
+    term = diagnosis.nonparametric
     if term is not None and term.reason:
         reason = term.reason.replace("_", " ")
         blocks.append(

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from workbench.diagnosis.estimation.fixed_parameters import with_held
+from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
 from workbench.diagnosis.estimation.made_up import made_up, pushes
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
@@ -29,9 +29,9 @@ def test_what_is_held_widens_the_interval_of_what_scales_with_it() -> None:
     axis = servo_axis().with_effect(gain(("axis.force",), excess=0.0, upper=0.08, name="drive"))
     seen = made_up(axis, pushes(400, largest=200.0), sample_time=0.01)
     fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
-    assert with_held(fit, [seen]) is fit
+    assert with_fixed_uncertainty(fit, [seen]) is fit
     model = held(fit.model, "drive.excess")
-    wide = with_held(replace(fit, refit=replace(fit.refit, model=model)), [seen])
+    wide = with_fixed_uncertainty(replace(fit, refit=replace(fit.refit, model=model)), [seen])
     (mass,) = wide.refit.estimates
     assert mass.value == fit.refit.estimate("mass").value
     assert fit.refit.estimate("mass").std < 0.01 * mass.value

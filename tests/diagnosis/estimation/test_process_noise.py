@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed, observed
-from workbench.diagnosis.estimation.prediction_error import PredictionError
+from workbench.diagnosis.estimation.prediction_error import PredictionError, disturbances
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import (
     blocks_of_cost,
-    disturbances,
     extended_start,
     fit_with_process_noise,
     gain_interval,
@@ -70,14 +69,14 @@ def test_blocks_add_up_to_the_cost_of_the_filter() -> None:
     fit = fit_with_process_noise(model, [seen], default_priors(model), follow=False)
     blocks = blocks_of_cost(fit, [seen])
     filter_ = PredictionError(
-        fit.model, seen.sample_time, seen.used, (), disturbances(fit.model, fit.share)
+        fit.model, seen.sample_time, seen.used, (), disturbances(fit.model, fit.noise_scale)
     )
     assert blocks.sum() == pytest.approx(filter_.run(seen, fit.model.values).cost)
 
 
 def test_the_share_falls_only_for_the_right_equations() -> None:
     right, wrong = diagnosed(False).base, diagnosed(True).base
-    assert right.share <= 0.03 < wrong.share
+    assert right.noise_scale <= 0.03 < wrong.noise_scale
     # The true mass is 100 kg, the model's 95 kg.
     assert right.refit.estimate("mass").value == pytest.approx(100.0, abs=0.5)
 

@@ -89,7 +89,7 @@ def drags() -> tuple[tuple[Explanation, Explanation], Observed]:
         priors = [*default_priors(axis, ["mass", "offset"])]
         size = model.parameter(own)
         priors.append(Prior(own, 0.0, size.upper, size.lower, size.upper))
-        fit = fit_with_process_noise(model, [seen], priors, share=0.03)
+        fit = fit_with_process_noise(model, [seen], priors, noise_scale=0.03)
         found.append(Explanation(effect.name, fit, own))
     return (found[0], found[1]), seen
 
@@ -112,7 +112,7 @@ def test_the_predicted_gain_is_that_of_a_made_up_recording() -> None:
                     recordings,
                     priors,
                     start={q.name: q.value for q in e.fit.refit.estimates},
-                    share=min(true.fit.share, other.fit.share),
+                    noise_scale=min(true.fit.noise_scale, other.fit.noise_scale),
                     follow=False,
                 ).cost
         gain = (costs[other.name, 2] - costs[true.name, 2]) - (
@@ -141,7 +141,7 @@ def test_the_spread_of_a_size_shrinks_as_a_refit_shrinks_it() -> None:
     made = made_up(true.fit.model, force, sample_time=SAMPLE_TIME, seed=6)
     priors = [q.prior for q in true.fit.refit.estimates]
     both = fit_with_process_noise(
-        true.fit.model, [seen, made], priors, share=true.fit.share, follow=False
+        true.fit.model, [seen, made], priors, noise_scale=true.fit.noise_scale, follow=False
     )
     assert now == true.fit.refit.estimate(true.size).std
     # The prediction keeps the present factor for correlated errors, the refit finds its own.

@@ -77,11 +77,16 @@ class Rival:
         return cls(name, model, (*default_priors(nominal_model), prior), {own: size})
 
     def fitted(
-        self, nominal_model: Model, seen: list[Observed], share: float = 1.0
+        self, nominal_model: Model, seen: list[Observed], scale: float = 1.0
     ) -> ProcessNoiseFit:
         started = [extended_start(r, nominal_model, self.model) for r in seen]
         return fit_with_process_noise(
-            self.model, started, self.priors, start=self.start, share=share, follow=share >= 1.0
+            self.model,
+            started,
+            self.priors,
+            start=self.start,
+            noise_scale=scale,
+            follow=scale >= 1.0,
         )
 
 
@@ -103,8 +108,8 @@ def proved(
     best = next(s for s in ranked if not s.experiment.settings)
     made = recorded(p, "proposed", 7, command=best.experiment.inputs[:, 0])
     seen.append(observe(model, made))
-    assert fits[0].share == fits[1].share
-    after = [rival.fitted(model, seen, fits[0].share) for rival in both]
+    assert fits[0].noise_scale == fits[1].noise_scale
+    after = [rival.fitted(model, seen, fits[0].noise_scale) for rival in both]
     return before, after[1].cost - after[0].cost - before, best
 
 

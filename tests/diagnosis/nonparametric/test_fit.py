@@ -18,7 +18,7 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.nonparametric.curve_description import describing_terms
 from workbench.diagnosis.nonparametric.dependence import loop_along, spread
-from workbench.diagnosis.nonparametric.fit import free_form
+from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.evaluation.rig.cases import make_case
 from workbench.model import Model
@@ -68,7 +68,7 @@ def axis_term(hidden: bool) -> NonparametricTerm:
     runs = [axis_recording(seed, hidden=hidden) for seed in (1, 2, 3)]
     priors = default_priors(servo_axis())
     base = fit_with_process_noise(servo_axis(), runs[:2], priors)
-    return free_form(base, runs[:2], runs[2:], ["axis.force"], priors)
+    return nonparametric_term(base, runs[:2], runs[2:], ["axis.force"], priors)
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ def cogging(tmp_path_factory: pytest.TempPathFactory) -> ArmCase:
     priors = default_priors(model)
     base = fit_with_process_noise(model, fit_on, priors)
     held = [seen[name] for name in case.hold_out]
-    found = free_form(base, fit_on, held, ["joint.torque"], priors)
+    found = nonparametric_term(base, fit_on, held, ["joint.torque"], priors)
     truth = json.loads((Path(folder) / "truth.json").read_text())["parameters"]
     return ArmCase(found, truth)
 

@@ -1,4 +1,4 @@
-"""Scores: expected size and gain against a full refit, absorption, confusion."""
+"""Scores: expected size and gain against a full refit, collinearity, confusion."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from tests.diagnosis.axis_case import COULOMB_N, observed
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
-from workbench.diagnosis.selection.score import ABSORBED, Scores, by_name, score_library
+from workbench.diagnosis.selection.score import COLLINEAR, Scores, by_name, score_library
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import library
@@ -32,7 +32,9 @@ def without_friction() -> Scores:
     priors = default_priors(model)
     base = fit_with_process_noise(model, seen, priors)
     entries = [e for e in library(base.model) if e.name != "coulomb_friction" and not e.stiff]
-    return score_library(base.model, seen, priors, [_coulomb(), *entries], share=base.share)
+    return score_library(
+        base.model, seen, priors, [_coulomb(), *entries], noise_scale=base.noise_scale
+    )
 
 
 def test_the_missing_effect_scores_near_its_size(without_friction: Scores) -> None:
@@ -57,7 +59,7 @@ def test_scores_are_sorted_and_confusion_is_a_cosine(without_friction: Scores) -
 
 def test_what_a_parameter_imitates_is_absorbed(without_friction: Scores) -> None:
     # The axis has a free constant force of its own, as fitted parameter ``offset``.
-    assert by_name(without_friction)["constant_force"].absorption > ABSORBED
+    assert by_name(without_friction)["constant_force"].collinearity > COLLINEAR
     assert not by_name(without_friction)["constant_force"].testable
 
 
@@ -69,6 +71,6 @@ def test_the_same_law_twice_is_one_class() -> None:
     entries = [Hypothesis(one.renamed(name), "coefficient", 100.0, 10.0) for name in ("one", "two")]
     other = next(e for e in library(base.model) if e.name == "cubic_stiffness")
     scores = score_library(
-        base.model, seen, default_priors(model), [*entries, other], share=base.share
+        base.model, seen, default_priors(model), [*entries, other], noise_scale=base.noise_scale
     )
     assert scores.look_alikes("one") == ("two",)

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from workbench.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.selection.search import LEAST_SHARE, _withdraw
+from workbench.diagnosis.selection.rules import LEAST_SHARE
+from workbench.diagnosis.selection.search import _withdrawn
 
 
 def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> None:
     given, _ = example_diagnosis()
-    passed = [given.base, given.extended]
-    gain = given.base.cost - given.extended.cost
-    found = replace(
-        given, accepted=list(given.accepted), withdrawn=[], excess=gain / (0.5 * LEAST_SHARE)
-    )
-    _withdraw(found, passed)
-    assert found.accepted == [] and found.extended is given.base
-    ((candidate, why),) = found.withdrawn
+    assert given.selected is not None
+    gain = given.base.cost - given.selected.fits[1].cost
+    left = _withdrawn(given.selected, gain / (0.5 * LEAST_SHARE.value))
+    assert left.accepted == () and left.extended is given.base
+    ((candidate, why),) = left.withdrawn
     assert candidate.entry.name == "coulomb_friction"
-    assert why.startswith(f"explains too little: {50 * LEAST_SHARE:.0f} %")
-    kept = replace(given, accepted=list(given.accepted), withdrawn=[], excess=gain)
-    _withdraw(kept, passed)
-    assert kept.withdrawn == [] and kept.accepted == given.accepted
+    assert why.startswith(f"explains too little: {50 * LEAST_SHARE.value:.0f} %")
+    assert _withdrawn(given.selected, gain) is given.selected

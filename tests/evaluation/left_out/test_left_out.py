@@ -65,7 +65,7 @@ def test_parameters_imitate_the_flattened_ends(tmp_path: Path) -> None:
     row = diagnosed("flattened ends", "motion", tmp_path, 4.0)
     # Found or not, nothing else may be named for it.
     assert set(row.found) <= {"flattened_ends"} and row.right
-    assert 0.9 < row.absorption < 0.99
+    assert 0.9 < row.collinearity < 0.99
     # The volume that the ends do not take is made up by the dead volume.
     assert "dead_volume +" in row.moved
     assert row.refitted < 0.1

@@ -12,14 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, disturbances
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Outcome, summarise
 from workbench.errors import NumericalError
 
 
-def with_held(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNoiseFit:
+def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNoiseFit:
     """Widen the intervals of a refit by what the parameters that it held may be wrong.
 
     ``P = (J^T J + diag(prior variances)^-1)^-1`` over free and held parameters together, of which
@@ -39,7 +39,7 @@ def with_held(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNo
         >>> axis = servo_axis()
         >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
         >>> fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
-        >>> with_held(fit, [seen]) is fit
+        >>> with_fixed_uncertainty(fit, [seen]) is fit
         True
     """
     model = fit.model
@@ -56,7 +56,7 @@ def with_held(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNo
         recordings[0].sample_time,
         recordings[0].used,
         tuple(p.name for p in every),
-        disturbances(model, fit.share),
+        disturbances(model, fit.noise_scale),
     )
     try:
         parts = [filter_.run(observed, model.values) for observed in recordings]
@@ -68,7 +68,7 @@ def with_held(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNo
         fit.cost,
         fit.refit.converged,
         fit.refit.iterations,
-        fit.refit.share,
+        fit.refit.noise_scale,
     )
     wide = summarise(model, recordings, every, outcome)
     count = len(own)

@@ -219,6 +219,26 @@ class PredictionError:
         return self._call
 
 
+def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
+    """Return the disturbance at each port, as a multiple of what is expected there.
+
+    Args:
+        model: The plant.
+        noise_scale: Process-noise scale, dimensionless.
+
+    Returns:
+        Root mean square by name of port, in each port's SI unit.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> disturbances(servo_axis(), 0.5)
+        {'axis.force': 1.0}
+    """
+    return {
+        q.name: noise_scale * q.disturbance for q in model.ports if noise_scale * q.disturbance > 0
+    }
+
+
 def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:
     """Stack the innovations of several recordings for least squares.
 

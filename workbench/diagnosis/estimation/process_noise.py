@@ -1,6 +1,6 @@
 """The likelihood of recordings under a model whose equations may be imperfect.
 
-How much the equations leave out is itself estimated: the share of the disturbance expected at the
+How much the equations leave out is itself estimated: the scale of the noise expected at the
 ports is lowered step by step, with a refit at each, as long as the recordings become more likely.
 A model that lacks physics stops early, the right one goes down to the noise of the sensors.
 """
@@ -13,7 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.estimation.prediction_error import Innovations, Observed, PredictionError
+from workbench.diagnosis.estimation.prediction_error import (
+    Innovations,
+    Observed,
+    PredictionError,
+    disturbances,
+)
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.refit import ENOUGH, refit
 from workbench.diagnosis.estimation.refit_result import Refit
@@ -24,24 +29,24 @@ from workbench.model.model import index_of
 Vector = npt.NDArray[np.float64]
 
 LADDER = (30.0, 3.0, 1.0, 0.3, 0.03)
-"""Shares of the expected disturbance that are tried, from a poor model to a perfect one."""
+"""Process-noise scales that are tried, from a poor model to a perfect one."""
 
 _BLOCK_S = 0.5
 
 
 @dataclass(frozen=True)
 class ProcessNoiseFit:
-    """A refit at the most likely share of the expected disturbance.
+    """A refit at the most likely process-noise scale.
 
     Args:
-        refit: Estimates at that share.
-        share: The share, dimensionless: small where the model explains the recordings.
+        refit: Estimates at that scale.
+        noise_scale: The noise_scale, dimensionless: small where the model explains the recordings.
         passed: The fit one step higher on the ladder, from which this one was reached; None at the
             step where it began.
     """
 
     refit: Refit
-    share: float
+    noise_scale: float
     passed: ProcessNoiseFit | None = None
 
     @property
@@ -53,24 +58,6 @@ class ProcessNoiseFit:
     def cost(self) -> float:
         """Minus the log likelihood of the recordings, with the priors; dimensionless."""
         return self.refit.cost
-
-
-def disturbances(model: Model, share: float) -> dict[str, float]:
-    """Return the disturbance at each port, as a share of what is expected there.
-
-    Args:
-        model: The plant.
-        share: Share of the expected disturbance, dimensionless.
-
-    Returns:
-        Root mean square by name of port, in each port's SI unit.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> disturbances(servo_axis(), 0.5)
-        {'axis.force': 1.0}
-    """
-    return {q.name: share * q.disturbance for q in model.ports if share * q.disturbance > 0}
 
 
 def extended_start(observed: Observed, model: Model, extended: Model) -> Observed:
@@ -118,27 +105,27 @@ def fit_with_process_noise(
     priors: Sequence[Prior],
     *,
     start: Mapping[str, float] | None = None,
-    share: float = 3.0,
+    noise_scale: float = 3.0,
     follow: bool = True,
     ladder: Sequence[float] = LADDER,
     enough: float = ENOUGH,
     progress: Callable[[str], None] | None = None,
 ) -> ProcessNoiseFit:
-    """Refit a model at the most likely share of the expected disturbance.
+    """Refit a model at the most likely process-noise scale.
 
     Args:
         model: The plant.
         recordings: Recordings as `observe` returns them, for this model.
         priors: The free parameters.
         start: Where to start some parameters, by name, in SI.
-        share: Share to begin with, dimensionless.
-        follow: Whether to go on to smaller shares.
+        noise_scale: Share to begin with, dimensionless.
+        follow: Whether to go on to smaller scales.
         ladder: Shares that are tried, falling, dimensionless.
         enough: A step that gains less log likelihood than this ends a refit, dimensionless.
         progress: Called with a line of text before each pass.
 
     Returns:
-        The refit at the best share of the ladder at or below the first.
+        The refit at the best scale of the ladder at or below the first.
 
     Raises:
         NumericalError: If the first refit could not be evaluated.
@@ -155,7 +142,7 @@ def fit_with_process_noise(
     """
     best: ProcessNoiseFit | None = None
     values = dict(start or {})
-    first = int(np.argmin(np.abs(np.log(np.array(ladder) / share))))
+    first = int(np.argmin(np.abs(np.log(np.array(ladder) / noise_scale))))
     for level in ladder[first:] if follow else ladder[first : first + 1]:
         try:
             trial = refit(
@@ -186,7 +173,7 @@ def blocks_of_cost(
     """Return minus the log likelihood of recordings under a fitted model, by blocks of time.
 
     Args:
-        fit: The fitted model and its share.
+        fit: The fitted model and its process-noise scale.
         recordings: Recordings with a start for this model, used or not used for the fit.
         block: Length of a block, in s.
 
@@ -211,7 +198,7 @@ def blocks_of_cost(
         recordings[0].sample_time,
         recordings[0].used,
         (),
-        disturbances(fit.model, fit.share),
+        disturbances(fit.model, fit.noise_scale),
     )
     parts = [filter_.run(r, fit.model.values) for r in recordings]
     return np.concatenate(
@@ -229,7 +216,7 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
     """Return minus the log likelihood to be expected if the model left nothing out.
 
     The filter runs along readings that the model itself gives for the inputs, with the noise and
-    the smallest share of the ladder: ``sum (1/2 + log s)``, s the standard deviations of its
+    the smallest scale of the ladder: ``sum (1/2 + log s)``, s the standard deviations of its
     prediction errors.
 
     Args:
@@ -251,8 +238,8 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
     """
     first = recordings[0]
     tight, blind = (
-        PredictionError(model, first.sample_time, first.used, (), disturbances(model, share))
-        for share in (LADDER[-1], 1e-9)
+        PredictionError(model, first.sample_time, first.used, (), disturbances(model, noise_scale))
+        for noise_scale in (LADDER[-1], 1e-9)
     )
     scales = {q.name: q.scale for q in model.outputs}
     scale = np.array([scales[name] for name in first.used])

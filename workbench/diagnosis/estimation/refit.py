@@ -29,7 +29,7 @@ from workbench.model.model import index_of
 Vector = npt.NDArray[np.float64]
 
 STAGES = (1.0, 0.03)
-"""Shares of the expected disturbance that the filter allows in successive passes."""
+"""Process-noise scales that the filter allows in successive passes."""
 
 _ITERATIONS = 15
 
@@ -64,7 +64,7 @@ def refit(
         recordings: Recordings as `observe` returns them, all with the same outputs and sample
             time.
         priors: The free parameters; `default_priors` by default.
-        stages: Shares of the disturbance expected at the ports, pass by pass, dimensionless.
+        stages: Process-noise scales at the ports, pass by pass, dimensionless.
         start: Where to start some parameters, by name, in SI; at the prior by default.
         starts: Number of starts; those after the first are drawn from the priors.
         seed: Seed of the draws.
@@ -130,7 +130,7 @@ def _search(
     problem = _Problem(priors, np.array([model.parameters[i].scale for i in columns]))
     values = np.array([start[n] for n in names], dtype=float)
     outcome = None
-    for number, share in enumerate(stages):
+    for number, noise_scale in enumerate(stages):
         if progress:
             progress(f"refit pass {number + 1} of {len(stages)}")
         filter_ = PredictionError(
@@ -138,7 +138,11 @@ def _search(
             recordings[0].sample_time,
             recordings[0].used,
             names,
-            {q.name: share * q.disturbance for q in model.ports if share * q.disturbance > 0},
+            {
+                q.name: noise_scale * q.disturbance
+                for q in model.ports
+                if noise_scale * q.disturbance > 0
+            },
         )
 
         def evaluate(
@@ -153,7 +157,7 @@ def _search(
         near = enough if number == len(stages) - 1 else 100 * enough
         done = outcome.iterations if outcome else 0
         outcome = _descend(problem, values, evaluate, near)
-        outcome = replace(outcome, iterations=outcome.iterations + done, share=share)
+        outcome = replace(outcome, iterations=outcome.iterations + done, noise_scale=noise_scale)
         values = outcome.values
     assert outcome is not None
     return outcome

@@ -31,7 +31,7 @@ DRIFT_FACTOR = 5.0
 """An error beyond this many times the noise of the readings is a drift."""
 
 EXPLAINED_SHARE = 0.1
-"""Up to this share of the expected disturbance, the equations count as complete."""
+"""Up to this process-noise scale, the equations count as complete."""
 
 _DRAWS = 8
 
@@ -47,8 +47,8 @@ class RefitTask:
         fit: Recordings to fit on.
         hold_out: Recordings to judge on.
         priors: Free parameters; `default_priors` if there are none.
-        stages: Shares of the expected disturbance, pass by pass, dimensionless; the most likely
-            share if none.
+        stages: Process-noise scales, pass by pass, dimensionless; the most likely
+            scale if none.
         start_samples: Samples over which hidden states at the start of a free run are estimated; 0
             to take the start from the first readings.
         starts: Number of starts of the search.
@@ -157,7 +157,7 @@ class RefitReport:
         A filter that had to take up much at the ports leaves the parameters so uncertain that any
         error would do; then the floor is not reached either.
         """
-        explained = self.refit.share <= EXPLAINED_SHARE
+        explained = self.refit.noise_scale <= EXPLAINED_SHARE
         return explained and bool(self.rows) and all(row.at_floor for row in self.rows)
 
     def row(self, recording: str, output: str) -> HeldOut:
@@ -194,7 +194,7 @@ class RefitReport:
     def __str__(self) -> str:
         """Return short aligned tables."""
         lines = [f"{self.task.title}: refitted on {len(self.task.fit)} recording(s)", ""]
-        lines += [str(self.refit), f"  share of the expected disturbance: {self.refit.share:g}"]
+        lines += [str(self.refit), f"  process-noise scale: {self.refit.noise_scale:g}"]
         for name, value, published, sigmas in self.differences():
             lines.append(
                 f"  {name}: {value:.5g}, published {published:.5g},"

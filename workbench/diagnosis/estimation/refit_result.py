@@ -77,7 +77,7 @@ class Refit:
             where the model explains the recordings to the noise.
         unidentifiable: Combinations of parameters that the recordings do not determine.
         disagreements: Parameters whose estimates from single recordings disagree.
-        share: Share of the expected disturbance that the filter allowed, dimensionless.
+        noise_scale: Process-noise scale that the filter allowed, dimensionless.
         inflations: Factor of each standard deviation for correlated errors, shape (n_free,),
             dimensionless.
 
@@ -94,7 +94,7 @@ class Refit:
     whiteness: Mapping[str, float]
     unidentifiable: tuple[str, ...]
     disagreements: tuple[str, ...]
-    share: float = 0.0
+    noise_scale: float = 0.0
     inflations: Vector = field(default_factory=lambda: np.ones(0))
 
     def estimate(self, name: str) -> Estimate:
@@ -157,7 +157,7 @@ class Outcome:
         cost: Minus the log likelihood with the priors, dimensionless.
         converged: Whether further steps gain nothing.
         iterations: Number of steps.
-        share: Share of the expected disturbance in the last pass, dimensionless.
+        noise_scale: Process-noise scale in the last pass, dimensionless.
     """
 
     values: Vector
@@ -165,7 +165,7 @@ class Outcome:
     cost: float
     converged: bool
     iterations: int
-    share: float
+    noise_scale: float
 
 
 def summarise(
@@ -226,7 +226,7 @@ def summarise(
         cost=outcome.cost,
         converged=outcome.converged,
         iterations=outcome.iterations,
-        share=outcome.share,
+        noise_scale=outcome.noise_scale,
         inflations=inflation,
         whiteness=dict(zip(used, np.nanmean(squares, axis=0).tolist(), strict=True)),
         unidentifiable=_unidentifiable(names, information, std / scale),

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from workbench.diagnosis.conclude import IMPERFECT
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.process_noise import extended_start
 from workbench.diagnosis.experiment.menu import Experiment, menu, other_settings, with_setting
@@ -19,12 +18,13 @@ from workbench.diagnosis.experiment.separation import (
     visible,
 )
 from workbench.diagnosis.location.isolability import isolability
-from workbench.diagnosis.selection.score import ABSORBED
+from workbench.diagnosis.selection.rules import IMPERFECT
+from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.model import Model
 from workbench.physics.library import Hypothesis
 
 if TYPE_CHECKING:
-    from workbench.diagnosis.diagnosis import Diagnosis
+    from workbench.diagnosis.stages import Diagnosis
 
 DECISIVE = 3.0
 """Standard deviations that an experiment should reach."""
@@ -150,7 +150,7 @@ def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dic
             if len(left) > 1:
                 return _deciding(left, recordings, nominal)
         return _sharpening(diagnosis, recordings)
-    if diagnosis.base.share > IMPERFECT:
+    if diagnosis.base.noise_scale > IMPERFECT.value:
         return _locating(diagnosis, recordings[0].used)
     if not diagnosis.rounds:
         return {}
@@ -201,7 +201,7 @@ def _deciding(
 
 def _sharpening(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str, object]:
     best = diagnosis.accepted[0][0]
-    if best.size is None or diagnosis.extended is diagnosis.base:
+    if best.size is None or not diagnosis.improved:
         return {}
     name = f"{best.entry.name}.{best.entry.size_parameter}"
     explanation = Explanation(best.entry.name, diagnosis.extended, name)
@@ -260,7 +260,7 @@ def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str
     found = [
         sight
         for sight in found
-        if sight.absorption < ABSORBED and abs(sight.entry.typical_size) > SEEN * sight.then
+        if sight.collinearity < COLLINEAR and abs(sight.entry.typical_size) > SEEN * sight.then
     ]
     if not found:
         return {}

@@ -20,13 +20,10 @@ from workbench.diagnosis.estimation.prediction_error import (
     Innovations,
     Observed,
     PredictionError,
+    disturbances,
     stack,
 )
-from workbench.diagnosis.estimation.process_noise import (
-    ProcessNoiseFit,
-    disturbances,
-    extended_start,
-)
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
 from workbench.diagnosis.experiment.menu import Experiment
 from workbench.errors import NumericalError
 from workbench.model import Model
@@ -118,7 +115,7 @@ class Separator:
         )  # fmt: skip
 
     def errors(
-        self, explanation: Explanation, seen: Observed, experiment: Experiment, share: float
+        self, explanation: Explanation, seen: Observed, experiment: Experiment, noise_scale: float
     ) -> Innovations | None:
         """Run the filter of an explanation along what would be read.
 
@@ -126,16 +123,20 @@ class Separator:
             explanation: The explanation.
             seen: What would be read.
             experiment: The experiment, for its settings.
-            share: Share of the expected disturbance, dimensionless.
+            noise_scale: Process-noise scale, dimensionless.
 
         Returns:
             Whitened errors; None if the filter leaves the finite numbers.
         """
-        key = explanation.name, share
+        key = explanation.name, noise_scale
         if key not in self._filters:
             model = explanation.fit.model
             self._filters[key] = PredictionError(
-                model, seen.sample_time, seen.used, explanation.free, disturbances(model, share)
+                model,
+                seen.sample_time,
+                seen.used,
+                explanation.free,
+                disturbances(model, noise_scale),
             )
         begun = extended_start(seen, self.model, explanation.fit.model)
         try:
@@ -187,12 +188,12 @@ def separation(
         >>> separation.__name__
         'separation'
     """
-    share = min(truth.fit.share, other.fit.share)
+    noise_scale = min(truth.fit.noise_scale, other.fit.noise_scale)
     seen = separator.played(truth, experiment)
     if seen is None:
         return Separation(experiment, 0.0, 0.0)
-    wrong = separator.errors(other, seen, experiment, share)
-    right = separator.errors(truth, seen, experiment, share)
+    wrong = separator.errors(other, seen, experiment, noise_scale)
+    right = separator.errors(truth, seen, experiment, noise_scale)
     if wrong is None or right is None:
         return Separation(experiment, 0.0, 0.0)
     left, own = reduced(wrong, _information(other)), reduced(right, _information(truth))
@@ -257,7 +258,7 @@ def spread_after(
     seen = separator.played(explanation, experiment)
     if seen is None:
         return now, now
-    part = separator.errors(explanation, seen, experiment, explanation.fit.share)
+    part = separator.errors(explanation, seen, experiment, explanation.fit.noise_scale)
     if part is None:
         return now, now
     rows = stack([part])[1] / explanation.inflation
@@ -275,7 +276,7 @@ class Sight:
         entry: The effect.
         now: Standard deviation of its size by the present recordings, in the unit of the size.
         then: The same with the experiment, in the same unit.
-        absorption: Share of its signature that the free parameters can then imitate, 0 to 1,
+        collinearity: Share of its signature that the free parameters can then imitate, 0 to 1,
             dimensionless.
 
     Example:
@@ -287,7 +288,7 @@ class Sight:
     entry: Hypothesis
     now: float
     then: float
-    absorption: float
+    collinearity: float
 
 
 def visible(
@@ -325,7 +326,7 @@ def visible(
         separator.recording.sample_time,
         separator.recording.used,
         (*explanation.free, *sizes),
-        disturbances(model, explanation.fit.share),
+        disturbances(model, explanation.fit.noise_scale),
         certain=tuple(q.name for q in model.states if q.name not in own),
     )
     n = len(explanation.free)
@@ -388,9 +389,9 @@ def sensors(
     seen = separator.played(truth, experiment)
     if seen is None:
         return []
-    share = min(truth.fit.share, other.fit.share)
-    right = separator.errors(truth, seen, experiment, share)
-    wrong = separator.errors(other, seen, experiment, share)
+    noise_scale = min(truth.fit.noise_scale, other.fit.noise_scale)
+    right = separator.errors(truth, seen, experiment, noise_scale)
+    wrong = separator.errors(other, seen, experiment, noise_scale)
     if right is None or wrong is None:
         return []
     signals = [

@@ -12,15 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
-from workbench.diagnosis.estimation.process_noise import disturbances
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.errors import NumericalError
 from workbench.model import Model
 
 Vector = npt.NDArray[np.float64]
 
 LEVELS = (1.0, 3.0, 10.0)
-"""Shares of the expected disturbance that are tried at a group."""
+"""Process-noise scales that are tried at a group."""
 
 TRUSTED = (0.03, 0.3)
 """Shares that remain at the other groups: the first with which the filter stays finite."""
@@ -125,9 +124,9 @@ def locate(model: Model, recordings: Sequence[Observed]) -> Location:
     groups = groups_of(model)
     sizes = disturbances(model, 1.0)
 
-    def cost(shares: dict[str, float]) -> float:
+    def cost(scales: dict[str, float]) -> float:
         pushed = {
-            port: shares[group] * sizes[port] for group, ports in groups.items() for port in ports
+            port: scales[group] * sizes[port] for group, ports in groups.items() for port in ports
         }
         filter_ = PredictionError(model, recordings[0].sample_time, recordings[0].used, (), pushed)
         try:

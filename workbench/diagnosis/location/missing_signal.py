@@ -10,10 +10,10 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
 from workbench.diagnosis.estimation.process_noise import extended_start
 from workbench.diagnosis.location.unknown_input import UnknownInput, unknown_input
+from workbench.diagnosis.stages import Diagnosis
 from workbench.model import Model, Port
 from workbench.model.model import index_of
 
@@ -174,7 +174,7 @@ def _taken_out(diagnosis: Diagnosis) -> _Found | None:
         entry = diagnosis.accepted[0][0].entry
         size = f"{entry.effect.name}.{entry.size_parameter}"
         return _Found(entry.effect.name, {size: 0.0}, bool(entry.effect.states))
-    term = diagnosis.free_form
+    term = diagnosis.nonparametric
     if term is None or not term.accepted:
         return None
     own = [name for curve in term.curves.values() for name in curve.names]

@@ -1,4 +1,4 @@
-"""A free-form term: what a model lacks at a place, as curves over what that place sees.
+"""A nonparametric term: what a model lacks at a place, as curves over what that place sees.
 
 Where the library has no name for a mismatch, the smoothed unknown input tells what it depends on
 and gives a first curve; the curve is then part of the equations and its ordinates are refitted
@@ -38,11 +38,15 @@ from workbench.diagnosis.nonparametric.dependence import (
     spread,
 )
 from workbench.diagnosis.nonparametric.evidence import gather
-from workbench.diagnosis.nonparametric.result import EFFECT_NAME, Argument, Bins, NonparametricTerm
+from workbench.diagnosis.nonparametric.result import (
+    EFFECT_NAME,
+    Argument,
+    Bins,
+    Law,
+    NonparametricTerm,
+)
 from workbench.errors import NumericalError
-from workbench.model import Effect
 from workbench.physics.free_form import Curve
-from workbench.physics.free_form import free_form as free_form_effect
 
 Vector = npt.NDArray[np.float64]
 
@@ -73,7 +77,7 @@ _CLASSES = 20
 _DRAWS = 100
 
 
-def free_form(
+def nonparametric_term(
     base: ProcessNoiseFit,
     fit_on: Sequence[Observed],
     hold_out: Sequence[Observed],
@@ -125,7 +129,7 @@ def free_form(
         ... ]
         >>> priors = default_priors(axis)
         >>> base = fit_with_process_noise(axis, runs[:1], priors)
-        >>> found = free_form(base, runs[:1], runs[1:], ["axis.force"], priors)
+        >>> found = nonparametric_term(base, runs[:1], runs[1:], ["axis.force"], priors)
         >>> found.accepted, found.arguments[0].name
         (True, 'position')
     """
@@ -133,18 +137,18 @@ def free_form(
     shapes = _shapes(evidence)
     if isinstance(shapes, str):
         return NonparametricTerm(base, tuple(ports), reason=shapes)
-    fits: list[tuple[_Shape, ProcessNoiseFit]] = []
+    fits: list[tuple[_Shape, Law, ProcessNoiseFit]] = []
     failure = ""
     for trial in shapes:
         try:
-            fits.append((trial, _refit(base, trial, evidence, fit_on, priors)))
+            fits.append((trial, *_refit(base, trial, evidence, fit_on, priors)))
         except NumericalError as error:
             failure = str(error)
     if not fits:
         return NonparametricTerm(base, tuple(ports), reason=failure)
     # Another place than the located one must be clearly better: many laws there imitate one here.
-    shape, fit = min(
-        fits, key=lambda f: f[1].cost + _CLEARLY * (f[0].site.ports != evidence.located)
+    shape, law, fit = min(
+        fits, key=lambda f: f[2].cost + _CLEARLY * (f[0].site.ports != evidence.located)
     )
     found = NonparametricTerm(
         fit,
@@ -154,6 +158,7 @@ def free_form(
         {curve.argument: curve for curve in shape.curves},
         loop=shape.loop is not None,
         gain=base.cost - fit.cost,
+        law=law,
     )
     found = _with_evidence(found, base, shape, evidence, priors)
     return _judged(found, base, fit_on, hold_out)
@@ -266,21 +271,12 @@ def _with_loop(shape: _Shape, evidence: Evidence) -> _Shape:
     return best
 
 
-def _effect(shape: _Shape, typical: float, upper: float) -> Effect:
+def _law(shape: _Shape, typical: float, upper: float) -> Law:
     site, loop = shape.site, None
     if shape.loop is not None:
         name, distance = shape.loop
         loop = (str(rate_of(name, site)), site.units[name], distance)
-    return free_form_effect(
-        site.ports,
-        shape.curves,
-        unit=site.unit,
-        relative=shape.relative,
-        typical=typical,
-        upper=upper,
-        loop=loop,
-        name=EFFECT_NAME,
-    )
+    return Law(site.ports, shape.curves, site.unit, shape.relative, typical, upper, loop)
 
 
 def _refit(
@@ -289,13 +285,14 @@ def _refit(
     evidence: Evidence,
     fit_on: Sequence[Observed],
     priors: Sequence[Prior],
-) -> ProcessNoiseFit:
+) -> tuple[Law, ProcessNoiseFit]:
     """Put the curves into the equations and refit their ordinates with the free parameters."""
     answer = evidence.solve(shape.columns(evidence))
     steps, ordinates = answer[: len(priors)], answer[len(priors) :]
     size = float(np.sqrt(np.mean(ordinates**2))) or 1.0
     upper = 20.0 * size
-    model = base.model.with_effect(_effect(shape, size, upper))
+    law = _law(shape, size, upper)
+    model = base.model.with_effect(law.effect)
     names = [f"{EFFECT_NAME}.{short}" for curve in shape.curves for short in curve.names]
     if shape.loop is not None:
         names.append(f"{EFFECT_NAME}.loop")
@@ -310,7 +307,10 @@ def _refit(
     begin |= dict(zip(names, ordinates.tolist(), strict=True))
     begin |= {prior.name: prior.mean for prior in own if prior.name not in begin}
     started = [extended_start(seen, base.model, model) for seen in fit_on]
-    return fit_with_process_noise(model, started, (*priors, *own), start=begin, share=base.share)
+    fit = fit_with_process_noise(
+        model, started, (*priors, *own), start=begin, noise_scale=base.noise_scale
+    )
+    return law, fit
 
 
 def _with_evidence(
@@ -423,9 +423,9 @@ def _most_likely(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> Vector
     recordings may have more data: how far to trust the equations is part of what is judged.
     """
     trials = [
-        blocks_of_cost(replace(fit, share=share), recordings)
-        for share in sorted(LADDER)
-        if share >= 0.99 * fit.share
+        blocks_of_cost(replace(fit, noise_scale=scale), recordings)
+        for scale in sorted(LADDER)
+        if scale >= 0.99 * fit.noise_scale
     ]
     return min(trials, key=lambda blocks: float(blocks.sum()))
 

@@ -12,11 +12,12 @@ import numpy.typing as npt
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.nonparametric.curve_description import Term
 from workbench.errors import check_choice
-from workbench.physics.free_form import Curve
+from workbench.model import Effect
+from workbench.physics.free_form import Curve, free_form
 
 Vector = npt.NDArray[np.float64]
 
-EFFECT_NAME = "free_form"
+EFFECT_NAME = "nonparametric"
 """Name of the effect in the extended model."""
 
 
@@ -39,7 +40,7 @@ class Bins:
 
 @dataclass(frozen=True)
 class Argument:
-    """An argument of a free-form term.
+    """An argument of a nonparametric term.
 
     Args:
         name: Name of the local signal.
@@ -62,6 +63,43 @@ class Argument:
 
 
 @dataclass(frozen=True)
+class Law:
+    """What the term adds to the equations, without its ordinates.
+
+    Args:
+        ports: Ports that share the term.
+        curves: Its curves.
+        unit: Unit of the ports.
+        relative: Whether the curves are a fraction of the port's signal.
+        typical: Usual ordinate, in the unit of the curves.
+        upper: Largest ordinate, in the unit of the curves.
+        loop: Rate, unit and distance of the memory; None if there is none.
+    """
+
+    ports: tuple[str, ...]
+    curves: tuple[Curve, ...]
+    unit: str
+    relative: bool
+    typical: float
+    upper: float
+    loop: tuple[str, str, float] | None = None
+
+    @property
+    def effect(self) -> Effect:
+        """The effect, with ordinates of zero."""
+        return free_form(
+            self.ports,
+            self.curves,
+            unit=self.unit,
+            relative=self.relative,
+            typical=self.typical,
+            upper=self.upper,
+            loop=self.loop,
+            name=EFFECT_NAME,
+        )
+
+
+@dataclass(frozen=True)
 class NonparametricTerm:
     """A law without a name, fitted and judged.
 
@@ -80,6 +118,7 @@ class NonparametricTerm:
         rmse: Free-run error on the held-out recordings by output, without and with the term, in
             SI.
         reason: Why it was not accepted; empty if it was.
+        law: What the term adds to the equations; None if nothing was fitted.
     """
 
     fit: ProcessNoiseFit
@@ -94,6 +133,7 @@ class NonparametricTerm:
     held_out: tuple[float, float, float] = (0.0, -math.inf, math.inf)
     rmse: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     reason: str = ""
+    law: Law | None = None
 
     @property
     def accepted(self) -> bool:
@@ -124,7 +164,7 @@ class NonparametricTerm:
             WorkbenchError: If the term has no such argument.
         """
         name = argument or next(iter(self.curves), "")
-        check_choice("argument of the free-form term", name, list(self.curves))
+        check_choice("argument of the nonparametric term", name, list(self.curves))
         curve = self.curves[name]
         values = [self.fit.refit.estimate(f"{EFFECT_NAME}.{short}").value for short in curve.names]
         return np.asarray(curve.functions(np.asarray(x, dtype=float)) @ np.array(values))
@@ -132,7 +172,7 @@ class NonparametricTerm:
     def __str__(self) -> str:
         """Return a short aligned table."""
         form = "fraction of the signal at" if self.relative else "added at"
-        lines = [f"free-form term {form} {', '.join(self.ports)}: {self.reason or 'accepted'}"]
+        lines = [f"nonparametric term {form} {', '.join(self.ports)}: {self.reason or 'accepted'}"]
         for a in self.arguments:
             lines.append(
                 f"  over {a.name:<20} p {a.p_value:<6.2g} share {a.share:>6.2f}"

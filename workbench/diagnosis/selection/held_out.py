@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,9 @@ from workbench.diagnosis.estimation.start import fitted_start
 from workbench.model import Model
 
 Vector = npt.NDArray[np.float64]
+
+Runs = Mapping[str, FreeRun]
+"""Free runs by recording."""
 
 _START_S = 0.5
 _BLOCK_S = 0.5
@@ -82,10 +86,10 @@ def held_out_gain(
         0.0
     """
     held_out = gain_interval(before, blocks_of_cost(fit, judged))
-    milder = [share for share in LADDER if share > fit.share]
+    milder = [scale for scale in LADDER if scale > fit.noise_scale]
     if held_out[1] > 0.0 or not milder:
         return held_out
-    other = gain_interval(before, blocks_of_cost(replace(fit, share=milder[-1]), judged))
+    other = gain_interval(before, blocks_of_cost(replace(fit, noise_scale=milder[-1]), judged))
     return other if other[0] > held_out[0] else held_out
 
 
@@ -129,3 +133,52 @@ def _blocks(run: FreeRun, scale: Vector) -> Vector:
     relative = np.nan_to_num(run.error**2 / scale).sum(axis=1)
     size = max(1, round(_BLOCK_S / (run.time[1] - run.time[0])))
     return np.asarray(np.add.reduceat(relative, np.arange(0, len(relative), size)))
+
+
+def held_out_errors(
+    runs: Mapping[str, Runs], judging: Sequence[Observed]
+) -> dict[str, dict[str, float]]:
+    """Return the errors of free runs on all held-out recordings together.
+
+    Args:
+        runs: Free runs by model and recording.
+        judging: Held-out recordings.
+
+    Returns:
+        Root mean square error by model and output, and the noise of the sensors as
+        ``noise_floor``, in SI.
+    """
+    outputs = judging[0].used
+    floor = dict(zip(outputs, judging[0].noise_rms.tolist(), strict=True))
+    return {
+        label: {o: _rms([run.rmse[o] for run in by_name.values()]) for o in outputs}
+        for label, by_name in runs.items()
+    } | {"noise_floor": floor}
+
+
+def explained(fit: Mapping[str, Mapping[str, float]]) -> float:
+    """Return the share of the held-out mean square error beyond the noise that is removed.
+
+    Args:
+        fit: Errors as `held_out_errors` returns them, in SI.
+
+    Returns:
+        The share, the mean over the outputs, 0 to 1, dimensionless; NaN if a run failed.
+
+    Example:
+        >>> explained(
+        ...     {"refitted": {"y": 5.0}, "extended": {"y": 3.0}, "noise_floor": {"y": 3.0}}
+        ... )
+        1.0
+    """
+    shares = []
+    for output, noise in fit["noise_floor"].items():
+        before = fit["refitted"][output] ** 2 - noise**2
+        after = fit["extended"][output] ** 2 - noise**2
+        if math.isfinite(before) and before > 0:
+            shares.append(1.0 - max(after, 0.0) / before)
+    return float(np.clip(np.mean(shares), 0.0, 1.0)) if shares else math.nan
+
+
+def _rms(values: Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

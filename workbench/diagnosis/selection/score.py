@@ -2,7 +2,7 @@
 
 The derivative of the whitened prediction errors with respect to the size of an effect, less what
 the free parameters can imitate, tells how much the effect would gain, how large it would be, how
-much of it the parameters absorb, which effects look alike, and the smallest size to be seen.
+much of it is collinear with them, which effects look alike, and the smallest size to be seen.
 """
 
 from __future__ import annotations
@@ -13,16 +13,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.estimation.prediction_error import Innovations, Observed, PredictionError
+from workbench.diagnosis.estimation.prediction_error import (
+    Innovations,
+    Observed,
+    PredictionError,
+    disturbances,
+)
 from workbench.diagnosis.estimation.priors import Prior
-from workbench.diagnosis.estimation.process_noise import disturbances, extended_start
+from workbench.diagnosis.estimation.process_noise import extended_start
 from workbench.model import Effect, Model
 from workbench.physics.library import Hypothesis
 
 Vector = npt.NDArray[np.float64]
 
-ABSORBED = 0.99
-"""Absorption above which an effect cannot be told from other parameter values."""
+COLLINEAR = 0.99
+"""Collinearity above which an effect cannot be told from other parameter values."""
 
 _BLOCK_S = 0.5
 _SIGMA = 4.0
@@ -39,7 +44,7 @@ class Score:
             of time; dimensionless.
         size: Expected size, in the SI unit of the size parameter.
         std: Standard deviation of the size, in the same unit.
-        absorption: Share of the effect's signature that other parameters can imitate, 0 to 1,
+        collinearity: Share of the effect's signature that other parameters can imitate, 0 to 1,
             dimensionless.
         smallest: Smallest size to be seen on these data, in the same unit.
         shape: Values of the effect's other parameters at which it scores best, in their SI units,
@@ -51,7 +56,7 @@ class Score:
     sigma: float
     size: float
     std: float
-    absorption: float
+    collinearity: float
     smallest: float
     shape: Mapping[str, float] = field(default_factory=dict)
 
@@ -59,7 +64,7 @@ class Score:
     def testable(self) -> bool:
         """Whether these data can show the effect at all."""
         seen = abs(self.sigma) > 2.0 or self.smallest < self.entry.largest_size
-        return self.absorption < ABSORBED and seen
+        return self.collinearity < COLLINEAR and seen
 
 
 @dataclass(frozen=True)
@@ -70,12 +75,12 @@ class Scores:
         scores: One per effect, by falling gain.
         confusion: Absolute cosine between the projected signatures, shape (n, n), in the order of
             ``scores``.
-        share: Share of the expected disturbance at which the score was taken, dimensionless.
+        noise_scale: Process-noise scale at which the score was taken, dimensionless.
     """
 
     scores: tuple[Score, ...]
     confusion: Vector
-    share: float
+    noise_scale: float
 
     def look_alikes(self, name: str, *, above: float = 0.95) -> tuple[str, ...]:
         """Return the effects whose signature resembles that of one effect.
@@ -94,10 +99,10 @@ class Scores:
 
     def __str__(self) -> str:
         """Return a short aligned table of the best scores."""
-        lines = [f"{'effect':<34} {'gain':>10} {'sigma':>8} {'size':>12} {'absorbed':>9}"]
+        lines = [f"{'effect':<34} {'gain':>10} {'sigma':>8} {'size':>12} {'collinear':>9}"]
         lines += [
             f"{s.entry.name:<34} {s.gain:>10.1f} {s.sigma:>8.1f} {s.size:>12.4g}"
-            f" {s.absorption:>9.3f}"
+            f" {s.collinearity:>9.3f}"
             for s in self.scores[:15]
         ]
         return "\n".join(lines)
@@ -109,7 +114,7 @@ def score_library(
     priors: Sequence[Prior],
     entries: Sequence[Hypothesis],
     *,
-    share: float,
+    noise_scale: float,
 ) -> Scores:
     """Score effects that are not in the model.
 
@@ -118,7 +123,7 @@ def score_library(
         recordings: Recordings as `observe` returns them.
         priors: Priors of the free parameters, which may imitate an effect.
         entries: The effects, at size zero.
-        share: Share of the expected disturbance that the filter allows, dimensionless.
+        noise_scale: Process-noise scale that the filter allows, dimensionless.
 
     Returns:
         One score per effect, best first.
@@ -135,7 +140,7 @@ def score_library(
         >>> priors = default_priors(axis, ["mass"])
         >>> fit = fit_with_process_noise(axis, [seen], priors)
         >>> tried = [e for e in library(axis) if not e.stiff]
-        >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
+        >>> scores = score_library(fit.model, [seen], priors, tried, noise_scale=fit.noise_scale)
         >>> scores.scores[0].entry.law
         'coulomb_friction'
     """
@@ -143,14 +148,14 @@ def score_library(
     names = tuple(p.name for p in priors)
     # Stiff effects would force short steps on all others, so they have a filter of their own.
     groups = [group for stiff in (False, True) if (group := _of(variants, stiff=stiff))]
-    filters = [_Attached(model, recordings[0], names, group, share) for group in groups]
+    filters = [_Attached(model, recordings[0], names, group, noise_scale) for group in groups]
     totals = _Totals(len(names), len(variants))
     for observed in recordings:
         totals.add([attached.run(observed) for attached in filters], observed.sample_time)
     ordered = [variant for group in groups for variant in group]
     scale = np.concatenate([filters[0].scale_of_free, *(f.scale_of_sizes for f in filters)])
     std = np.array([p.std for p in priors])
-    return _scores(totals, ordered, scale, std, share)
+    return _scores(totals, ordered, scale, std, noise_scale)
 
 
 @dataclass(frozen=True)
@@ -185,7 +190,7 @@ class _Attached:
         first: Observed,
         names: tuple[str, ...],
         variants: Sequence[_Variant],
-        share: float,
+        noise_scale: float,
     ) -> None:
         self._model = model
         self._extended = model.with_effect(*(variant.effect for variant in variants))
@@ -196,7 +201,7 @@ class _Attached:
             first.sample_time,
             first.used,
             (*names, *sizes),
-            disturbances(self._extended, share),
+            disturbances(self._extended, noise_scale),
             certain=tuple(q.name for q in self._extended.states if q.name not in own),
         )
         self.scale_of_free = self._filter.free_scale[: len(names)]
@@ -231,16 +236,16 @@ class _Totals:
 
 
 def _scores(
-    totals: _Totals, variants: Sequence[_Variant], scale: Vector, std: Vector, share: float
+    totals: _Totals, variants: Sequence[_Variant], scale: Vector, std: Vector, noise_scale: float
 ) -> Scores:
     n = totals.split
     information, gradient = totals.information, totals.gradient
     blocks = np.concatenate(totals.blocks)
     prior = np.diag((scale[:n] / std) ** 2)
-    imitation = np.linalg.solve(information[:n, :n] + prior, information[:n, n:])
-    projected = information[n:, n:] - information[n:, :n] @ imitation
-    slopes = gradient[n:] - imitation.T @ gradient[:n]
-    projected_blocks = blocks[:, n:] - blocks[:, :n] @ imitation
+    collinear = np.linalg.solve(information[:n, :n] + prior, information[:n, n:])
+    projected = information[n:, n:] - information[n:, :n] @ collinear
+    slopes = gradient[n:] - collinear.T @ gradient[:n]
+    projected_blocks = blocks[:, n:] - blocks[:, :n] @ collinear
     # The mean over blocks is the signal; what scatters about it is the uncertainty.
     scatter = np.sum((projected_blocks - projected_blocks.mean(axis=0)) ** 2, axis=0)
     full = np.maximum(np.diag(information)[n:], 1e-300)
@@ -251,7 +256,7 @@ def _scores(
     # An effect that only has one sign cannot gain by the other.
     signed = np.where(either, size, np.maximum(size, 0.0))
     gain = 0.5 * signed**2 * kept
-    absorption = np.clip(1.0 - np.diag(projected) / full, 0.0, 1.0)
+    collinearity = np.clip(1.0 - np.diag(projected) / full, 0.0, 1.0)
     confusion = np.abs(projected) / np.sqrt(np.outer(kept, kept))
     # Of each effect the shape that gains the most, best effect first.
     best: dict[str, int] = {}
@@ -266,13 +271,13 @@ def _scores(
             float(signed[i] / deviation[i]),
             float(signed[i] * units[i]),
             float(deviation[i] * units[i]),
-            float(absorption[i]),
+            float(collinearity[i]),
             float(_SIGMA * deviation[i] * units[i]),
             dict(variants[i].shape),
         )
         for i in order
     )
-    return Scores(scores, confusion[np.ix_(order, order)], share)
+    return Scores(scores, confusion[np.ix_(order, order)], noise_scale)
 
 
 def by_name(scores: Scores) -> Mapping[str, Score]:
@@ -292,7 +297,7 @@ def by_name(scores: Scores) -> Mapping[str, Score]:
 
 
 __all__ = [
-    "ABSORBED",
+    "COLLINEAR",
     "Score",
     "Scores",
     "by_name",

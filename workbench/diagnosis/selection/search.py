@@ -1,11 +1,17 @@
-"""The search for what is missing: forward over the library, then backward."""
+"""The search for what is missing: forward over the library, then backward.
+
+Forward: the library is scored on what is left, the best hypotheses are refitted, and the one that
+gains the most among those that pass every rule is added. Backward: effects that together explain
+too little are taken back, and so are those that a later one made needless. What gains the most at
+first may lead nowhere: then the next best begins. Each step is a function from one `Selected` to
+the next, so that a search can be written down and continued.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
@@ -15,14 +21,23 @@ from workbench.diagnosis.estimation.process_noise import (
     fit_with_process_noise,
     perfect_cost,
 )
-from workbench.diagnosis.selection.candidates import (
+from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.held_out import explained, held_out_errors, settled_run
+from workbench.diagnosis.selection.refits import entry_priors, refit_candidates
+from workbench.diagnosis.selection.rules import (
+    LEAST_AT_FIRST,
+    LEAST_EXPLAINED,
+    LEAST_OF_ALL,
+    LEAST_OF_REST,
+    LEAST_SHARE,
+    LEAST_TOGETHER,
+    SAME,
     SURPASSED,
-    Candidate,
-    charge_for,
-    entry_priors,
-    refit_candidates,
+    Limits,
+    selection_penalty,
 )
 from workbench.diagnosis.selection.score import Scores, score_library
+from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected, Withdrawn
 from workbench.diagnosis.selection.shortlist import shortlist
 from workbench.errors import NumericalError
 from workbench.model import Model
@@ -33,142 +48,180 @@ Progress = Callable[[str], None]
 MOST_FINDINGS = 3
 """Effects that are searched for, one after the other."""
 
-LEAST_SHARE = 0.3
-"""Share of the excess misfit of the refitted nominal that a single effect must explain."""
-
-LEAST_OF_REST = 0.6
-"""Share that a further effect must explain of what is left after those before: the wrong shape of
-an effect that was found leaves a rest too, of which another name explains a part."""
-
-LEAST_TOGETHER = 0.5
-"""Share of it that several effects must explain together."""
-
-LEAST_AT_FIRST = 0.05
-"""Share that an effect must explain to stay while another is searched for: two effects that hide
-each other explain little one by one."""
-
-LEAST_OF_ALL = 0.05
-"""Share of the first excess misfit that a further effect must explain: less may be the wrong shape
-of an effect that was found, and is not worth a wrong name."""
-
-_SAME = 15.0
-"""Difference of log likelihood below which two effects explain the recordings equally well."""
+MOST_SEARCHES = 3
+"""How many effects may be tried as the first one found."""
 
 
-def search(
-    diagnosis: Diagnosis,
-    fitting: Sequence[Observed],
-    judging: Sequence[Observed],
-    priors: Sequence[Prior],
-    entries: Sequence[Hypothesis] | None,
-    jobs: int,
-    say: Progress,
-    *,
-    without: Collection[str] = (),
-) -> str | None:
-    """Add one effect after the other as long as one is accepted.
-
-    Forward: the library is scored on what is left, the best hypotheses are refitted, and the one
-    that gains the most among those that pass every rule is added. Backward: effects that together
-    explain too little are taken back, and so are those that a later one made needless.
+@dataclass(frozen=True)
+class Task:
+    """What a search works on.
 
     Args:
-        diagnosis: The diagnosis, with the refitted nominal model; what is found goes there.
-        fitting: Fitting recordings, observed with the nominal model.
-        judging: Held-out recordings, likewise.
+        nominal: The model that the recordings were observed with.
+        base: The refitted nominal model.
+        fitting: Fitting recordings.
+        judging: Held-out recordings.
         priors: Priors of the free parameters of the nominal model.
         entries: Effects that may be missing; the whole library if None.
         jobs: Number of processes.
         say: Called with a line of text before each step.
-        without: Effects with which an earlier search began that came to nothing; this one begins
-            with the next best of its first round.
+    """
 
-    Returns:
-        The effect with which the search began, whether it was kept or not; None if there was none.
+    nominal: Model
+    base: ProcessNoiseFit
+    fitting: tuple[Observed, ...]
+    judging: tuple[Observed, ...]
+    priors: tuple[Prior, ...]
+    entries: tuple[Hypothesis, ...] | None = None
+    jobs: int = 2
+    say: Progress = lambda text: None
+
+    def tried(self, model: Model) -> list[Hypothesis]:
+        """Return the effects that may be missing from a model."""
+        entries = self.entries
+        if entries is None:
+            entries = library(model, outputs=self.fitting[0].used)
+        attached = {effect.name for effect in model.effects}
+        return [e for e in entries if e.name not in attached]
+
+    def started(self, recordings: Sequence[Observed], model: Model) -> list[Observed]:
+        """Return recordings with a start for a model with effects attached."""
+        return [extended_start(r, self.nominal, model) for r in recordings]
+
+
+def score(task: Task) -> Scored:
+    """Score the library at the refitted nominal model.
 
     Raises:
         NumericalError: If the nominal model cannot be simulated along the recordings.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> len(example_diagnosis()[0].rounds) > 0
-        True
     """
-    free = list(priors)
-    samples = round(sum(len(r.outputs) * r.sample_time for r in fitting) / 0.1)
-    perfect = _perfect(diagnosis, fitting)
-    whole = max(diagnosis.base.cost - perfect, 0.0)
-    diagnosis.excess = whole
-    passed = [diagnosis.base]
-    charge = 0.0
-    before = diagnosis.rounds[0] if without else None
-    began: str | None = None
-    diagnosis.rounds = []
-    for number in range(MOST_FINDINGS):
-        current = diagnosis.extended
-        excess = max(current.cost - perfect, 0.0)
-        least = LEAST_AT_FIRST * whole
-        if number:
-            least = max(LEAST_OF_REST * excess, LEAST_OF_ALL * whole)
-            if excess < least:
-                break
-        if before is not None and not number:
-            scores, candidates = before
-            passing = [c for c in candidates if _passed(c) and c.entry.name not in without]
-        else:
-            given = library(current.model, outputs=fitting[0].used) if entries is None else entries
-            attached = {effect.name for effect in current.model.effects}
-            tried = [e for e in given if e.name not in attached]
-            say(f"scoring {len(tried)} effects" + (" on what is left" if number else ""))
-            begun, judged = started(fitting, diagnosis), started(judging, diagnosis)
-            scores = score_library(current.model, begun, free, tried, share=current.share)
-            # A score tells little of the gain of a large effect, such as a lag of many samples:
-            # only what is left after another is asked for a share of the gain beforehand.
-            chosen = shortlist(scores, most=8, least=0.05 * least) if number else shortlist(scores)
-            charge = charge_for(len(tried), samples, 2)
-            candidates = refit_candidates(
-                current,
-                chosen,
-                free,
-                begun,
-                judged,
-                charge=charge,
-                least_gain=least,
-                jobs=jobs,
-                progress=say,
+    base = task.base
+    try:
+        perfect = perfect_cost(base.model, task.fitting)
+    except NumericalError:
+        # Refitted values that stand for something else may not be fit for a simulation.
+        perfect = perfect_cost(task.nominal, task.fitting)
+    tried = task.tried(base.model)
+    task.say(f"scoring {len(tried)} effects")
+    scores = score_library(
+        base.model, task.fitting, task.priors, tried, noise_scale=base.noise_scale
+    )
+    return Scored(scores, perfect, max(base.cost - perfect, 0.0))
+
+
+def search(task: Task, scored: Scored, begun: Selected | None = None) -> Iterator[Selected]:
+    """Add one effect after the other as long as one is accepted.
+
+    Args:
+        task: What to search in.
+        scored: The library at the refitted nominal model.
+        begun: A search that was interrupted, to be continued.
+
+    Yields:
+        The search after each round; the last one is finished but for a term without a name.
+    """
+    state = begun or Selected(task.base, task.priors, fits=(task.base,))
+    while not state.finished:
+        state = _advanced(task, scored, state)
+        yield state
+
+
+def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
+    """Do one round, and what follows the last one."""
+    state, goes_on = _round(task, scored, state)
+    if goes_on and len(state.rounds) < MOST_FINDINGS:
+        return state
+    state = _withdrawn(state, scored.excess)
+    if len(state.accepted) > 1:
+        task.say("leaving out one effect at a time")
+        state = _left_out(task, state, max(state.penalty, LEAST_OF_ALL.value * scored.excess))
+    if state.accepted:
+        task.say("running the improved model freely on the held-out recordings")
+        models = {"refitted": task.base.model, "extended": state.extended.model}
+        runs = {
+            label: {r.name: settled_run(model, task.nominal, r) for r in task.judging}
+            for label, model in models.items()
+        }
+        state = replace(state, runs=runs)
+        least = LEAST_EXPLAINED.value
+        if explained(held_out_errors(runs, task.judging)) < least:
+            state = _all_withdrawn(
+                task,
+                state,
+                f"what was found takes away less than {100 * least:.0f} % of the error of the"
+                " free run on held-out recordings",
             )
-            passing = [c for c in candidates if not c.refused]
-        diagnosis.rounds.append((scores, candidates))
-        best = passing[0] if passing else None
-        if best is None or best.fit is None:
-            break
-        began = began or best.entry.name
-        say(f"found {best.entry.name}")
-        rivals = [c for c in candidates if c.entry.name not in without]
-        diagnosis.accepted.append((best, _alike(best, rivals, scores)))
-        free += entry_priors(next(s for s in scores.scores if s.entry.name == best.entry.name))[0]
-        diagnosis.extended = _polished(best.fit, started(fitting, diagnosis, best.fit.model), free)
-        passed.append(diagnosis.extended)
-        if diagnosis.extended.share <= LADDER[-1] < current.share:
-            break
-    _withdraw(diagnosis, passed)
-    if len(diagnosis.accepted) > 1:
-        say("leaving out one effect at a time")
-        _leave_out(diagnosis, fitting, free, max(charge, LEAST_OF_ALL * whole))
-    return began
+    if state.accepted or not state.began:
+        return replace(state, finished=True)
+    failed = (*state.failed, state.began)
+    if len(failed) == MOST_SEARCHES:
+        return replace(state, failed=failed, finished=True)
+    # The next search begins with the next best of the first round.
+    return replace(state, failed=failed, began="", rounds=state.rounds[:1], free=task.priors)
+
+
+def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]:
+    """Do one round of a search; returns whether another may follow."""
+    again = bool(state.failed) and not state.began
+    number = 0 if again else len(state.rounds)
+    current, whole = state.extended, scored.excess
+    excess = max(current.cost - scored.perfect, 0.0)
+    least = LEAST_AT_FIRST.value * whole
+    if number:
+        least = max(LEAST_OF_REST.value * excess, LEAST_OF_ALL.value * whole)
+        if excess < least:
+            return state, False
+    if again:
+        scores, candidates = state.rounds[0]
+        passing = [c for c in candidates if _passed(c) and c.entry.name not in state.failed]
+    else:
+        begun = task.started(task.fitting, current.model)
+        scores = scored.scores
+        if number:
+            tried = task.tried(current.model)
+            task.say(f"scoring {len(tried)} effects on what is left")
+            scores = score_library(
+                current.model, begun, state.free, tried, noise_scale=current.noise_scale
+            )
+        # A score tells little of the gain of a large effect, such as a lag of many samples:
+        # only what is left after another is asked for a share of the gain beforehand.
+        chosen = shortlist(scores, most=8, least=0.05 * least) if number else shortlist(scores)
+        samples = round(sum(len(r.outputs) * r.sample_time for r in task.fitting) / 0.1)
+        penalty = selection_penalty(len(scores.scores), samples, 2)
+        candidates = refit_candidates(
+            current,
+            chosen,
+            state.free,
+            begun,
+            task.started(task.judging, current.model),
+            limits=Limits(penalty, least),
+            jobs=task.jobs,
+            progress=task.say,
+        )
+        state = replace(state, rounds=(*state.rounds, Round(scores, candidates)), penalty=penalty)
+        passing = [c for c in candidates if not c.refused]
+    best = passing[0] if passing else None
+    if best is None or best.fit is None:
+        return state, False
+    task.say(f"found {best.entry.name}")
+    rivals = [c for c in candidates if c.entry.name not in state.failed]
+    own = entry_priors(next(s for s in scores.scores if s.entry.name == best.entry.name))[0]
+    free = (*state.free, *own)
+    extended = _polished(best.fit, task.started(task.fitting, best.fit.model), free)
+    state = replace(
+        state,
+        began=state.began or best.entry.name,
+        accepted=(*state.accepted, Accepted(best, _alike(best, rivals, scores))),
+        free=free,
+        extended=extended,
+        fits=(*state.fits, extended),
+    )
+    return state, not extended.noise_scale <= LADDER[-1] < current.noise_scale
 
 
 def _passed(candidate: Candidate) -> bool:
     """Whether an effect passed every rule, even if another explained more."""
     return candidate.followed and candidate.fit is not None and candidate.refused in ("", SURPASSED)
-
-
-def _perfect(diagnosis: Diagnosis, fitting: Sequence[Observed]) -> float:
-    try:
-        return perfect_cost(diagnosis.base.model, fitting)
-    except NumericalError:
-        # Refitted values that stand for something else may not be fit for a simulation.
-        return perfect_cost(diagnosis.nominal, fitting)
 
 
 def _polished(
@@ -177,74 +230,74 @@ def _polished(
     """Refit once more, to the end: comparing hypotheses needs less."""
     start = {e.name: e.value for e in fit.refit.estimates}
     final = fit_with_process_noise(
-        fit.model, recordings, priors, start=start, share=fit.share, follow=False
+        fit.model, recordings, priors, start=start, noise_scale=fit.noise_scale, follow=False
     )
     return replace(final, passed=fit.passed) if final.cost <= fit.cost else fit
 
 
-def _withdraw(diagnosis: Diagnosis, passed: Sequence[ProcessNoiseFit]) -> None:
+def _withdrawn(state: Selected, excess: float) -> Selected:
     """Take back the last effects while all together explain too little."""
-    while diagnosis.accepted:
-        count = len(diagnosis.accepted)
-        least = LEAST_SHARE if count == 1 else LEAST_TOGETHER
-        gain = diagnosis.base.cost - passed[count].cost
-        if gain >= least * diagnosis.excess:
-            return
-        candidate, _ = diagnosis.accepted.pop()
+    while state.accepted:
+        count = len(state.accepted)
+        least = (LEAST_SHARE if count == 1 else LEAST_TOGETHER).value
+        gain = state.fits[0].cost - state.fits[count].cost
+        if gain >= least * excess:
+            break
         why = (
-            f"explains too little: {100 * gain / diagnosis.excess:.0f} % of what is missing"
+            f"explains too little: {100 * gain / excess:.0f} % of what is missing"
             + (" together with those before" if count > 1 else "")
             + f", {100 * least:.0f} % is asked for"
         )
-        diagnosis.withdrawn.append((candidate, why))
-        diagnosis.extended = passed[count - 1]
+        state = replace(
+            state,
+            accepted=state.accepted[:-1],
+            withdrawn=(*state.withdrawn, Withdrawn(state.accepted[-1].candidate, why)),
+            extended=state.fits[count - 1],
+            fits=state.fits[:count],
+        )
+    return state
 
 
-def withdraw_all(diagnosis: Diagnosis, why: str) -> None:
-    """Take back everything that was found: the improved model does not run freely any better.
-
-    Args:
-        diagnosis: The diagnosis.
-        why: The reason, in a few words.
-
-    Example:
-        >>> from dataclasses import replace
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> copy = replace(example_diagnosis()[0], accepted=[], withdrawn=[], runs={})
-        >>> withdraw_all(copy, "it explains nothing")
-        >>> copy.extended is copy.base
-        True
-    """
-    diagnosis.withdrawn += [(candidate, why) for candidate, _ in diagnosis.accepted]
-    diagnosis.accepted.clear()
-    diagnosis.extended = diagnosis.base
-    diagnosis.runs.pop("extended", None)
+def _all_withdrawn(task: Task, state: Selected, why: str) -> Selected:
+    """Take back everything that was found: the improved model does not run freely any better."""
+    return replace(
+        state,
+        withdrawn=(*state.withdrawn, *(Withdrawn(c, why) for c, _ in state.accepted)),
+        accepted=(),
+        extended=task.base,
+        fits=(task.base,),
+        runs={k: v for k, v in state.runs.items() if k == "refitted"},
+    )
 
 
-def _leave_out(
-    diagnosis: Diagnosis, fitting: Sequence[Observed], free: Sequence[Prior], least: float
-) -> None:
+def _left_out(task: Task, state: Selected, least: float) -> Selected:
     """Take out effects that the later ones made needless."""
-    for pair in diagnosis.accepted[:-1]:
-        entry, full = pair[0].entry, diagnosis.extended
+    for found in state.accepted[:-1]:
+        entry, full = found.candidate.entry, state.extended
         begun = full.passed or full
         model = begun.model.without(entry.effect.name)
         own = f"{entry.effect.name}."
         values = {e.name: e.value for e in begun.refit.estimates if not e.name.startswith(own)}
+        free = [p for p in state.free if not p.name.startswith(own) and p.name in values]
         try:
             fit = fit_with_process_noise(
                 model,
-                [extended_start(r, diagnosis.nominal, model) for r in fitting],
-                [p for p in free if not p.name.startswith(own) and p.name in values],
+                task.started(task.fitting, model),
+                free,
                 start=values,
-                share=begun.share,
+                noise_scale=begun.noise_scale,
             )
         except NumericalError:
             continue
         if fit.cost - full.cost < least:
-            diagnosis.accepted.remove(pair)
-            diagnosis.withdrawn.append((pair[0], "a later one makes it needless"))
-            diagnosis.extended = fit
+            needless = Withdrawn(found.candidate, "a later one makes it needless")
+            state = replace(
+                state,
+                accepted=tuple(a for a in state.accepted if a is not found),
+                withdrawn=(*state.withdrawn, needless),
+                extended=fit,
+            )
+    return state
 
 
 def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> tuple[str, ...]:
@@ -252,28 +305,9 @@ def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> 
     same = [
         c.entry.name
         for c in candidates
-        if c is not best and c.followed and c.fit and best.gain - c.gain < _SAME and c.gain > 0
+        if c is not best and c.followed and c.fit and c.gain > 0 and best.gain - c.gain < SAME.value
     ]
     names = {s.entry.name for s in scores.scores if s.testable}
     known = {s.entry.name for s in scores.scores}
     equal = [n for n in best.entry.same_as if n in known and n not in same]
     return (best.entry.name, *[n for n in same if n in names], *equal)
-
-
-def started(
-    recordings: Sequence[Observed], diagnosis: Diagnosis, model: Model | None = None
-) -> list[Observed]:
-    """Return recordings with a start for a model of the diagnosis.
-
-    Args:
-        recordings: Recordings observed with the nominal model.
-        diagnosis: The diagnosis.
-        model: A model with effects attached; the extended one by default.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> started([], example_diagnosis()[0])
-        []
-    """
-    model = model or diagnosis.extended.model
-    return [extended_start(r, diagnosis.nominal, model) for r in recordings]

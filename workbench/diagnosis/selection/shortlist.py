@@ -43,7 +43,7 @@ def shortlist(scores: Scores, *, most: int = 18, least: float = LEAST_SCORE) -> 
         >>> priors = default_priors(axis, ["mass"])
         >>> fit = fit_with_process_noise(axis, [seen], priors)
         >>> tried = [e for e in library(axis) if not e.stiff]
-        >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
+        >>> scores = score_library(fit.model, [seen], priors, tried, noise_scale=fit.noise_scale)
         >>> 1 <= len(shortlist(scores, most=3)) <= 3
         True
     """

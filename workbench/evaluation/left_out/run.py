@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.diagnosis import Diagnosis
+from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.left_out.plan import PLAN, LeftOut, recordings
 from workbench.files import write_whole
 from workbench.physics.library import Hypothesis, library
@@ -31,7 +31,7 @@ class Row:
         found: Names that were found.
         alike: Names that the verdict cannot tell from the first.
         right: Whether everything found is a right answer, and something was found if it had to.
-        absorption: Share of the right effect's signature that parameters imitate, a
+        collinearity: Share of the right effect's signature that parameters imitate, a
             fraction; NaN for none.
         expected: Log likelihood that the right effect is expected to gain, dimensionless;
             NaN for none.
@@ -49,7 +49,7 @@ class Row:
     found: tuple[str, ...]
     alike: tuple[str, ...]
     right: bool
-    absorption: float
+    collinearity: float
     expected: float
     size: str
     unit: str
@@ -135,7 +135,7 @@ def row_of(case: LeftOut, diagnosis: Diagnosis) -> Row:
         names,
         verdict.findings[0].alike[1:] if verdict.findings else (),
         set(names) <= set(case.answers) and (bool(names) or silent_is_right),
-        own.absorption if own else math.nan,
+        own.collinearity if own else math.nan,
         own.gain if own else math.nan,
         size,
         unit,
@@ -168,7 +168,7 @@ def table(rows: Sequence[Row]) -> str:
             ", ".join(r.found) or "-",
             f"{r.refitted:.4g} {r.unit}",
             f"{r.extended:.4g} {r.unit}",
-            "-" if math.isnan(r.absorption) else f"{100 * r.absorption:.1f} %",
+            "-" if math.isnan(r.collinearity) else f"{100 * r.collinearity:.1f} %",
         )
         for r in rows
     ]

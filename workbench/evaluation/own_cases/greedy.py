@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
@@ -23,8 +22,9 @@ from workbench.diagnosis.estimation.process_noise import (
     fit_with_process_noise,
     start_values,
 )
-from workbench.diagnosis.selection.candidates import entry_priors
+from workbench.diagnosis.selection.refits import entry_priors
 from workbench.diagnosis.selection.score import Score, score_library
+from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.physics.library import library
 
@@ -116,7 +116,7 @@ def _best(
         short = [extended_start(_head(r, SCORE_S), diagnosis.nominal, current.model) for r in heads]
         entries = library(current.model, outputs=heads[0].used)
         entries = tuple(e for e in entries if not e.stiff)
-        scores = score_library(current.model, short, free, entries, share=current.share)
+        scores = score_library(current.model, short, free, entries, noise_scale=current.noise_scale)
     best = max(scores.scores, key=lambda s: s.gain)
     return best if best.gain > 0.0 else None
 
@@ -145,7 +145,7 @@ def _with(
             [extended_start(r, diagnosis.nominal, model) for r in heads],
             (*free, *own),
             start=start | start_values(current.refit, free),
-            share=current.share,
+            noise_scale=current.noise_scale,
             follow=False,
             enough=10.0,
         )

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import SCHEMA
 from workbench.evaluation.kept import keep, silent, version
 from workbench.evaluation.own_cases.greedy import greedy
@@ -147,9 +147,11 @@ def _changed(parameters: Mapping[str, float]) -> dict[str, float]:
 
 
 def _shares(diagnosis: Diagnosis) -> dict[str, float | None]:
+    if diagnosis.fitted is None:
+        return {"refitted": None, "extended": None}
     return {
-        "refitted": getattr(diagnosis.base, "share", None),
-        "extended": getattr(diagnosis.extended, "share", None),
+        "refitted": diagnosis.base.noise_scale,
+        "extended": diagnosis.extended.noise_scale,
     }
 
 
@@ -163,7 +165,7 @@ def _scores(diagnosis: Diagnosis) -> list[dict[str, Any]]:
             "sigma": s.sigma,
             "size": s.size,
             "std": s.std,
-            "absorption": s.absorption,
+            "collinearity": s.collinearity,
             "smallest": s.smallest,
             "unit": s.entry.unit,
             "testable": s.testable,
@@ -183,7 +185,7 @@ def _rounds(diagnosis: Diagnosis) -> list[list[dict[str, Any]]]:
                 "size_std": c.size.std if c.size else None,
                 "refused": c.refused,
                 "followed": c.followed,
-                "share": c.fit.share if c.fit else None,
+                "noise_scale": c.fit.noise_scale if c.fit else None,
             }
             for c in candidates
         ]
@@ -213,7 +215,7 @@ def _baselines(
 
     began = time.process_time()
     try:
-        findings = sindy(diagnosis.base.model, fitting, diagnosis.base.share)
+        findings = sindy(diagnosis.base.model, fitting, diagnosis.base.noise_scale)
         answers["sindy"] = _answer(findings, refitted, {}, floor)
     except Exception as error:  # noqa: BLE001
         answers["sindy"] = silent("failed", error)

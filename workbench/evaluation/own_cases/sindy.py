@@ -19,8 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
-from workbench.diagnosis.estimation.process_noise import disturbances
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.model import Model
 
 Array = NDArray[np.float64]

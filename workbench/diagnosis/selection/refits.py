@@ -4,48 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import joblib
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
     blocks_of_cost,
-    disturbances,
     extended_start,
     fit_with_process_noise,
     start_values,
 )
-from workbench.diagnosis.estimation.refit_result import Estimate
+from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import held_out_gain, runs_closer
+from workbench.diagnosis.selection.rules import HELD_OUT, SURPASSED, Limits, broken_rule
 from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.physics.library import Hypothesis
 
 Vector = npt.NDArray[np.float64]
 
-LEAST_GAIN = 15.0
-"""Gain of log likelihood per effect that is asked for beyond the charge for the library."""
-
-SIGMA = 3.0
-"""Standard deviations by which a size must differ from zero."""
-
 _FINALISTS = 4
 _MOST_SENSORS = 2
-IMPLAUSIBLE = 5.0
-"""Multiple of the usual size beyond which a size is not believed."""
-
-SURPASSED = "another effect explains the recordings better"
-"""Why an effect that passed every rule, or was not followed, is not taken."""
-
-UNRELIABLE = "it does not reliably improve the held-out recordings"
-"""Why an effect that may have passed all other rules is not taken."""
 
 _HEAD_S = 10.0
 """Length of each recording that the first refit of a hypothesis uses, s."""
@@ -57,51 +42,12 @@ _NEARER = 1.0
 """The same for the refit of those that are followed."""
 
 _STEEP = (3.0, 0.3, 0.03)
-"""Shares of the expected disturbance of a refit that begins far from where the last one ended."""
+"""Process-noise scales of a refit that begins far from where the last one ended."""
 
 _SIZES = (0.3, 1.0, 3.0)
 """Multiples of the usual size from which a refit may start."""
 
 Progress = Callable[[str], None]
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """An effect refitted together with the free parameters.
-
-    Args:
-        entry: The effect in the library.
-        fit: The refit; None if it failed.
-        gain: Gain of log likelihood on the fitting recordings, dimensionless.
-        held_out: Gain on the held-out recordings with its 99 % interval, dimensionless.
-        refused: Why it was not accepted; empty if it was.
-        followed: Whether it was refitted to the end; else fit and gain are those of a first refit
-            on the beginning of the recordings.
-    """
-
-    entry: Hypothesis
-    fit: ProcessNoiseFit | None
-    gain: float
-    held_out: tuple[float, float, float]
-    refused: str = ""
-    followed: bool = True
-
-    @property
-    def size(self) -> Estimate | None:
-        """Estimate of the size parameter; None if the refit failed or the size was held."""
-        if self.fit is None or self.entry.replaces:
-            return None
-        return self.fit.refit.estimate(f"{self.entry.effect.name}.{self.entry.size_parameter}")
-
-    def __str__(self) -> str:
-        """Return one aligned line."""
-        size = self.size
-        text = "" if size is None else f"{size.value:.4g} +- {size.std:.2g} {size.unit}"
-        return (
-            f"{self.entry.name:<34} gain {self.gain:>10.1f}  held out"
-            f" {self.held_out[0]:>10.1f} [{self.held_out[1]:.0f}, {self.held_out[2]:.0f}]"
-            f"  {text}  {self.refused or 'accepted'}"
-        )
 
 
 def refit_candidates(
@@ -111,8 +57,7 @@ def refit_candidates(
     fit_on: Sequence[Observed],
     hold_out: Sequence[Observed],
     *,
-    charge: float,
-    least_gain: float = 0.0,
+    limits: Limits,
     jobs: int = 2,
     progress: Progress | None = None,
 ) -> tuple[Candidate, ...]:
@@ -124,9 +69,7 @@ def refit_candidates(
         priors: Priors of the free parameters of ``base``.
         fit_on: Fitting recordings, with a start for the model of ``base``.
         hold_out: Held-out recordings, likewise.
-        charge: Log likelihood that an effect must gain for its parameters and for the size of
-            the library, dimensionless.
-        least_gain: Log likelihood that it must gain to explain enough of the excess, dimensionless.
+        limits: What an effect must gain.
         jobs: Number of processes.
         progress: Called with a line of text.
 
@@ -145,10 +88,10 @@ def refit_candidates(
         >>> priors = default_priors(axis, ["mass"])
         >>> fit = fit_with_process_noise(axis, [seen], priors)
         >>> tried = [e for e in library(axis) if not e.stiff]
-        >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
+        >>> scores = score_library(fit.model, [seen], priors, tried, noise_scale=fit.noise_scale)
         >>> from workbench.diagnosis.selection.shortlist import shortlist
         >>> best = refit_candidates(
-        ...     fit, shortlist(scores, most=1), priors, [seen], [seen], charge=20.0, jobs=1
+        ...     fit, shortlist(scores, most=1), priors, [seen], [seen], limits=Limits(20.0), jobs=1
         ... )[0]
         >>> best.entry.name == scores.scores[0].entry.name, best.gain > 20.0
         (True, True)
@@ -176,22 +119,27 @@ def refit_candidates(
         )
     for i, final in zip(leaders, finals, strict=True):
         first[i] = final
-    judged = sorted(
-        (replace(c, refused=_refusal(c, charge, least_gain)) for c in first), key=lambda c: -c.gain
-    )
+    judged = sorted((_judged(c, limits) for c in first), key=lambda c: -c.gain)
     for i, candidate in enumerate(judged):
         if not candidate.refused:
             break
         if _runs_closer(base, candidate, hold_out):
-            judged[i] = replace(candidate, refused="")
+            judged[i] = replace(candidate, refused="", rule="")
             break
     best = next((c for c in judged if not c.refused), None)
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in judged)
 
 
+def _judged(candidate: Candidate, limits: Limits) -> Candidate:
+    if candidate.refused:
+        return candidate
+    rule, said = broken_rule(candidate, limits)
+    return replace(candidate, refused=said, rule=rule)
+
+
 def _runs_closer(base: ProcessNoiseFit, candidate: Candidate, hold_out: Sequence[Observed]) -> bool:
     """Whether free runs show what single predictions leave open on the held-out recordings."""
-    if candidate.refused != UNRELIABLE or candidate.fit is None or candidate.held_out[0] <= 0.0:
+    if candidate.rule != HELD_OUT.name or candidate.fit is None or candidate.held_out[0] <= 0.0:
         return False
     return runs_closer(base, candidate.fit, hold_out)
 
@@ -243,7 +191,7 @@ def entry_priors(score: Score) -> tuple[tuple[Prior, ...], dict[str, float]]:
         >>> priors = default_priors(axis, ["mass"])
         >>> fit = fit_with_process_noise(axis, [seen], priors)
         >>> tried = [e for e in library(axis) if not e.stiff]
-        >>> scores = score_library(fit.model, [seen], priors, tried, share=fit.share)
+        >>> scores = score_library(fit.model, [seen], priors, tried, noise_scale=fit.noise_scale)
         >>> own, start = entry_priors(scores.scores[0])
         >>> {prior.name for prior in own} == set(start)
         True
@@ -284,7 +232,7 @@ def _first(
     fits: list[ProcessNoiseFit] = []
     why = ""
     ways: list[tuple[dict[str, float], tuple[float, ...]]] = [
-        (start_values(base.refit, priors), (base.share,))
+        (start_values(base.refit, priors), (base.noise_scale,))
     ]
     if entry.far:
         # Without the effect, the free parameters have gone where they imitate it best, from where
@@ -304,7 +252,7 @@ def _first(
                         _starts(score, {**start, **known}, shapes=ladder is _STEEP),
                         ladder[0],
                     ),
-                    share=ladder[0],
+                    noise_scale=ladder[0],
                     ladder=ladder,
                     enough=_NEAR,
                 )
@@ -348,7 +296,7 @@ def _best_start(
     fit_on: Sequence[Observed],
     priors: Sequence[Prior],
     starts: Sequence[dict[str, float]],
-    share: float,
+    noise_scale: float,
 ) -> dict[str, float]:
     """Return the start under which the first recording is most likely."""
     filter_ = PredictionError(
@@ -356,7 +304,7 @@ def _best_start(
         fit_on[0].sample_time,
         fit_on[0].used,
         tuple(p.name for p in priors),
-        disturbances(model, share),
+        disturbances(model, noise_scale),
     )
 
     def cost(start: Mapping[str, float]) -> float:
@@ -388,7 +336,7 @@ def _followed(
             [extended_start(r, base.model, model) for r in fit_on],
             (*priors, *own),
             start={e.name: e.value for e in first.fit.refit.estimates},
-            share=first.fit.share,
+            noise_scale=first.fit.noise_scale,
             enough=_NEARER,
         )
         if before is not None:
@@ -397,50 +345,3 @@ def _followed(
     except NumericalError as error:
         return Candidate(entry, None, -math.inf, held_out, str(error))
     return Candidate(entry, fit, base.cost - fit.cost, held_out)
-
-
-def _refusal(candidate: Candidate, charge: float, least_gain: float) -> str:
-    """Say which rule an effect breaks; empty if none."""
-    entry, size = candidate.entry, candidate.size
-    if candidate.refused or candidate.fit is None:
-        return candidate.refused or "the refit failed"
-    if not candidate.fit.refit.converged:
-        return "the refit did not converge"
-    if size is not None:
-        if abs(size.value) < SIGMA * size.std:
-            return f"its size is within {SIGMA:g} standard deviations of zero"
-        if abs(size.value) < entry.least_size:
-            return f"its size is below the smallest worth naming, {entry.least_size:g} {size.unit}"
-        if abs(size.value) > 0.999 * entry.largest_size and not entry.whole:
-            return "its size is on its bound"
-        if abs(size.value) > IMPLAUSIBLE * entry.typical_size:
-            usual = f"{entry.typical_size:g} {size.unit}"
-            return f"its size is beyond {IMPLAUSIBLE:g} times the usual, {usual}"
-    if candidate.gain < charge:
-        return f"it gains less than the charge for the library, {charge:.1f}"
-    if candidate.gain < least_gain:
-        return "it explains too little of what the model leaves out"
-    if candidate.held_out[1] <= 0.0:
-        return UNRELIABLE
-    return ""
-
-
-def charge_for(library: int, samples: int, parameters: int) -> float:
-    """Return the log likelihood that an effect must gain: parameters and size of the library.
-
-    ``LEAST_GAIN + parameters log(samples) / 2 + log(library)``, after the extended Bayesian
-    information criterion of Chen and Chen (2008).
-
-    Args:
-        library: Number of effects that were tried.
-        samples: Number of independent samples.
-        parameters: Own parameters of the effect.
-
-    Returns:
-        The charge, in units of log likelihood, dimensionless.
-
-    Example:
-        >>> round(charge_for(40, 1000, 1), 1)
-        22.1
-    """
-    return LEAST_GAIN + 0.5 * parameters * math.log(samples) + math.log(library)

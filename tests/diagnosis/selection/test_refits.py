@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed
-from workbench.diagnosis.selection.candidates import LEAST_GAIN, charge_for
+from workbench.diagnosis.selection.rules import LEAST_GAIN, selection_penalty
 from workbench.diagnosis.selection.score import Score, Scores
 from workbench.diagnosis.selection.shortlist import shortlist, where
 from workbench.physics.friction import coulomb_friction
@@ -19,8 +19,8 @@ from workbench.physics.library import library
 from workbench.plants.arm import arm
 
 
-def _score(entry: Hypothesis, gain: float, absorption: float = 0.2) -> Score:
-    return Score(entry, gain, 9.0, entry.typical_size, 0.1, absorption, 0.01 * entry.largest_size)
+def _score(entry: Hypothesis, gain: float, collinearity: float = 0.2) -> Score:
+    return Score(entry, gain, 9.0, entry.typical_size, 0.1, collinearity, 0.01 * entry.largest_size)
 
 
 @pytest.fixture(scope="module")
@@ -29,11 +29,11 @@ def entries() -> dict[str, Hypothesis]:
     return {entry.name: entry for entry in library(arm(3))}
 
 
-def test_charge_grows_with_library_samples_and_parameters() -> None:
-    base = charge_for(40, 1000, 1)
+def test_the_penalty_grows_with_library_samples_and_parameters() -> None:
+    base = selection_penalty(40, 1000, 1)
     assert base == pytest.approx(LEAST_GAIN + 0.5 * math.log(1000) + math.log(40))
-    assert charge_for(80, 1000, 1) - base == pytest.approx(math.log(2))
-    assert charge_for(40, 1000, 3) - base == pytest.approx(math.log(1000))
+    assert selection_penalty(80, 1000, 1) - base == pytest.approx(math.log(2))
+    assert selection_penalty(40, 1000, 3) - base == pytest.approx(math.log(1000))
 
 
 def test_shortlist_takes_look_alikes_and_the_best_of_other_places(
@@ -63,7 +63,7 @@ def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted(
 ) -> None:
     scores = Scores(
         (
-            _score(entries["tilt_gravity"], 90.0, absorption=0.999),
+            _score(entries["tilt_gravity"], 90.0, collinearity=0.999),
             _score(entries["ripple"], 2.0),
         ),
         np.eye(2),
@@ -95,7 +95,7 @@ def test_nothing_is_accepted_where_nothing_is_hidden() -> None:
 
 
 def test_a_candidate_that_failed_has_no_size(entries: dict[str, Hypothesis]) -> None:
-    from workbench.diagnosis.selection.candidates import Candidate
+    from workbench.diagnosis.selection.candidate import Candidate
 
     failed = Candidate(entries["ripple"], None, -math.inf, (0.0, -math.inf, math.inf), "failed")
     assert failed.size is None and "failed" in str(failed)

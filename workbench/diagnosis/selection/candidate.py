@@ -1,0 +1,50 @@
+"""A candidate: an effect refitted together with the free parameters, and how it was judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.estimation.refit_result import Estimate
+from workbench.physics.library import Hypothesis
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect refitted together with the free parameters.
+
+    Args:
+        entry: The effect in the library.
+        fit: The refit; None if it failed.
+        gain: Gain of log likelihood on the fitting recordings, dimensionless.
+        held_out: Gain on the held-out recordings with its 99 % interval, dimensionless.
+        refused: Why it was not accepted; empty if it was.
+        followed: Whether it was refitted to the end; else fit and gain are those of a first refit
+            on the beginning of the recordings.
+        rule: Name of the rule that it breaks; empty if none.
+    """
+
+    entry: Hypothesis
+    fit: ProcessNoiseFit | None
+    gain: float
+    held_out: tuple[float, float, float]
+    refused: str = ""
+    followed: bool = True
+    rule: str = ""
+
+    @property
+    def size(self) -> Estimate | None:
+        """Estimate of the size parameter; None if the refit failed or the size was held."""
+        if self.fit is None or self.entry.replaces:
+            return None
+        return self.fit.refit.estimate(f"{self.entry.effect.name}.{self.entry.size_parameter}")
+
+    def __str__(self) -> str:
+        """Return one aligned line."""
+        size = self.size
+        text = "" if size is None else f"{size.value:.4g} +- {size.std:.2g} {size.unit}"
+        return (
+            f"{self.entry.name:<34} gain {self.gain:>10.1f}  held out"
+            f" {self.held_out[0]:>10.1f} [{self.held_out[1]:.0f}, {self.held_out[2]:.0f}]"
+            f"  {text}  {self.refused or 'accepted'}"
+        )

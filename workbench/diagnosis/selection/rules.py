@@ -1,0 +1,198 @@
+"""The rules by which an effect is accepted: each with its threshold, its reason and its words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from workbench.diagnosis.selection.candidate import Candidate
+
+SURPASSED = "another effect explains the recordings better"
+"""Why an effect that passed every rule, or was not followed, is not taken."""
+
+LEAST_GAIN = 15.0
+"""Gain of log likelihood per effect that is asked for beyond the penalty for the library."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the recordings and the library ask of an effect.
+
+    Args:
+        penalty: Log likelihood that an effect must gain for its parameters and for the size of the
+            library, dimensionless.
+        least_gain: Log likelihood that it must gain to explain enough of the excess, dimensionless.
+    """
+
+    penalty: float
+    least_gain: float = 0.0
+
+
+class Question(NamedTuple):
+    """What a rule is asked about."""
+
+    candidate: Candidate
+    limits: Limits
+    threshold: float
+
+
+@dataclass(frozen=True)
+class Rule:
+    """One thing that is asked of an effect before it is believed.
+
+    Args:
+        name: Short name, as `verdict.json` gives it.
+        threshold: The number that decides; dimensionless.
+        reason: Why the rule exists.
+        broken: Says in what the effect breaks the rule; empty if it does not.
+    """
+
+    name: str
+    threshold: float
+    reason: str
+    broken: Callable[[Question], str]
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """A number on which the search decides, with the reason."""
+
+    name: str
+    value: float
+    reason: str
+
+
+def selection_penalty(library: int, samples: int, parameters: int) -> float:
+    """Return the log likelihood that an effect must gain: parameters and size of the library.
+
+    ``LEAST_GAIN + parameters log(samples) / 2 + log(library)``, after the extended Bayesian
+    information criterion of Chen and Chen (2008).
+
+    Args:
+        library: Number of effects that were tried.
+        samples: Number of independent samples.
+        parameters: Own parameters of the effect.
+
+    Example:
+        >>> round(selection_penalty(40, 1000, 1), 1)
+        22.1
+    """
+    return LEAST_GAIN + 0.5 * parameters * math.log(samples) + math.log(library)
+
+
+def _refit(q: Question) -> str:
+    if q.candidate.fit is None:
+        return q.candidate.refused or "the refit failed"
+    return "" if q.candidate.fit.refit.converged else "the refit did not converge"
+
+
+def _sigma(q: Question) -> str:
+    size = q.candidate.size
+    if size is None or abs(size.value) >= q.threshold * size.std:
+        return ""
+    return f"its size is within {q.threshold:g} standard deviations of zero"
+
+
+def _least(q: Question) -> str:
+    size, least = q.candidate.size, q.threshold * q.candidate.entry.least_size
+    if size is None or abs(size.value) >= least:
+        return ""
+    return f"its size is below the smallest worth naming, {least:g} {size.unit}"
+
+
+def _bound(q: Question) -> str:
+    size, entry = q.candidate.size, q.candidate.entry
+    if size is None or entry.whole or abs(size.value) <= q.threshold * entry.largest_size:
+        return ""
+    return "its size is on its bound"
+
+
+def _usual(q: Question) -> str:
+    size, entry = q.candidate.size, q.candidate.entry
+    if size is None or abs(size.value) <= q.threshold * entry.typical_size:
+        return ""
+    return f"its size is beyond {q.threshold:g} times the usual, {entry.typical_size:g} {size.unit}"
+
+
+def _penalty(q: Question) -> str:
+    if q.candidate.gain >= q.threshold * q.limits.penalty:
+        return ""
+    return f"it gains less than the penalty for the library, {q.limits.penalty:.1f}"
+
+
+def _share(q: Question) -> str:
+    if q.candidate.gain >= q.threshold * q.limits.least_gain:
+        return ""
+    return "it explains too little of what the model leaves out"
+
+
+def _held_out(q: Question) -> str:
+    if q.candidate.held_out[1] > q.threshold:
+        return ""
+    return "it does not reliably improve the held-out recordings"
+
+
+RULES = (
+    Rule("refit", 0.0, "A refit that failed or did not converge says nothing.", _refit),
+    Rule("size beyond its uncertainty", 3.0, "Zero must be excluded.", _sigma),
+    Rule("size worth naming", 1.0, "A tiny size is the wrong shape of something else.", _least),
+    Rule("size off its bound", 0.999, "A solution on a bound is not a solution.", _bound),
+    Rule("usual size", 5.0, "An absurd size stands for something else.", _usual),
+    Rule("selection penalty", 1.0, "Among many effects one gains by chance.", _penalty),
+    Rule("share of the excess", 1.0, "Less may be the wrong shape of another effect.", _share),
+    Rule("held-out gain", 0.0, "Only what predicts unseen recordings is physics.", _held_out),
+)
+"""In the order in which they are asked."""
+
+HELD_OUT = RULES[-1]
+
+IMPERFECT = Threshold(
+    "imperfect",
+    0.1,
+    "Process-noise scale above which the equations still leave something out.",
+)
+LEAST_SHARE = Threshold(
+    "share of a single effect",
+    0.3,
+    "Share of the excess misfit of the refitted nominal that a single effect must explain.",
+)
+LEAST_OF_REST = Threshold(
+    "share of a further effect",
+    0.6,
+    "The wrong shape of an effect that was found leaves a rest too, of which another name explains"
+    " a part; so much of it a further effect must explain.",
+)
+LEAST_TOGETHER = Threshold(
+    "share of several effects", 0.5, "Share of the excess that several effects must explain."
+)
+LEAST_AT_FIRST = Threshold(
+    "share while another is searched for",
+    0.05,
+    "Two effects that hide each other explain little one by one.",
+)
+LEAST_OF_ALL = Threshold(
+    "share of the first excess",
+    0.05,
+    "Less may be the wrong shape of an effect that was found, and is not worth a wrong name.",
+)
+LEAST_EXPLAINED = Threshold(
+    "share of the free run",
+    0.3,
+    "Share of the held-out free-run error beyond the noise that everything found must remove.",
+)
+SAME = Threshold(
+    "same explanation",
+    15.0,
+    "Difference of log likelihood below which two effects explain the recordings equally well.",
+)
+
+
+def broken_rule(candidate: Candidate, limits: Limits) -> tuple[str, str]:
+    """Return name and words of the first rule that an effect breaks; empty if it breaks none."""
+    for rule in RULES:
+        said = rule.broken(Question(candidate, limits, rule.threshold))
+        if said:
+            return rule.name, said
+    return "", ""

@@ -1,0 +1,163 @@
+"""The stages of a diagnosis: what each one found, frozen.
+
+Prepared -> Fitted -> Located -> Scored -> Selected -> Validated. Each is made by one function of
+those before it (`workbench.diagnosis.diagnose`), written when it is reached and read again by a
+later call (`workbench.diagnosis.stage_files`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.location.locate import Location
+from workbench.diagnosis.nonparametric.result import NonparametricTerm
+from workbench.diagnosis.selection.held_out import Runs
+from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected, Withdrawn
+from workbench.diagnosis.verdict import Verdict
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Recordings, checked and observed once, with what is known of the parameters.
+
+    Args:
+        fitting: Recordings to fit on; empty if a recording is unfit.
+        judging: Recordings to judge on; empty if a recording is unfit.
+        priors: Free parameters of the nominal model.
+        data: One row per check of a recording, as `verdict.json` lists them.
+        unfit: Which recording cannot be judged and why; empty if all can.
+    """
+
+    fitting: tuple[Observed, ...]
+    judging: tuple[Observed, ...]
+    priors: tuple[Prior, ...]
+    data: tuple[Mapping[str, str], ...] = ()
+    unfit: str = ""
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The refitted nominal model, against which every claim is made."""
+
+    base: ProcessNoiseFit
+
+
+@dataclass(frozen=True)
+class Located:
+    """Where the refitted nominal model lacks something."""
+
+    location: Location
+
+
+@dataclass(frozen=True)
+class Validated:
+    """What was found, on recordings that were not fitted on.
+
+    Args:
+        extended: The extended model; its intervals count the parameters that a refit fixes.
+        runs: Free runs by model (``nominal``, ``refitted``, ``extended``) and recording.
+        location: Where the extended model lacks something; None if nothing was found.
+        advice: What to record next, as `verdict.json` says it.
+    """
+
+    extended: ProcessNoiseFit
+    runs: Mapping[str, Runs]
+    location: Location | None = None
+    advice: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """A diagnosis as far as it came.
+
+    Args:
+        nominal: The model as given.
+        prepared: Recordings and priors.
+        fitted: The refit.
+        located: The place.
+        scored: The library.
+        selected: The search.
+        validated: The judgement.
+        verdict: The verdict.
+        seconds: Time of the stages that are there, in s, those read from a folder included.
+
+    Raises:
+        WorkbenchError: From a property whose stage was not reached.
+    """
+
+    nominal: Model
+    prepared: Prepared
+    fitted: Fitted | None = None
+    located: Located | None = None
+    scored: Scored | None = None
+    selected: Selected | None = None
+    validated: Validated | None = None
+    verdict: Verdict | None = None
+    seconds: float = 0.0
+
+    @property
+    def base(self) -> ProcessNoiseFit:
+        """The refitted nominal model."""
+        if self.fitted is None:
+            raise WorkbenchError("the diagnosis did not get as far as the refit")
+        return self.fitted.base
+
+    @property
+    def extended(self) -> ProcessNoiseFit:
+        """The refitted model with what was found; the refitted nominal one if nothing was."""
+        if self.validated is not None:
+            return self.validated.extended
+        return self.selected.extended if self.selected is not None else self.base
+
+    @property
+    def improved(self) -> bool:
+        """Whether something was found, with or without a name."""
+        term = self.nonparametric
+        return bool(self.accepted) or (term is not None and term.accepted)
+
+    @property
+    def accepted(self) -> tuple[Accepted, ...]:
+        """What was found, in the order of finding."""
+        return self.selected.accepted if self.selected is not None else ()
+
+    @property
+    def withdrawn(self) -> tuple[Withdrawn, ...]:
+        """What was found and taken back."""
+        return self.selected.withdrawn if self.selected is not None else ()
+
+    @property
+    def rounds(self) -> tuple[Round, ...]:
+        """Scores and candidates of each round of the search."""
+        return self.selected.rounds if self.selected is not None else ()
+
+    @property
+    def nonparametric(self) -> NonparametricTerm | None:
+        """Term without a name; None if there was no need of one."""
+        return self.selected.nonparametric if self.selected is not None else None
+
+    @property
+    def excess(self) -> float:
+        """Log likelihood that the refitted nominal model lacks, dimensionless; NaN if unknown."""
+        return self.scored.excess if self.scored is not None else float("nan")
+
+    @property
+    def before(self) -> Location | None:
+        """Where the refitted nominal model lacks something."""
+        return self.located.location if self.located is not None else None
+
+    @property
+    def after(self) -> Location | None:
+        """Where the extended model lacks something."""
+        return self.validated.location if self.validated is not None else None
+
+    @property
+    def runs(self) -> Mapping[str, Runs]:
+        """Free runs on held-out recordings, by model and recording; empty if not reached."""
+        return self.validated.runs if self.validated is not None else {}
