@@ -43,7 +43,7 @@ def test_diagnose_writes_verdict_page_and_pictures(
     said = capsys.readouterr()
     assert "refitting the nominal model" in said.err and "stribeck friction" in said.out
     data = json.loads((out / "verdict.json").read_text())
-    assert data["schema"] == "workbench.verdict/1" and data["verdict"].startswith("named")
+    assert data["schema"] == "workbench.verdict/2" and data["verdict"].startswith("named")
     assert data["findings"][0]["effect"] == "stribeck_friction"
     assert "interrupted" not in data
     page = (out / "report.html").read_text()
@@ -81,7 +81,7 @@ def test_an_interruption_keeps_what_was_found(
     out = tmp_path / "out"
     assert run(["diagnose", *axis_options, "--out", str(out)]) == INTERRUPTED
     assert "interrupted" in capsys.readouterr().err
-    assert [path.name for path in out.iterdir()] == ["verdict.json"]
+    assert sorted(path.name for path in out.iterdir()) == ["stages", "verdict.json"]
     data = json.loads((out / "verdict.json").read_text())
     assert data["interrupted"] is True and data["sentence"].startswith("Interrupted while")
     # Before the search the parameters are known, after it the effect too.

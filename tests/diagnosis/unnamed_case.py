@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.diagnosis.stages import Diagnosis
+from workbench.model import Model
 from workbench.physics.library import library
 from workbench.physics.stiffness import linear_spring
 from workbench.plants.servo_axis import servo_axis
@@ -18,9 +20,8 @@ SAMPLES = 400
 STEP_S = 0.01
 
 
-@cache
-def sprung() -> tuple[Diagnosis, tuple[Recording, ...]]:
-    """An axis held by a spring, diagnosed with a library that has friction only."""
+def sprung_runs() -> tuple[Model, list[Recording], list[Recording], dict[str, Any]]:
+    """An axis held by a spring, and a library that has friction only."""
     axis = servo_axis()
     spring = linear_spring(
         "axis.force",
@@ -39,7 +40,14 @@ def sprung() -> tuple[Diagnosis, tuple[Recording, ...]]:
         )
         for seed in (1, 2)
     ]
-    return _diagnosed(runs)
+    return axis, runs[:1], runs[1:], _options(axis)
+
+
+@cache
+def sprung() -> tuple[Diagnosis, tuple[Recording, ...]]:
+    """The diagnosis of it."""
+    axis, fit_on, hold_out, options = sprung_runs()
+    return diagnose(axis, fit_on, hold_out, **options), tuple(hold_out)
 
 
 @cache
@@ -52,10 +60,9 @@ def shaken() -> tuple[Diagnosis, tuple[Recording, ...]]:
         unseen = np.repeat(rng.normal(scale=60.0, size=SAMPLES // 10), 10)
         run = made_up_recording(axis, push + unseen, sample_time=STEP_S, name=f"axis {seed}")
         runs.append(run.with_signal(Signal("force", push, "N", role="command")))
-    return _diagnosed(runs)
+    return diagnose(axis, runs[:1], runs[1:], **_options(axis)), tuple(runs[1:])
 
 
-def _diagnosed(runs: list[Recording]) -> tuple[Diagnosis, tuple[Recording, ...]]:
-    axis = servo_axis()
+def _options(axis: Model) -> dict[str, Any]:
     few = [e for e in library(axis) if e.law == "stribeck_friction"]
-    return diagnose(axis, runs[:1], runs[1:], entries=few, jobs=1, advise=False), tuple(runs[1:])
+    return {"entries": few, "jobs": 1, "advise": False}

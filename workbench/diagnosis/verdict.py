@@ -59,8 +59,9 @@ class Finding:
         excess_explained: Fraction of the error beyond the noise that the effect removes on
             held-out recordings, 0 to 1.
         gain: Log likelihood gained on the fitting recordings, dimensionless.
-        held_out: The same on the held-out recordings with its 99 % interval, dimensionless.
         p_value: Probability of such a gain on held-out recordings by chance.
+        held_out: Log likelihood gained on held-out recordings with its 99 % interval,
+            dimensionless.
 
     Example:
         >>> Finding(("joint.torque",), "tilt_gravity", ("tilt_gravity",), "tilted").effect
@@ -74,8 +75,8 @@ class Finding:
     parameters: Mapping[str, Value] = field(default_factory=dict)
     excess_explained: float = math.nan
     gain: float = math.nan
-    held_out: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     p_value: float = math.nan
+    held_out: tuple[float, float, float] = (math.nan, math.nan, math.nan)
 
 
 @dataclass(frozen=True)

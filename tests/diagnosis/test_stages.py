@@ -1,0 +1,121 @@
+"""Stages: kept when reached, read again by a later call, done again where they do not fit."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.unnamed_case import sprung_runs
+from workbench.diagnosis import diagnose as module
+from workbench.diagnosis.conclude import conclude_early
+from workbench.diagnosis.diagnose import diagnose, stages
+from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.stages import Diagnosis
+from workbench.physics.library import library
+from workbench.plants.servo_axis import servo_axis
+from workbench.recordings.recording import Recording
+
+NAMES = ["fitted", "located", "prepared", "scored", "selected", "validated"]
+
+
+def _given() -> tuple[Any, list[Recording], list[Recording], dict[str, Any]]:
+    truth = servo_axis()
+    model = truth.without("coulomb_friction")
+    runs = [
+        made_up_recording(
+            truth, pushes(300, largest=200.0, seed=seed), sample_time=0.01, name=f"axis {seed}"
+        )
+        for seed in (1, 2)
+    ]
+    few = [e for e in library(model) if e.law in ("coulomb_friction", "linear_spring")]
+    return model, runs[:1], runs[1:], {"entries": few, "jobs": 1, "advise": False}
+
+
+def _said(found: Diagnosis) -> dict[str, Any]:
+    assert found.verdict is not None
+    data: dict[str, Any] = json.loads(found.verdict.to_json())
+    del data["seconds"]
+    return data
+
+
+def _never(*_: object, **__: object) -> Any:
+    raise AssertionError("this stage was reached before")
+
+
+def test_a_later_call_reads_what_an_earlier_one_reached(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, fit_on, hold_out, options = _given()
+    first = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    assert sorted(p.stem for p in (tmp_path / "stages").iterdir()) == NAMES
+    for name in ("prepare", "fit", "locate", "score", "search", "validate"):
+        monkeypatch.setattr(module, name, _never)
+    again = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    assert _said(again) == _said(first)
+    # The time of stages that are read counts as it was.
+    assert again.seconds > 0.5 * first.seconds
+    # What a page draws survives too.
+    (name,) = first.runs["extended"]
+    np.testing.assert_array_equal(
+        again.runs["extended"][name].simulated, first.runs["extended"][name].simulated
+    )
+    np.testing.assert_array_equal(again.extended.model.values, first.extended.model.values)
+    np.testing.assert_array_equal(
+        again.extended.model.rates([0.1, 0.2], [5.0]), first.extended.model.rates([0.1, 0.2], [5.0])
+    )
+
+
+def test_a_killed_call_is_continued_from_its_last_round(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, fit_on, hold_out, options = _given()
+    whole = diagnose(model, fit_on, hold_out, **options)
+    for found in stages(model, fit_on, hold_out, folder=tmp_path, **options):
+        if found.selected is not None:
+            break
+    early = conclude_early(found, "searching")
+    assert early.interrupted and "Interrupted while searching" in early.sentence
+    assert early.as_data()["interrupted"] is True
+    monkeypatch.setattr(module, "fit", _never)
+    monkeypatch.setattr(module, "score", _never)
+    assert _said(diagnose(model, fit_on, hold_out, folder=tmp_path, **options)) == _said(whole)
+
+
+def test_other_options_are_used_from_their_stage_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, fit_on, hold_out, options = _given()
+    diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    monkeypatch.setattr(module, "fit", _never)
+    fewer = options | {"entries": [e for e in options["entries"] if e.law == "linear_spring"]}
+    found = diagnose(model, fit_on, hold_out, folder=tmp_path, **fewer)
+    assert [s.entry.law for s in found.rounds[0].scores.scores] == ["linear_spring"]
+    # Other recordings make every stage another one.
+    other = [replace(fit_on[0], name="another")]
+    with pytest.raises(AssertionError, match="reached before"):
+        diagnose(model, other, hold_out, folder=tmp_path, **options)
+
+
+def test_a_file_that_cannot_be_read_is_done_again(tmp_path: Path) -> None:
+    model, fit_on, hold_out, options = _given()
+    first = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    (tmp_path / "stages" / "fitted.json").write_text('{"format": "workbench.stage/1"')
+    again = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    assert _said(again) == _said(first)
+
+
+def test_a_term_without_a_name_is_built_again(tmp_path: Path) -> None:
+    model, fit_on, hold_out, options = sprung_runs()
+    first = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    again = diagnose(model, fit_on, hold_out, folder=tmp_path, **options)
+    assert first.nonparametric is not None and first.nonparametric.accepted
+    assert _said(again) == _said(first)
+    x = [0.1, 0.2]
+    np.testing.assert_array_equal(
+        again.extended.model.rates(x, [5.0]), first.extended.model.rates(x, [5.0])
+    )
