@@ -106,7 +106,13 @@ class StageFiles:
         self._built: dict[str, Model] = {}
 
     def write(self, stage: Any, key: str, seconds: float) -> None:
-        """Write a stage that was reached."""
+        """Write a stage that was reached.
+
+        Args:
+            stage: The stage.
+            key: What it depends on.
+            seconds: Time until it was reached, in s.
+        """
         if self._folder is None:
             return
         name = type(stage).__name__

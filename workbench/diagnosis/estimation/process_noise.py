@@ -24,7 +24,6 @@ from workbench.diagnosis.estimation.refit import ENOUGH, refit
 from workbench.diagnosis.estimation.refit_result import Refit
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.model.model import index_of
 
 Vector = npt.NDArray[np.float64]
 
@@ -304,24 +303,3 @@ def start_values(fit: Refit, priors: Sequence[Prior]) -> dict[str, float]:
     """
     means = {p.name: p.mean for p in priors}
     return {e.name: means.get(e.name, e.value) if e.on_bound else e.value for e in fit.estimates}
-
-
-def free_parameter(model: Model, name: str) -> float:
-    """Return the value of a parameter of a model, in its SI unit.
-
-    Args:
-        model: The plant.
-        name: Name of the parameter.
-
-    Returns:
-        The value, in the parameter's SI unit.
-
-    Raises:
-        WorkbenchError: If there is no such parameter.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> free_parameter(servo_axis(), "mass")
-        95.0
-    """
-    return model.parameters[index_of("parameter", name, model.parameters)].value

@@ -31,7 +31,13 @@ class Limits:
 
 
 class Question(NamedTuple):
-    """What a rule is asked about."""
+    """What a rule is asked about.
+
+    Args:
+        candidate: The effect.
+        limits: What is asked of it.
+        threshold: That of the rule, dimensionless.
+    """
 
     candidate: Candidate
     limits: Limits
@@ -57,7 +63,13 @@ class Rule:
 
 @dataclass(frozen=True)
 class Threshold:
-    """A number on which the search decides, with the reason."""
+    """A number on which the search decides, with the reason.
+
+    Args:
+        name: Short name.
+        value: The number, dimensionless.
+        reason: Why it exists.
+    """
 
     name: str
     value: float
