@@ -25,13 +25,6 @@ def arm_case(case: Case) -> RefitTask:
 
     Raises:
         WorkbenchError: If a setting is missing, or a recording lacks the valve voltage.
-
-    Example:
-        >>> from workbench.data_folder import shipped_data
-        >>> from workbench.recordings.case import read_case
-        >>> task = arm_case(read_case(shipped_data("practice-07")))
-        >>> len(task.fit), len(task.hold_out)
-        (2, 2)
     """
     model = arm(case.load_kg, plane=cast(Plane, case.plane), supply_bar=case.supply_bar)
     return RefitTask(

@@ -26,17 +26,8 @@ def cylinder_task(find: Callable[[str], Path]) -> RefitTask:
     Args:
         find: Returns the path of a file of the data set by its name.
 
-    Returns:
-        The refit.
-
     Raises:
         WorkbenchError: If a file cannot be read.
-
-    Example:
-        >>> cylinder_task(lambda name: Path("nowhere") / name)
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: ...
     """
     model = cylinder()
     seen = {bar: _observed(model, find(f"O-ring_{bar}bar.csv")) for bar in (1, 3, 5, 7)}

@@ -29,12 +29,6 @@ def emps_task(find: Callable[[str], Path]) -> RefitTask:
 
     Raises:
         WorkbenchError: If a file cannot be read.
-
-    Example:
-        >>> emps_task(lambda name: Path("nowhere") / name)
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: ...
     """
     model = emps()
     mapping = shipped_folder() / "mappings" / "emps.toml"

@@ -30,17 +30,8 @@ def machine_task(name: str, *, data: Path | None = None) -> RefitTask:
         data: Data folder; by default the environment's, and what it does not hold is fetched from
             the publisher.
 
-    Returns:
-        The refit.
-
     Raises:
         WorkbenchError: If the name is unknown or a file can neither be found nor fetched.
-
-    Example:
-        >>> machine_task("pendulums")
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: machine is 'pendulums'; it must be one of emps, tanks, ...
     """
     check_choice("machine", name, MACHINES)
     data_set, build = MACHINES[name]

@@ -37,17 +37,8 @@ def pendulum_task(find: Callable[[str], Path]) -> RefitTask:
     Args:
         find: Returns the path of a file of the data set by its name.
 
-    Returns:
-        The refit.
-
     Raises:
         WorkbenchError: If a file cannot be read.
-
-    Example:
-        >>> pendulum_task(lambda name: Path("nowhere") / name)
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: ...
     """
     model = servo_pendulum()
     fit: list[Observed] = []

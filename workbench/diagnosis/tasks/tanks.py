@@ -30,12 +30,6 @@ def tanks_task(find: Callable[[str], Path]) -> RefitTask:
 
     Raises:
         WorkbenchError: If the file cannot be read.
-
-    Example:
-        >>> tanks_task(lambda name: Path("nowhere") / name)
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: ...
     """
     model = cascaded_tanks()
     seen = []
