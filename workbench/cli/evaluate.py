@@ -79,6 +79,31 @@ def own_cases(
 
 
 @evaluate.command()
+def foreign(
+    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
+    count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 60,
+    seeds: Annotated[int | None, typer.Option(help="Seed of the first case.")] = None,
+    part: Annotated[str, typer.Option(help="K/N: every Nth case from the Kth on.")] = "1/1",
+    only: Annotated[
+        list[str] | None, typer.Option(help="Name of a case, such as foreign-7003; several times.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 1,
+) -> int:
+    """Diagnose machines that the workbench does not know, on first models of a newcomer.
+
+    A drive, a circuit, a tank and a crane of a second simulator, with one effect, two or nothing
+    concealed. Finished cases are kept in OUT as with own-cases.
+    """
+    _one_thread()
+    from workbench.evaluation.foreign.run import run_plan
+
+    share = part_of(part)
+    for line in run_plan(out, count, seeds, part=share, only=only or (), jobs=jobs):
+        typer.echo(line)
+    return 0
+
+
+@evaluate.command()
 def left_out(
     out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
     jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 2,
@@ -98,12 +123,12 @@ def left_out(
 @evaluate.command()
 def report(
     out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
-    figure: Annotated[Path | None, typer.Option(help="PNG file to draw.")] = None,
+    figure: Annotated[Path | None, typer.Option(help="PNG file to draw, of own cases.")] = None,
     summary: Annotated[Path | None, typer.Option(help="JSON file of the numbers.")] = None,
     cases: Annotated[bool, typer.Option(help="One line per case too.")] = False,
 ) -> int:
-    """Tabulate the answers that 'workbench evaluate own-cases' kept."""
-    from workbench.evaluation.own_cases.report import report as tabulate
+    """Tabulate the answers that 'own-cases' or 'foreign' kept."""
+    from workbench.evaluation.report import report as tabulate
 
     typer.echo(tabulate(out, figure_file=figure, summary_file=summary, each=cases))
     return 0

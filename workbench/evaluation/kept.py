@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.verdict import SCHEMA
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
@@ -21,8 +22,8 @@ def keep(path: Path, row: Mapping[str, Any]) -> dict[str, Any]:
     return dict(json.loads(text))
 
 
-def read_kept(out: Path, verb: str) -> list[dict[str, Any]]:
-    """Return the answers that a verb of ``workbench evaluate`` kept in a folder, by their names.
+def read_kept(out: Path) -> list[dict[str, Any]]:
+    """Return the answers that a folder keeps, by the names of their cases.
 
     Raises:
         WorkbenchError: If the folder holds none.
@@ -30,8 +31,26 @@ def read_kept(out: Path, verb: str) -> list[dict[str, Any]]:
     rows = [json.loads(path.read_text()) for path in sorted(out.glob("*.json"))]
     rows = [row for row in rows if isinstance(row, dict) and "verdict" in row]
     if not rows:
-        raise WorkbenchError(f"{out} holds no answers; run 'workbench evaluate {verb} {out}' first")
+        raise WorkbenchError(
+            f"{out} holds no answers; run 'workbench evaluate own-cases' or 'foreign' first"
+        )
     return rows
+
+
+def refusals(diagnosis: Diagnosis) -> list[dict[str, Any]]:
+    """Return what was tried and refused, with its gain on the held-out recordings."""
+    tried = [(c, c.refused) for _, candidates in diagnosis.rounds for c in candidates if c.refused]
+    tried += diagnosis.withdrawn
+    return [
+        {
+            "effect": candidate.entry.name,
+            "reason": reason,
+            "gain": candidate.gain,
+            "held_out": candidate.held_out[0],
+            "held_out_low": candidate.held_out[1],
+        }
+        for candidate, reason in tried
+    ]
 
 
 def silent(kind: str, error: Exception | None = None) -> dict[str, Any]:

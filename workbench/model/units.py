@@ -35,6 +35,8 @@ _J: Dimensions = (2, 1, -2, 0, 0, 0)
 _W: Dimensions = (2, 1, -3, 0, 0, 0)
 _V: Dimensions = (2, 1, -3, 0, -1, 0)
 _OHM: Dimensions = (2, 1, -3, 0, -2, 0)
+_H: Dimensions = (2, 1, -2, 0, -2, 0)
+_F: Dimensions = (-2, -1, 4, 0, 2, 0)
 _HZ: Dimensions = (0, 0, -1, 0, 0, 0)
 
 _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
@@ -91,6 +93,11 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "mV": (1e-3, _V),
     "Ohm": (1.0, _OHM),
     "Ω": (1.0, _OHM),
+    "H": (1.0, _H),
+    "mH": (1e-3, _H),
+    "F": (1.0, _F),
+    "uF": (1e-6, _F),
+    "µF": (1e-6, _F),
 }
 
 _TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+|[²³⁻¹]+|[A-Za-zµΩ°%]+|-)")

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from tests.evaluation.own_cases.made_up import found, row, verdict
-from workbench.evaluation.own_cases.report import figure, report, summary, tables
+from workbench.evaluation.own_cases.report import figure, summary, tables
 from workbench.evaluation.own_cases.sindy import thresholded
 from workbench.evaluation.own_cases.statistics import by_effect, by_size, score_of, scores
 from workbench.evaluation.rates import wilson
+from workbench.evaluation.report import report
 
 TILT = found("tilt_gravity", "joint.torque", tilt=(0.08, 0.002))
 SMALL = found("tilt_gravity", "joint.torque", tilt=(0.040, 0.002))
@@ -81,7 +82,7 @@ def test_tables_figure_and_summary(tmp_path: Path) -> None:
     for content in ROWS:
         (tmp_path / f"{content['case']}.json").write_text(json.dumps(content))
     files = {"figure_file": tmp_path / "f.png", "summary_file": tmp_path / "s.json"}
-    assert report(tmp_path, each=False, **files) == text
+    assert report(tmp_path, **files) == text
     assert (tmp_path / "f.png").stat().st_size > 10_000
     kept = json.loads((tmp_path / "s.json").read_text())
     assert kept == json.loads(json.dumps(summary(ROWS)))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from workbench.evaluation.kept import read_kept
 from workbench.evaluation.own_cases.judge import judge
 from workbench.evaluation.own_cases.plan import FACTORS
 from workbench.evaluation.own_cases.statistics import (
@@ -22,7 +20,6 @@ from workbench.evaluation.own_cases.statistics import (
     scores,
 )
 from workbench.evaluation.rates import Rate
-from workbench.files import write_whole
 
 COLOURS = {
     "right": "#1b7837",
@@ -307,19 +304,3 @@ def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
 
 def _worst(remark: str) -> str:
     return max(remark.split(", "), key=list(COLOURS).index)
-
-
-def report(
-    out: Path, *, figure_file: Path | None = None, summary_file: Path | None = None, each: bool
-) -> str:
-    """Return the tables of a folder of answers; write figure and summary where wanted.
-
-    Raises:
-        WorkbenchError: If the folder holds no answers.
-    """
-    rows = read_kept(out, "own-cases")
-    if summary_file:
-        write_whole(summary_file, json.dumps(summary(rows), indent=1) + "\n")
-    if figure_file:
-        figure(rows, figure_file)
-    return "\n\n".join([*([cases(rows)] if each else []), tables(rows)])

@@ -1,0 +1,224 @@
+"""A machine to be recorded: its truth, what it may conceal, and how a newcomer would excite it.
+
+The integrator is the classical Runge-Kutta method at a fixed step; actuators and sensors are
+stepped beside it, with delays as queues, lags as sampled filters, and converters that round.
+
+Units: SI.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.evaluation.foreign.laws import dead_zone, limited
+
+Array = npt.NDArray[np.float64]
+Parameters = dict[str, float]
+State = list[float]
+
+
+@dataclass(frozen=True)
+class Concealed:
+    """One effect that a machine may conceal.
+
+    Args:
+        name: Its name.
+        physics: What it is, as ``synonyms.toml`` knows it.
+        ports: Ports of the newcomer's model that it may rightly be found at.
+        size: Smallest and largest value of the parameter that switches it on.
+        others: Values of further parameters that it sets.
+        signed: Whether the sign is drawn too.
+    """
+
+    name: str
+    physics: str
+    ports: tuple[str, ...]
+    size: tuple[float, float]
+    others: Mapping[str, float] = field(default_factory=dict)
+    signed: bool = False
+
+    def draw(self, rng: np.random.Generator) -> Parameters:
+        """Return parameters that switch it on, the size drawn evenly in its logarithm."""
+        low, high = np.log(self.size)
+        value = float(np.exp(rng.uniform(low, high)))
+        sign = -1.0 if self.signed and rng.random() < 0.5 else 1.0
+        return {self.name: sign * value, **self.others}
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One sensor: name and unit in the file, the state that it reads, noise and step.
+
+    Its faults are parameters that begin with its name: ``_offset``, ``_gain`` (excess), ``_lag``,
+    ``_delay``, ``_top`` (clipping).
+    """
+
+    name: str
+    unit: str
+    state: int
+    noise: float
+    step: float = 0.0
+
+
+Loop = Callable[[Array, Array, Array], Array]
+"""Commands from the references, the readings and the last readings."""
+
+Course = Callable[[np.random.Generator, int, float], Array]
+"""Commands or references, shape (n, inputs), of n samples at a sample time."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine with its truth.
+
+    Args:
+        name: Its name.
+        inputs: Name and unit of each command.
+        channels: Its sensors.
+        background: True value and relative half range of each parameter that is never nominal.
+        concealed: What it may hide.
+        rates: Derivative of the state from time, state, commands and parameters.
+        initial: State at rest from the parameters.
+        courses: What drives the recordings ``fit_1``, ``fit_2``, ``hold_1``, ``hold_2``.
+        sample_time: Time between samples.
+        steps: Integration steps per sample.
+        samples: Samples of a recording.
+        loop: The control loop in which it is recorded, if any.
+    """
+
+    name: str
+    inputs: tuple[tuple[str, str], ...]
+    channels: tuple[Channel, ...]
+    background: Mapping[str, tuple[float, float]]
+    concealed: tuple[Concealed, ...]
+    rates: Callable[[float, State, Sequence[float], Parameters], State]
+    initial: Callable[[Parameters], State]
+    courses: Mapping[str, Course]
+    sample_time: float
+    steps: int
+    samples: int
+    loop: Loop | None = None
+
+    def parameters(self, rng: np.random.Generator, hidden: Sequence[Concealed]) -> Parameters:
+        """Return parameters off their nominal values, with what is hidden switched on."""
+        p = {n: v * (1 + r * rng.uniform(-1, 1)) for n, (v, r) in self.background.items()}
+        p |= {effect.name: 0.0 for effect in self.concealed}
+        for effect in hidden:
+            p |= effect.draw(rng)
+        return p
+
+    def record(
+        self,
+        course: Array,
+        p: Parameters,
+        rng: np.random.Generator | None,
+        *,
+        replayed: bool = False,
+        start: State | None = None,
+    ) -> tuple[Array, Array]:
+        """Run the machine along a course.
+
+        Args:
+            course: Commands, or references if there is a loop, shape (n, inputs).
+            p: Parameters.
+            rng: Source of the sensors' noise; without it they are exact.
+            replayed: Whether the course holds commands although there is a loop.
+            start: State at the start; at rest by default.
+
+        Returns:
+            Commands, shape (n, inputs), and readings, shape (n, channels).
+        """
+        x = list(start if start is not None else self.initial(p))
+        h = self.sample_time / self.steps
+        actuators = [Actuator(name, p, h) for name, _ in self.inputs]
+        sensors = [Sensor(c, p, self.sample_time, rng) for c in self.channels]
+        commands, readings = np.empty(course.shape), np.empty((len(course), len(sensors)))
+        last: Array | None = None
+        for k in range(len(course)):
+            t = k * self.sample_time
+            readings[k] = [s.read(x[s.channel.state]) for s in sensors]
+            u = course[k]
+            if self.loop is not None and not replayed:
+                u = self.loop(course[k], readings[k], readings[k] if last is None else last)
+                last = readings[k]
+            commands[k] = u
+            for j in range(self.steps):
+                w = [a.step(float(v)) for a, v in zip(actuators, u, strict=True)]
+                x = self._step(t + j * h, x, w, p, h)
+        return commands, readings
+
+    def _step(self, t: float, x: State, u: Sequence[float], p: Parameters, h: float) -> State:
+        def moved(slope: State, by: float) -> State:
+            return [a + by * b for a, b in zip(x, slope, strict=True)]
+
+        k1 = self.rates(t, x, u, p)
+        k2 = self.rates(t + 0.5 * h, moved(k1, 0.5 * h), u, p)
+        k3 = self.rates(t + 0.5 * h, moved(k2, 0.5 * h), u, p)
+        k4 = self.rates(t + h, moved(k3, h), u, p)
+        return [
+            a + h / 6.0 * (b + 2.0 * c + 2.0 * d + e)
+            for a, b, c, d, e in zip(x, k1, k2, k3, k4, strict=True)
+        ]
+
+
+class Actuator:
+    """The way of a command: ``_delay``, ``_dead_zone``, ``_limit`` and ``_lag`` of its name."""
+
+    def __init__(self, name: str, p: Parameters, step: float) -> None:
+        self._queue: deque[float] = deque()
+        self._late = round(p.get(f"{name}_delay", 0.0) / step)
+        self._dead, self._limit = p.get(f"{name}_dead_zone", 0.0), p.get(f"{name}_limit", 0.0)
+        lag = p.get(f"{name}_lag", 0.0)
+        self._share = 1.0 - math.exp(-step / lag) if lag > 0.0 else 1.0
+        self._value: float | None = None
+
+    def step(self, value: float) -> float:
+        """Return what reaches the machine during one step."""
+        if self._late:
+            if not self._queue:
+                self._queue.extend([value] * self._late)
+            self._queue.append(value)
+            value = self._queue.popleft()
+        value = limited(dead_zone(value, self._dead), self._limit)
+        self._value = value if self._value is None else self._value
+        self._value += self._share * (value - self._value)
+        return self._value
+
+
+class Sensor:
+    """What a sensor makes of the truth; see `Channel`."""
+
+    def __init__(
+        self, channel: Channel, p: Parameters, sample: float, rng: np.random.Generator | None
+    ) -> None:
+        self.channel, self._rng = channel, rng
+
+        def fault(name: str) -> float:
+            return p.get(f"{channel.name}_{name}", 0.0)
+
+        self._offset, self._gain, self._top = fault("offset"), 1.0 + fault("gain"), fault("top")
+        lag = fault("lag")
+        self._share = 1.0 - math.exp(-sample / lag) if lag > 0.0 else 1.0
+        self._late = fault("delay") / sample
+        self._past: list[float] = []
+        self._slow: float | None = None
+
+    def read(self, true: float) -> float:
+        """Return the reading at a sample."""
+        self._slow = true if self._slow is None else self._slow
+        self._slow += self._share * (true - self._slow)
+        self._past.append(self._slow)
+        whole = math.floor(self._late)
+        one, two = (self._past[max(0, len(self._past) - 1 - whole - k)] for k in (0, 1))
+        value = self._gain * (one + (self._late - whole) * (two - one)) + self._offset
+        if self._rng is None:
+            return min(value, self._top) if self._top > 0.0 else value
+        value += self.channel.noise * self._rng.standard_normal()
+        value = min(value, self._top) if self._top > 0.0 else value
+        return round(value / self.channel.step) * self.channel.step if self.channel.step else value

@@ -1,0 +1,1 @@
+"""First models of the foreign machines, as a newcomer would write them."""

@@ -1,0 +1,209 @@
+"""Diagnose foreign machines and judge the verdicts."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from workbench.diagnosis.diagnose import diagnose
+from workbench.evaluation.answer_key import Names, Truth
+from workbench.evaluation.blind_round import Line, score_case
+from workbench.evaluation.claims import answer_of, error_ratio
+from workbench.evaluation.foreign.plan import FIRST_SEED, Case, plan
+from workbench.evaluation.kept import keep, refusals, silent, version
+from workbench.evaluation.rates import Rate
+
+SCHEMA = "foreign_case/1"
+
+LARGEST_RATIO = 1.5
+"""Held-out error over that of the truth which still counts as reached, dimensionless."""
+
+
+def run_plan(
+    out: Path,
+    count: int,
+    first_seed: int | None = None,
+    *,
+    part: tuple[int, int] = (1, 1),
+    only: Sequence[str] = (),
+    jobs: int = 1,
+) -> Iterator[str]:
+    """Diagnose a part of the plan; yields one line per case.
+
+    Args:
+        out: Where finished cases are kept, one JSON file each; those found there are not run again.
+        count: Cases of the plan.
+        first_seed: Seed of the first case; None for that of the plan.
+        part: Part K of N, counted from 1: every Nth case.
+        only: Names of cases; all of them without a name.
+        jobs: Processes of one diagnosis.
+    """
+    cases = plan(count, FIRST_SEED if first_seed is None else first_seed)
+    k, n = part
+    for case in [c for c in cases if not only or c.name in only][k - 1 :: n]:
+        yield line_of(run(case, out, jobs=jobs))
+
+
+def run(case: Case, out: Path, *, jobs: int = 1) -> dict[str, Any]:
+    """Diagnose one case, or return what is kept of it."""
+    path = out / f"{case.name}.json"
+    if path.exists():
+        return dict(json.loads(path.read_text()))
+    made = case.recordings()
+    held_out = [r for name, r in made.items() if name.startswith("hold")]
+    row: dict[str, Any] = {
+        "schema": SCHEMA,
+        "case": case.name,
+        "title": case.title,
+        "machine": case.machine.name,
+        "hidden": [vars(t) for t in case.truths()],
+        "true": case.parameters(),
+        "limit": case.limit(held_out),
+        "version": version(),
+    }
+    wall, processor = time.perf_counter(), time.process_time()
+    try:
+        found = diagnose(
+            case.build(),
+            [r for name, r in made.items() if name.startswith("fit")],
+            held_out,
+            jobs=jobs,
+            advise=False,
+        )
+        assert found.verdict is not None
+        row |= {"verdict": found.verdict.as_data(), "refused": refusals(found)}
+    except Exception as error:  # noqa: BLE001
+        # A diagnosis that fails is a result too, and must not end the run.
+        row |= {"verdict": silent("failed", error), "refused": []}
+    row["seconds"] = time.perf_counter() - wall
+    row["processor_seconds"] = time.process_time() - processor
+    return keep(path, row)
+
+
+def judge(row: Mapping[str, Any]) -> Line:
+    """Score a kept case by the rules of a blind round."""
+    truths = [
+        Truth(t["word"], tuple(t["library"]), tuple(t["groups"]), t["sensor"])
+        for t in row["hidden"]
+    ]
+    return score_case(answer_of(row["verdict"], row["case"], Names({}, {})), truths)
+
+
+def over_limit(row: Mapping[str, Any]) -> float:
+    """Return the held-out error over that of the truth, dimensionless; NaN if there is none."""
+    held_out = row["verdict"].get("fit", {}).get("held_out", {})
+    return error_ratio(held_out.get("extended") or {}, row["limit"])
+
+
+def refused_right(row: Mapping[str, Any]) -> list[str]:
+    """Return right names that gained on held-out recordings and are not in the verdict."""
+    right = {name for truth in row["hidden"] for name in truth["library"]}
+    said = {name for f in row["verdict"]["findings"] for name in (f["effect"], *f["class"])}
+    return [] if right & said else [
+        f"{r['effect']} ({r['reason']})"
+        for r in row["refused"]
+        if r["effect"] in right and (r["held_out_low"] or 0.0) > 0.0
+    ]  # fmt: skip
+
+
+def line_of(row: Mapping[str, Any]) -> str:
+    """Return one line about a kept case."""
+    line, failure = judge(row), row["verdict"].get("failure", "")
+    tail = "; ".join([*refused_right(row), *([failure] if failure else [])])
+    outside = " (outside the library)" if any(not t["library"] for t in row["hidden"]) else ""
+    return (
+        f"{row['case']} {row['title']:<40} {line.said:<44} {line.points:>3} of {line.most:<3}"
+        f" {line.remark}{outside}; {over_limit(row):.3g} of the limit, {row['seconds']:.0f} s"
+        + (f"; {tail}" if tail else "")
+    )
+
+
+def tables(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return bars, machines and effects as text."""
+    rates = rates_of(rows)
+    lines = [
+        f"{len(rows)} cases, versions {', '.join(sorted({r['version'] for r in rows}))}",
+        "",
+        f"{'':<46} {'reached':<30} wanted",
+        *(f"{name:<46} {rates[name]!s:<30} {bar}" for name, bar in BARS.items()),
+        "",
+        f"{'machine':<10} {'false names':<24} {'right name or class':<28} within the limit",
+    ]
+    for machine in dict.fromkeys(r["machine"] for r in rows):
+        own = rates_of([r for r in rows if r["machine"] == machine])
+        lines.append(
+            f"{machine:<10} {own['false names']!s:<24} {own['right name or class']!s:<28}"
+            f" {own['held-out error within 1.5 of the truth']}"
+        )
+    by_effect: dict[str, list[str]] = defaultdict(list)
+    for row in rows:
+        by_effect[row["title"]].append(judge(row).remark)
+    lines += ["", *(f"{title:<44} {'; '.join(said)}" for title, said in sorted(by_effect.items()))]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+BARS = {
+    "false names": "0",
+    "right name or class": "at least 85 %",
+    "right name or class, what the library has": "",
+    "right place": "",
+    "wrong name": "",
+    "held-out error within 1.5 of the truth": "at least 85 %",
+    "gains but is refused": "0",
+    "diagnosis failed": "0",
+}
+"""What is counted, and what is wanted."""
+
+
+def rates_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Rate]:
+    """Return the rates that the bars are about, with their intervals."""
+    judged = [(row, judge(row)) for row in rows]
+    clean = [(r, j) for r, j in judged if not r["hidden"]]
+    faulty = [(r, j) for r, j in judged if r["hidden"]]
+    named = [(t, right) for r, j in faulty for t, right in zip(r["hidden"], j.named, strict=True)]
+    located = [right for _, j in faulty for right in j.located]
+    known = [right for t, right in named if t["library"]]
+    ratios = [over_limit(r) for r in rows]
+    return {
+        "false names": Rate(sum(_names(r) for r, _ in clean), len(clean)),
+        "right name or class": Rate(sum(right for _, right in named), len(named)),
+        "right name or class, what the library has": Rate(sum(known), len(known)),
+        "right place": Rate(sum(located), len(located)),
+        "wrong name": Rate(sum("wrong name" in j.remark for _, j in faulty), len(faulty)),
+        "held-out error within 1.5 of the truth": Rate(
+            sum(ratio <= LARGEST_RATIO for ratio in ratios), len(ratios)
+        ),
+        "gains but is refused": Rate(sum(bool(refused_right(r)) for r, _ in faulty), len(faulty)),
+        "diagnosis failed": Rate(sum(r["verdict"]["verdict"] == "failed" for r in rows), len(rows)),
+    }
+
+
+def _names(row: Mapping[str, Any]) -> bool:
+    return any(f["effect"] not in (None, "free_form") for f in row["verdict"]["findings"])
+
+
+def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return the rates and a line per case as plain data."""
+    return {
+        "schema": "foreign_cases/1",
+        "cases": len(rows),
+        "versions": sorted({r["version"] for r in rows}),
+        "rates": {name: rate.as_data() for name, rate in rates_of(rows).items()},
+        "each": [
+            {
+                "case": row["case"],
+                "hidden": row["title"],
+                "said": (line := judge(row)).said,
+                "points": line.points,
+                "most": line.most,
+                "remark": line.remark,
+                "over_limit": over_limit(row),
+                "refused": refused_right(row),
+            }
+            for row in rows
+        ],
+    }
