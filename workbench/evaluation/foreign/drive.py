@@ -40,6 +40,8 @@ def _rates(_: float, x: State, u: Sequence[float], p: Parameters) -> State:
 
 
 MOTOR, SHAFT, LOAD = ("motor.torque",), ("shaft.torque",), ("load.torque",)
+PLACES = (*LOAD, *MOTOR, "motor.voltage")
+"""Where a constant torque may be found: with inertias unknown, on either side."""
 
 DRIVE = Machine(
     "drive",
@@ -63,7 +65,7 @@ DRIVE = Machine(
         Concealed("fan", "quadratic_drag", LOAD, (3e-4, 1.2e-3)),
         Concealed("backlash", "backlash", SHAFT, (0.015, 0.05)),
         Concealed("shaft_cubic", "hardening", SHAFT, (150.0, 500.0)),
-        Concealed("constant_load", "constant_effort", (*LOAD, *MOTOR), (0.08, 0.25), signed=True),
+        Concealed("constant_load", "constant_effort", PLACES, (0.08, 0.25), signed=True),
         Concealed("voltage_delay", "drive_delay", ("motor.voltage", *MOTOR), (0.02, 0.05)),
         Concealed("voltage_dead_zone", "dead_zone", ("motor.voltage", *MOTOR), (0.3, 1.0)),
         Concealed("load_speed_lag", "sensor_lag", ("load_speed.reading",), (0.02, 0.06)),
