@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from workbench.diagnosis.diagnosis import Diagnosis
 from workbench.diagnosis.verdict import SCHEMA
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
@@ -35,22 +34,6 @@ def read_kept(out: Path) -> list[dict[str, Any]]:
             f"{out} holds no answers; run 'workbench evaluate own-cases' or 'foreign' first"
         )
     return rows
-
-
-def refusals(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    """Return what was tried and refused, with its gain on the held-out recordings."""
-    tried = [(c, c.refused) for _, candidates in diagnosis.rounds for c in candidates if c.refused]
-    tried += diagnosis.withdrawn
-    return [
-        {
-            "effect": candidate.entry.name,
-            "reason": reason,
-            "gain": candidate.gain,
-            "held_out": candidate.held_out[0],
-            "held_out_low": candidate.held_out[1],
-        }
-        for candidate, reason in tried
-    ]
 
 
 def silent(kind: str, error: Exception | None = None) -> dict[str, Any]:

@@ -25,7 +25,7 @@ def report(
         WorkbenchError: If the folder holds no answers, or a figure is wanted that there is not.
     """
     rows = read_kept(out)
-    is_foreign = rows[0]["schema"] == foreign.SCHEMA
+    is_foreign = rows[0].get("schema") == foreign.SCHEMA
     if is_foreign:
         lines = "\n".join(foreign.line_of(row) for row in rows)
         tables, summary = foreign.tables(rows), foreign.summary(rows)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from workbench.evaluation.foreign.machine import Machine, Parameters
+from workbench.evaluation.foreign.machine import Concealed, Machine, Parameters
 from workbench.evaluation.foreign.plan import MACHINES, plan, synonyms
 from workbench.model import Model
 from workbench.simulation import simulate
@@ -37,34 +37,35 @@ def test_the_truth_without_effects_is_the_newcomers_model(
     for i, channel in enumerate(machine.channels):
         spread = max(float(np.ptp(readings[:, i])), channel.noise)
         # Two integrators with different steps, the truth's at a fixed one.
-        assert np.max(np.abs(run.output(channel.name)[:200] - readings[:, i])) < 1e-4 * spread
+        assert np.max(np.abs(run[channel.name][:200] - readings[:, i])) < 1e-4 * spread
 
 
 @EACH
-def test_every_effect_shows_in_the_held_out_recordings(
-    machine: Machine, build: Callable[[], Model]
-) -> None:
+def test_every_effect_shows(machine: Machine, build: Callable[[], Model]) -> None:
     names = {port.name for port in build().ports}
     assert len(machine.concealed) == 10
     noise = np.array([channel.noise for channel in machine.channels])
-    recorded = {
-        name: machine.record(
-            course(np.random.default_rng(5), machine.samples, machine.sample_time),
-            plain(machine),
-            None,
-        )
-        for name, course in machine.courses.items()
-    }
+    # Jumps come in the middle of a recording.
+    count = round(0.6 * machine.samples)
+    before = {}
+    for name, course in machine.courses.items():
+        driven = course(np.random.default_rng(5), machine.samples, machine.sample_time)[:count]
+        before[name] = machine.record(driven, plain(machine), None)
+
+    def shown(effect: Concealed, recording: str) -> bool:
+        commands, without = before[recording]
+        p = plain(machine) | dict(effect.others) | {effect.name: least(effect)}
+        _, readings = machine.record(commands, p, None, replayed=True)
+        return bool(np.max(np.sqrt(np.mean((readings - without) ** 2, axis=0)) / noise) > 3.0)
+
     for effect in machine.concealed:
         assert set(effect.ports) <= names and effect.physics in synonyms()
-        p = plain(machine) | dict(effect.others) | {effect.name: effect.size[0]}
-        if effect.name.endswith(("_top", "_limit")):
-            p[effect.name] = effect.size[1]
-        shown = []
-        for commands, before in recorded.values():
-            _, readings = machine.record(commands, p, None, replayed=True)
-            shown.append(np.sqrt(np.mean((readings - before) ** 2, axis=0)) / noise)
-        assert np.max(shown) > 3.0, effect.name
+        assert any(shown(effect, recording) for recording in before), effect.name
+
+
+def least(effect: Concealed) -> float:
+    """The size at which it shows least: a limit cuts less the larger it is."""
+    return effect.size[effect.name.endswith(("_top", "_limit"))]
 
 
 def test_any_beginning_of_the_plan_is_a_fair_sample() -> None:

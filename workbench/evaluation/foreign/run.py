@@ -14,7 +14,7 @@ from workbench.evaluation.answer_key import Names, Truth
 from workbench.evaluation.blind_round import Line, score_case
 from workbench.evaluation.claims import answer_of, error_ratio
 from workbench.evaluation.foreign.plan import FIRST_SEED, Case, plan
-from workbench.evaluation.kept import keep, refusals, silent, version
+from workbench.evaluation.kept import keep, silent, version
 from workbench.evaluation.rates import Rate
 
 SCHEMA = "foreign_case/1"
@@ -75,10 +75,10 @@ def run(case: Case, out: Path, *, jobs: int = 1) -> dict[str, Any]:
             advise=False,
         )
         assert found.verdict is not None
-        row |= {"verdict": found.verdict.as_data(), "refused": refusals(found)}
+        row["verdict"] = found.verdict.as_data()
     except Exception as error:  # noqa: BLE001
         # A diagnosis that fails is a result too, and must not end the run.
-        row |= {"verdict": silent("failed", error), "refused": []}
+        row["verdict"] = silent("failed", error)
     row["seconds"] = time.perf_counter() - wall
     row["processor_seconds"] = time.process_time() - processor
     return keep(path, row)
@@ -105,8 +105,8 @@ def refused_right(row: Mapping[str, Any]) -> list[str]:
     said = {name for f in row["verdict"]["findings"] for name in (f["effect"], *f["class"])}
     return [] if right & said else [
         f"{r['effect']} ({r['reason']})"
-        for r in row["refused"]
-        if r["effect"] in right and (r["held_out_low"] or 0.0) > 0.0
+        for r in row["verdict"].get("refused", ())
+        if r["effect"] in right and (r["held_out_gain"][1] or 0.0) > 0.0
     ]  # fmt: skip
 
 
@@ -183,7 +183,7 @@ def rates_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Rate]:
 
 
 def _names(row: Mapping[str, Any]) -> bool:
-    return any(f["effect"] not in (None, "free_form") for f in row["verdict"]["findings"])
+    return any(f["effect"] not in (None, "nonparametric") for f in row["verdict"]["findings"])
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
