@@ -66,6 +66,11 @@ class ValveInverse:
             )
 
     @property
+    def full_stroke(self) -> float:
+        """Distance from the centre at which the valve is fully open, in V."""
+        return self.voltages[-1]
+
+    @property
     def gain_at_rest(self) -> float:
         """Slope of the curve at the centre, in fractions of the full opening per V."""
         return self.fractions[1] / self.voltages[1]

@@ -54,7 +54,7 @@ from controllers.reference.horizon import ReferenceAhead
 from controllers.through_valve import ThroughValve
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import WorkbenchError, check_choice
-from workbench.linearisation.opening import FULL_STROKE, opening_plant
+from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import Model
 
 Matrix = npt.NDArray[np.float64]
@@ -254,7 +254,7 @@ class NonlinearMPC(ThroughValve):
         N, size = want.stages, self.prediction.scale
         angle, speed, *chambers = self._rows()
         ends, by_z, by_u = self.shots(
-            course[:, :-1], self.valve.centre + FULL_STROKE * plan[None, :], disturbances
+            course[:, :-1], self.valve.centre + self.valve.full_stroke * plan[None, :], disturbances
         )
         n = len(size)
         # States at the ends of the stages: free + moves @ d_plan, in scaled units.
@@ -264,7 +264,7 @@ class NonlinearMPC(ThroughValve):
             A = by_z[:, k * n : (k + 1) * n]
             shift = A @ shift + ends[:, k] - course[:, k + 1]
             gain = A @ gain
-            gain[:, k] += FULL_STROKE * by_u[:, k]
+            gain[:, k] += self.valve.full_stroke * by_u[:, k]
             free[k], moves[k] = course[:, k + 1] + shift, gain
         # Residuals, each divided by what weighs 1.
         rows = np.vstack(
@@ -397,7 +397,7 @@ def design_nonlinear_mpc(
     sensors = ("angle", "pressure_1", "pressure_2")
     disturbed = tuple(walk)
     softened = _with_soft_stops(model)
-    ahead = dynamics(opening_plant(softened), disturbed, resting=resting)
+    ahead = dynamics(straightened(softened, "opening"), disturbed, resting=resting)
     behind = dynamics(model, disturbed)
     stage = discrete(ahead, want.stage_time, want.steps, "nmpc_stage")
     ambient = {q.name: q.value for q in model.parameters}.get("ambient_pressure", 0.0)

@@ -10,10 +10,10 @@ import pytest
 from workbench.cli.main import WRONG_USE, run
 
 CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
-    "angle outside": (["linearise", "--angle", "75"], ("angle is 75 deg", "0 to 60 deg")),
+    "angle outside": (["linearise", "--angle", "75"], ("angle is 75 deg", "-1 to 61 deg")),
     "angle of a verification": (
-        ["verify", "--to", "61deg"],
-        ("angle after the step is 61 deg", "0 to 60 deg"),
+        ["verify", "--to", "62deg"],
+        ("angle after the step is 62 deg", "-1 to 61 deg"),
     ),
     "load outside": (["linearise", "--load", "12kg"], ("load is 12 kg", "0 to 8 kg")),
     "load of a run": (
@@ -63,20 +63,20 @@ CASES: dict[str, tuple[list[str], tuple[str, ...]]] = {
     ),
     "unknown controller": (
         ["verify", "-c", "pdi"],
-        ("controller is 'pdi'", "did you mean 'pid'"),
+        ("design is 'pdi'", "did you mean 'pid'"),
     ),
     "supply outside": (["linearise", "--supply", "20bar"], ("supply pressure is 20 bar",)),
-    "no voltage": (["simulate"], ("no valve voltage is given", "--valve 0:5.5")),
+    "no input": (["simulate"], ("no input is given", "--valve 0:1")),
     "voltage outside": (
         ["simulate", "--valve", "0:12V"],
-        ("valve voltage is 12 V", "0 to 10 V"),
+        ("valve is 12 V", "0 to 10 V"),
     ),
-    "step without voltage": (["simulate", "--valve", "0"], ("has no voltage", "TIME:VOLTAGE")),
+    "step without value": (["simulate", "--valve", "0"], ("has no value", "TIME:VALUE")),
     "two kinds of voltage": (
         ["simulate", "--valve", "0:5", "--pulses", "1"],
         ("both --valve and --pulses",),
     ),
-    "pulses too high": (["simulate", "--pulses", "7V"], ("pulse amplitude is 7 V",)),
+    "pulses too high": (["simulate", "--pulses", "7V"], ("pulse height of valve is 7 V",)),
     "missing data folder": (
         ["demo", "--data", "no-such-folder"],
         ("data folder 'no-such-folder' does not exist",),

@@ -93,12 +93,15 @@ def test_an_interruption_keeps_what_was_found(
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "there is nothing to diagnose"),
-        (["nowhere"], "there is no case folder nowhere"),
+        ([], "there is nothing to work on"),
+        (["nowhere"], "neither a folder with a case nor one of"),
         (["--fit", "a.csv"], "are both needed"),
         (["practice-07", "--fit", "a.csv"], "keep one of them"),
         (["--fit", "a.csv", "--hold-out", "b.csv", "--plant", "robot"], "plant is 'robot'"),
-        (["--fit", "a.csv", "--hold-out", "b.csv", "--plant", "emps", "--load", "3"], "the arm"),
+        (
+            ["--fit", "a.csv", "--hold-out", "b.csv", "--plant", "emps", "--load", "3"],
+            "No such option: --load",
+        ),
         (["--fit", "a.csv", "--hold-out", "a.csv"], "given twice"),
         (["--fit", "a.csv", "--hold-out", "b.csv"], "a.csv"),
         (["practice-07", "--jobs", "0"], "number of processes is 0"),

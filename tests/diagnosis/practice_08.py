@@ -16,7 +16,6 @@ from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.hysteresis import elements
 from workbench.evaluation.rig.parameters import nominal
 from workbench.physics.library import library
-from workbench.plants.arm import arm
 from workbench.recordings import read_case
 
 SECONDS = 6.0
@@ -49,7 +48,7 @@ def rig() -> tuple[dict[str, float], NDArray[np.float64]]:
 def diagnosed() -> Diagnosis:
     """Diagnose the first seconds of the recordings with a few effects."""
     case = read_case(shipped_data("practice-08"))
-    model = arm(case.load_kg)
+    model = case.model()
     fit_on, hold_out = (
         [r.between(0.0, SECONDS) for r in recordings.values()]
         for recordings in (case.fit, case.hold_out)

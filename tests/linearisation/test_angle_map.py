@@ -36,7 +36,7 @@ def test_damping_of_the_arm(load: float) -> None:
 def test_frequency_is_that_of_a_spring_and_the_inertia() -> None:
     # Independent route: torque at closed chambers, isentropic and isothermal, gives two springs.
     plant = arm(3.0)
-    point = operating_point(plant, {"angle": math.radians(30)}, mean_pressure=3e5)
+    point = operating_point(plant, {"angle": math.radians(30), "mean_pressure": 3e5})
     frequency = angle_map(plant, [math.radians(30)], mean_pressures=[3e5]).frequency_hz[0, 0, 0]
 
     def torque(angle: float, exponent: float) -> float:
@@ -67,7 +67,7 @@ def test_the_map_is_symmetric_about_the_middle() -> None:
 
 def test_an_entry_is_what_linearise_gives() -> None:
     found = angle_map(arm(), [0.2, 0.4], loads=[0.0, 5.0], mean_pressures=[2e5, 3e5])
-    point = operating_point(arm(5.0), {"angle": 0.4}, mean_pressure=2e5)
+    point = operating_point(arm(5.0), {"angle": 0.4, "mean_pressure": 2e5})
     alone = linearise(point, input="opening")
     assert found.A[1, 1, 0] == pytest.approx(alone.A, rel=1e-5, abs=1e-5)
     assert found.models[1, 1, 0].input_names == ("opening",)

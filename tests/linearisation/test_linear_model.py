@@ -14,7 +14,7 @@ from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 
-POINT = operating_point(arm(3.0), {"angle": math.radians(30)}, mean_pressure=3e5)
+POINT = operating_point(arm(3.0), {"angle": math.radians(30), "mean_pressure": 3e5})
 LINEAR = linearise(POINT, input="opening")
 
 

@@ -20,8 +20,8 @@ AMBIENT = 1.01325e5
 
 
 def at(angle_deg: float, mean_bar: float | None = 3.0) -> OperatingPoint:
-    mean = None if mean_bar is None else mean_bar * 1e5
-    return operating_point(ARM, {"angle": math.radians(angle_deg)}, mean_pressure=mean)
+    mean = {} if mean_bar is None else {"mean_pressure": mean_bar * 1e5}
+    return operating_point(ARM, {"angle": math.radians(angle_deg), **mean})
 
 
 def scaled(matrix: np.ndarray) -> np.ndarray:
@@ -106,7 +106,7 @@ def test_dry_friction_has_the_slope_of_its_describing_function() -> None:
 
 def test_linear_slopes_do_not_depend_on_the_swing() -> None:
     smooth = ARM.without("bearing_friction")
-    point = operating_point(smooth, {"angle": 0.4}, mean_pressure=3e5)
+    point = operating_point(smooth, {"angle": 0.4, "mean_pressure": 3e5})
     assert np.array_equal(linearise(point).A, linearise(point, amplitude={}).A)
     assert linearise(point).verdict.swings == ()
 
@@ -149,7 +149,7 @@ def test_opening_of_the_operating_point_gives_its_voltage() -> None:
 
 
 def test_a_plant_without_valve_has_no_opening() -> None:
-    with pytest.raises(WorkbenchError, match="no 5/3 valve"):
+    with pytest.raises(WorkbenchError, match="input is 'opening'"):
         linearise(operating_point(servo_axis()), input="opening")
 
 

@@ -17,7 +17,7 @@ from workbench.plants.servo_axis import servo_axis
 from workbench.simulation import simulate
 
 ARM = arm(3.0)
-POINT = operating_point(ARM, {"angle": math.radians(30)}, mean_pressure=3e5)
+POINT = operating_point(ARM, {"angle": math.radians(30), "mean_pressure": 3e5})
 OPENING = linearise(POINT, input="opening")
 
 

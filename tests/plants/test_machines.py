@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import numpy as np
 import pytest
 
+from workbench.data_folder import shipped_folder
 from workbench.plants.cascaded_tanks import FULL, cascaded_tanks
 from workbench.plants.cylinder import cylinder
-from workbench.plants.emps import PUBLISHED, emps
+from workbench.plants.emps import emps
 from workbench.plants.servo_pendulum import servo_pendulum
 from workbench.simulation import simulate
 
 
 def test_emps_moves_at_the_speed_at_which_friction_eats_the_force() -> None:
-    axis = emps().with_parameters(PUBLISHED)
+    case = tomllib.loads((shipped_folder() / "machines/emps/case.toml").read_text())
+    published = case["published"]
+    axis = emps().with_parameters(published)
     run = simulate(axis, np.full(4000, 100.0), sample_time=1e-3, check=False)
     speed = run["speed"][-1]
     # 100 N + 3.1648 N - 20.3935 N = 203.5034 N s/m v; the time constant is 0.47 s.

@@ -15,12 +15,8 @@ def folder(tmp_path: Path) -> Path:
 
 def test_case(folder: Path) -> None:
     case = read_case(folder)
-    assert (case.load_kg, case.plane, case.supply_bar, case.sample_rate_Hz) == (
-        3.0,
-        "horizontal",
-        6.0,
-        500.0,
-    )
+    assert case.options == {"load": 3.0, "plane": "horizontal", "supply": 6.0}
+    assert (case.plant.name, case.sample_rate_Hz) == ("arm", 500.0)
     assert list(case.fit) == ["identify_open", "identify_closed"]
     assert list(case.hold_out) == ["validate_open", "validate_closed"]
     recording = case.recordings["identify_open"]
@@ -56,11 +52,11 @@ def test_wrong_settings(folder: Path, change: tuple[str, str], message: str) -> 
 def test_missing_setting_is_named_when_it_is_needed(folder: Path) -> None:
     (folder / "case.toml").write_text("note = 'another machine'")
     with pytest.raises(WorkbenchError, match="does not give load_kg"):
-        _ = read_case(folder).load_kg
+        read_case(folder).model()
 
 
 def test_what_is_no_case(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(WorkbenchError, match="no case folder"):
+    with pytest.raises(WorkbenchError, match="neither a folder with a case"):
         read_case(tmp_path / "none")
     for path in folder.glob("identify*"):
         path.unlink()

@@ -16,6 +16,8 @@ from workbench.cli.diagnose import diagnose
 from workbench.cli.evaluate import evaluate
 from workbench.cli.force_map import force_map
 from workbench.cli.linearise import linearise
+from workbench.cli.plant import PlantCommand
+from workbench.cli.plants import plants
 from workbench.cli.recording import recording
 from workbench.cli.refit import refit
 from workbench.cli.report import report
@@ -46,6 +48,7 @@ app = typer.Typer(
 )
 for _verb in (
     demo,
+    plants,
     simulate,
     linearise,
     verify,
@@ -59,7 +62,10 @@ for _verb in (
     report,
 ):
     # What follows is for those who call the function, not for those who type the verb.
-    app.command(help=inspect.cleandoc(_verb.__doc__ or "").split("\n\nArgs:")[0])(_verb)
+    app.command(
+        help=inspect.cleandoc(_verb.__doc__ or "").split("\n\nArgs:")[0],
+        cls=PlantCommand if "short" in inspect.signature(_verb).parameters else None,
+    )(_verb)
 
 app.add_typer(evaluate, name="evaluate", help="Tell how good the diagnosis is.")
 

@@ -1,32 +1,53 @@
-"""The plant that the options of a verb describe."""
+"""What every verb says about its plant: the plant itself, its options, effects and values.
+
+A verb of this kind takes any word that the chosen plant declares as an option of its own:
+``--load 3kg`` means ``--option load=3kg``, ``--angle 30deg`` means ``--at angle=30deg``,
+``--valve 0:5.5`` means ``--input valve=0:5.5``, and ``--hysteresis`` means
+``--effect hysteresis``. Nothing here knows a plant.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Annotated, cast
+import difflib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
-from workbench.errors import WorkbenchError, check_choice
-from workbench.model import Model
-from workbench.model.units import quantity, to_si
+from workbench.errors import WorkbenchError, check_choice, check_range
 
-Load = Annotated[
-    str, typer.Option(help="Mass of the plates on the arm, 0 to 8 kg.", metavar="MASS")
+if TYPE_CHECKING:
+    from workbench.model import Model
+    from workbench.plants.plant import Plant
+
+PlantName = Annotated[
+    str,
+    typer.Option(
+        help="Plant: a name of 'workbench plants', or a function or model of your own as"
+        " module:object, looked up in the current folder.",
+        metavar="NAME",
+    ),
 ]
-Plane = Annotated[
-    str, typer.Option(help="Plane of the motion: horizontal (no weight) or vertical.")
-]
-Supply = Annotated[
-    str, typer.Option(help="Supply pressure, gauge, 2 to 10 bar.", metavar="PRESSURE")
+Options = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--option",
+        "-o",
+        help="Choose an option of the plant, such as load=3kg; the short form is --load 3kg.",
+        metavar="NAME=VALUE",
+    ),
 ]
 Parameters = Annotated[
     list[str] | None,
     typer.Option(
         "--parameter",
         "-p",
-        help="Change a parameter, such as valve_conductance=2.7e-8 or supply_pressure=5.5bar; "
-        "may be given several times.",
+        help="Change a parameter, such as mass=80kg or supply_pressure=5.5bar; may be given"
+        " several times.",
         metavar="NAME=VALUE",
     ),
 ]
@@ -37,65 +58,272 @@ Without = Annotated[
         metavar="EFFECT",
     ),
 ]
-Hysteresis = Annotated[
-    bool,
+Effects = Annotated[
+    list[str] | None,
     typer.Option(
-        "--hysteresis", help="Add hysteresis to both muscles: 10 N and 7 N per bar, half width."
+        "--effect",
+        help="Attach an effect: a name of the library, a word of the plant, or module:object of"
+        " your own; may be given several times.",
+        metavar="NAME",
     ),
 ]
+At = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--at",
+        help="Value of an output, state or input at rest, such as angle=30deg; the short form is"
+        " --angle 30deg. By default the plant's own.",
+        metavar="NAME=VALUE",
+    ),
+]
+Inputs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--input",
+        help="Values of an input from times on, such as valve=0:5.5,1.5:4.6; the short form is"
+        " --valve 0:5.5.",
+        metavar="NAME=TIME:VALUE,...",
+    ),
+]
+Short = Annotated[list[str] | None, typer.Option("--set", hidden=True)]
+"""Words that are no options of the verb; `PlantCommand` collects them as ``NAME=VALUE``."""
 
 
-def plant_from_options(
-    load: str,
-    plane: str,
-    supply: str,
-    *,
-    parameters: Sequence[str] = (),
-    without: Sequence[str] = (),
-    hysteresis: bool = False,
-) -> Model:
-    """Build the arm that the options of a verb describe.
+class _UnknownOptionError(WorkbenchError):
+    """A word that neither the verb nor the plant knows."""
+
+
+class PlantCommand(TyperCommand):
+    """A verb that takes the options of its plant, and lists the plants in its help."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Collect words that are the plant's to understand."""
+        return super().parse_args(ctx, self._collected(args, set(ctx.help_option_names)))
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb; an option that nobody knows is told with the place to look."""
+        try:
+            return super().invoke(ctx)
+        except _UnknownOptionError as error:
+            raise WorkbenchError(f"{error}; see '{ctx.command_path} --help'") from None
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Add what the plants are called, which is not known before they are asked for."""
+        from workbench.plants.registry import PLANTS
+
+        self.epilog = (
+            f"Plants: {', '.join(PLANTS.names())}, or module:object of your own."
+            " 'workbench plants NAME' lists what each of them takes."
+        )
+        super().format_help(ctx, formatter)
+
+    def _collected(self, args: Sequence[str], own: set[str]) -> list[str]:
+        flags: set[str] = set()
+        for parameter in self.params:
+            names = {*parameter.opts, *parameter.secondary_opts}
+            own |= names
+            if getattr(parameter, "is_flag", False):
+                flags |= names
+        found: list[str] = []
+        rest = list(args)
+        while rest:
+            word = rest.pop(0)
+            name, sign, value = word.partition("=")
+            if word == "--":
+                found += [word, *rest]
+                break
+            if not word.startswith("-") or name in flags or (name in own and sign):
+                found.append(word)
+            elif name in own or not name.startswith("--"):
+                found.append(word)
+                if name in own and rest:
+                    found.append(rest.pop(0))
+            else:
+                if not sign and rest and not re.match(r"--|-[A-Za-z]", rest[0]):
+                    value = rest.pop(0)
+                found += ["--set", f"{name[2:]}={value}"]
+        return found
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """A plant as the options of a verb describe it.
 
     Args:
-        load: Mass of the plates, such as ``3`` or ``3kg``.
-        plane: Plane of the motion.
-        supply: Supply pressure, gauge, such as ``6bar``.
-        parameters: Changed parameters as ``NAME=VALUE``, the value with or without its unit.
-        without: Effects to leave out.
-        hysteresis: Whether both muscles have hysteresis.
+        plant: The plant.
+        options: Its options that were given, checked, by name.
+        model: Its model with all changes.
+        nominal: Its model with the options, without effects and changed parameters: what a design
+            is made for.
+        at: Values at rest that were given, by name, in SI.
+        inputs: Steps of inputs by name: times, in s, and values, in SI.
+        changes: The options of the command that change the plant.
+        arguments: The same with the name of the plant before them.
+    """
 
-    Returns:
-        The arm.
+    plant: Plant
+    options: Mapping[str, Any]
+    model: Model
+    nominal: Model
+    at: Mapping[str, float]
+    inputs: Mapping[str, tuple[tuple[float, float], ...]]
+    changes: str
+    arguments: str
+
+    @property
+    def design_point(self) -> Mapping[str, float]:
+        """Where the plant rests if nothing more is said: as given, else as the plant declares."""
+        given = {**self.plant.design_point, **self.at}
+        sums = {total.name for total in self.model.traits.sums}
+        # A value that takes the place of the plant's own leaves no input to hold that one.
+        return given if len(given.keys() - sums) <= len(self.model.inputs) else self.at
+
+
+def chosen_plant(
+    name: str,
+    *,
+    options: Iterable[str] | None = None,
+    parameters: Iterable[str] | None = None,
+    without: Iterable[str] | None = None,
+    effects: Iterable[str] | None = None,
+    at: Iterable[str] | None = None,
+    inputs: Iterable[str] | None = None,
+    short: Iterable[str] | None = None,
+    takes: Sequence[str] = ("option", "effect"),
+    defaults: Mapping[str, object] | None = None,
+    folder: Path | None = None,
+) -> Chosen:
+    """Build the plant that the options of a verb describe.
+
+    Args:
+        name: Plant.
+        options: Its options as ``NAME=VALUE``.
+        parameters: Changed parameters as ``NAME=VALUE``.
+        without: Effects to leave out.
+        effects: Effects to attach.
+        at: Values at rest as ``NAME=VALUE``.
+        inputs: Steps of inputs as ``NAME=TIME:VALUE,...``.
+        short: Words of the plant that were given as options of the verb, as ``NAME=VALUE``.
+        takes: What such a word may be: ``"option"``, ``"effect"``, ``"at"``, ``"input"``.
+        defaults: Options that hold unless others are given, such as those of a case.
+        folder: Where modules of the user stand; the current folder by default.
 
     Raises:
-        WorkbenchError: If a value is unknown, outside its range or in a wrong unit.
+        WorkbenchError: If a word is unknown, or a value outside its range or in a wrong unit.
+    """
+    from workbench.plants.registry import PLANTS
+
+    folder = folder or Path.cwd()
+    plant = PLANTS.get(name, folder=folder)
+    given = dict(_pair("option", text) for text in options or ())
+    attached, states, driven = list(effects or ()), list(at or ()), list(inputs or ())
+    words = [_pair("option", text) for text in short or ()]
+    own = {n.replace("_", "-"): n for o in plant.options for n in (o.name, o.keyword)}
+    rest = []
+    for word, value in words:
+        if word in own or word.replace("_", "-") in own:
+            option = plant.option(word)
+            if not value and not isinstance(option.default, bool):
+                raise _UnknownOptionError(f"option --{word} requires a value")
+            given[option.name] = value
+        elif word.replace("-", "_") in plant.effects and not value:
+            attached.append(word)
+        else:
+            rest.append((word, value))
+    checked = plant.parse({**(defaults or {}), **given})
+    nominal = plant.model(checked, folder=folder)
+    known = {"at": _resting(nominal), "input": {q.name for q in nominal.inputs}}
+    for word, value in rest:
+        plain = word.replace("-", "_")
+        if "input" in takes and plain in known["input"]:
+            driven.append(f"{plain}={value}")
+        elif "at" in takes and plain in known["at"]:
+            states.append(f"{plain}={value}")
+        else:
+            offered = [
+                *own,
+                *plant.effects,
+                *(n for t in ("at", "input") if t in takes for n in known[t]),
+            ]
+            near = difflib.get_close_matches(word, [n.replace("_", "-") for n in offered], n=1)
+            hint = f"; did you mean --{near[0]}?" if near else ""
+            raise _UnknownOptionError(f"No such option: --{word}{hint}")
+        if not value:
+            raise _UnknownOptionError(f"option --{word} requires a value")
+    model = plant.model(
+        checked,
+        effects=attached,
+        without=without or (),
+        parameters=parameters or (),
+        folder=folder,
+    )
+    said = [f"--option {key}={value}" for key, value in given.items()]
+    for word, values in (("effect", attached), ("without", without), ("parameter", parameters)):
+        said += [f"--{word} {value}" for value in values or ()]
+    return Chosen(
+        plant,
+        checked,
+        model,
+        nominal,
+        dict(value_at_rest(model, text) for text in states),
+        _steps(model, driven),
+        " ".join(said),
+        " ".join([f"--plant {name}", *said]),
+    )
+
+
+def value_at_rest(model: Model, text: str) -> tuple[str, float]:
+    """Return name and value, in SI, of a quantity written as ``NAME=VALUE``.
 
     Example:
-        >>> plant_from_options("3kg", "horizontal", "6", parameters=["dead_volume=12cm3"]).name
-        'arm'
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> value_at_rest(servo_axis(), "position=20mm")
+        ('position', 0.02)
     """
-    from workbench.plants.arm import arm
-    from workbench.plants.arm.inertia import Plane as PlaneName
+    from workbench.model.units import quantity, to_si
 
-    model = arm(
-        quantity("load", load, "kg"),
-        plane=cast(PlaneName, plane),
-        supply_bar=quantity("supply pressure", supply, "bar"),
-    )
-    if hysteresis:
-        from workbench.physics.hysteresis import bouc_wen_hysteresis
-
-        model = model.with_effect(bouc_wen_hysteresis())
-    model = model.without(*without)
-    return model.with_parameters(dict(_parameter(model, text) for text in parameters))
+    name, value = _pair("value", text)
+    name = name.replace("-", "_")
+    units = _resting(model)
+    check_choice(f"quantity of {model.name!r}", name, units)
+    return name, to_si(quantity(name.replace("_", " "), value, units[name]), units[name])
 
 
-def _parameter(model: Model, text: str) -> tuple[str, float]:
+def _resting(model: Model) -> dict[str, str]:
+    """Return everything whose value at rest may be given, with the unit that a number has."""
+    units = {q.name: q.unit for q in (*model.inputs, *model.states)}
+    units |= {total.name: total.display_unit for total in model.traits.sums}
+    return units | {q.name: q.display_unit for q in model.outputs}
+
+
+def _pair(what: str, text: str) -> tuple[str, str]:
     name, sign, value = text.partition("=")
-    name = name.strip()
-    if not sign:
-        raise WorkbenchError(f"parameter {text!r} has no value; write it as NAME=VALUE")
-    known = {q.name: q for q in model.parameters}
-    check_choice("parameter", name, known)
-    unit = known[name].unit
-    return name, to_si(quantity(f"parameter {name}", value, unit), unit)
+    if not sign or not name.strip():
+        raise WorkbenchError(f"{what} {text!r} has no value; write it as NAME=VALUE")
+    return name.strip(), value.strip()
+
+
+def _steps(model: Model, texts: Iterable[str]) -> dict[str, tuple[tuple[float, float], ...]]:
+    from workbench.model.units import quantity
+
+    quantities = {q.name: q for q in model.inputs}
+    found: dict[str, list[tuple[float, float]]] = {}
+    for text in texts:
+        name, steps = _pair("input", text)
+        name = name.replace("-", "_")
+        check_choice("input", name, quantities)
+        about, word = quantities[name], name.replace("_", " ")
+        for step in steps.split(","):
+            time, sign, value = step.partition(":")
+            if not sign:
+                raise WorkbenchError(
+                    f"step of {word} {step!r} has no value; write it as TIME:VALUE"
+                )
+            at = check_range(
+                f"time of a step of {word}", quantity("time", time, "s"), 0.0, 1e5, "s"
+            )
+            to = quantity(word, value, about.unit)
+            found.setdefault(name, []).append(
+                (at, check_range(word, to, about.lower, about.upper, about.unit))
+            )
+    return {name: tuple(sorted(steps)) for name, steps in found.items()}

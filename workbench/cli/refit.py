@@ -7,73 +7,74 @@ from typing import Annotated, Any
 
 import typer
 
+from workbench.cli.plant import Effects, Options, Parameters, Short, Without
+from workbench.cli.problem import (
+    CaseName,
+    CasePlant,
+    Data,
+    Fit,
+    HoldOut,
+    Mapped,
+    Noise,
+    Stages,
+    Starts,
+    StartSamples,
+    load_problem,
+)
+
 
 def refit(
-    what: Annotated[
-        str,
-        typer.Argument(
-            help="Folder of a case, name of a shipped case (practice-07), or a machine: emps, "
-            "tanks, cylinder, pendulum.",
-            metavar="CASE_OR_MACHINE",
-        ),
-    ],
+    case: CaseName = None,
+    fit: Fit = None,
+    hold_out: HoldOut = None,
+    plant: CasePlant = None,
+    mapping: Mapped = None,
+    option: Options = None,
+    parameter: Parameters = None,
+    without: Without = None,
+    effect: Effects = None,
+    noise: Noise = None,
+    starts: Starts = None,
+    stages: Stages = None,
+    start_samples: StartSamples = None,
+    data: Data = None,
     out: Annotated[
         Path | None, typer.Option(help="Folder for the page, the pictures and results.json.")
     ] = None,
-    data: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder with recordings of real machines; by default the environment variable "
-            "WORKBENCH_DATA. What it does not hold is fetched from its publisher.",
-        ),
-    ] = None,
+    short: Short = None,
 ) -> int:
     """Estimate a model's parameters from recordings and judge it on others.
 
-    Examples: 'workbench refit practice-07 --out refit', 'workbench refit emps --data FOLDER'.
-
-    Args:
-        what: Folder of a case, name of a shipped case, or name of a machine.
-        out: Folder to write to; None prints only.
-        data: Folder with recordings of real machines.
-
-    Returns:
-        0.
-
-    Example:
-        >>> refit("nowhere")
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: 'nowhere' is neither a folder with a case nor one of ...
+    Examples: 'workbench refit practice-07 --out refit', 'workbench refit emps --data FOLDER',
+    'workbench refit --plant my_plants:rig --fit a.csv --hold-out b.csv'.
     """
     from workbench.diagnosis.estimation.refit_report import run_refit
 
-    task = _task(what, data)
-    report = run_refit(task, progress=lambda text: typer.echo(text, err=True))
+    loaded = load_problem(
+        case,
+        fit=fit,
+        hold_out=hold_out,
+        plant=plant,
+        mapping=mapping,
+        data=data,
+        settings={
+            "noise": noise,
+            "starts": starts,
+            "stages": stages,
+            "start_samples": start_samples,
+        },
+        options=option,
+        parameters=parameter,
+        without=without,
+        effects=effect,
+        short=short,
+    )
+    report = run_refit(loaded.problem.task(), progress=lambda text: typer.echo(text, err=True))
     typer.echo(str(report))
     if out is not None:
-        _write(report, out, f"workbench refit {what} --out {out.name}")
+        _write(report, out, f"workbench refit {loaded.arguments} --out {out.name}")
         typer.echo(f"open {out / 'report.html'}")
     return 0
-
-
-def _task(what: str, data: Path | None) -> Any:
-    from workbench.data_folder import shipped_cases, shipped_data
-    from workbench.diagnosis.tasks import MACHINES, machine_task
-    from workbench.diagnosis.tasks.arm_case import arm_case
-    from workbench.errors import WorkbenchError
-    from workbench.recordings import read_case
-
-    if what in MACHINES:
-        return machine_task(what, data=data)
-    if what in shipped_cases():
-        return arm_case(read_case(shipped_data(what)))
-    if not Path(what).is_dir():
-        raise WorkbenchError(
-            f"{what!r} is neither a folder with a case nor one of"
-            f" {', '.join((*shipped_cases(), *MACHINES))}"
-        )
-    return arm_case(read_case(what))
 
 
 def _write(report: Any, out: Path, command: str) -> None:

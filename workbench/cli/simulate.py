@@ -3,110 +3,80 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from workbench.cli.plant import (
-    Hysteresis,
-    Load,
+    At,
+    Chosen,
+    Effects,
+    Inputs,
+    Options,
     Parameters,
-    Plane,
-    Supply,
+    PlantName,
+    Short,
     Without,
-    plant_from_options,
+    chosen_plant,
 )
-from workbench.errors import WorkbenchError, check_range
-from workbench.model.units import quantity
+from workbench.errors import WorkbenchError, check_choice, check_range
 
-COLUMNS = (
-    ("time_s", "time", 1.0, "%.6g"),
-    ("valve_V", "valve", 1.0, "%.6g"),
-    ("angle_deg", "angle", 57.29577951308232, "%.6f"),
-    ("pressure_1_bar", "pressure_1", 1e-5, "%.6f"),
-    ("pressure_2_bar", "pressure_2", 1e-5, "%.6f"),
-)
-"""Columns of a written run: heading, signal, factor from SI, format."""
+if TYPE_CHECKING:
+    from workbench.operating_point import OperatingPoint
+    from workbench.simulation import Trajectory
 
 
 def simulate(
-    valve: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Valve voltage from a time on, such as 0:5.5 1.5:4.6; may be given several times.",
-            metavar="TIME:VOLTAGE",
-        ),
-    ] = None,
+    plant: PlantName = "arm",
+    inputs: Inputs = None,
     pulses: Annotated[
         str | None,
-        typer.Option(help="Instead: pulses of this height about the centre.", metavar="VOLTAGE"),
+        typer.Option(
+            help="Instead: pulses of this height about the nominal value of the first input, or of"
+            " one that is named, such as 0.9 or valve=0.9V.",
+            metavar="[NAME=]HEIGHT",
+        ),
     ] = None,
     period: Annotated[str, typer.Option(help="Period of the pulses.", metavar="TIME")] = "4s",
     duration: Annotated[str, typer.Option(help="Length of the run.", metavar="TIME")] = "8s",
     sample_time: Annotated[str, typer.Option(help="Time between samples.", metavar="TIME")] = "2ms",
-    angle: Annotated[
-        str, typer.Option(help="Angle at which the arm rests at the start.", metavar="ANGLE")
-    ] = "30deg",
-    load: Load = "3kg",
-    plane: Plane = "horizontal",
-    supply: Supply = "6bar",
+    at: At = None,
+    option: Options = None,
     parameter: Parameters = None,
     without: Without = None,
-    hysteresis: Hysteresis = False,
-    out: Annotated[
-        Path | None, typer.Option(help="CSV file for time, valve, angle and pressures.")
-    ] = None,
+    effect: Effects = None,
+    out: Annotated[Path | None, typer.Option(help="CSV file for time, inputs and outputs.")] = None,
+    short: Short = None,
 ) -> int:
-    """Run the arm with a given valve voltage and say how far the result can be trusted.
+    """Run a plant with given inputs, from rest, and say how far the result can be trusted.
 
     Examples: 'workbench simulate --valve 0:5.9 --valve 2:4.1',
-    'workbench simulate --load 8kg --pulses 0.9V --out run.csv'.
-
-    Args:
-        valve: Steps of the valve voltage as TIME:VOLTAGE.
-        pulses: Height of pulses instead, or None.
-        period: Period of the pulses.
-        duration: Length of the run.
-        sample_time: Time between samples.
-        angle: Angle at which the arm rests at the start.
-        load: Mass of the plates, with or without its unit.
-        plane: Plane of the motion.
-        supply: Supply pressure, gauge, with or without its unit.
-        parameter: Changed parameters as NAME=VALUE.
-        without: Effects to leave out.
-        hysteresis: Whether both muscles have hysteresis.
-        out: CSV file, or None.
-
-    Returns:
-        Exit status.
-
-    Example:
-        >>> simulate(["0:12V"])
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: valve voltage is 12 V; the valid range is 0 to 10 V
+    'workbench simulate --load 8kg --pulses 0.9V --out run.csv',
+    'workbench simulate --plant my_plants:circuit --input voltage=0:5,1ms:0 --duration 10ms
+    --sample-time 10us'.
     """
-    import math
-
-    from workbench.operating_point import operating_point
+    from workbench.model.units import quantity
     from workbench.simulation import simulate as run_model
 
-    model = plant_from_options(
-        load,
-        plane,
-        supply,
-        parameters=parameter or (),
-        without=without or (),
-        hysteresis=hysteresis,
+    chosen = chosen_plant(
+        plant,
+        options=option,
+        parameters=parameter,
+        without=without,
+        effects=effect,
+        at=at,
+        inputs=inputs,
+        short=short,
+        takes=("option", "effect", "input", "at"),
     )
-    step = check_range("sample time", quantity("sample time", sample_time, "s"), 1e-4, 0.02, "s")
-    length = check_range("duration", quantity("duration", duration, "s"), 2 * step, 600.0, "s")
-    voltage = _voltage(valve or (), pulses, period, length, step)
-    start = math.radians(quantity("angle", angle, "deg"))
-    point = operating_point(model, {"angle": start})
-    run = run_model(model, voltage, sample_time=step, start=point.x)
+    step = check_range("sample time", quantity("sample time", sample_time, "s"), 1e-7, 3600.0, "s")
+    length = check_range("duration", quantity("duration", duration, "s"), 2 * step, 1e6 * step, "s")
+    driven = _with_pulses(chosen, pulses, period, length)
+    start = _start(chosen)
+    run = run_model(
+        chosen.model, _held(start, driven, length, step), sample_time=step, start=start.x
+    )
     typer.echo(str(run))
     if out is not None:
         from workbench.files import write_whole
@@ -116,57 +86,95 @@ def simulate(
     return 0
 
 
-def _voltage(
-    steps: Sequence[str], pulses: str | None, period: str, duration: float, sample_time: float
+def _start(chosen: Chosen) -> OperatingPoint:
+    from workbench.operating_point import operating_point
+
+    return operating_point(chosen.model, chosen.design_point)
+
+
+def _with_pulses(
+    chosen: Chosen, pulses: str | None, period: str, duration: float
+) -> dict[str, tuple[tuple[float, float], ...]]:
+    from workbench.model.units import quantity
+
+    known = {q.name: q for q in chosen.model.inputs}
+    driven = dict(chosen.inputs)
+    if pulses is None:
+        if not driven and known:
+            name = next(iter(known))
+            raise WorkbenchError(
+                f"no input is given; give steps of {', '.join(known)}, such as"
+                f" --{name.replace('_', '-')} 0:1, or --pulses 1"
+            )
+        return driven
+    if not known:
+        raise WorkbenchError(f"{chosen.model.name!r} has no input to pulse; leave out --pulses")
+    name, sign, height = pulses.rpartition("=")
+    name = name.replace("-", "_") if sign else next(iter(known))
+    check_choice("input", name, known)
+    if name in driven:
+        raise WorkbenchError(f"both --{name} and --pulses are given; keep one of them")
+    about, word = known[name], name.replace("_", " ")
+    room = min(about.upper - about.nominal, about.nominal - about.lower)
+    size = check_range(
+        f"pulse height of {word}",
+        quantity("pulse height", height, about.unit),
+        0.0,
+        room,
+        about.unit,
+    )
+    half = 0.5 * check_range("period", quantity("period", period, "s"), 1e-6, 1e6, "s")
+    count = int(duration / half) + 1
+    driven[name] = tuple(
+        (i * half, about.nominal + (size if i % 2 == 0 else -size)) for i in range(count)
+    )
+    return driven
+
+
+def _held(
+    start: OperatingPoint,
+    driven: dict[str, tuple[tuple[float, float], ...]],
+    duration: float,
+    sample_time: float,
 ) -> Any:
+    """Return the samples of all inputs; one that is not driven stays as the plant rests."""
     import numpy as np
 
-    if pulses is not None:
-        from workbench.trials.open_loop import pulse_train
-
-        if steps:
-            raise WorkbenchError("both --valve and --pulses are given; keep one of them")
-        return pulse_train(
-            amplitude_V=quantity("pulse height", pulses, "V"),
-            period=quantity("period", period, "s"),
-            duration=duration,
-            sample_time=sample_time,
-        )
-    if not steps:
-        raise WorkbenchError(
-            "no valve voltage is given; give steps such as --valve 0:5.5, or --pulses 0.9"
-        )
-    points = sorted(_step(text) for text in steps)
-    time = sample_time * np.arange(round(duration / sample_time))
-    rank = np.searchsorted([t for t, _ in points], time + 1e-9, side="right") - 1
-    values = np.array([v for _, v in points])
-    return np.where(rank < 0, 5.0, values[np.maximum(rank, 0)])
+    count = round(duration / sample_time)
+    held = np.tile(start.u, (count, 1))
+    number = np.arange(count)
+    for i, quantity in enumerate(start.model.inputs):
+        for time, value in driven.get(quantity.name, ()):
+            held[number >= round(time / sample_time), i] = value
+    return held
 
 
-def _step(text: str) -> tuple[float, float]:
-    time, sign, voltage = text.partition(":")
-    if not sign:
-        raise WorkbenchError(f"valve step {text!r} has no voltage; write it as TIME:VOLTAGE")
-    volt = quantity("valve voltage", voltage, "V")
-    return (
-        check_range("time of a valve step", quantity("time", time, "s"), 0.0, 600.0, "s"),
-        check_range("valve voltage", volt, 0.0, 10.0, "V"),
-    )
-
-
-def _csv(run: Any) -> str:
+def _csv(run: Trajectory) -> str:
     import numpy as np
 
-    table = np.column_stack(
-        [factor * (run.time if name == "time" else run[name]) for _, name, factor, _ in COLUMNS]
-    )
+    from workbench.model.units import from_si
+
+    columns, names = [run.time], ["time_s"]
+    outputs = {q.name for q in run.model.outputs}
+    for quantity in (*run.model.inputs, *run.model.outputs):
+        unit = getattr(quantity, "display_unit", quantity.unit)
+        if quantity in run.model.inputs and quantity.name in outputs:
+            continue
+        columns.append(from_si(run[quantity.name], unit))
+        names.append(_heading(quantity.name, unit))
     stream = io.StringIO()
     np.savetxt(
         stream,
-        table,
-        fmt=[form for *_, form in COLUMNS],
+        np.column_stack(columns),
+        fmt="%.9g",
         delimiter=",",
-        header=",".join(heading for heading, *_ in COLUMNS),
+        header=",".join(names),
         comments="",
     )
     return stream.getvalue()
+
+
+def _heading(name: str, unit: str) -> str:
+    if unit in ("", "1", "-"):
+        return f"{name} [1]"
+    return f"{name}_{unit}" if unit.isalpha() else f"{name} [{unit}]"

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from workbench.cli.plant import (
-    Hysteresis,
-    Load,
+    Chosen,
+    Effects,
+    Options,
     Parameters,
-    Plane,
-    Supply,
+    PlantName,
+    Short,
     Without,
-    plant_from_options,
+    chosen_plant,
+    value_at_rest,
 )
-from workbench.errors import check_range
-from workbench.model.units import quantity
+from workbench.errors import WorkbenchError, check_choice, check_range
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+    from workbench.model import Model
+    from workbench.verification import Requirement, Scenario
 
 
 def verify(
@@ -26,99 +33,83 @@ def verify(
         typer.Option(
             "--controller",
             "-c",
-            help="pid, sliding-mode or mpc; may be given several times. By default all.",
+            help="Design that starts from one linear model, such as pid, sliding-mode or mpc, or"
+            " module:function of your own; may be given several times. By default all that fit.",
             metavar="NAME",
         ),
     ] = None,
-    design_angle: Annotated[
-        str, typer.Option(help="Angle at which the linear model is taken.", metavar="ANGLE")
-    ] = "30deg",
-    design_load: Annotated[
-        str | None,
+    plant: PlantName = "arm",
+    design: Annotated[
+        list[str] | None,
         typer.Option(
-            help="Load for which the controller is designed; by default that of the plant.",
-            metavar="MASS",
+            "--design",
+            help="What the design takes for another than the plant has: an option, or a value at"
+            " rest, such as load=1kg or angle=30deg; the short form is --design-load 1kg.",
+            metavar="NAME=VALUE",
         ),
     ] = None,
     start: Annotated[
-        str, typer.Option("--from", help="Angle before the step.", metavar="ANGLE")
-    ] = "15deg",
+        str | None,
+        typer.Option("--from", help="Controlled output before the step.", metavar="VALUE"),
+    ] = None,
     end: Annotated[
-        str, typer.Option("--to", help="Angle after the step.", metavar="ANGLE")
-    ] = "45deg",
+        str | None,
+        typer.Option("--to", help="Controlled output after the step.", metavar="VALUE"),
+    ] = None,
+    hold: Annotated[str, typer.Option(help="Time between the steps.", metavar="TIME")] = "2s",
+    sample_time: Annotated[
+        str, typer.Option(help="Sample time of controllers and loop.", metavar="TIME")
+    ] = "2ms",
+    require: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="Largest value of a metric, such as settling_time=0.5s; may be given several"
+            " times. By default what the plant declares.",
+            metavar="METRIC=LIMIT",
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
-    load: Load = "3kg",
-    plane: Plane = "horizontal",
-    supply: Supply = "6bar",
+    option: Options = None,
     parameter: Parameters = None,
     without: Without = None,
-    hysteresis: Hysteresis = False,
+    effect: Effects = None,
     out: Annotated[Path | None, typer.Option(help="JSON file for the metrics, in SI.")] = None,
+    short: Short = None,
 ) -> int:
     """Run controllers on the full plant through a step and back, and score what they do.
 
-    Each controller is designed from the linear model of the nominal plant and run at 500 Hz with
-    saturation, converters and sensor noise. Exit status 1 if a requirement is missed.
+    Each controller is designed from the linear model of the nominal plant, without effects that are
+    attached here, and run on the full plant with saturation, converters and sensor noise. Exit
+    status 1 if a requirement is missed.
 
-    Example: 'workbench verify -c pid -c mpc --from 15deg --to 45deg --hysteresis'.
-
-    Args:
-        controller: Names of controllers; all by default.
-        design_angle: Angle at which the linear model is taken.
-        design_load: Load of the design, or None for that of the plant.
-        start: Angle before the step.
-        end: Angle after the step.
-        seed: Seed of the sensors' noise.
-        load: Mass of the plates, with or without its unit.
-        plane: Plane of the motion.
-        supply: Supply pressure, gauge, with or without its unit.
-        parameter: Changed parameters as NAME=VALUE.
-        without: Effects to leave out.
-        hysteresis: Whether both muscles have hysteresis.
-        out: JSON file, or None.
-
-    Returns:
-        Exit status: 1 if a requirement is missed.
-
-    Example:
-        >>> verify(["pdi"])
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: controller is 'pdi'; it must be one of ...
+    Examples: 'workbench verify -c pid -c mpc --from 15deg --to 45deg --hysteresis',
+    'workbench verify --plant my_plants:circuit -c my_designs:integral --from 0V --to 1V'.
     """
-    from workbench.demo.closed_loop import REQUIREMENTS
-    from workbench.demo.controller_designs import FROM_ONE_MODEL, design_controllers, design_model
-    from workbench.verification import metrics, score, step_scenario
+    from workbench.verification import metrics, score
     from workbench.verification import verify as run_loop
 
-    plant = plant_from_options(
-        load,
-        plane,
-        supply,
-        parameters=parameter or (),
-        without=without or (),
-        hysteresis=hysteresis,
+    designed_for = [f"{w.removeprefix('design-')}" for w in short or () if w.startswith("design-")]
+    chosen = chosen_plant(
+        plant,
+        options=option,
+        parameters=parameter,
+        without=without,
+        effects=effect,
+        short=[w for w in short or () if not w.startswith("design-")],
     )
-    nominal = plant_from_options(design_load or load, plane, supply)
-    angles = [
-        check_range(name, quantity(name, text, "deg"), 0.0, 60.0, "deg")
-        for name, text in (
-            ("design angle", design_angle),
-            ("angle before the step", start),
-            ("angle after the step", end),
-        )
-    ]
-    linear = design_model(nominal, angles[0])
-    scenario = step_scenario(from_deg=angles[1], to_deg=angles[2], back=True, hold=2.0)
+    linear = _design_model(chosen, [*(design or ()), *designed_for])
+    scenario = _scenario(chosen, linear, start, end, hold, sample_time)
+    requirements = _requirements(chosen, require or ())
     results = {}
     worst = 0.0
-    for designed in design_controllers(linear, controller or FROM_ONE_MODEL):
-        found = metrics(run_loop(designed, plant, scenario, seed=seed))
-        total, verdicts = score(REQUIREMENTS, [found])
+    for designed in _designed(linear, controller or ()):
+        found = metrics(run_loop(designed, chosen.model, scenario, seed=seed))
+        total, verdicts = score(requirements, [found])
         worst = max(worst, total)
         typer.echo(str(found))
-        typer.echo("  required")
-        typer.echo("\n".join(f"    {verdict}" for verdict in verdicts))
+        if verdicts:
+            typer.echo("  required")
+            typer.echo("\n".join(f"    {verdict}" for verdict in verdicts))
         results[designed.name] = {
             metric.name: {"value": metric.value, "unit": metric.unit, "reason": metric.reason}
             for metric in found.values
@@ -130,3 +121,117 @@ def verify(
         write_whole(out, json_text({"scenario": scenario.name, "seed": seed, "runs": results}))
         typer.echo(f"written to {out}")
     return 0 if worst <= 1.0 else 1
+
+
+def _design_model(chosen: Chosen, changes: Sequence[str]) -> LinearModel:
+    """Linearise the nominal plant, without friction whose slope at rest is not that of a motion."""
+    from workbench.linearisation import linearise
+    from workbench.operating_point import operating_point
+    from workbench.study.designs import dry_effects
+
+    options, at = dict(chosen.options), dict(chosen.plant.design_point)
+    known = {n for o in chosen.plant.options for n in (o.name, o.keyword)}
+    for text in changes:
+        name, _, value = text.partition("=")
+        if name.replace("-", "_") in known:
+            options |= chosen.plant.parse({name: value})
+        else:
+            at |= dict([value_at_rest(chosen.nominal, text)])
+    model = chosen.plant.model(options, folder=Path.cwd())
+    return linearise(operating_point(model.without(*dry_effects(model)), at), verdict=False)
+
+
+def _scenario(
+    chosen: Chosen,
+    linear: LinearModel,
+    start: str | None,
+    end: str | None,
+    hold: str,
+    sample_time: str,
+) -> Scenario:
+    from workbench.model.units import from_si, quantity
+    from workbench.verification import Scenario, Steps
+
+    name = chosen.plant.controlled_outputs(chosen.model)[0]
+    y0 = {n: float(y) for n, y in zip(linear.output_names, linear.y0, strict=True)}
+    about = next(q for q in chosen.model.outputs if q.name == name)
+    first, last = chosen.plant.step or (y0[name], y0[name] + about.scale)
+    levels = [
+        default if given is None else _level(chosen.model, f"{name}={given}", what)
+        for given, default, what in (
+            (start, first, f"{name} before the step"),
+            (end, last, f"{name} after the step"),
+        )
+    ]
+    held = check_range("time between the steps", quantity("time", hold, "s"), 1e-6, 1e5, "s")
+    step = check_range("sample time", quantity("sample time", sample_time, "s"), 1e-6, held, "s")
+    # Other controlled outputs stay as they are at the design point.
+    references = {
+        n: Steps((0.0,), (y0[n],)) for n in chosen.plant.controlled_outputs(chosen.model)[1:]
+    }
+    lead = 0.25 * held
+    references[name] = Steps((0.0, lead, lead + held), (levels[0], levels[1], levels[0]))
+    shown = " to ".join(f"{from_si(v, about.display_unit):g}" for v in levels)
+    return Scenario(
+        f"step {shown} {about.display_unit} and back",
+        dict(sorted(references.items())),
+        duration=lead + 2.0 * held,
+        sample_time=step,
+    )
+
+
+def _level(model: Model, text: str, what: str) -> float:
+    """Return a level of the controlled output, inside the range of the state that it shows."""
+    from workbench.model.units import from_si
+
+    name, value = value_at_rest(model, text)
+    about = next(q for q in model.outputs if q.name == name)
+    bounded: Any = next((q for q in model.states if q.name == name and q.unit == about.unit), about)
+    unit = about.display_unit
+    lower, upper = (from_si(v, unit) for v in (bounded.lower, bounded.upper))
+    check_range(what, from_si(value, unit), lower, upper, unit)
+    return value
+
+
+def _requirements(chosen: Chosen, given: Sequence[str]) -> tuple[Requirement, ...]:
+    from workbench.model.units import parse_unit
+    from workbench.verification import Requirement
+
+    wanted = []
+    for text in given:
+        name, _, value = text.partition("=")
+        number = value.strip().rstrip("%abcdefghijklmnopqrstuvwxyzABCDFGHIJKLMNOPQRSTUVWXYZ/ ")
+        unit = value.strip()[len(number) :].strip()
+        parse_unit(unit)
+        try:
+            limit = float(number)
+        except ValueError:
+            raise WorkbenchError(
+                f"requirement {text!r} has no limit; write it as METRIC=LIMIT, such as"
+                " settling_time=0.5s"
+            ) from None
+        wanted.append(Requirement(name.strip(), limit, unit))
+    return tuple(wanted) or tuple(Requirement(*item) for item in chosen.plant.requirements)
+
+
+def _designed(linear: LinearModel, names: Sequence[str]) -> list[Any]:
+    from controllers.design import DESIGNS
+
+    found = [DESIGNS.get(name, folder=Path.cwd()) for name in names]
+    one = {n: d for n, d in DESIGNS.members().items() if d.needs == "linear"}
+    if not names:
+        found = [
+            d
+            for d in one.values()
+            if set(d.sensors) <= set(linear.output_names)
+            and set(d.actuators) <= set(linear.input_names)
+        ]
+        if not found:
+            raise WorkbenchError(
+                f"no design of the workbench fits {linear.operating_point.model.name!r}; give one"
+                " of your own with --controller module:function"
+            )
+    for design in found:
+        if design.needs != "linear":
+            check_choice("controller", design.name, one)
+    return [design.controller(linear, design.specified({})) for design in found]

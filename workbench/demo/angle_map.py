@@ -83,7 +83,7 @@ def angle_map_part() -> Part:
     by_load = {f"{load} kg": models[load, 30] for load in LOADS_KG}
     sided = linearise(
         operating_point(
-            arm(DRAWN_LOAD_KG), {"angle": math.radians(30)}, mean_pressure=MEAN_PRESSURE
+            arm(DRAWN_LOAD_KG), {"angle": math.radians(30), "mean_pressure": MEAN_PRESSURE}
         )
     )
     verdict = sided.verdict

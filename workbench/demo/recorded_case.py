@@ -15,8 +15,6 @@ from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.estimation.start import fitted_start
 from workbench.model import Model
 from workbench.physics.maxwell_slip import maxwell_slip_hysteresis
-from workbench.plants.arm import arm
-from workbench.plants.arm.inertia import Plane
 from workbench.recordings import Case, read_case
 from workbench.reports.figures.recorded_case import recorded_case
 from workbench.reports.page import Commands, Method, Section, Words
@@ -34,8 +32,7 @@ _START_SAMPLES = 251
 
 def _models_of(case: Case) -> dict[str, Model]:
     """Build the models that a case is compared with; refits know the fitting recordings only."""
-    plane: Plane = "vertical" if case.plane == "vertical" else "horizontal"
-    nominal = arm(case.load_kg, plane=plane, supply_bar=case.supply_bar)
+    nominal = case.model()
     rough = nominal.with_effect(maxwell_slip_hysteresis())
     return {
         "nominal": nominal,

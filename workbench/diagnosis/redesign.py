@@ -73,6 +73,15 @@ def redesign(
 
     Raises:
         WorkbenchError: If the model has no operating points there.
+
+    Example:
+        >>> from controllers.scheduled_pid import design_scheduled_pid
+        >>> from workbench.physics.hysteresis import bouc_wen_hysteresis
+        >>> from workbench.plants.arm import arm
+        >>> better = arm(3).with_effect(bouc_wen_hysteresis())
+        >>> pids = [redesign(m, design_scheduled_pid) for m in (arm(3), better)]
+        >>> [pid.tracking.hysteresis is None for pid in pids]
+        [True, False]
     """
     first, last, count = angles_deg
     smooth = without_dry_laws(model)
@@ -91,7 +100,16 @@ def redesign(
 
 
 def without_dry_laws(model: Model) -> Model:
-    """Return a model without the effects that have no slope at rest."""
+    """Return a model without the effects that have no slope at rest.
+
+    Args:
+        model: The plant.
+
+    Example:
+        >>> from workbench.plants.arm import arm
+        >>> [e.name for e in without_dry_laws(arm(3)).effects][-2:]
+        ['centre_leakage', 'damper']
+    """
     return model.without(*(e.name for e in model.effects if e.name in WITHOUT_SLOPE))
 
 
@@ -105,6 +123,14 @@ def study_plant(model: Model, nominal: Model, *, load: float) -> PlantRecipe:
 
     Returns:
         The recipe: attached effects, removed effects, and parameters that changed.
+
+    Example:
+        >>> from workbench.physics.tilt import tilt_gravity
+        >>> from workbench.plants.arm import arm
+        >>> better = arm(3).with_effect(tilt_gravity(tilt=0.1))
+        >>> recipe = study_plant(better, arm(3), load=3.0)
+        >>> recipe.effects, recipe.parameters[0]
+        (('tilt_gravity',), ('tilt_gravity.tilt', 0.1))
     """
     before, after = ([e.name for e in m.effects] for m in (nominal, model))
     known = {q.name: q.value for q in nominal.parameters}
@@ -131,6 +157,11 @@ def hysteresis_of(model: Model, schedule: JointSchedule) -> HysteresisCompensati
 
     Returns:
         The compensation, or None if the muscles have no hysteresis.
+
+    Example:
+        >>> from workbench.plants.arm import arm
+        >>> hysteresis_of(arm(3), JointSchedule(0.0, 1.0, (), (), 3e5, 4e5)) is None
+        True
     """
     values = {q.name: q.value for q in model.parameters}
     names = {effect.name for effect in model.effects}

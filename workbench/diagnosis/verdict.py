@@ -35,6 +35,10 @@ class Value:
         value: The number, in ``unit``.
         unit: SI unit.
         std: Standard deviation, in ``unit``.
+
+    Example:
+        >>> Value(1.2, "N m", 0.05).unit
+        'N m'
     """
 
     value: float
@@ -58,6 +62,10 @@ class Finding:
         p_value: Probability of such a gain on held-out recordings by chance.
         held_out: Log likelihood gained on held-out recordings with its 99 % interval,
             dimensionless.
+
+    Example:
+        >>> Finding(("joint.torque",), "tilt_gravity", ("tilt_gravity",), "tilted").effect
+        'tilt_gravity'
     """
 
     where: tuple[str, ...]
@@ -93,6 +101,12 @@ class Verdict:
         seconds: Time that the diagnosis took, in s.
         interrupted: Whether the diagnosis was ended early.
         model: The improved model; the refitted nominal one where nothing was found.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> verdict = Verdict("nothing_missing", "Nothing is missing.", model=servo_axis())
+        >>> print(verdict)
+        nothing_missing: Nothing is missing.
     """
 
     kind: Kind

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -94,7 +93,7 @@ def angle_map(
     *,
     loads: npt.ArrayLike | None = None,
     mean_pressures: npt.ArrayLike | None = None,
-    input: Literal["plant", "opening"] = "opening",  # noqa: A002 -- The word of the field.
+    input: str = "opening",  # noqa: A002 -- The word of the field.
     amplitude: Mapping[str, float] | None = None,
 ) -> AngleMap:
     """Linearise an arm at every angle, load and mean pressure of a grid.
@@ -139,12 +138,8 @@ def angle_map(
             near: OperatingPoint | None = None
             for i, theta in enumerate(angle):
                 try:
-                    near = operating_point(
-                        model,
-                        {"angle": float(theta)},
-                        mean_pressure=None if np.isnan(pressure) else float(pressure),
-                        near=near,
-                    )
+                    held = {} if np.isnan(pressure) else {"mean_pressure": float(pressure)}
+                    near = operating_point(model, {"angle": float(theta), **held}, near=near)
                     models[i, j, k] = linearise(
                         near, input=input, amplitude=amplitude, verdict=False
                     )

@@ -40,7 +40,7 @@ class Kink:
         >>> from workbench.linearisation import linearise
         >>> from workbench.operating_point import operating_point
         >>> from workbench.plants.arm import arm
-        >>> kink = linearise(operating_point(arm(3), mean_pressure=3e5)).verdict.kinks[0]
+        >>> kink = linearise(operating_point(arm(3), {"mean_pressure": 3e5})).verdict.kinks[0]
         >>> kink.name, kink.distance, kink.below.A.shape
         ('spool', 0.0, (8, 8))
     """

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError, check_choice
+from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened
 from workbench.linearisation.kinks import find_kinks
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.matrices import check_amplitude, slope_over_swing, speeds
-from workbench.linearisation.opening import (
-    FULL_STROKE,
-    OpeningToVoltage,
-    opening_plant,
-    signed_opening_of,
-)
 from workbench.linearisation.verdict import Swing, Verdict
-from workbench.model import EXACT, Face, Model
+from workbench.model import EXACT, ActuatorCurve, Face
 from workbench.operating_point import OperatingPoint, derivatives_of
 
 Vector = npt.NDArray[np.float64]
@@ -29,7 +23,7 @@ Vector = npt.NDArray[np.float64]
 def linearise(
     op: OperatingPoint,
     *,
-    input: Literal["plant", "opening"] = "plant",  # noqa: A002 -- The word of the field.
+    input: str = "plant",  # noqa: A002 -- The word of the field.
     amplitude: Mapping[str, float] | None = None,
     face: Face | str = EXACT,
     verdict: bool = True,
@@ -42,9 +36,9 @@ def linearise(
 
     Args:
         op: Where to linearise.
-        input: ``"plant"`` for the plant's own inputs, or ``"opening"`` for the signed opening of a
-            5/3 valve, -1..1, whose static curve the controller inverts: the model's ``inverse``.
-            The states ``spool`` and ``spool_speed`` are then 5 V times the opening and its rate.
+        input: ``"plant"`` for the plant's own inputs, or the name of an actuator's curve that the
+            plant declares and a controller inverts, such as ``"opening"`` of the arm's valve,
+            -1..1: the model's ``inverse``. The state behind the curve is then straight in it.
         amplitude: Swing of states by name over which slopes are taken, in SI; by default every
             state that is the rate of another swings over its scale. ``{}`` for the slopes at the
             point.
@@ -66,7 +60,7 @@ def linearise(
         >>> from workbench.operating_point import operating_point
         >>> from workbench.plants.arm import arm
         >>> import math
-        >>> point = operating_point(arm(3), {"angle": math.radians(30)}, mean_pressure=3e5)
+        >>> point = operating_point(arm(3), {"angle": math.radians(30), "mean_pressure": 3e5})
         >>> linear = linearise(point, input="opening")
         >>> round(linear.mode_of("angle").frequency_hz, 2)
         2.06
@@ -74,8 +68,8 @@ def linearise(
         >>> kink.name, round(kink.factor, 1)  # filling is faster than venting
         ('spool', 1.6)
     """
-    check_choice("input", input, ("plant", "opening"))
-    point = _as_opening(op) if input == "opening" else op
+    curve = None if input == "plant" else op.model.traits.curve(input)
+    point = op if curve is None else _straightened(op, curve)
     model = point.model
     at = derivatives_of(model, model_face(face))
     p = model.values
@@ -97,13 +91,13 @@ def linearise(
             swings.append(
                 Swing(name, size, names[row], float(jacobian[row, i]), float(matrix[row, i]))
             )
-    linear = _model(op, point, matrix, opening=input == "opening")
+    linear = _model(op, point, matrix, curve)
     if not verdict:
         return linear
     kinks = find_kinks(
         at,
         point,
-        lambda sided: _model(op, point, sided, opening=input == "opening"),
+        lambda sided: _model(op, point, sided, curve),
         matrix,
         jacobian,
     )
@@ -129,38 +123,34 @@ def model_face(face: Face | str) -> Face:
     return Face(smooth=face == "smooth")
 
 
-def _as_opening(op: OperatingPoint) -> OperatingPoint:
-    """Move an operating point to the plant whose edges open in proportion to the spool."""
-    if len(op.model.inputs) != 1:
-        raise WorkbenchError(
-            f"{op.model.name!r} has {len(op.model.inputs)} inputs; the opening can stand for one"
-        )
-    model: Model = opening_plant(op.model)
+def _straightened(op: OperatingPoint, curve: ActuatorCurve) -> OperatingPoint:
+    """Move an operating point to the plant with a straight line in the curve's place."""
+    model = straightened(op.model, curve)
     x, u = op.x.copy(), op.u.copy()
-    spool = [q.name for q in model.states].index("spool")
-    x[spool] = FULL_STROKE * signed_opening_of(op.model, op.x, op.u)
-    u[0] += x[spool] - op.x[spool]
+    i = [q.name for q in model.states].index(curve.state)
+    x[i] = curve.full * curve.value(op.model.signals(op.x, op.u))
+    u[0] += x[i] - op.x[i]
     rates = derivatives_of(model, EXACT).values(x, u, model.values)[: len(x)]
     scale = np.array([q.scale for q in model.states])
     if np.max(np.abs(rates - op.rates) / scale) > 1e-4:
         raise WorkbenchError(
-            f"the opening cannot be the input of {model.name!r} here: an effect on the valve's"
-            " command keeps the spool from following it; use input='plant'"
+            f"the {curve.name} cannot be the input of {model.name!r} here: an effect on the"
+            f" command keeps {curve.state} from following it; use input='plant'"
         )
     return replace(op, model=model, x=x, u=u, rates=rates)
 
 
 def _model(
-    op: OperatingPoint, point: OperatingPoint, matrix: Vector, *, opening: bool
+    op: OperatingPoint, point: OperatingPoint, matrix: Vector, curve: ActuatorCurve | None
 ) -> LinearModel:
     model = point.model
     n = len(model.states)
     A, B, C, D = matrix[:n, :n], matrix[:n, n:], matrix[n:, :n], matrix[n:, n:]
     u0 = point.u
-    if opening:
-        spool = [q.name for q in model.states].index("spool")
-        B, D = FULL_STROKE * B, FULL_STROKE * D
-        u0 = np.array([point.x[spool] / FULL_STROKE])
+    if curve is not None:
+        i = [q.name for q in model.states].index(curve.state)
+        B, D = curve.full * B, curve.full * D
+        u0 = np.array([point.x[i] / curve.full])
     return LinearModel(
         A=A,
         B=B,
@@ -168,11 +158,11 @@ def _model(
         D=D,
         operating_point=op,
         state_names=tuple(q.name for q in model.states),
-        input_names=("opening",) if opening else tuple(q.name for q in model.inputs),
+        input_names=tuple(q.name for q in model.inputs) if curve is None else (curve.name,),
         output_names=tuple(q.name for q in model.outputs),
         x0=point.x,
         u0=u0,
         y0=point.y,
         drift=np.where(np.isin([q.name for q in model.states], list(op.drift)), op.rates, 0.0),
-        inverse=OpeningToVoltage(op) if opening else None,
+        inverse=None if curve is None else ActuatorInverse(op, curve),
     )

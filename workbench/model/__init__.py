@@ -6,11 +6,14 @@ from workbench.model.model import Model
 from workbench.model.quantities import Input, Output, Parameter, Quantity, State
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 from workbench.model.trace import Trace
+from workbench.model.traits import ActuatorCurve, DriftingSum, Traits
 
 __all__ = [
     "EXACT",
     "SMOOTH",
     "About",
+    "ActuatorCurve",
+    "DriftingSum",
     "Effect",
     "EffectView",
     "Face",
@@ -25,5 +28,6 @@ __all__ = [
     "Scope",
     "State",
     "Trace",
+    "Traits",
     "ValidRange",
 ]

@@ -18,6 +18,7 @@ from workbench.model.face import EXACT, SMOOTH, Expression, Face
 from workbench.model.quantities import Input, Output, Parameter, Quantity, State
 from workbench.model.scope import Names, Port
 from workbench.model.trace import Equations, Trace, trace
+from workbench.model.traits import Traits
 
 Vector = npt.NDArray[np.float64]
 Own = TypeVar("Own", State, Parameter)
@@ -39,6 +40,7 @@ class Model:
         parameters: Parameters, those of attached effects last.
         effects: Attached effects, in the order in which they act on a port.
         description: What the plant is, in a few words.
+        traits: What general rooms may know of the plant beside its equations.
 
     Raises:
         WorkbenchError: If a name is used twice, or the equations forget a state or an output.
@@ -67,6 +69,7 @@ class Model:
     parameters: tuple[Parameter, ...] = ()
     effects: tuple[Effect, ...] = ()
     description: str = ""
+    traits: Traits = Traits()
 
     def __post_init__(self) -> None:
         """Check the names and write the equations down once."""

@@ -341,3 +341,13 @@ def quantity(name: str, given: object, unit: str) -> float:
         )
     # Through decimal text, so that 300 kPa becomes 3 bar and not 3 bar less a rounding.
     return float(f"{convert(value, match[2], unit):.12g}")
+
+
+def shown_unit(unit: str) -> str:
+    """Return the unit in which people read a quantity that says nothing else.
+
+    Example:
+        >>> shown_unit("Pa"), shown_unit("V")
+        ('bar', 'V')
+    """
+    return "bar" if unit == "Pa" else unit

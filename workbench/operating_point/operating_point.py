@@ -2,22 +2,24 @@
 
 A trim solves ``f(x, u) = drift d`` together with the values that are asked for. Without a
 drifting direction d this is a true equilibrium. With one, the rates may differ from zero along it
-and nowhere else: the mean pressure of two muscles behind one 5/3 valve leaks towards a mean of its
-own, so any other mean can only be passed through, not held.
+and nowhere else: the mean pressure of two chambers behind one 5/3 valve leaks towards a mean of its
+own, so any other mean can only be passed through, not held. A plant declares such sums in its
+`Traits`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
-from workbench.model import EXACT, Input, Model, Output, Quantity, State
-from workbench.model.units import from_si
+from workbench.model import EXACT, DriftingSum, Input, Model, Output, Quantity, State
+from workbench.model.traits import bound_value
+from workbench.model.units import from_si, shown_unit
 from workbench.operating_point.derivatives import derivatives_of
 from workbench.operating_point.reach import what_would_be_possible
 from workbench.operating_point.trim import (
@@ -25,13 +27,11 @@ from workbench.operating_point.trim import (
     Problem,
     Solution,
     conditions_of,
+    limits_of,
     solve,
 )
 
 Vector = npt.NDArray[np.float64]
-
-CHAMBERS = ("pressure_1", "pressure_2")
-"""States and readings whose mean ``mean_pressure`` prescribes."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,6 @@ class OperatingPoint:
         y: Readings, shape (n_outputs,), in SI.
         rates: Rates of the states there, shape (n_states,), in SI per second; zero but for drift.
         given: The values that were asked for, by name, in SI.
-        mean_pressure: The mean gauge pressure that was asked for, in Pa, or None.
         drift: Rates of the states that were allowed to drift, by name, in SI per second; empty
             for a true equilibrium.
         residual: Largest error of the equations, relative to the scales of states and readings.
@@ -65,7 +64,6 @@ class OperatingPoint:
     y: Vector
     rates: Vector
     given: Mapping[str, float]
-    mean_pressure: float | None
     drift: Mapping[str, float]
     residual: float
     condition_number: float
@@ -102,7 +100,7 @@ class OperatingPoint:
         lines += [_row("state", q, v) for q, v in zip(model.states, self.x, strict=True)]
         for name, rate in self.drift.items():
             quantity = next(q for q in model.states if q.name == name)
-            unit = "bar" if quantity.unit == "Pa" else quantity.unit
+            unit = shown_unit(quantity.unit)
             lines.append(f"  drift    {name:<28} {from_si(rate, unit):>12.5g} {unit}/s")
         lines.append(
             f"  residual {self.residual:.1g} of scale, condition number {self.condition_number:.2g}"
@@ -116,7 +114,6 @@ def operating_point(
     model: Model,
     given: Mapping[str, float] | None = None,
     *,
-    mean_pressure: float | None = None,
     drifting: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     near: OperatingPoint | None = None,
@@ -126,22 +123,19 @@ def operating_point(
     Solves ``f(x, u) = drift d`` and ``value = given`` by Newton's method on the exact equations
     with automatic derivatives, helped by the smooth equations where that fails.
 
-    Without ``mean_pressure`` the result is a true equilibrium: of the arm, the one at which the
-    leakage of the valve holds both pressures. With it, the mean of the two gauge pressures is
-    prescribed and its drift is reported: angle, pressure difference and temperatures rest, the
-    mean moves with ``drift`` towards the one that leakage holds.
+    A name of ``given`` may also be a sum that the plant declares to drift, such as
+    ``mean_pressure`` of the arm: it is then prescribed, everything else rests, and its drift is
+    reported. Without one the result is a true equilibrium: of the arm, where the valve's leakage
+    holds both pressures.
 
     Args:
         model: The plant.
         given: Values of readings, states or inputs by name, in SI, at most one per input (and one
-            per drifting direction); readings are looked up first, so ``pressure_1`` of the arm is
-            the gauge pressure. By default the inputs at rest.
-        mean_pressure: Mean of the readings ``pressure_1`` and ``pressure_2``, in Pa (gauge), for
-            models that have both.
+            per drifting direction); readings are looked up first. By default the inputs at rest.
         drifting: Direction in which the rates may differ from zero, as weights of states by name,
-            in SI; with ``mean_pressure``, both pressures alike.
+            in SI; that of a drifting sum by default.
         bounds: Smallest and largest value of states and inputs by name, in SI, inside those of
-            the model; chamber pressures stay between ambient and supply.
+            the model and the limits that the plant declares.
         near: An operating point of a similar model to start from.
 
     Returns:
@@ -156,22 +150,23 @@ def operating_point(
 
     Example:
         >>> from workbench.plants.arm import arm
-        >>> point = operating_point(arm(3), {"angle": math.radians(20)}, mean_pressure=3e5)
+        >>> point = operating_point(arm(3), {"angle": math.radians(20), "mean_pressure": 3e5})
         >>> [round(point[name] / 1e5, 2) for name in ("pressure_1", "pressure_2")]
         [2.54, 3.46]
         >>> free = operating_point(arm(3), {"angle": math.radians(30)})
         >>> round(free["pressure_1"] / 1e5, 1), free.is_equilibrium
         (4.2, True)
     """
-    wanted = _checked(model, given, mean_pressure)
-    direction = _direction(model, mean_pressure, drifting)
+    wanted = _checked(model, given)
+    sums = [total for total in model.traits.sums if total.name in _drifting(model, wanted)]
+    direction = _direction(model, sums, drifting)
     problem = Problem(
         model,
-        _conditions(model, wanted, mean_pressure),
+        _conditions(model, wanted, sums),
         direction,
         *_bounds(model, bounds),
     )
-    x, u = _start(model, wanted, mean_pressure, near)
+    x, u = _start(model, wanted, sums, near)
     solution = solve(problem, x, u)
     if not solution.solved:
         raise _impossible(problem, solution)
@@ -187,7 +182,6 @@ def operating_point(
         y=readings,
         rates=at,
         given=wanted,
-        mean_pressure=mean_pressure,
         drift={
             q.name: float(rate)
             for q, rate, weight in zip(model.states, at, direction, strict=True)
@@ -199,77 +193,89 @@ def operating_point(
     )
 
 
-def _checked(
-    model: Model, given: Mapping[str, float] | None, mean_pressure: float | None
-) -> dict[str, float]:
-    everything: dict[str, Quantity] = {q.name: q for q in model.inputs}
-    everything |= {q.name: q for q in model.states}
-    states = dict(everything)
+def _drifting(model: Model, names: Iterable[str]) -> list[str]:
+    """Return which of some names are drifting sums; an output of the name comes first."""
+    outputs = {q.name for q in model.outputs}
+    return [t.name for t in model.traits.sums if t.name in names and t.name not in outputs]
+
+
+def _checked(model: Model, given: Mapping[str, float] | None) -> dict[str, float]:
+    everything: dict[str, Quantity] = {q.name: q for q in (*model.inputs, *model.states)}
+    states = {q.name: q for q in model.states}
     everything |= {q.name: q for q in model.outputs}
-    if given is None or not given:
-        given = {q.name: q.nominal for q in model.inputs}
-    if len(given) > len(model.inputs):
+    given = dict(given or {})
+    sums = _drifting(model, given)
+    if len(given) == len(sums):
+        given |= {q.name: q.nominal for q in model.inputs}
+    for name in given:
+        check_choice("given quantity", name, [*everything, *(t.name for t in model.traits.sums)])
+    if len(given) - len(sums) > len(model.inputs):
         raise WorkbenchError(
             f"{len(given)} values are given ({', '.join(given)}); {model.name!r} has"
             f" {len(model.inputs)} input(s) and can hold as many values: drop the others"
         )
+    shown = _shown_states(model)
+    values = {q.name: q.value for q in model.parameters}
     result = {}
     for name, value in given.items():
-        check_choice("given quantity", name, everything)
-        # The range of a state is that of the laws; a reading shares it if it shows that state.
-        quantity = everything[name]
-        same = states.get(name, quantity)
-        bounded = same if same.unit == quantity.unit and quantity.unit != "Pa" else quantity
-        unit = quantity.display_unit if isinstance(quantity, Output) else quantity.unit
-        lower, upper = getattr(bounded, "lower", -math.inf), getattr(bounded, "upper", math.inf)
         check_finite(name, value)
-        fix = "angles are in rad, use math.radians" if quantity.unit == "rad" else ""
+        if name in sums:
+            total = next(t for t in model.traits.sums if t.name == name)
+            unit, si = total.display_unit, total.unit
+            lower, upper = bound_value(total.lower, values), bound_value(total.upper, values)
+        else:
+            quantity = everything[name]
+            unit = quantity.display_unit if isinstance(quantity, Output) else quantity.unit
+            # The range of a state is that of the laws; a reading shares it if it shows that state.
+            bounded = states[name] if name in shown else quantity
+            lower, upper = getattr(bounded, "lower", -math.inf), getattr(bounded, "upper", math.inf)
+            si = quantity.unit
         check_range(
-            name,
+            name.replace("_", " ") if name in sums else name,
             from_si(float(value), unit),
             from_si(lower, unit),
             from_si(upper, unit),
             unit,
-            fix=fix,
+            fix="" if unit == si else f"values are given in {si}",
         )
         result[name] = float(value)
-    if mean_pressure is not None:
-        names = {q.name for q in model.outputs}
-        if not set(CHAMBERS) <= names:
-            raise WorkbenchError(
-                f"mean_pressure is given, but {model.name!r} has no readings pressure_1 and"
-                " pressure_2; leave it out"
-            )
-        supply = {q.name: q.value for q in model.parameters}.get("supply_pressure", math.inf)
-        check_finite("mean pressure", mean_pressure)
-        check_range(
-            "mean pressure",
-            mean_pressure / 1e5,
-            0.0,
-            supply / 1e5,
-            "bar gauge",
-            fix="pressures are in Pa, between ambient and supply",
-        )
     return result
 
 
+def _shown_states(model: Model) -> set[str]:
+    """Return the states that an output of the same name shows as they are."""
+    x = model.initial_state()
+    read = dict(
+        zip((q.name for q in model.outputs), model.read(x, model.nominal_input), strict=True)
+    )
+    return {
+        q.name
+        for q, value in zip(model.states, x, strict=True)
+        if abs(read.get(q.name, value) - value) <= 1e-9 * q.scale
+    }
+
+
 def _conditions(
-    model: Model, given: Mapping[str, float], mean_pressure: float | None
+    model: Model, given: Mapping[str, float], sums: Sequence[DriftingSum]
 ) -> tuple[Condition, ...]:
-    found = list(conditions_of(model, list(given.items())))
-    if mean_pressure is not None:
-        one, two = conditions_of(model, [(name, 0.0) for name in CHAMBERS])
-        weights = 0.5 * (one.weights + two.weights)
-        found.append(Condition("mean pressure", weights, float(mean_pressure), one.scale))
+    single = [(n, v) for n, v in given.items() if n not in {total.name for total in sums}]
+    found = list(conditions_of(model, single))
+    for total in sums:
+        parts = conditions_of(model, [(name, 0.0) for name, _ in total.weights])
+        weights = sum(
+            (w * part.weights for (_, w), part in zip(total.weights, parts, strict=True)),
+            np.zeros(len(parts[0].weights)),
+        )
+        found.append(Condition(total.name, weights, given[total.name], total.scale))
     return tuple(found)
 
 
 def _direction(
-    model: Model, mean_pressure: float | None, drifting: Mapping[str, float] | None
+    model: Model, sums: Sequence[DriftingSum], drifting: Mapping[str, float] | None
 ) -> Vector:
     names = [q.name for q in model.states]
     if drifting is None:
-        drifting = dict.fromkeys(CHAMBERS, 1.0) if mean_pressure is not None else {}
+        drifting = {name: weight for total in sums for name, weight in total.drifting}
     direction = np.zeros(len(names))
     for name, weight in drifting.items():
         check_choice("drifting state", name, names)
@@ -281,16 +287,8 @@ def _direction(
 
 def _bounds(model: Model, given: Mapping[str, tuple[float, float]] | None) -> tuple[Vector, Vector]:
     quantities: list[State | Input] = [*model.states, *model.inputs]
-    lower = np.array([q.lower for q in quantities])
-    upper = np.array([q.upper for q in quantities])
+    lower, upper = limits_of(model)
     names = [q.name for q in quantities]
-    values = {q.name: q.value for q in model.parameters}
-    if {"ambient_pressure", "supply_pressure"} <= values.keys():
-        for name in CHAMBERS:
-            if name in names:
-                i = names.index(name)
-                lower[i] = max(lower[i], values["ambient_pressure"])
-                upper[i] = min(upper[i], values["ambient_pressure"] + values["supply_pressure"])
     for name, (low, high) in (given or {}).items():
         check_choice("bounded quantity", name, names)
         i = names.index(name)
@@ -306,29 +304,28 @@ def _bounds(model: Model, given: Mapping[str, tuple[float, float]] | None) -> tu
 def _start(
     model: Model,
     given: Mapping[str, float],
-    mean_pressure: float | None,
+    sums: Sequence[DriftingSum],
     near: OperatingPoint | None,
 ) -> tuple[Vector, Vector]:
-    states = {q.name for q in model.states}
-    readings = {q.name: q.unit for q in model.outputs}
+    names = [q.name for q in model.states]
+    shown = _shown_states(model)
     u = model.nominal_input
     for i, quantity in enumerate(model.inputs):
         u[i] = given.get(quantity.name, u[i])
-    known = {
-        name: value
-        for name, value in given.items()
-        # A gauge reading of a pressure is not the absolute pressure of the state.
-        if name in states and readings.get(name) != "Pa"
-    }
-    if near is not None and [q.name for q in near.model.states] == [q.name for q in model.states]:
+    known = {name: value for name, value in given.items() if name in shown}
+    if near is not None and [q.name for q in near.model.states] == names:
         x = near.x.copy()
         for name, value in known.items():
-            x[[q.name for q in model.states].index(name)] = value
+            x[names.index(name)] = value
         return x, near.u.copy()
-    ambient = {q.name: q.value for q in model.parameters}.get("ambient_pressure", 0.0)
-    if mean_pressure is not None:
-        known |= {name: mean_pressure + ambient for name in CHAMBERS if name in states}
-    return model.initial_state(known, u=u), u
+    x = model.initial_state(known, u=u)
+    for total in sums:
+        read = dict(zip((q.name for q in model.outputs), model.read(x, u), strict=True))
+        missing = given[total.name] - sum(weight * read[name] for name, weight in total.weights)
+        for name, weight in total.drifting:
+            known[name] = x[names.index(name)] + weight * missing
+        x = model.initial_state(known, u=u)
+    return x, u
 
 
 def _snap(model: Model, given: Mapping[str, float], solution: Solution) -> None:
@@ -361,7 +358,8 @@ def _with_effects_at_start(problem: Problem, found: Solution, x: Vector, u: Vect
 
 def _impossible(problem: Problem, solution: Solution) -> WorkbenchError:
     asked = ", ".join(
-        f"{c.label} {_display(problem.model, c.label, c.value)}" for c in problem.conditions
+        f"{c.label.replace('_', ' ')} {_display(problem.model, c.label, c.value)}"
+        for c in problem.conditions
     )
     model = problem.model
     return WorkbenchError(
@@ -371,8 +369,9 @@ def _impossible(problem: Problem, solution: Solution) -> WorkbenchError:
 
 
 def _display(model: Model, name: str, value: float) -> str:
-    if name == "mean pressure":
-        return f"{value / 1e5:g} bar gauge"
+    for total in model.traits.sums:
+        if name == total.name and name not in {q.name for q in model.outputs}:
+            return f"{from_si(value, total.display_unit):g} {total.display_unit}"
     quantity: Quantity = next(
         q for q in (*model.outputs, *model.states, *model.inputs) if q.name == name
     )
@@ -384,8 +383,8 @@ def _row(kind: str, quantity: Quantity, value: float) -> str:
     unit = quantity.unit
     if isinstance(quantity, Output):
         unit = quantity.display_unit
-    elif unit == "Pa":
-        unit = "bar"
+    else:
+        unit = shown_unit(unit)
     # Round-off is not worth reading.
     shown = from_si(float(value), unit) if abs(value) > 1e-12 * quantity.scale else 0.0
     return f"  {kind:<8} {quantity.name:<28} {shown:>12.5g} {unit}"

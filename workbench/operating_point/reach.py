@@ -8,18 +8,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.model import Model
-from workbench.model.units import from_si
-from workbench.operating_point.trim import Problem, Solution, solve
+from workbench.model.traits import bound_value
+from workbench.model.units import from_si, shown_unit
+from workbench.operating_point.trim import Problem, Solution, limits_of, solve
 
 _GRID = 13
 _BISECTIONS = 7
-_CHOICES = ("load", "supply_pressure")
-"""Parameters that a user chooses, and may choose differently."""
 
 
 def what_would_be_possible(problem: Problem, failed: Solution) -> str:
-    """Say which values of each given quantity, of load and of supply would have a solution.
+    """Say which values of each given quantity and each chosen parameter would have a solution.
 
     Changes one of them at a time, over its range, and keeps the others as asked.
 
@@ -60,10 +58,13 @@ def _alternatives(
             (*model.states, *model.inputs), problem.lower, problem.upper, strict=True
         )
     }
+    values = {q.name: q.value for q in model.parameters}
+    sums = {total.name: total for total in model.traits.sums}
     for i, condition in enumerate(problem.conditions):
-        if condition.label == "mean pressure":
-            low, high, unit = bounded["pressure_1"]
-            low, high, unit = 0.0, high - low, "bar"
+        if condition.label in sums and condition.label not in readings:
+            total = sums[condition.label]
+            low, high = bound_value(total.lower, values), bound_value(total.upper, values)
+            unit = total.display_unit
         elif condition.label in readings:
             quantity = readings[condition.label]
             low, high, unit = quantity.lower, quantity.upper, quantity.display_unit
@@ -78,28 +79,21 @@ def _alternatives(
                 conditions[i] = replace(conditions[i], value=value)
                 return replace(problem, conditions=tuple(conditions))
 
-            yield condition.label, unit, low, high, with_value
+            yield condition.label.replace("_", " "), unit, low, high, with_value
     for parameter in model.parameters:
-        if parameter.name in _CHOICES:
+        if parameter.name in model.traits.choices:
 
             def with_parameter(value: float, name: str = parameter.name) -> Problem:
                 changed = model.with_parameters({name: value})
-                return replace(problem, model=changed, upper=_with_supply(problem, changed))
+                # The limits of states move along with a parameter that they depend on.
+                before, after = limits_of(model)[1], limits_of(changed)[1]
+                moved = np.where(np.isfinite(before), after, 0.0)
+                moved -= np.where(np.isfinite(before), before, 0.0)
+                return replace(problem, model=changed, upper=problem.upper + moved)
 
             name = parameter.name.replace("_", " ")
-            unit = "bar" if parameter.unit == "Pa" else parameter.unit
+            unit = shown_unit(parameter.unit)
             yield name, unit, parameter.lower, parameter.upper, with_parameter
-
-
-def _with_supply(problem: Problem, changed: Model) -> np.ndarray:
-    """Move the upper bound of the chamber pressures along with the supply."""
-    before = {q.name: q.value for q in problem.model.parameters}.get("supply_pressure", 0.0)
-    after = {q.name: q.value for q in changed.parameters}.get("supply_pressure", 0.0)
-    upper = problem.upper.copy()
-    for i, quantity in enumerate(changed.states):
-        if quantity.name in ("pressure_1", "pressure_2"):
-            upper[i] += after - before
-    return upper
 
 
 def _solvable(

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from workbench.model import EXACT, SMOOTH, Face, Model
+from workbench.model import EXACT, SMOOTH, Face, Input, Model, State
+from workbench.model.traits import bound_value
 from workbench.operating_point.derivatives import derivatives_of
 
 Vector = npt.NDArray[np.float64]
@@ -303,3 +304,17 @@ def conditions_of(
         weights[index] = 1.0
         found.append(Condition(label or name, weights, float(value), everything[index].scale))
     return tuple(found)
+
+
+def limits_of(model: Model) -> tuple[Vector, Vector]:
+    """Return the smallest and largest states and inputs, each of shape (n_x + n_u,), in SI."""
+    quantities: list[State | Input] = [*model.states, *model.inputs]
+    lower = np.array([q.lower for q in quantities], dtype=np.float64)
+    upper = np.array([q.upper for q in quantities], dtype=np.float64)
+    names = [q.name for q in quantities]
+    values = {q.name: q.value for q in model.parameters}
+    for name, low, high in model.traits.limits:
+        i = names.index(name)
+        lower[i] = max(lower[i], bound_value(low, values))
+        upper[i] = min(upper[i], bound_value(high, values))
+    return lower, upper

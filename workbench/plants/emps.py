@@ -14,15 +14,6 @@ from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.plants.plant import Plant
 
-PUBLISHED = {
-    "mass": 95.1089,
-    "viscous_friction.coefficient": 203.5034,
-    "coulomb_friction.level": 20.3935,
-    "offset": -3.1648,
-}
-"""Values that its authors identified by inverse dynamics and least squares, in SI."""
-
-
 GAIN = 35.15065188248547
 """Motor force over the controller's output, in N/V."""
 

@@ -132,6 +132,10 @@ class Plant:
             states or inputs by name, in SI; by default where the nominal inputs hold it.
         design_map: Grid of linear models for scheduled designs: values of outputs by name, in SI.
         effects: Effects of the library under the plant's own words, sized for it.
+        step: Values of the first controlled output between which a controller is tried, in SI; by
+            default from the design point on by the output's scale.
+        start_samples: Samples over which hidden states at the start of a free run are estimated.
+        requirements: Metrics with their largest value and its unit that a controller must keep.
 
     Example:
         >>> from workbench.plants.servo_axis import SERVO_AXIS
@@ -147,6 +151,9 @@ class Plant:
     design_point: Mapping[str, float] = field(default_factory=dict)
     design_map: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     effects: Mapping[str, Callable[[], Effect]] = field(default_factory=dict)
+    step: tuple[float, float] | None = None
+    requirements: tuple[tuple[str, float, str], ...] = ()
+    start_samples: int = 0
 
     def option(self, name: str) -> Option:
         """Return an option by its name, or by the keyword of the build function.

@@ -1,37 +1,105 @@
-"""A case: a folder of recordings of one machine, some to fit on and some held out."""
+"""A case: recordings of one machine, some to fit on and some held out, and what is known of it.
+
+A case is a folder with ``case.toml``::
+
+    plant = "my_plants:rig"        # a name, or module:object of a module in this folder
+    title = "rig with spring"
+
+    [options]                      # of the plant; numbers in the option's unit, or with unit
+    mass = "3 kg"
+
+    [[recordings]]                 # or files identify_*.csv and validate_*.csv in the folder
+    files = ["a.csv", "b.csv"]
+    use = "fit"                    # or "hold_out"
+    mapping = "mapping.toml"       # or a table
+    resample_Hz = 50
+    derivatives = {speed = {of = "position", samples = 11, order = 2}}
+
+    [refit]
+    starts = 4
+    noise = {position = "0.1 mm"}
+
+Options of the plant may stand outside a table under the keyword of the plant's function, as
+``load_kg = 3`` does in the arm's cases.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from workbench.data_folder import shipped_cases, shipped_data, shipped_folder
 from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.model import Model
+from workbench.model.units import quantity, to_si
+from workbench.plants.plant import Plant
+from workbench.plants.registry import PLANTS
 from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.formats.format import known_suffixes, suffix_of
+from workbench.recordings.public_data import public_file
 from workbench.recordings.read import MappingLike, mapping_beside, read_recording, read_settings
-from workbench.recordings.recording import Recording, Scalar
+from workbench.recordings.recording import Recording, Scalar, Signal
+from workbench.recordings.resampling import resample
 
 ROLES = ("identify_open", "identify_closed", "validate_open", "validate_closed")
-_RANGES = {
-    "load_kg": (0.0, 8.0, "kg"),
-    "supply_bar": (0.5, 12.0, "bar"),
-    "sample_rate_Hz": (0.1, 1e6, "Hz"),
-}
+USES = ("fit", "hold_out", "in_loop")
+_UNNAMED = "arm"
+"""Plant of cases that were written before cases named theirs."""
+
+_KEYS = {"title", "plant", "options", "parameters", "without", "effects", "recordings", "refit"}
+_KEYS |= {"data", "published", "published_from", "notes"}
+_RECORDING_KEYS = (
+    *("files", "use", "name", "plant", "mapping"),
+    *("rows", "resample_Hz", "derivatives", "constants", "centred"),
+)
+_REFIT_KEYS = ("stages", "starts", "start_samples", "noise", "noise_is_model_error")
+
+
+@dataclass(frozen=True)
+class RefitSettings:
+    """How parameters are estimated from recordings.
+
+    Args:
+        stages: Process-noise scales, pass by pass, dimensionless; the most likely if none.
+        starts: Number of starts of the search.
+        start_samples: Samples over which hidden states at the start of a free run are estimated; 0
+            to take the start from the first measurements.
+        noise: Standard deviation of outputs by name, in SI, in place of the sensors' data.
+        noise_is_model_error: Whether that noise stands for what the equations are expected to
+            leave, so that no floor can be reached.
+    """
+
+    stages: tuple[float, ...] = ()
+    starts: int = 1
+    start_samples: int = 0
+    noise: Mapping[str, float] = field(default_factory=dict)
+    noise_is_model_error: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Recordings of one machine with its settings.
+    """Recordings of one machine with its plant and settings.
 
     Args:
         name: Name of the case.
-        settings: Content of ``case.toml``: ``load_kg``, ``plane``, ``supply_bar``,
-            ``sample_rate_Hz`` and whatever else the machine needs.
-        recordings: Recordings by role; those whose role begins with ``identify`` are fitted on,
-            those that begin with ``validate`` are held out.
+        settings: Plain settings of ``case.toml``.
+        recordings: Recordings by name.
+        uses: What each recording is for: ``"fit"``, ``"hold_out"``, or ``"in_loop"``, held out on
+            a plant of its own.
         notes: What is missing.
+        title: What the machine is.
+        plant: Its plant.
+        options: Options of the plant that the case says, parsed.
+        changes: Effects, effects left out and parameters, as keywords of `Plant.model`.
+        loops: Plants of recordings that have one of their own, by recording.
+        refit: How to estimate.
+        published: Values that others identified, by parameter, in SI.
+        published_from: Who did.
+        remarks: What to know when reading a result.
 
     Raises:
         WorkbenchError: If there is nothing to fit on.
@@ -40,75 +108,108 @@ class Case:
     name: str
     settings: Mapping[str, Scalar]
     recordings: Mapping[str, Recording]
-    notes: tuple[str, ...] = field(default=())
+    uses: Mapping[str, str]
+    plant: Plant
+    options: Mapping[str, Any]
+    notes: tuple[str, ...] = ()
+    title: str = ""
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    loops: Mapping[str, Plant] = field(default_factory=dict)
+    refit: RefitSettings = field(default_factory=RefitSettings)
+    published: Mapping[str, float] = field(default_factory=dict)
+    published_from: str = ""
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        """Check the settings and that something can be fitted."""
-        for key, (low, high, unit) in _RANGES.items():
-            if key in self.settings:
-                check_range(f"{key} of case {self.name}", self.settings[key], low, high, unit)  # type: ignore[arg-type]
-        if "plane" in self.settings:
-            check_choice(
-                f"plane of case {self.name}",
-                str(self.settings["plane"]),
-                ("horizontal", "vertical"),
-            )
+        """Check that something can be fitted."""
         if not self.fit:
             raise WorkbenchError(
-                f"case {self.name} has no recording to fit on; it needs a file identify_*.csv"
+                f"case {self.name} has no recording to fit on; it needs a file identify_*.csv, or"
+                ' one of [[recordings]] with use = "fit"'
             )
 
-    def _setting(self, key: str) -> Scalar:
-        if key not in self.settings:
-            raise WorkbenchError(f"case.toml of case {self.name} does not give {key}; add it")
-        return self.settings[key]
+    def model(self, **changes: Any) -> Model:
+        """Build the plant with the options of the case.
 
-    @property
-    def load_kg(self) -> float:
-        """Added load, in kg."""
-        return float(self._setting("load_kg"))
+        Args:
+            changes: Further arguments of `Plant.model`.
 
-    @property
-    def plane(self) -> str:
-        """``horizontal`` or ``vertical``."""
-        return str(self._setting("plane"))
-
-    @property
-    def supply_bar(self) -> float:
-        """Supply pressure, gauge, in bar."""
-        return float(self._setting("supply_bar"))
+        Raises:
+            WorkbenchError: If the case does not give an option that differs from rig to rig.
+        """
+        for option in self.plant.options:
+            if option.measured and option.name not in {
+                **self.options,
+                **changes.get("options", {}),
+            }:
+                raise WorkbenchError(
+                    f"case.toml of case {self.name} does not give {option.keyword}; add it"
+                )
+        options = {**self.options, **changes.pop("options", {})}
+        return self.plant.model(options, **{**self.changes, **changes})
 
     @property
     def sample_rate_Hz(self) -> float:
         """Sample rate, in Hz."""
-        return float(self._setting("sample_rate_Hz"))
+        if "sample_rate_Hz" not in self.settings:
+            raise WorkbenchError(
+                f"case.toml of case {self.name} does not give sample_rate_Hz; add it"
+            )
+        return float(self.settings["sample_rate_Hz"])
+
+    def used(self, use: str) -> dict[str, Recording]:
+        """Return the recordings of one use, by name."""
+        return {name: r for name, r in self.recordings.items() if self.uses[name] == use}
 
     @property
     def fit(self) -> dict[str, Recording]:
-        """Recordings to fit on, by role."""
-        return {k: r for k, r in self.recordings.items() if k.startswith("identify")}
+        """Recordings to fit on, by name."""
+        return self.used("fit")
 
     @property
     def hold_out(self) -> dict[str, Recording]:
-        """Recordings to judge on, by role."""
-        return {k: r for k, r in self.recordings.items() if k.startswith("validate")}
+        """Recordings to judge on, by name."""
+        return self.used("hold_out")
 
     def __str__(self) -> str:
         settings = ", ".join(f"{k} = {v}" for k, v in self.settings.items())
         rows = [
             (
-                role,
-                "fit" if role in self.fit else "hold out",
+                name,
+                self.uses[name].replace("_", " "),
                 str(len(r)),
                 f"{r.duration:.6g}",
                 ", ".join(r.names),
             )
-            for role, r in self.recordings.items()
+            for name, r in self.recordings.items()
         ]
         table = aligned_table(("recording", "use", "samples", "seconds", "signals"), rows)
         return "\n".join(
             [f"case {self.name}: {settings}", table, *(f"note: {note}" for note in self.notes)]
         )
+
+
+def machine_cases() -> tuple[str, ...]:
+    """Return the names of the shipped descriptions of public recordings of real machines."""
+    return tuple(sorted(p.parent.name for p in shipped_folder().glob("machines/*/case.toml")))
+
+
+def case_folder(name: str | Path) -> Path:
+    """Return the folder of a case: a folder's path, a shipped case, or a machine.
+
+    Raises:
+        WorkbenchError: If it is none of them.
+    """
+    if Path(name).is_dir():
+        return Path(name)
+    if str(name) in shipped_cases():
+        return shipped_data(str(name))
+    if str(name) in machine_cases():
+        return shipped_folder() / "machines" / str(name)
+    raise WorkbenchError(
+        f"{str(name)!r} is neither a folder with a case nor one of"
+        f" {', '.join((*shipped_cases(), *machine_cases()))}"
+    )
 
 
 def _files(folder: Path) -> dict[str, Path]:
@@ -131,7 +232,7 @@ def _order(role: str) -> tuple[int, str]:
 
 
 def _gauge(recording: Recording) -> Recording:
-    """Say that the pressures of an arm case are gauge pressures, as its format has it."""
+    """Say that the pressures of a case are gauge pressures, as the format has it."""
     for signal in recording.signals:
         if signal.kind == "pressure":
             recording = recording.with_signal(replace(signal, kind="gauge pressure"))
@@ -143,18 +244,20 @@ def read_case(
     *,
     mapping: MappingLike = None,
     signals: Any = None,
+    data: Path | None = None,
     max_rows: int = 2_000_000,
 ) -> Case:
-    """Read a case folder: ``case.toml`` and one file per recording.
+    """Read a case folder: ``case.toml`` and its recordings.
 
-    The files are called after their role (``identify_open.csv``, ``validate_closed.csv.gz``, ...).
-    Pressures are gauge pressures. A file ``mapping.toml`` in the folder is used if no mapping is
-    given; ``identify_open.mapping.toml`` beside a file stands before both.
+    Recordings are those of ``[[recordings]]``, or the files that are called after their role
+    (``identify_open.csv``, ``validate_closed.csv.gz``, ...). Pressures are gauge pressures. A file
+    ``mapping.toml`` in the folder is used if no mapping is given.
 
     Args:
-        folder: The folder.
+        folder: The folder, the name of a shipped case, or of a machine.
         mapping: Mapping of every file, see `read_recording`.
         signals: Signals wanted of every file, see `read_recording`.
+        data: Folder with public recordings, for a machine; None reads ``WORKBENCH_DATA``.
         max_rows: Largest number of rows kept of a file.
 
     Returns:
@@ -164,35 +267,210 @@ def read_case(
         WorkbenchError: If the folder, its settings or a file cannot be read.
 
     Example:
-        >>> from workbench.data_folder import shipped_data
-        >>> case = read_case(shipped_data("practice-07"))
-        >>> case.load_kg, list(case.fit)
+        >>> case = read_case("practice-07")
+        >>> case.options["load"], list(case.fit)
         (3.0, ['identify_open', 'identify_closed'])
     """
-    path = Path(folder)
-    if not path.is_dir():
-        raise WorkbenchError(f"there is no case folder {path}")
+    path = case_folder(folder)
     if not (path / "case.toml").is_file():
         raise WorkbenchError(
-            f"{path} has no case.toml; write one with load_kg, plane, supply_bar, sample_rate_Hz"
+            f'{path} has no case.toml; write one with plant = "NAME" and [options], or for the arm'
+            " with load_kg, plane, supply_bar, sample_rate_Hz"
         )
     settings = read_settings(path / "case.toml")
-    flat = {k: v for k, v in settings.items() if isinstance(v, (str, int, float, bool))}
+    flat = {
+        k: v
+        for k, v in settings.items()
+        if isinstance(v, (str, int, float, bool)) and k not in _KEYS
+    }
+    plant = PLANTS.get(str(settings.get("plant", _UNNAMED)), folder=path)
+    options = _options(path.name, plant, flat, _table(settings, "options", path.name))
+    if "sample_rate_Hz" in flat:
+        check_range(f"sample_rate_Hz of case {path.name}", flat["sample_rate_Hz"], 0.1, 1e6, "Hz")  # type: ignore[arg-type]
     own = path / "mapping.toml"
     if mapping is None and own.is_file():
         mapping = own
-    recordings = {}
-    for role, file in _files(path).items():
+    recordings, uses, loops, notes = {}, {}, {}, []
+    for file, entry in _entries(path, settings, data):
+        given = entry.get("mapping", mapping_beside(file) or mapping)
+        if isinstance(given, str):
+            given = path / given
+        name = str(entry.get("name", entry["file_name"]))
         recording = read_recording(
-            file,
-            mapping=mapping_beside(file) or mapping,
-            signals=signals,
-            max_rows=max_rows,
-            name=f"{path.name}/{role}",
+            file, mapping=given, signals=signals, max_rows=max_rows, name=f"{path.name}/{name}"
         )
-        recordings[role] = _gauge(replace(recording, metadata={**recording.metadata, **flat}))
-    standard = [r for r in ROLES if r in recordings]
-    notes = [f"{r} is missing" for r in ROLES if r not in recordings] if standard else []
-    if not any(r.startswith("validate") for r in recordings):
+        if "name" in entry:
+            name = _filled(name, recording)
+            recording = replace(recording, name=name)
+        recording = _prepared(_gauge(recording), entry, f"recording {name} of case {path.name}")
+        if name in recordings:
+            raise WorkbenchError(
+                f"case {path.name} has two recordings {name!r}; give one of them another name"
+            )
+        recordings[name] = replace(recording, metadata={**recording.metadata, **flat})
+        uses[name] = str(entry["use"])
+        if "plant" in entry:
+            loops[name] = PLANTS.get(str(entry["plant"]), folder=path)
+    if "recordings" not in settings:
+        standard = [r for r in ROLES if r in recordings]
+        notes = [f"{r} is missing" for r in ROLES if r not in recordings] if standard else []
+    if "hold_out" not in uses.values():
         notes.append("nothing is held out, so no claim can be proved")
-    return Case(path.name, flat, recordings, tuple(notes))
+    changes: dict[str, Any] = {
+        k: tuple(settings[k]) for k in ("effects", "without", "parameters") if k in settings
+    }
+    return Case(
+        path.name,
+        flat,
+        recordings,
+        uses,
+        plant,
+        options,
+        tuple(notes),
+        str(settings.get("title", "")),
+        {**changes, "folder": path},
+        loops,
+        _refit_settings(path.name, plant, _table(settings, "refit", path.name)),
+        {k: float(v) for k, v in _table(settings, "published", path.name).items()},
+        str(settings.get("published_from", "")),
+        tuple(str(note) for note in settings.get("notes", ())),
+    )
+
+
+def _table(settings: Mapping[str, Any], key: str, case: str) -> Mapping[str, Any]:
+    found = settings.get(key, {})
+    if not isinstance(found, Mapping):
+        raise WorkbenchError(f"{key} of case {case} is {found!r}; write a table [{key}]")
+    return found
+
+
+def _options(
+    case: str, plant: Plant, flat: Mapping[str, Any], table: Mapping[str, Any]
+) -> dict[str, Any]:
+    given = {o.keyword: flat[o.keyword] for o in plant.options if o.keyword in flat}
+    found = {}
+    for name, value in {**given, **table}.items():
+        option = plant.option(name)
+        found[option.name] = replace(option, label=f"{name} of case {case}").parse(value)
+    return found
+
+
+def _entries(
+    folder: Path, settings: Mapping[str, Any], data: Path | None
+) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Yield file and settings of every recording."""
+    if "recordings" not in settings:
+        for role, path in _files(folder).items():
+            use = "fit" if role.startswith("identify") else "hold_out"
+            yield path, {"file_name": role, "use": use}
+        return
+    for number, entry in enumerate(settings["recordings"], 1):
+        what = f"[[recordings]] {number} of case {folder.name}"
+        if not isinstance(entry, Mapping) or "files" not in entry:
+            raise WorkbenchError(f'{what} names no files; write files = ["a.csv"]')
+        for key in entry:
+            check_choice(f"key of {what}", key, _RECORDING_KEYS)
+        use = check_choice(f"use of {what}", str(entry.get("use", "fit")), USES)
+        files = entry["files"]
+        for file in [str(files)] if isinstance(files, str) else [str(name) for name in files]:
+            public = "data" in settings
+            yield (
+                public_file(f"{settings['data']}/{file}", data=data) if public else folder / file,
+                {**entry, "use": use, "file_name": Path(file).name.split(".", 1)[0]},
+            )
+
+
+def _filled(name: str, recording: Recording) -> str:
+    """Fill words of the recording's metadata into a name such as ``"{trajectory} {kp}"``."""
+    try:
+        return name.format_map(recording.metadata)
+    except (KeyError, ValueError, IndexError):
+        raise WorkbenchError(
+            f"name {name!r} asks for what {recording.name} does not say; it says:"
+            f" {', '.join(recording.metadata) or 'nothing'}"
+        ) from None
+
+
+def _prepared(recording: Recording, entry: Mapping[str, Any], what: str) -> Recording:
+    """Do what a case asks for with a recording: resample, differentiate, add, centre."""
+    if "rows" in entry:
+        first, last = entry["rows"]
+        recording = recording.take(slice(int(first), int(last)))
+    if "resample_Hz" in entry:
+        recording = resample(recording, rate_Hz=float(entry["resample_Hz"]))
+    for name, rule in dict(entry.get("derivatives", {})).items():
+        recording = recording.with_signal(_derivative(recording, name, rule, what))
+    for name, value in dict(entry.get("constants", {})).items():
+        if isinstance(value, str) and value not in recording.metadata:
+            raise WorkbenchError(
+                f"{what} takes {name} from {value!r}, which it does not say; it says:"
+                f" {', '.join(recording.metadata) or 'nothing'}"
+            )
+        number = float(recording.metadata[value] if isinstance(value, str) else value)
+        held = np.full(len(recording), number)
+        recording = recording.with_signal(Signal(name, held, "1", role="command"))
+    for name in entry.get("centred", ()):
+        # A command that was compared at an instant is taken in the middle of each sample: held
+        # while the machine moves on, it would lag by half a sample.
+        signal = recording.signal(name)
+        middle = signal.values + 0.5 * np.diff(signal.values, append=signal.values[-1])
+        recording = recording.with_signal(replace(signal, values=middle))
+    return recording
+
+
+def _derivative(recording: Recording, name: str, rule: Mapping[str, Any], what: str) -> Signal:
+    """Differentiate a signal by polynomials over a few samples (Savitzky and Golay 1964)."""
+    from scipy.signal import savgol_filter
+
+    for key in rule:
+        check_choice(f"key of the derivative {name} of {what}", key, ("of", "samples", "order"))
+    source = recording.signal(str(rule.get("of", "")))
+    samples = round(
+        check_range(f"samples of the derivative {name}", rule.get("samples", 11), 3, 1e4)
+    )
+    order = round(
+        check_range(f"order of the derivative {name}", rule.get("order", 2), 1, samples - 1)
+    )
+    step = float(np.median(np.diff(recording.time)))
+    rate = savgol_filter(source.values, samples | 1, order, deriv=1, delta=step)
+    return Signal(name, np.asarray(rate), f"{source.unit}/s", role="command")
+
+
+def _refit_settings(case: str, plant: Plant, table: Mapping[str, Any]) -> RefitSettings:
+    for key in table:
+        check_choice(f"key of [refit] of case {case}", key, _REFIT_KEYS)
+    return RefitSettings(
+        tuple(
+            check_range(f"stage of case {case}", scale, 1e-9, 1e9)
+            for scale in table.get("stages", ())
+        ),
+        round(check_range(f"starts of case {case}", table.get("starts", 1), 1, 100)),
+        round(
+            check_range(
+                f"start_samples of case {case}",
+                table.get("start_samples", plant.start_samples),
+                0,
+                1e6,
+            )
+        ),
+        noise_of(plant.model(), table.get("noise", {})) if table.get("noise") else {},
+        bool(table.get("noise_is_model_error", False)),
+    )
+
+
+def noise_of(model: Model, given: Mapping[str, Any]) -> dict[str, float]:
+    """Return the noise of outputs, in SI, given as numbers in their display unit or with units.
+
+    Raises:
+        WorkbenchError: If there is no such output, or a value is not positive.
+    """
+    outputs = {q.name: q for q in model.outputs}
+    found = {}
+    for name, value in given.items():
+        check_choice("output with noise", name, outputs)
+        unit = outputs[name].display_unit
+        size = check_range(
+            f"noise of {name}", quantity(f"noise of {name}", value, unit), 1e-300, 1e300, unit
+        )
+        found[name] = to_si(size, unit)
+    return found

@@ -203,7 +203,7 @@ def run_benchmarks(*, progress: Callable[[str], None] = lambda text: None) -> Be
 
 
 def _linear_models(plant: Model) -> Sequence[Timing]:
-    point = operating_point(plant, {"angle": math.radians(30.0)}, mean_pressure=3e5)
+    point = operating_point(plant, {"angle": math.radians(30.0), "mean_pressure": 3e5})
     linearise(point)
     single = _fastest(lambda: linearise(point), 10)
     angles = np.radians(np.arange(61.0))

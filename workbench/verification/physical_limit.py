@@ -176,7 +176,8 @@ def physical_limit(
     band = check_range(
         "band", 0.02 * distance if band_rad is None else band_rad, 1e-9, 0.9 * distance
     )
-    start = operating_point(model, {coordinate: from_rad}, mean_pressure=mean_pressure)
+    held = {} if mean_pressure is None else {"mean_pressure": mean_pressure}
+    start = operating_point(model, {coordinate: from_rad, **held})
     problem = _Problem(
         model,
         start,

@@ -22,7 +22,7 @@ from workbench.plants.arm import arm
 def test_difference_at_rest_is_that_of_the_plant(schedule: JointSchedule, plant: Model) -> None:
     # between grid points, at mean pressures off the map: forces are straight lines over pressure
     for angle, mean in ((12.0, 3.0e5), (25.0, 4.1e5), (47.0, 3.3e5)):
-        point = operating_point(plant, {"angle": math.radians(angle)}, mean_pressure=mean)
+        point = operating_point(plant, {"angle": math.radians(angle), "mean_pressure": mean})
         y = dict(zip([q.name for q in plant.outputs], point.y, strict=True))
         found = schedule.at(math.radians(angle), mean).difference
         # 13 degrees apart, straight lines miss the curve by less than 3 kPa (0.03 bar)
@@ -32,7 +32,7 @@ def test_difference_at_rest_is_that_of_the_plant(schedule: JointSchedule, plant:
 def test_numbers_are_those_of_a_joint_model_between_the_points(
     schedule: JointSchedule, plant: Model
 ) -> None:
-    point = operating_point(plant, {"angle": math.radians(35)}, mean_pressure=3.2e5)
+    point = operating_point(plant, {"angle": math.radians(35), "mean_pressure": 3.2e5})
     own = joint_model(linearise(point, input="opening", verdict=False))
     found = schedule.at(math.radians(35), 3.2e5)
     for name in ("b", "a0", "g", "e"):

@@ -19,7 +19,6 @@ import numpy.typing as npt
 
 from controllers.nonlinear_mpc.controller import NonlinearMPC
 from workbench.errors import NumericalError, check_choice
-from workbench.linearisation.opening import FULL_STROKE
 
 Matrix = npt.NDArray[np.float64]
 
@@ -97,7 +96,7 @@ def converged(
         x = X[k]
         if k < N:
             end = controller.stage(
-                x[:n], controller.valve.centre + FULL_STROKE * U[k], disturbances
+                x[:n], controller.valve.centre + controller.valve.full_stroke * U[k], disturbances
             )[0]
             # In this sign: fatrop's detection of the structure fails on the other.
             gap = X[k + 1] - ca.vertcat(end, U[k], x[n + 1])

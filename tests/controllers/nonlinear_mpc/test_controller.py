@@ -17,7 +17,7 @@ from controllers.nonlinear_mpc.controller import (
 from controllers.nonlinear_mpc.prediction import Called, discrete, dynamics, shooting
 from tests.controllers.nonlinear_mpc.converged_plan import converged
 from workbench.errors import WorkbenchError
-from workbench.linearisation.opening import opening_plant
+from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import SMOOTH, Model
 from workbench.operating_point import operating_point
 from workbench.simulation.compiled import compiled
@@ -41,7 +41,7 @@ def problem(mpc: NonlinearMPC, plant: Model) -> tuple[np.ndarray, np.ndarray]:
 def test_a_stage_is_the_plant_over_its_duration(mpc: NonlinearMPC, plant: Model) -> None:
     # Independent route: adaptive integration of the whole plant, spool included. The spool lags by
     # 2 to 3 ms of 20 ms, so it starts where it is commanded.
-    proportional = opening_plant(plant.without("bearing_friction"))
+    proportional = straightened(plant.without("bearing_friction"), "opening")
     names = [q.name for q in proportional.states]
     x = operating_point(plant, {"angle": math.radians(20)}).x.copy()
     x[names.index("spool")] = 1.5
@@ -55,7 +55,7 @@ def test_a_stage_is_the_plant_over_its_duration(mpc: NonlinearMPC, plant: Model)
 
 
 def test_derivatives_are_those_of_the_discrete_map(plant: Model) -> None:
-    rates = dynamics(opening_plant(plant), DISTURBED, resting=("spool", "spool_speed"))
+    rates = dynamics(straightened(plant, "opening"), DISTURBED, resting=("spool", "spool_speed"))
     stage = discrete(rates, 0.02, 2, "stage")
     x = plant.initial_state()
     names = [q.name for q in plant.states]
@@ -77,7 +77,7 @@ def test_derivatives_are_those_of_the_discrete_map(plant: Model) -> None:
 
 
 def test_shots_are_stages_side_by_side(plant: Model) -> None:
-    rates = dynamics(opening_plant(plant), DISTURBED, resting=("spool", "spool_speed"))
+    rates = dynamics(straightened(plant, "opening"), DISTURBED, resting=("spool", "spool_speed"))
     stage = discrete(rates, 0.02, 2, "stage")
     rng = np.random.default_rng(3)
     x = plant.initial_state()[[q.name for q in plant.states].index("pressure_1") :]

@@ -22,7 +22,7 @@ from controllers.nonlinear_mpc.controller import (
     design_nonlinear_mpc,
 )
 from tests.controllers.nonlinear_mpc.converged_plan import converged
-from workbench.linearisation.opening import opening_plant
+from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import Model
 from workbench.operating_point import operating_point
 
@@ -42,13 +42,13 @@ def rates(plant: Model, names: tuple[str, ...]) -> ca.Function:
     soft = plant.without("bearing_friction").with_parameters(
         {"stop_stiffness": 1e3, "stop_damping": 1.0}
     )
-    traced = opening_plant(soft).smooth
+    traced = straightened(soft, "opening").smooth
     every = [q.name for q in soft.states]
     x, opening = ca.SX.sym("x", len(names)), ca.SX.sym("opening")
     volts = 5.0 + 5.0 * opening
     known = {"spool": volts - 5.0, "spool_speed": ca.SX(0)}
     full = ca.vertcat(*(known[n] if n in known else x[names.index(n)] for n in every))
-    values = opening_plant(soft).values
+    values = straightened(soft, "opening").values
     out = ca.substitute(
         traced.rates,
         ca.vertcat(traced.x, traced.u, traced.p),

@@ -10,13 +10,13 @@ import pytest
 from workbench.data_folder import shipped_data
 from workbench.diagnosis.estimation.refit import default_priors, refit
 from workbench.diagnosis.estimation.refit_report import run_refit
-from workbench.diagnosis.tasks.arm_case import arm_case
+from workbench.diagnosis.problem import problem_of_case
 from workbench.evaluation.rig.cases import make_case
 from workbench.recordings.case import read_case
 
 
 def test_the_refit_reaches_the_noise_floor_where_nothing_is_hidden() -> None:
-    report = run_refit(arm_case(read_case(shipped_data("practice-07"))))
+    report = run_refit(problem_of_case(read_case(shipped_data("practice-07"))).task())
     assert report.refit.converged
     assert report.reaches_floor
     for role in ("validate_open", "validate_closed"):
@@ -33,7 +33,7 @@ def test_the_refit_reaches_the_noise_floor_where_nothing_is_hidden() -> None:
 
 
 def test_the_refit_stays_above_the_floor_where_hysteresis_is_hidden() -> None:
-    report = run_refit(arm_case(read_case(shipped_data("practice-08"))))
+    report = run_refit(problem_of_case(read_case(shipped_data("practice-08"))).task())
     assert not report.reaches_floor
     assert report.row("practice-08/validate_open", "angle").refitted > 0.1
 
@@ -46,7 +46,7 @@ def rig_case(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_parameters_of_the_independent_rig_lie_in_their_intervals(rig_case: Path) -> None:
     rig = json.loads((rig_case / "truth.json").read_text())["parameters"]
-    task = arm_case(read_case(rig_case))
+    task = problem_of_case(read_case(rig_case)).task()
     found = refit(task.model, task.fit)
     # Pressures only show volumes relative to conductances: the refit holds the volume at nominal.
     gauge = rig["volume_gain"]
@@ -71,7 +71,7 @@ def test_parameters_of_the_independent_rig_lie_in_their_intervals(rig_case: Path
 
 
 def test_force_and_inertia_cannot_be_told_apart_away_from_the_stops(rig_case: Path) -> None:
-    task = arm_case(read_case(rig_case))
+    task = problem_of_case(read_case(rig_case)).task()
     closed = [r for r in task.fit if r.name.endswith("identify_closed")]
     found = refit(task.model, closed)
     named = [text for text in found.unidentifiable if "arm_inertia" in text]
@@ -85,7 +85,7 @@ def test_force_and_inertia_cannot_be_told_apart_away_from_the_stops(rig_case: Pa
 
 
 def test_volumes_and_conductances_cannot_be_told_apart(rig_case: Path) -> None:
-    task = arm_case(read_case(rig_case))
+    task = problem_of_case(read_case(rig_case)).task()
     priors = (*default_priors(task.model), *default_priors(task.model, ["volume_gain"]))
     found = refit(task.model, task.fit, priors=priors)
     named = [text for text in found.unidentifiable if "volume_gain" in text]
@@ -101,7 +101,7 @@ def test_a_case_with_hidden_physics_stays_above_the_floor(
     folder = external_folder / "practice" / f"practice-{number:02d}"
     if not folder.is_dir():
         pytest.skip(f"the data folder holds no {folder.name}")
-    report = run_refit(arm_case(read_case(folder)))
+    report = run_refit(problem_of_case(read_case(folder)).task())
     assert not report.reaches_floor
     # Ten steps of the encoder: no refit of the nominal plant hides what these cases hide.
     assert max(row.refitted for row in report.rows if row.output == "angle") > 0.02

@@ -11,7 +11,6 @@ from workbench.diagnosis.verdict import Verdict
 from workbench.evaluation.own_cases.plan import names, plan
 from workbench.evaluation.own_cases.run import made
 from workbench.evaluation.rig.fast import library as compiled
-from workbench.plants.arm import arm
 from workbench.recordings import read_case
 
 PLANNED = {case.name: case for case in plan()}
@@ -32,7 +31,7 @@ def diagnosed(name: str, folder: Path) -> Verdict:
         pytest.skip("no compiler: making a case in plain Python takes minutes")
     found = read_case(made(PLANNED[name], folder))
     fit_on, hold_out = list(found.fit.values()), list(found.hold_out.values())
-    verdict = diagnose(arm(found.load_kg), fit_on, hold_out, jobs=1).verdict
+    verdict = diagnose(found.model(), fit_on, hold_out, jobs=1).verdict
     assert verdict is not None
     return verdict
 

@@ -48,7 +48,7 @@ def test_mean_pressure_is_held_where_one_valve_lets_it_drift() -> None:
     assert point.is_equilibrium
     assert point["pressure_1"] / 1e5 == pytest.approx(2.54, abs=0.01)
     assert point["pressure_2"] / 1e5 == pytest.approx(3.46, abs=0.01)
-    drifting = operating_point(arm(3), {"angle": math.radians(20.0)}, mean_pressure=3e5)
+    drifting = operating_point(arm(3), {"angle": math.radians(20.0), "mean_pressure": 3e5})
     assert not drifting.is_equilibrium
 
 

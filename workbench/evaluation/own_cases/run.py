@@ -23,7 +23,6 @@ from workbench.evaluation.own_cases.sindy import sindy
 from workbench.evaluation.rig.cases import make_case
 from workbench.evaluation.rig.parameters import nominal
 from workbench.model import Model
-from workbench.plants.arm import arm
 from workbench.recordings import read_case
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
@@ -109,7 +108,7 @@ def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> d
         }
         found = read_case(folder)
         fit_on, hold_out = list(found.fit.values()), list(found.hold_out.values())
-        plant = arm(found.load_kg)
+        plant = found.model()
         wall, processor = time.perf_counter(), time.process_time()
         try:
             diagnosis = diagnose(plant, fit_on, hold_out, jobs=jobs, advise=False)

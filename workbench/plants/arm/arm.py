@@ -23,6 +23,7 @@ from workbench.plants.arm.joint import STATES as JOINT_STATES
 from workbench.plants.arm.joint import damper_and_bearing, gravity, joint
 from workbench.plants.arm.muscle import PARAMETERS as MUSCLE_PARAMETERS
 from workbench.plants.arm.muscle import MuscleLaws, muscle, muscle_laws, muscle_states
+from workbench.plants.arm.opening import ONE_VALVE
 from workbench.plants.arm.servovalve import COMMAND, ValveFlows, valve
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
 from workbench.plants.arm.servovalve import STATES as VALVE_STATES
@@ -285,6 +286,7 @@ def arm(
             replace(q, value=values[q.name]) if q.name in values else q for q in parameters
         ),
         description=f"antagonistic pneumatic-muscle arm, {load:g} kg, {plane} plane, {variant}",
+        traits=ONE_VALVE,
     ).with_effect(*effects)
 
 
@@ -300,4 +302,14 @@ ARM = Plant(
         "mean_pressure": (2.8e5, 3.6e5),
     },
     effects={"hysteresis": bouc_wen_hysteresis},
+    step=(math.radians(15.0), math.radians(45.0)),
+    # Half a second at 500 Hz, over which temperatures show.
+    start_samples=251,
+    requirements=(
+        ("settling_time", 0.8, "s"),
+        ("overshoot", 10.0, "%"),
+        ("steady_error", 0.3, "deg"),
+        ("oscillation", 0.1, "deg"),
+        ("stop_impacts", 0.0, ""),
+    ),
 )

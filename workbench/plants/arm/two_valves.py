@@ -25,6 +25,7 @@ from workbench.plants.arm.arm import (
     arm,
 )
 from workbench.plants.arm.inertia import Plane
+from workbench.plants.arm.opening import TWO_VALVES
 from workbench.plants.arm.servovalve import (
     COMMAND,
     STATES,
@@ -165,6 +166,7 @@ def two_valve_arm(
         states=(*spools, *base.states[len(STATES) :]),
         inputs=commands,
         outputs=(*base.outputs, MEAN_PRESSURE),
+        traits=TWO_VALVES,
         description=f"{base.description}, one valve per muscle",
     )
 

@@ -1,0 +1,38 @@
+"""The verb ``plants``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def plants(
+    name: Annotated[
+        str | None,
+        typer.Argument(help="Plant, or module:object of your own.", metavar="[NAME]"),
+    ] = None,
+) -> int:
+    """List the plants, or what one of them takes: options, inputs, outputs, effects, parameters.
+
+    Example: 'workbench plants arm'.
+    """
+    from workbench.plants.registry import PLANTS
+
+    if name is None:
+        for plant in PLANTS.members().values():
+            typer.echo(f"{plant.name:<16}{plant.summary}")
+        return 0
+    plant = PLANTS.get(name, folder=Path.cwd())
+    model = plant.model()
+    typer.echo(str(plant))
+    for kind, quantities in (
+        ("inputs", model.inputs),
+        ("outputs", model.outputs),
+        ("states", model.states),
+        ("parameters", model.parameters),
+    ):
+        typer.echo(f"  {kind}: {', '.join(f'{q.name} ({q.unit})' for q in quantities) or 'none'}")
+    typer.echo(f"  effects: {', '.join(effect.name for effect in model.effects) or 'none'}")
+    return 0

@@ -1,0 +1,214 @@
+"""A model with recordings to fit on and to judge on: what `refit` and `diagnose` start from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.refit_report import RefitTask
+from workbench.errors import WorkbenchError
+from workbench.model import Effect, Model
+from workbench.physics.hypothesis import Hypothesis
+from workbench.physics.library import library
+from workbench.recordings.case import Case, RefitSettings
+from workbench.recordings.read import MappingLike, read_recording
+from workbench.recordings.recording import Recording
+from workbench.registry import load_object, user_code
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A model, recordings to fit on, recordings to judge on, and how to estimate.
+
+    Args:
+        name: Short name, for files.
+        title: What is looked at, in a few words.
+        model: The nominal model.
+        fit: Recordings to fit on.
+        hold_out: Recordings to judge on.
+        in_loop: Further recordings to judge on, each with the model that runs on it.
+        refit: How to estimate.
+        published: Values that others identified, by parameter, in SI.
+        published_from: Who did.
+        notes: What to know when reading the result.
+    """
+
+    name: str
+    title: str
+    model: Model
+    fit: tuple[Recording, ...]
+    hold_out: tuple[Recording, ...]
+    in_loop: tuple[tuple[Model, Recording], ...] = ()
+    refit: RefitSettings = field(default_factory=RefitSettings)
+    published: Mapping[str, float] = field(default_factory=dict)
+    published_from: str = ""
+    notes: tuple[str, ...] = ()
+
+    def task(self) -> RefitTask:
+        """Return the refit of this problem.
+
+        Raises:
+            WorkbenchError: If a recording lacks an input, or has no output of the model.
+        """
+        return RefitTask(
+            name=self.name,
+            title=self.title,
+            model=self.model,
+            fit=tuple(self._observed(self.model, r) for r in self.fit),
+            hold_out=tuple(self._observed(self.model, r) for r in self.hold_out),
+            stages=self.refit.stages,
+            start_samples=self.refit.start_samples,
+            starts=self.refit.starts,
+            noise_known=not self.refit.noise_is_model_error,
+            in_loop=tuple((m, self._observed(m, r)) for m, r in self.in_loop),
+            published=self.published,
+            published_from=self.published_from,
+            notes=self.notes,
+        )
+
+    def _observed(self, model: Model, recording: Recording) -> Observed:
+        seen = observe(model, recording)
+        noise = [
+            self.refit.noise.get(name, rms)
+            for name, rms in zip(seen.used, seen.noise_rms, strict=True)
+        ]
+        return replace(seen, noise_rms=np.array(noise))
+
+
+def problem_of_case(case: Case, model: Model | None = None) -> Problem:
+    """Build the problem of a case.
+
+    Args:
+        case: The case.
+        model: The nominal model; by default that of the case.
+
+    Raises:
+        WorkbenchError: If the case does not give what its plant needs.
+    """
+    return Problem(
+        name=case.name,
+        title=case.title or f"{case.plant.name}, case {case.name}",
+        model=case.model() if model is None else model,
+        fit=tuple(case.fit.values()),
+        hold_out=tuple(case.hold_out.values()),
+        in_loop=tuple(
+            (case.loops[name].model() if name in case.loops else case.model(), recording)
+            for name, recording in case.used("in_loop").items()
+        ),
+        refit=case.refit,
+        published=case.published,
+        published_from=case.published_from,
+        notes=case.remarks,
+    )
+
+
+def problem_of_files(
+    model: Model,
+    fit: Sequence[Path],
+    hold_out: Sequence[Path],
+    *,
+    mapping: MappingLike = None,
+    refit: RefitSettings | None = None,
+) -> Problem:
+    """Read recordings of a model.
+
+    Args:
+        model: The nominal model.
+        fit: Recordings to fit on.
+        hold_out: Recordings to judge on.
+        mapping: Mapping of their columns.
+        refit: How to estimate.
+
+    Raises:
+        WorkbenchError: If there are none of one kind, one is given twice, or cannot be read.
+    """
+    if not fit or not hold_out:
+        raise WorkbenchError(
+            f"recordings to fit on ({len(fit)}) and others to judge on ({len(hold_out)}) are both"
+            " needed; give --fit and --hold-out"
+        )
+    names = dict(zip((*fit, *hold_out), _titles((*fit, *hold_out)), strict=True))
+    if len(names) < len(fit) + len(hold_out):
+        raise WorkbenchError(
+            "a recording is given twice; what a model is judged on must not be fitted on"
+        )
+    inputs = [q.name for q in model.inputs]
+    read = {}
+    for path, title in names.items():
+        recording = read_recording(path, mapping=mapping, name=title)
+        # What drives the model may stand still without being stuck.
+        read[path] = recording.with_roles(
+            dict.fromkeys([n for n in inputs if n in recording], "command")
+        )
+    return Problem(
+        name=", ".join(names[path] for path in fit),
+        title=model.description or model.name,
+        model=model,
+        fit=tuple(read[path] for path in fit),
+        hold_out=tuple(read[path] for path in hold_out),
+        refit=refit or RefitSettings(),
+    )
+
+
+def _titles(paths: Sequence[Path]) -> list[str]:
+    """Name recordings by their files, with the folder where two files share a name."""
+    stems = [path.name.split(".")[0] for path in paths]
+    return [
+        stem if stems.count(stem) == 1 else f"{path.parent.name}/{stem}"
+        for path, stem in zip(paths, stems, strict=True)
+    ]
+
+
+def own_hypotheses(
+    model: Model, references: Sequence[str], *, folder: Path | None = None
+) -> tuple[Hypothesis, ...] | None:
+    """Return the library with effects of the user's own, or None for the library alone.
+
+    Args:
+        model: The model that may lack them.
+        references: Each ``module:object``: an effect, a hypothesis, several of them, or a function
+            that returns them, called with the model if it takes an argument.
+        folder: Where the modules stand, beside the Python path.
+
+    Raises:
+        WorkbenchError: If an object is none of these.
+    """
+    if not references:
+        return None
+    own = [h for name in references for h in _own(model, name, folder)]
+    names = {h.name for h in own}
+    return (*(h for h in library(model) if h.name not in names), *own)
+
+
+def _own(model: Model, reference: str, folder: Path | None) -> list[Hypothesis]:
+    found = load_object("effect", reference, folder=folder)
+    if callable(found) and not isinstance(found, (Effect, Hypothesis)):
+        import inspect
+
+        with user_code(f"effect {reference!r}"):
+            required = [
+                p
+                for p in inspect.signature(found).parameters.values()
+                if p.default is p.empty and p.kind is not p.VAR_KEYWORD
+            ]
+            found = found(model) if required else found()
+    several = found if isinstance(found, Iterable) else (found,)
+    return [_hypothesis(item, reference) for item in several]
+
+
+def _hypothesis(item: object, reference: str) -> Hypothesis:
+    if isinstance(item, Hypothesis):
+        return item
+    if not isinstance(item, Effect) or not item.parameters:
+        raise WorkbenchError(
+            f"effect {reference!r} gave a {type(item).__name__}; it must be an Effect with a"
+            " parameter for its size, or a Hypothesis"
+        )
+    size = item.parameters[0]
+    typical = abs(size.value) or size.scale
+    return Hypothesis(item.with_parameters({size.name: 0.0}), size.name, typical, 0.05 * typical)

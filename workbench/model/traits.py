@@ -1,0 +1,99 @@
+"""What a plant declares about itself beside its equations: general rooms need not know it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from workbench.errors import check_choice
+from workbench.model.effect import Effect
+
+Weights = tuple[tuple[str, float], ...]
+"""Names with their weights."""
+
+Bound = float | tuple[str, ...]
+"""A number, in SI, or the sum of the parameters of these names."""
+
+
+@dataclass(frozen=True)
+class DriftingSum:
+    """A sum of outputs that no input holds, but that an operating point may prescribe.
+
+    The mean pressure of two chambers behind one 5/3 valve is one: it drifts to where leakage holds
+    it, and any other mean can be passed through.
+
+    Args:
+        name: Name by which a value is given.
+        unit: SI unit of the sum.
+        weights: Outputs and their weights.
+        drifting: States whose rates may then differ from zero, in this proportion.
+        lower: Smallest value, in SI.
+        upper: Largest value, in SI.
+        display_unit: Unit in which it is shown.
+        scale: Typical size, in SI.
+    """
+
+    name: str
+    unit: str
+    weights: Weights
+    drifting: Weights
+    lower: Bound
+    upper: Bound
+    display_unit: str
+    scale: float
+
+
+@dataclass(frozen=True)
+class ActuatorCurve:
+    """A static curve of an actuator that a controller may invert.
+
+    Args:
+        name: Name of the input that a controller then has, a fraction from -1 to 1.
+        state: State that follows the command, and to which the curve applies.
+        full: Value of the state at which a straight curve reaches 1, in SI.
+        straight: Builds the effect that puts a straight line in the curve's place.
+        signals: Signals of the model whose weighted sum is the curve's value.
+    """
+
+    name: str
+    state: str
+    full: float
+    straight: Callable[[], Effect]
+    signals: Weights
+
+    def value(self, signals: Mapping[str, float]) -> float:
+        """Return the value of the curve, a fraction, where the model has these signals, in SI."""
+        return float(sum(weight * signals[name] for name, weight in self.signals))
+
+
+@dataclass(frozen=True)
+class Traits:
+    """What a plant declares about itself.
+
+    Args:
+        sums: Sums that an operating point may prescribe beside one value per input.
+        limits: States with their smallest and largest value at an operating point.
+        choices: Parameters that a user chooses; messages say which values would be possible.
+        curves: Curves that a controller may invert.
+    """
+
+    sums: tuple[DriftingSum, ...] = ()
+    limits: tuple[tuple[str, Bound, Bound], ...] = ()
+    choices: tuple[str, ...] = ()
+    curves: tuple[ActuatorCurve, ...] = ()
+
+    def curve(self, name: str) -> ActuatorCurve:
+        """Return a curve by the name of its input.
+
+        Raises:
+            WorkbenchError: If the plant declares no such curve.
+        """
+        check_choice("input", name, ["plant", *(c.name for c in self.curves)])
+        return next(c for c in self.curves if c.name == name)
+
+
+def bound_value(bound: Bound, parameters: Mapping[str, float]) -> float:
+    """Return a bound as a number, in SI, given the parameters by name, in SI."""
+    if isinstance(bound, tuple):
+        return float(sum(parameters[name] for name in bound))
+    return bound
