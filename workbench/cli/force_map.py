@@ -37,8 +37,7 @@ def force_map(
             ...
         workbench.errors.WorkbenchError: ...
     """
-    from workbench.demo.force_law_fit import ForceMap
-    from workbench.demo.force_map_study import study_map
+    from workbench.demo.force_map_study import ForceMap, study_map
     from workbench.recordings import read_table
 
     table = read_table(file)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from workbench.demo.force_law_fit import LAW_LENGTH
-from workbench.demo.force_map_study import MapStudy, families_for
+from workbench.demo.force_map_study import LAW_LENGTH, MapStudy
 from workbench.reports.figures.force_maps import force_map, law_errors
 from workbench.reports.page import Commands, Method, Page, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Table, interval, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 DRAWN = ("tondu_lopez_kp", "petrovic", "paper_3", "sarosi")
 """Laws drawn beside the map; all of them would hide it."""
@@ -105,40 +110,48 @@ def _numbers(study: MapStudy) -> Table:
 
 
 def _pictures(study: MapStudy) -> tuple[Picture, ...]:
-    points = study.points
-    scale = float(points.length.max()) / LAW_LENGTH
-    every = np.unique(points.pressure)
+    every = np.unique(study.points.pressure)
     shown = [float(every[round(x * (len(every) - 1))]) for x in (0.25, 0.6, 1.0)]
-    rows = [points.pressure == pressure for pressure in shown]
-    fine = np.linspace(0.0, float(points.contraction.max()), 120)
-    families = families_for(study.largest_force)
-    curves = {}
-    for name in DRAWN:
-        law = families[name].build(study.law(name).values)
-        curves[study.law(name).title] = [np.asarray(law.force(fine, p)) for p in shown]
-    laws = study.laws
     return (
         Picture(
             "force-map",
-            force_map(
-                [scale * points.contraction[r] for r in rows],
-                [points.force[r] for r in rows],
-                shown,
-                scale * fine,
-                curves,
-            ),
+            map_figure(study, shown, DRAWN),
             "Measured force over contraction at three pressures, and fitted laws.",
             "the laws with a cubic phi and Sárosi's follow the points, the others do not",
         ),
         Picture(
             "law-errors",
-            law_errors(
-                [law.title for law in laws],
-                [law.fitted_rms for law in laws],
-                [law.length_rms for law in laws],
-                [float("nan")] * len(laws),
-            ),
+            errors_figure(study),
             "Errors on the points fitted on and on lengths held out.",
             "rms errors of the force laws on a logarithmic axis",
         ),
+    )
+
+
+def map_figure(study: MapStudy, pressures: Sequence[float], laws: Sequence[str]) -> Figure:
+    """Draw the points at some gauge pressures, in Pa, and fitted laws beside them."""
+    points = study.points
+    scale = float(points.length.max()) / LAW_LENGTH
+    rows = [points.pressure == pressure for pressure in pressures]
+    fine = np.linspace(0.0, float(points.contraction.max()), 120)
+    return force_map(
+        [scale * points.contraction[r] for r in rows],
+        [points.force[r] for r in rows],
+        pressures,
+        scale * fine,
+        {
+            law.title: [np.asarray(law.law.force(fine, p)) for p in pressures]
+            for law in (study.law(name) for name in laws)
+        },
+    )
+
+
+def errors_figure(study: MapStudy, *, published: bool = False) -> Figure:
+    """Draw the errors of all laws, those of the published numbers too if they are for the map."""
+    laws = study.laws
+    return law_errors(
+        [law.title for law in laws],
+        [law.fitted_rms for law in laws],
+        [law.length_rms for law in laws],
+        [law.published_rms if published else float("nan") for law in laws],
     )

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from workbench.demo.force_law_fit import FAMILIES, LAW_LENGTH, Family, ForceMap
-from workbench.errors import WorkbenchError
-from workbench.physics.force_laws import ForceLaw, PaperLaw
+from workbench.errors import WorkbenchError, check_choice
+from workbench.physics.force_laws import ForceLaw, PaperLaw, Petrovic, Sarosi, TonduLopez
 
 Vector = npt.NDArray[np.float64]
+
+LAW_LENGTH = 0.2
+"""Nominal length of the muscle for which the laws were published, in m."""
+
+LAW_CONTRACTION = 33e-3
+"""Largest contraction at which the published laws may be used, in m of a 200 mm muscle."""
 
 ORDERS = (0, 1, 2, 3)
 """Orders of phi that are tried."""
@@ -28,12 +33,120 @@ _BLOCKED_FORCE = 10.0
 
 
 @dataclass(frozen=True)
+class ForceMap:
+    """Measured static forces of a muscle.
+
+    Args:
+        pressure: Gauge pressures, shape (n,), in Pa.
+        length: Lengths, shape (n,), in m.
+        force: Forces, shape (n,), in N; zero where the muscle is slack.
+
+    Example:
+        >>> ForceMap(np.zeros(2), np.array([0.3, 0.27]), np.zeros(2)).contraction.round(3).tolist()
+        [0.0, 0.02]
+    """
+
+    pressure: Vector
+    length: Vector
+    force: Vector
+
+    @property
+    def contraction(self) -> Vector:
+        """Contraction of a 200 mm muscle that is contracted by the same ratio, in m.
+
+        A muscle of the same diameter and fibre angle pulls as hard at the same relative
+        contraction, whatever its length.
+        """
+        longest = float(self.length.max())
+        return LAW_LENGTH * (1 - self.length / longest)
+
+    def take(self, rows: npt.NDArray[np.bool_]) -> ForceMap:
+        """Return some of the points, with the contraction they had."""
+        return _Part(
+            self.pressure[rows], self.length[rows], self.force[rows], self.contraction[rows]
+        )
+
+
+@dataclass(frozen=True)
+class _Part(ForceMap):
+    given: Vector
+
+    @property
+    def contraction(self) -> Vector:
+        return self.given
+
+
+@dataclass(frozen=True)
+class Family:
+    """A force law with numbers to be fitted.
+
+    Args:
+        title: Name as people read it.
+        build: Makes the law from its numbers.
+        start: Numbers to start from, in the law's own units.
+        published: The law with its published or printed numbers.
+
+    Example:
+        >>> FAMILIES["petrovic"].title
+        'equation (3), Petrovic'
+    """
+
+    title: str
+    build: Callable[[Vector], ForceLaw]
+    start: tuple[float, ...]
+    published: ForceLaw
+
+
+def _tondu(x: Vector) -> ForceLaw:
+    k = (float(x[2]) if len(x) > 2 else 1.0, float(x[3]) if len(x) > 3 else 0.0)
+    return TonduLopez(*k, nominal_diameter=float(x[0]), fibre_angle=float(x[1]))
+
+
+def _paper(x: Vector) -> ForceLaw:
+    # The polynomial without its constant branch: the map has no contractions near its switch.
+    return PaperLaw(
+        (float(x[0]), float(x[1]), float(x[2])), tuple(x[3:].tolist()), 0.0, phi_switch=-1.0
+    )
+
+
+FAMILIES: dict[str, Family] = {
+    "tondu_lopez": Family("equation (1), Tondu-Lopez", _tondu, (0.02, 0.436), TonduLopez()),
+    "tondu_lopez_k": Family(
+        "equation (2), constant k", _tondu, (0.02, 0.436, 1.1), TonduLopez.constant_k()
+    ),
+    "tondu_lopez_kp": Family(
+        "equation (2), k of pressure",
+        _tondu,
+        (0.02, 0.436, 0.86, 13.2),
+        TonduLopez.pressure_dependent_k(),
+    ),
+    "petrovic": Family(
+        "equation (3), Petrovic",
+        lambda x: Petrovic((float(x[0]), float(x[1]), float(x[2]))),
+        (280.0, -2.2, 0.033),
+        Petrovic(),
+    ),
+    "paper": Family(
+        "equation (4), with φ(q)", _paper, (280.0, -2.2, 0.033, -10.0, -10.0, -0.3), PaperLaw()
+    ),
+    "sarosi": Family(
+        "Sárosi",
+        lambda x: Sarosi(*(float(v) for v in x)),
+        (-4.0018, 292.462, -0.32931, -9.33564, 294.054, -280.498),
+        Sarosi(),
+    ),
+}
+"""The laws of the plant, in the order of the paper."""
+
+
+@dataclass(frozen=True)
 class LawOnMap:
     """A force law fitted to a map, and what it is worth.
 
     Args:
         name: Short name.
         title: Name as people read it.
+        law: The fitted law.
         values: Fitted numbers, in the law's own units.
         std: Their standard deviations, in the law's own units.
         fitted_rms: Error on the points fitted on, rms in N.
@@ -41,14 +154,12 @@ class LawOnMap:
         length_rms: Error on lengths held out, rms in N.
         length_largest: Largest error on lengths held out, in N.
         pressure_rms: Error on pressures held out, rms in N.
-
-    Example:
-        >>> LawOnMap("a", "A", np.ones(1), np.ones(1), 1.0, 2.0, 1.5, 3.0, 1.2).title
-        'A'
+        published_rms: Error of the published law within its range, rms in N.
     """
 
     name: str
     title: str
+    law: ForceLaw
     values: Vector
     std: Vector
     fitted_rms: float
@@ -56,6 +167,7 @@ class LawOnMap:
     length_rms: float
     length_largest: float
     pressure_rms: float
+    published_rms: float
 
 
 @dataclass(frozen=True)
@@ -66,9 +178,6 @@ class MapStudy:
         name: Name of the map.
         points: The map.
         laws: The laws, in the order of the paper.
-
-    Raises:
-        WorkbenchError: From `law`, if there is none of that name.
     """
 
     name: str
@@ -91,12 +200,8 @@ class MapStudy:
         Raises:
             WorkbenchError: If there is no such law.
         """
-        for law in self.laws:
-            if law.name == name:
-                return law
-        raise WorkbenchError(
-            f"there is no law {name!r}; there are {', '.join(law.name for law in self.laws)}"
-        )
+        check_choice("law", name, [law.name for law in self.laws])
+        return next(law for law in self.laws if law.name == name)
 
     @property
     def need_for_phi(self) -> float:
@@ -127,7 +232,12 @@ class MapStudy:
 
 
 def study_map(
-    points: ForceMap, name: str, *, seed: int = 0, progress: Callable[[str], None] | None = None
+    points: ForceMap,
+    name: str,
+    *,
+    families: Mapping[str, Family] | None = None,
+    seed: int = 0,
+    progress: Callable[[str], None] = lambda law: None,
 ) -> MapStudy:
     """Fit every law to a map and judge it on lengths and on pressures left out of the fit.
 
@@ -135,8 +245,15 @@ def study_map(
     same has no error there. Each inner length at which the muscle pulls is left out once, and each
     of `FOLDS` random groups of pressures.
 
+    Args:
+        points: The map.
+        name: Its name.
+        families: The laws; by default `families_for` the strength of the muscle.
+        seed: Seed of the groups.
+        progress: Called with each law.
+
     Raises:
-        WorkbenchError: If the muscle pulls at fewer than four lengths.
+        WorkbenchError: If the muscle pulls at fewer than four lengths, or a fit does not end.
 
     Example:
         >>> study_map(made_up_map(), "made up").best.name.startswith("paper")
@@ -151,11 +268,11 @@ def study_map(
     pressures = np.random.default_rng(seed).permutation(np.unique(points.pressure))
     groups = [np.isin(points.pressure, pressures[i::FOLDS]) for i in range(FOLDS)]
     lengths = [points.length == level for level in levels[1:-1]]
+    in_range = points.take(points.contraction <= LAW_CONTRACTION)
     laws = []
-    for key, family in families_for(float(points.force.max())).items():
-        if progress:
-            progress(family.title)
-        values, std, law = _fit(family, points)
+    for key, family in (families or families_for(float(points.force.max()))).items():
+        progress(family.title)
+        values, std, law = fit_law(family, points)
         error = _error(law, points)
         by_length = np.concatenate([_held_out(family, points, rows) for rows in lengths])
         by_pressure = np.concatenate([_held_out(family, points, rows) for rows in groups])
@@ -163,6 +280,7 @@ def study_map(
             LawOnMap(
                 key,
                 family.title,
+                law,
                 values,
                 std,
                 _rms(error),
@@ -170,6 +288,7 @@ def study_map(
                 _rms(by_length),
                 float(np.max(np.abs(by_length))),
                 _rms(by_pressure),
+                _rms(_error(family.published, in_range)),
             )
         )
     return MapStudy(name, points, tuple(laws))
@@ -221,7 +340,18 @@ def made_up_map() -> ForceMap:
     return ForceMap(p.ravel(), LAW_LENGTH - q.ravel(), force.ravel())
 
 
-def _fit(family: Family, points: ForceMap) -> tuple[Vector, Vector, ForceLaw]:
+def fit_law(family: Family, points: ForceMap) -> tuple[Vector, Vector, ForceLaw]:
+    """Fit a law to a force map by least squares of the force.
+
+    A slack muscle measures zero; the law's own clamp says the same of every tension below zero,
+    so slack points bound the tension without pulling it to zero.
+
+    Returns:
+        Fitted numbers and their standard deviations, in the law's own units, and the law.
+
+    Raises:
+        WorkbenchError: If the fit does not end.
+    """
     from scipy.optimize import least_squares
 
     start = np.array(family.start)
@@ -231,6 +361,8 @@ def _fit(family: Family, points: ForceMap) -> tuple[Vector, Vector, ForceLaw]:
         return np.asarray(family.build(scaled * start).force(q, p)) - points.force
 
     found = least_squares(misfit, np.ones(len(start)), max_nfev=4000)
+    if found.status <= 0:
+        raise WorkbenchError(f"the fit of {family.title} did not end within 4000 steps")
     freedom = max(1, len(points.force) - len(start))
     information = found.jac.T @ found.jac
     covariance = np.linalg.pinv(information) * 2 * found.cost / freedom
@@ -243,7 +375,7 @@ def _error(law: ForceLaw, points: ForceMap) -> Vector:
 
 
 def _held_out(family: Family, points: ForceMap, rows: npt.NDArray[np.bool_]) -> Vector:
-    return _error(_fit(family, points.take(~rows))[2], points.take(rows))
+    return _error(fit_law(family, points.take(~rows))[2], points.take(rows))
 
 
 def _rms(error: Vector) -> float:

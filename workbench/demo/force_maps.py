@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from workbench.data_folder import external_data
-from workbench.demo.force_law_fit import LAW_LENGTH, ForceMap, LawFit, compare_laws
+from workbench.demo.force_map_page import errors_figure, map_figure
+from workbench.demo.force_map_study import FAMILIES, ForceMap, MapStudy, study_map
 from workbench.demo.part import Part
 from workbench.recordings import read_table
-from workbench.reports.figures.force_maps import force_map, law_errors
 from workbench.reports.page import Method, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Table, number
@@ -61,55 +61,33 @@ def force_maps_part(folder: Path | None) -> Part:
             "note",
         )
         return Part(Section("force-maps", "Measured force maps", (text,)))
-    points = read_force_map(folder)
-    fits = compare_laws(points)
+    study = study_map(read_force_map(folder), "DMSP-20", families=FAMILIES)
     results = {
-        name: {
-            "numbers_fitted": fit.numbers,
-            "published_rms_N": fit.published_rms,
-            "refitted_rms_N": fit.fitted_rms,
-            "held_out_rms_N": fit.held_out_rms,
-            "refitted_largest_N": fit.largest,
+        law.name: {
+            "numbers_fitted": len(law.values),
+            "published_rms_N": law.published_rms,
+            "refitted_rms_N": law.fitted_rms,
+            "held_out_rms_N": law.length_rms,
+            "refitted_largest_N": law.largest,
         }
-        for name, fit in fits.items()
+        for law in study.laws
     }
-    return Part(_section(points, fits), results)
+    return Part(_section(study), results)
 
 
-def _section(points: ForceMap, fits: dict[str, LawFit]) -> Section:
-    longest = float(points.length.max())
-    scale = longest / LAW_LENGTH
+def _section(study: MapStudy) -> Section:
+    points, best = study.points, study.best
+    percent = 100 * best.length_rms / study.largest_force
     shown = [
         float(points.pressure[np.argmin(np.abs(points.pressure - p))]) for p in SHOWN_PRESSURES
     ]
-    rows = [points.pressure == pressure for pressure in shown]
-    fine = np.linspace(0.0, float(points.contraction.max()), 120)
-    map_figure = force_map(
-        [scale * points.contraction[r] for r in rows],
-        [points.force[r] for r in rows],
-        shown,
-        scale * fine,
-        {
-            fits[name].title: [np.asarray(fits[name].law.force(fine, p)) for p in shown]
-            for name in DRAWN_LAWS
-        },
-    )
-    ordered = list(fits.values())
-    error_figure = law_errors(
-        [fit.title for fit in ordered],
-        [fit.fitted_rms for fit in ordered],
-        [fit.held_out_rms for fit in ordered],
-        [fit.published_rms for fit in ordered],
-    )
-    best = min(ordered, key=lambda fit: fit.held_out_rms)
-    largest = float(points.force.max())
     return Section(
         "force-maps",
         "Measured force maps of a DMSP-20",
         (
             Words(
-                f"Static forces of a real muscle of the same type, {1e3 * longest:.0f} mm long, at "
-                f"{len(np.unique(points.pressure))} pressures and "
+                f"Static forces of a real muscle of the same type, "
+                f"{1e3 * points.length.max():.0f} mm long, at {len(np.unique(points.pressure))} pressures and "
                 f"{len(np.unique(points.length))} lengths (M. Martens, I. Boblan, Actuators 2017), "
                 "against every force law of the plant. The laws were published for a 200 mm "
                 "muscle; they are compared at the same relative contraction, at which muscles of "
@@ -117,21 +95,21 @@ def _section(points: ForceMap, fits: dict[str, LawFit]) -> Section:
                 "contractions that were left out of the fit."
             ),
             Words(
-                f"Best on contractions left out: {best.title}, {best.held_out_rms:.0f} N rms or "
-                f"{100 * best.held_out_rms / largest:.1f} % of the largest force. The numbers of "
-                "the map were transcribed from a secondary source, so they support a comparison "
+                f"Best on contractions left out: {best.title}, {best.length_rms:.0f} N rms or "
+                f"{percent:.1f} % of the largest force. The numbers of the map were "
+                "transcribed from a secondary source, so they support a comparison "
                 "of laws, not a calibration.",
                 "note",
             ),
             Picture(
                 "force-map",
-                map_figure,
+                map_figure(study, shown, DRAWN_LAWS),
                 "Measured force over contraction at three pressures, and refitted laws.",
                 "force falls with contraction; the laws with a pressure-independent part follow it",
             ),
             Picture(
                 "law-errors",
-                error_figure,
+                errors_figure(study, published=True),
                 "How far each law is from the map: as published, refitted, and on contractions "
                 "that the refit has not seen.",
                 "rms errors of six force laws on a logarithmic axis",
@@ -148,14 +126,14 @@ def _section(points: ForceMap, fits: dict[str, LawFit]) -> Section:
                 ),
                 tuple(
                     (
-                        fit.title,
-                        str(fit.numbers),
-                        number(fit.published_rms),
-                        number(fit.fitted_rms),
-                        number(fit.held_out_rms),
-                        number(fit.largest),
+                        law.title,
+                        str(len(law.values)),
+                        number(law.published_rms),
+                        number(law.fitted_rms),
+                        number(law.length_rms),
+                        number(law.largest),
                     )
-                    for fit in ordered
+                    for law in study.laws
                 ),
                 "The k of equation (2) is no published number but a fit to equation (4).",
             ),
