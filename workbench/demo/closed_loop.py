@@ -12,7 +12,7 @@ from workbench.model import Model
 from workbench.physics.hysteresis import bouc_wen_hysteresis
 from workbench.plants.arm import arm
 from workbench.reports.figures.steps import ClosedLoopCurves, closed_loop_steps
-from workbench.reports.metrics_table import METRIC_METHODS, metrics_table
+from workbench.reports.metrics_table import metric_methods, metrics_table
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.verification import (
@@ -170,7 +170,7 @@ def closed_loop_part() -> Part:
                 COLUMNS,
                 REQUIREMENTS,
             ),
-            Method(METRIC_METHODS),
+            Method(metric_methods()),
             Commands(
                 (
                     "workbench verify --controller pid --controller sliding-mode --controller mpc",

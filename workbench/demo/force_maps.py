@@ -86,8 +86,9 @@ def _section(study: MapStudy) -> Section:
         "Measured force maps of a DMSP-20",
         (
             Words(
-                f"Static forces of a real muscle of the same type, "
-                f"{1e3 * points.length.max():.0f} mm long, at {len(np.unique(points.pressure))} pressures and "
+                "Static forces of a real muscle of the same type, "
+                f"{1e3 * points.length.max():.0f} mm long, at "
+                f"{len(np.unique(points.pressure))} pressures and "
                 f"{len(np.unique(points.length))} lengths (M. Martens, I. Boblan, Actuators 2017), "
                 "against every force law of the plant. The laws were published for a 200 mm "
                 "muscle; they are compared at the same relative contraction, at which muscles of "

@@ -5,43 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from workbench.reports.tables import Cell, Table, number
+from workbench.study.study import Demand
+from workbench.study.summary import score_text
 from workbench.verification import Metrics, Requirement, judge
+from workbench.verification.metrics import known_metrics, metric_of
 
-_TITLES = {
-    "solve_time_median": "solve time, median",
-    "solve_time_p99": "solve time, 99th percentile",
-    "surface_rms": "surface, rms",
-    "surface_peak": "surface, peak",
-}
 
-METRIC_METHODS: tuple[tuple[str, str], ...] = (
-    (
-        "settling time",
-        "time from the step until the angle stays within 2 % of the step; worst step",
-    ),
-    ("overshoot", "largest angle past the reference, as a share of the step; worst step"),
-    ("steady error", "mean error of the last second of each step, as a magnitude; worst step"),
-    (
-        "oscillation",
-        "what still moves: half of highest minus lowest angle in the last second of each step, its "
-        "straight line taken away, the amplitude of a limit cycle; worst step",
-    ),
-    ("stop impacts", "how often the arm touches a mechanical stop"),
-    ("rmse", "root mean square of reference minus angle over the whole run"),
-    (
-        "chatter",
-        "how much the command moves: sum of the magnitudes of all changes of the valve voltage, "
-        "per second",
-    ),
-    ("air", "mass of air drawn from the supply over the whole run"),
-    (
-        "solve time, median and 99th percentile",
-        "time of one optimisation on this machine, exceeded by every second sample and by one in "
-        "a hundred; whatever else the machine does adds to it",
-    ),
-    ("fallbacks", "how often the optimisation failed and its named fallback was used"),
-)
-"""How each metric was computed, in the words of the table."""
+def metric_methods() -> tuple[tuple[str, str], ...]:
+    """Say how each metric that is a column of pages is computed, in the words of the table."""
+    return tuple((m.words, m.help) for m in known_metrics() if m.table and m.help)
 
 
 def metric_title(name: str) -> str:
@@ -51,7 +23,29 @@ def metric_title(name: str) -> str:
         >>> metric_title("settling_time"), metric_title("solve_time_p99")
         ('settling time', 'solve time, 99th percentile')
     """
-    return _TITLES.get(name, name.replace("_", " "))
+    metric = metric_of(name)
+    return (name if metric is None else name.replace(metric.name, metric.words)).replace("_", " ")
+
+
+def score_cell(value: float, *, capped: bool = False) -> Cell:
+    """Write a score, a ratio, with its mark; ``capped`` if 10 stands for 10 and above.
+
+    Example:
+        >>> print(score_cell(0.8))
+        0.80 ✓
+    """
+    return Cell(score_text(value, capped=capped), "met" if value <= 1.0 else "missed")
+
+
+def demand_text(demand: Demand | str) -> str:
+    """Write a requirement with the name of its metric in words.
+
+    Example:
+        >>> demand_text("settling_time at most 0.8 s")
+        'settling time at most 0.8 s'
+    """
+    metric, _, rest = str(demand).partition(" ")
+    return f"{metric_title(metric)} {rest}"
 
 
 def metrics_table(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from workbench.files import write_whole
-from workbench.reports.linear_section import LINEAR_METHODS, linear_section
-from workbench.reports.page import Commands, Method, Page, html
+from workbench.reports.figures.linear_analysis import LINEAR, linear_blocks
+from workbench.reports.page import Commands, Method, Page, Section, html
 from workbench.reports.pictures import save
 from workbench.reports.results import json_text
 from workbench.reports.study_page import study_page
@@ -39,21 +39,14 @@ def write_study_files(outcome: StudyResult, folder: str | Path) -> tuple[Path, .
 
 def linear_page(study: Study, loops: tuple[LoopAnalysis, ...]) -> Page:
     """Build the page of the linear analysis alone."""
-    (section,) = linear_section(study, loops)
     worst = min((a.disk_margin for a in loops if a.stable), default=float("nan"))
     lead = (
         f"{len(study.controllers)} controllers at {len(study.points)} operating points; the "
         f"smallest disk margin is {worst:.2g}. No run was made."
     )
-    section = type(section)(
-        section.name,
-        section.title,
-        (
-            *section.blocks,
-            Method(LINEAR_METHODS),
-            Commands((f"workbench report {study.path.name} --bode --out DIR",)),
-        ),
-    )
+    command = Commands((f"workbench report {study.path.name} --bode --out DIR",))
+    blocks = (*linear_blocks(study, loops), Method(LINEAR.methods), command)
+    section = Section(LINEAR.name, LINEAR.title, blocks)
     facts = (("workbench", installed_version()),)
     return Page(f"Linear analysis of study {study.name}", lead, (section,), facts=facts)
 

@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from workbench.errors import WorkbenchError
 from workbench.model.units import from_si
-from workbench.reports.linear_section import LINEAR_METHODS, linear_section
-from workbench.reports.metrics_table import METRIC_METHODS, metric_title, metrics_table
-from workbench.reports.page import Block, Commands, Method, Page, Section, Words
-from workbench.reports.study_box import box_section, demand_text, score_cell
-from workbench.reports.study_limit import LIMIT_METHODS, limit_section
-from workbench.reports.study_pictures import (
-    breakable,
-    pressure_picture,
-    sliding_pictures,
-    solver_picture,
-    tracking_picture,
+from workbench.reports.figure import Figure, figures_of, own_figures, sections
+from workbench.reports.figures.study_traces import breakable, point_text
+from workbench.reports.metrics_table import (
+    demand_text,
+    metric_methods,
+    metric_title,
+    metrics_table,
+    score_cell,
 )
+from workbench.reports.page import Block, Commands, Method, Page, Section, Words
 from workbench.reports.tables import Cell, Mark, Table, number
 from workbench.study.grouped import changes_by_plant, missed_by_plant
 from workbench.study.judgements import Judgement
@@ -49,21 +48,6 @@ STUDY_METHODS: tuple[tuple[str, str], ...] = (
         "solve times",
         "measured, differ from machine to machine, and never fail a study by a baseline",
     ),
-    (
-        "probability of meeting a requirement",
-        "share of the plants drawn uniformly from the box (scrambled Sobol sequence), with the "
-        "exact 95 % interval of Clopper and Pearson",
-    ),
-    (
-        "worst plant",
-        "the worst of the draws and of a local search that starts there: first the corner to which "
-        "a straight line through all scores points, then one parameter at a time",
-    ),
-    (
-        "hurts most",
-        "slope of the straight line fitted to the scores of the draws, from the lowest to the "
-        "highest value of the parameter; R² says how much of the scores the line explains",
-    ),
 )
 """How the numbers that only a study has were computed."""
 
@@ -71,16 +55,18 @@ STUDY_METHODS: tuple[tuple[str, str], ...] = (
 def study_page(outcome: StudyResult) -> Page:
     """Build the page of a study."""
     study = outcome.study
-    sections = [
+    own, failed = _own_figures(outcome)
+    figures = [*figures_of("study"), *(f for f in own if f.takes == "study")]
+    drawn = [(figure, sections([figure], outcome)) for figure in figures]
+    each = [*figures_of("scenario"), *(f for f in own if f.takes == "scenario")]
+    parts = [
         _verdict(outcome),
         *([_baseline(outcome)] if outcome.baseline is not None else []),
-        *(_scenario(outcome, name, i + 1) for i, name in enumerate(study.scenarios)),
-        *limit_section(outcome),
-        *_controllers(outcome),
-        *linear_section(study, outcome.loops),
-        *box_section(outcome),
+        *(_scenario(outcome, name, i + 1, each) for i, name in enumerate(study.scenarios)),
+        *(section for _, found in drawn for section in found),
+        *failed,
         _requirements(outcome),
-        _how(outcome),
+        _how(outcome, [figure for figure, found in drawn if found]),
     ]
     word = "passed" if outcome.passed else "failed"
     lead = f"{study.description} ".lstrip() + f"The study {word}: {outcome.headline()}."
@@ -93,7 +79,7 @@ def study_page(outcome: StudyResult) -> Page:
     return Page(
         f"Study {study.name}: {word}",
         lead,
-        tuple(sections),
+        tuple(parts),
         facts=(
             ("runs", str(len(outcome.records))),
             ("controllers", str(len(study.controllers))),
@@ -102,6 +88,16 @@ def study_page(outcome: StudyResult) -> Page:
             ("workbench", installed_version()),
         ),
     )
+
+
+def _own_figures(outcome: StudyResult) -> tuple[list[Figure], list[Section]]:
+    """Return the figures that the study names, or a section that says why there are none."""
+    study = outcome.study
+    try:
+        return own_figures(study.report.figures, folder=study.path.parent), []
+    except WorkbenchError as error:
+        # The runs are done; a mistake in a module of pictures must not cost them.
+        return [], [Section("own", "Figures of one's own", (Words(f"Not drawn: {error}."),))]
 
 
 def _where(j: Judgement | None) -> str:
@@ -205,7 +201,7 @@ def _baseline(outcome: StudyResult) -> Section:
     return Section("baseline", "Against the baseline", (table, words, command))
 
 
-def _scenario(outcome: StudyResult, name: str, index: int) -> Section:
+def _scenario(outcome: StudyResult, name: str, index: int, figures: Sequence[Figure]) -> Section:
     study = outcome.study
     blocks: list[Block] = []
     for i, case in enumerate(study.cases.values()):
@@ -214,8 +210,8 @@ def _scenario(outcome: StudyResult, name: str, index: int) -> Section:
             (c,): r.metrics for c, r in records.items() if r is not None and r.metrics is not None
         }
         suffix = f"{index}-{i + 1}" if case.name else str(index)
-        blocks += tracking_picture(outcome, name, suffix, case.name)
-        blocks += pressure_picture(outcome, name, suffix, case.name)
+        for figure in figures:
+            blocks += figure.blocks(outcome, name, case.name, suffix)
         if measured:
             blocks.append(_nominal(outcome, name, case, measured))
         if any(e.events for e in records.values() if e is not None):
@@ -306,22 +302,6 @@ def _variations(outcome: StudyResult, scenario: str, case: Case) -> Table:
     )
 
 
-def _controllers(outcome: StudyResult) -> list[Section]:
-    found = []
-    pictures = sliding_pictures(outcome)
-    if pictures:
-        words = Words(
-            "Errors decay along the dashed direction once the surface is reached. The invariants "
-            "that a baseline holds this controller to are the rms and the peak of s, and the time "
-            "outside the boundary layer."
-        )
-        found.append(Section("sliding", "Sliding mode", (words, *pictures)))
-    picture, table = solver_picture(outcome)
-    if picture is not None and table is not None:
-        found.append(Section("solver", "Optimisation at every sample", (picture, table)))
-    return found
-
-
 def _requirements(outcome: StudyResult) -> Section:
     study = outcome.study
     rows: list[tuple[Cell | str, ...]] = []
@@ -363,7 +343,7 @@ def _worst_cell(outcome: StudyResult, demand: Demand, controller: str) -> Cell:
     return Cell(text, "met" if worst.met else "missed" if hard else "", place)
 
 
-def _how(outcome: StudyResult) -> Section:
+def _how(outcome: StudyResult, figures: Sequence[Figure]) -> Section:
     study = outcome.study
     plants = Table(
         "Plants",
@@ -377,9 +357,7 @@ def _how(outcome: StudyResult) -> Section:
             (
                 name,
                 breakable(c.design),
-                ", ".join(
-                    f"{math.degrees(v):g}°" if n == "angle" else f"{n} {v:g}" for n, v in c.at
-                ),
+                point_text(outcome.study, c.at),
                 ", ".join(
                     f"{breakable(k)} = {v:g}" if isinstance(v, float) else f"{breakable(k)} = {v}"
                     for k, v in c.specification
@@ -389,7 +367,7 @@ def _how(outcome: StudyResult) -> Section:
             for name, c in study.controllers.items()
         ),
     )
-    limits = LIMIT_METHODS if study.report.physical_limit else ()
+    methods = [entry for figure in figures for entry in figure.methods]
     command = f"workbench compare {study.path.name} --out DIR"
     command += " --limit" if study.report.physical_limit else ""
     return Section(
@@ -398,7 +376,7 @@ def _how(outcome: StudyResult) -> Section:
         (
             plants,
             designs,
-            Method((*METRIC_METHODS, *STUDY_METHODS, *limits, *LINEAR_METHODS)),
+            Method((*metric_methods(), *STUDY_METHODS, *methods)),
             Commands((command,)),
         ),
     )

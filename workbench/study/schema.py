@@ -736,6 +736,10 @@ class _Resolver(TomlTables):
         kinds = {v.kind: v for v in variations.values()}
         with self.at("report", "limit_variations"):
             varied = _names("variations", table.get("limit_variations", []), kinds)
+        with self.at("report", "figures"):
+            figures = _hashable(table.get("figures", []))
+            if not isinstance(figures, tuple) or not all(":" in str(name) for name in figures):
+                raise WorkbenchError(f"figures is {figures!r}; give a list such as ['mine:fast']")
         limitations = None
         if "limitations" in table:
             path = ("report", "limitations")
@@ -755,6 +759,7 @@ class _Resolver(TomlTables):
             tuple(steps),  # type: ignore[arg-type]
             varied,
             limitations,
+            figures,
         )
 
     def tolerances(self, units: Mapping[str, str], own: tuple[Metric, ...]) -> dict[str, Tolerance]:

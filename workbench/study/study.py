@@ -165,12 +165,14 @@ class Report:
         limit_steps: Steps that are compared, as pairs of references in SI; all if empty.
         limit_variations: Variations whose physical limit is found too.
         limitations: How the section on performance limitations reads the evidence.
+        figures: Figures of one's own on the page, each as ``module:object``.
     """
 
     physical_limit: bool = False
     limit_steps: tuple[tuple[float, float], ...] = ()
     limit_variations: tuple[str, ...] = ()
     limitations: Limitations | None = None
+    figures: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -261,8 +261,8 @@ def _traces(run: Run, controller: Controller, task: Task) -> dict[str, Any]:
         found[f"reference.{name}"] = run.references[name][::stride]
         found[f"output.{name}"] = run[name][::stride]
     outputs = [q.name for q in run.output_quantities]
-    for name in ("pressure_1", "pressure_2"):
-        if name in outputs:
+    for name in getattr(controller, "sensors", ()):
+        if name in outputs and name not in run.follows:
             found[name] = run[name][::stride]
     for q, column in zip(run.input_quantities, run.inputs.T, strict=True):
         found[f"input.{q.name}"] = column[::stride]

@@ -1,4 +1,4 @@
-"""How a plant changes over its angles: frequency and damping of its swing, and its gain."""
+"""How a plant changes over its angles: frequency and damping of its oscillation, and its gain."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def angle_course(
 
     Args:
         angles_deg: Angles, shape (n,), in °.
-        frequency_hz: Frequency of the swing, shape (n,), in Hz.
+        frequency_hz: Frequency of the oscillation, shape (n,), in Hz.
         damping: Damping ratio, shape (n,), dimensionless.
         gain: Gain, shape (n,), in °/V.
         marked_deg: Operating angles that are marked, in °.
@@ -40,7 +40,7 @@ def angle_course(
         'angle in °'
     """
     figure, panels = new_figure([1.15, 1.15, 1.15])
-    names = ("swing in Hz", "damping ratio", "gain in °/V")
+    names = ("frequency in Hz", "damping ratio", "gain in °/V")
     for axes, values, name in zip(panels, (frequency_hz, damping, gain), names, strict=True):
         course = np.asarray(values, dtype=float)
         # Points, for a line would make a slope of every jump at a corner of a law.

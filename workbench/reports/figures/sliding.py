@@ -7,30 +7,35 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from workbench.reports.style import (
-    INK,
-    REFERENCE,
-    Colour,
-    key,
-    label,
-    new_figure,
-)
+from workbench.reports.figure import Figure
+from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
+from workbench.reports.page import Block, Words
+from workbench.reports.pictures import Picture
+from workbench.reports.style import INK, REFERENCE, Colour, colours, key, label, new_figure
+from workbench.study.result import StudyResult
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Drawing
 
 
 def phase_portrait(
-    error: npt.ArrayLike, rate: npt.ArrayLike, *, slope: float, shade: Colour, name: str
-) -> Figure:
+    error: npt.ArrayLike,
+    rate: npt.ArrayLike,
+    *,
+    slope: float,
+    shade: Colour,
+    name: str,
+    unit: str = "°",
+) -> Drawing:
     """Draw error against its rate, with the direction in which errors decay on the surface.
 
     Args:
-        error: Reference minus angle, shape (n,), in °.
-        rate: Its rate where the reference rests, minus the speed, shape (n,), in °/s.
+        error: Reference minus output, shape (n,), in ``unit``.
+        rate: Its rate where the reference rests, minus the speed, shape (n,), in ``unit`` per s.
         slope: Slope lambda of the surface, in 1/s.
         shade: Colour of the controller.
         name: Name of the controller.
+        unit: Unit of the output as written.
 
     Example:
         >>> from workbench.reports.style import FURTHER
@@ -54,12 +59,12 @@ def phase_portrait(
     axes.plot([0.0], [0.0], marker="+", color=INK.light, markersize=9, linestyle="none")
     axes.set_ylim(-reach, reach)
     axes.set_xlim(-1.05 * float(np.max(np.abs(x)) or 1.0), 1.05 * float(np.max(np.abs(x)) or 1.0))
-    label(axes, x="error in °", y="rate of the error in °/s")
+    label(axes, x=f"error in {unit}", y=f"rate of the error in {unit}/s")
     key(axes, columns=2)
     return figure
 
 
-def surface(time: npt.ArrayLike, value: npt.ArrayLike, *, shade: Colour) -> Figure:
+def surface(time: npt.ArrayLike, value: npt.ArrayLike, *, shade: Colour) -> Drawing:
     """Draw the surface over its boundary layer.
 
     Args:
@@ -82,3 +87,52 @@ def surface(time: npt.ArrayLike, value: npt.ArrayLike, *, shade: Colour) -> Figu
         axes.axhline(limit, color=REFERENCE.light, linewidth=0.9, linestyle=":")
     label(axes, x="time in s", y="s over layer")
     return figure
+
+
+def _draw(result: StudyResult) -> list[Block]:
+    shades = colours(result.study.controllers)
+    found: list[Block] = []
+    scenario = next(iter(result.study.scenarios))
+    for number, (name, record) in enumerate(nominal_runs(result, scenario).items(), start=1):
+        t = record.traces
+        if "surface" not in t or "speed" not in t or "slope" not in t:
+            continue
+        output = next(n.removeprefix("reference.") for n in t if n.startswith("reference."))
+        quantity = output_of(result.study, output)
+        error = shown(t[f"reference.{output}"], quantity) - shown(t[f"output.{output}"], quantity)
+        portrait = phase_portrait(
+            error,
+            -shown(t["speed"], quantity),
+            slope=float(t["slope"]),
+            shade=shades[name],
+            name=name,
+            unit=written(quantity.display_unit),
+        )
+        layer = float(t.get("layer", 1.0))
+        found += [
+            Picture(
+                f"portrait-{number}",
+                portrait,
+                f"{name} in {scenario}: the error and its rate. Each loop is one step of the "
+                "reference, which jumps sideways; the law follows a smoothed reference, so the "
+                "way back bends.",
+                "rate of the error over the error",
+            ),
+            Picture(
+                f"surface-{number}",
+                surface(t["time"], vector(t["surface"]) / layer, shade=shades[name]),
+                f"{name} in {scenario}: s over the half width of its boundary layer (dotted: ± 1).",
+                "sliding variable over time",
+            ),
+        ]
+    if not found:
+        return []
+    words = Words(
+        "Errors decay along the dashed direction once the surface is reached. The invariants "
+        "that a baseline holds this controller to are the rms and the peak of s, and the time "
+        "outside the boundary layer."
+    )
+    return [words, *found]
+
+
+SLIDING = Figure("sliding", _draw, title="Sliding mode", order=20)

@@ -1,35 +1,40 @@
-"""Closed-loop courses of several controllers over each other, on the full and the linear model."""
+"""Closed-loop trajectories of several controllers, on the full and on the linear model."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
+from workbench.model.units import convert
+from workbench.reports.figure import Figure
+from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
+from workbench.reports.pictures import Picture
 from workbench.reports.style import INK, REFERENCE, colours, key, label, new_figure
+from workbench.study.result import StudyResult
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Drawing
 
 Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Course:
+class Trajectory:
     """What is drawn of one controller's run.
 
     Args:
         controller: Name of the controller; sets the colour.
         time: Times, shape (n,), in s.
-        output: Followed output of the full plant, shape (n,), in the unit of the picture.
+        output: Controlled output of the full plant, shape (n,), in the unit of the picture.
         command: Command, shape (n,), in its unit.
         linear: Output of the linear model under the same controller, shape (n,); None if not run.
 
     Example:
-        >>> Course("cascade PID", np.zeros(2), np.zeros(2), np.full(2, 5.0)).linear is None
+        >>> Trajectory("cascade PID", np.zeros(2), np.zeros(2), np.full(2, 5.0)).linear is None
         True
     """
 
@@ -43,20 +48,20 @@ class Course:
 def tracking(
     time: npt.ArrayLike,
     reference: npt.ArrayLike,
-    courses: Sequence[Course],
+    trajectories: Sequence[Trajectory],
     *,
     quantity: str = "angle",
     unit: str = "°",
     command: str = "valve in V",
     error_limit: float | None = None,
-) -> Figure:
+) -> Drawing:
     """Draw what several controllers did with one reference.
 
     Args:
         time: Times of the reference, shape (n,), in s.
         reference: Reference, shape (n,), in ``unit``.
-        courses: What each controller did.
-        quantity: The followed output, in a word.
+        trajectories: What each controller did.
+        quantity: The controlled output, in a word.
         unit: Its unit as written.
         command: The command and its unit.
         error_limit: Steady error allowed, in ``unit``, drawn as lines about zero error.
@@ -66,7 +71,7 @@ def tracking(
 
     Example:
         >>> t = np.linspace(0.0, 1.0, 5)
-        >>> figure = tracking(t, t, [Course("cascade PID", t, t, t)])
+        >>> figure = tracking(t, t, [Trajectory("cascade PID", t, t, t)])
         >>> [axes.get_ylabel() for axes in figure.axes]
         ['angle in °', 'error in °', 'valve in V']
     """
@@ -75,24 +80,24 @@ def tracking(
     figure, (position, error, valve) = new_figure([2.2, 1.1, 1.0])
     t, wanted = np.asarray(time, dtype=float), np.asarray(reference, dtype=float)
     position.step(t, wanted, where="post", color=REFERENCE.light, linewidth=1.0)
-    shades = colours(course.controller for course in courses)
+    shades = colours(trajectory.controller for trajectory in trajectories)
     handles = []
-    for course in courses:
-        shade = shades[course.controller].light
-        position.plot(course.time, course.output, color=shade, linewidth=1.5)
-        held = wanted[np.clip(np.searchsorted(t, course.time, "right") - 1, 0, len(t) - 1)]
-        error.plot(course.time, held - course.output, color=shade, linewidth=1.1)
-        valve.step(course.time, course.command, where="post", color=shade, linewidth=0.9)
-        if course.linear is not None:
-            position.plot(course.time, course.linear, color=shade, linewidth=1.0, linestyle="--")
-        handles.append(Line2D([], [], color=shade, linewidth=1.5, label=course.controller))
+    for trajectory in trajectories:
+        shade = shades[trajectory.controller].light
+        position.plot(trajectory.time, trajectory.output, color=shade, linewidth=1.5)
+        held = wanted[np.clip(np.searchsorted(t, trajectory.time, "right") - 1, 0, len(t) - 1)]
+        error.plot(trajectory.time, held - trajectory.output, color=shade, linewidth=1.1)
+        valve.step(trajectory.time, trajectory.command, where="post", color=shade, linewidth=0.9)
+        if trajectory.linear is not None:
+            position.plot(trajectory.time, trajectory.linear, "--", color=shade, linewidth=1.0)
+        handles.append(Line2D([], [], color=shade, linewidth=1.5, label=trajectory.controller))
     if error_limit:
         for limit in (-error_limit, error_limit):
             error.axhline(limit, color=REFERENCE.light, linewidth=0.9, linestyle=":")
         # Right after a step the error is the step; what matters is whether it comes to rest.
         error.set_ylim(-5.0 * error_limit, 5.0 * error_limit)
     handles.append(Line2D([], [], color=REFERENCE.light, linewidth=1.0, label="reference"))
-    if any(course.linear is not None for course in courses):
+    if any(trajectory.linear is not None for trajectory in trajectories):
         handles += [
             Line2D([], [], color=INK.light, linewidth=1.5, label="full plant"),
             Line2D([], [], color=INK.light, linewidth=1.0, linestyle="--", label="linear model"),
@@ -105,29 +110,56 @@ def tracking(
     return figure
 
 
-def pressures(courses: Mapping[str, tuple[Vector, Vector, Vector]]) -> Figure:
-    """Draw the pressures of both muscles.
+def _draw(result: StudyResult, scenario: str, case: str, suffix: str) -> list[Picture]:
+    runs = nominal_runs(result, scenario, case)
+    if not runs:
+        return []
+    first = next(iter(runs.values())).traces
+    command = next(name for name in first if name.startswith("input."))
+    inputs = result.study.plant.build().inputs
+    unit_in = next(q.unit for q in inputs if f"input.{q.name}" == command)
+    name = next(n.removeprefix("reference.") for n in first if n.startswith("reference."))
+    quantity = output_of(result.study, name)
+    trajectories = [
+        Trajectory(
+            controller,
+            vector(r.traces["time"]),
+            shown(r.traces[f"output.{name}"], quantity),
+            vector(r.traces[command]),
+            shown(r.traces[f"linear.{name}"], quantity) if f"linear.{name}" in r.traces else None,
+        )
+        for controller, r in runs.items()
+    ]
+    steps = bool(result.study.scenarios[scenario].references[name].changes)
+    unit, limit = written(quantity.display_unit), None
+    if steps:
+        limit = _limit(result, scenario, quantity.display_unit)
+    figure = tracking(
+        first["time"],
+        shown(first[f"reference.{name}"], quantity),
+        trajectories,
+        quantity=name,
+        unit=unit,
+        command=f"{command.removeprefix('input.')} in {unit_in}",
+        error_limit=limit,
+    )
+    dotted = f" (dotted: ± {limit:g}{unit if unit == '°' else f' {unit}'})" if limit else ""
+    linear = any(t.linear is not None for t in trajectories)
+    caption = f"{scenario}, {case or 'nominal plant'}: {name}, error{dotted} and command." + (
+        " Dashed: the same controller on its linear model, with ideal sensors."
+        if linear
+        else " No linear run: the plant changes during the run."
+    )
+    words = f"{name}, error and command over time of {', '.join(runs)} in {scenario}"
+    return [Picture(f"tracking-{suffix}", figure, caption, words)]
 
-    Args:
-        courses: Times in s and the two gauge pressures in Pa, shape (n,) each, by controller.
 
-    Returns:
-        The figure: pressures in bar over time in s.
+def _limit(result: StudyResult, scenario: str, unit: str) -> float | None:
+    for demand in result.study.demands:
+        limit = demand.requirement
+        if limit.metric == "steady_error" and limit.scenario in ("", scenario):
+            return float(convert(limit.limit, limit.unit, unit))
+    return None
 
-    Example:
-        >>> t = np.linspace(0.0, 1.0, 5)
-        >>> figure = pressures({"cascade PID": (t, 3e5 + t, 3e5 - t)})
-        >>> [axes.get_ylabel() for axes in figure.axes]
-        ['muscle 1 in bar', 'muscle 2 in bar']
-    """
-    figure, (first, second) = new_figure([1.6, 1.6])
-    shades = colours(courses)
-    for name, (time, p1, p2) in courses.items():
-        line: dict[str, Any] = {"color": shades[name].light, "linewidth": 1.2}
-        first.plot(time, np.asarray(p1) / 1e5, label=name, **line)
-        second.plot(time, np.asarray(p2) / 1e5, **line)
-    label(first, y="muscle 1 in bar")
-    label(second, x="time in s", y="muscle 2 in bar")
-    key(first)
-    figure.align_ylabels()
-    return figure
+
+TRACKING = Figure("tracking", _draw, "scenario", order=10)

@@ -1,49 +1,88 @@
-"""The section of a study about its distance to the physical limit."""
+"""Distance to the physical limit: settling times over those of time-optimal moves."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from workbench.model.units import from_si
-from workbench.reports.figures.limit_ratios import limit_ratios
-from workbench.reports.page import Block, Section, Words
+from workbench.reports.figure import Figure
+from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
+from workbench.reports.style import FONT_POINTS, INK, REFERENCE, colours, key, label, new_figure
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.limits import Distances, Move, StepDistance
 from workbench.study.result import StudyResult
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Drawing
+
 MOST = 8
 """Steps that a picture shows; of more, each scenario shows its worst."""
 
-LIMIT_METHODS: tuple[tuple[str, str], ...] = (
-    (
-        "physical limit",
-        "shortest time in which the nominal plant, from rest, can be within 2 % of the step for "
-        "good: a time-optimal move of the full model with its valve, gas and muscles, by direct "
-        "collocation with 64 intervals (Betts, 2010), without noise, sampling or controller. Held "
-        "inputs make it too long by up to two intervals, 3 %",
-    ),
-    (
-        "settling / limit",
-        "settling time of a step over its physical limit; of a scenario, the worst step and seed "
-        "on the nominal plant. It is shown, never required, and no baseline holds it",
-    ),
-)
-"""How the numbers of this section were computed."""
 
+def limit_ratios(ratios: Mapping[str, Mapping[str, float]]) -> Drawing:
+    """Draw one bar per controller and step.
 
-def limit_section(outcome: StudyResult) -> list[Section]:
-    """Build the section of the physical limit.
+    Args:
+        ratios: Settling time over the limit, dimensionless, NaN where a step did not settle, by
+            step and controller.
 
     Returns:
-        One section; none if the study does not ask for it.
+        The figure: bars from 0, with the limit at 1 and each ratio at the end of its bar.
+
+    Example:
+        >>> figure = limit_ratios({"15° to 30°": {"cascade PID": 2.5, "linear MPC": math.nan}})
+        >>> figure.axes[0].get_xlabel()
+        'settling time over the physical limit'
     """
-    found = outcome.distances
+    names = list(dict.fromkeys(name for own in ratios.values() for name in own))
+    shades = colours(names)
+    rows = len(ratios) * (len(names) + 0.8)
+    figure, (axes,) = new_figure([0.3 + 0.22 * rows])
+    ticks = []
+    for group, own in enumerate(ratios.values()):
+        top = group * (len(names) + 0.8)
+        ticks.append(top + 0.5 * (len(names) - 1))
+        for row, name in enumerate(names):
+            value = own.get(name, math.nan)
+            text = "not settled" if math.isnan(value) else f"{value:.1f}"
+            length = 0.0 if math.isnan(value) else value
+            axes.barh(
+                top + row,
+                length,
+                height=0.85,
+                color=shades[name].light,
+                label=name if group == 0 else None,
+            )
+            axes.annotate(
+                text,
+                (length, top + row),
+                xytext=(4, 0),
+                textcoords="offset points",
+                va="center",
+                fontsize=FONT_POINTS - 1,
+                color=INK.light,
+            )
+    axes.axvline(1.0, color=REFERENCE.light, linewidth=1.2, linestyle="--", label="physical limit")
+    known = [v for own in ratios.values() for v in own.values() if not math.isnan(v)]
+    axes.set_xlim(0.0, 1.18 * max([1.0, *known]))
+    axes.set_ylim(rows - 0.8, -0.8)
+    axes.set_yticks(ticks, list(ratios))
+    axes.grid(False, axis="y")
+    label(axes, x="settling time over the physical limit")
+    key(axes, columns=3)
+    return figure
+
+
+def _draw(result: StudyResult) -> list[Block]:
+    found = result.distances
     if not found.asked:
         return []
-    blocks: list[Block] = [Words(_lead(outcome))]
+    blocks: list[Block] = [Words(_lead(result))]
     if any(not math.isnan(s.limit.value) for s in found.steps):
-        figure = limit_ratios(_bars(outcome))
+        figure = limit_ratios(_bars(result))
         caption = (
             "Settling time of each step over the shortest time that the nominal plant allows; "
             "a controller whose bar ends at the dashed line could not be faster."
@@ -51,18 +90,18 @@ def limit_section(outcome: StudyResult) -> list[Section]:
         words = "settling times of the controllers over the physical limit"
         blocks.append(Picture("physical-limit", figure, caption, words))
     if found.steps:
-        blocks.append(_steps(outcome))
+        blocks.append(_steps(result))
     missing = _missing(found)
     if missing:
         title = "Scenarios without a limit"
         blocks.append(Table(title, ("scenario", "why there is none"), tuple(missing)))
-    return [Section("limit", "Distance to the physical limit", tuple(blocks))]
+    return blocks
 
 
-def _lead(outcome: StudyResult) -> str:
+def _lead(result: StudyResult) -> str:
     said = []
-    for name in outcome.study.controllers:
-        own = [d for d in outcome.distances.worst if d.controller == name and d.worst]
+    for name in result.study.controllers:
+        own = [d for d in result.distances.worst if d.controller == name and d.worst]
         if not own:
             continue
         unsettled = [d for d in own if math.isnan(d.ratio.value)]
@@ -79,18 +118,18 @@ def _lead(outcome: StudyResult) -> str:
     return f"{opening} {'; '.join(said)}." if said else f"{opening} No step has a limit here."
 
 
-def _bars(outcome: StudyResult) -> dict[str, dict[str, float]]:
-    known = [s for s in outcome.distances.steps if not math.isnan(s.limit.value)]
+def _bars(result: StudyResult) -> dict[str, dict[str, float]]:
+    known = [s for s in result.distances.steps if not math.isnan(s.limit.value)]
     several = len({s.scenario for s in known}) > 1
     found: dict[str, dict[str, float]] = {}
     for s in known:
-        text = step_text(outcome, s.move)
+        text = step_text(result, s.move)
         own = found.setdefault(f"{s.scenario}\n{text}" if several else text, {})
         own[s.controller] = _worse(own.get(s.controller, 0.0), s.ratio.value)
     if len(found) <= MOST:
         return found
     worst: dict[str, dict[str, float]] = {}
-    for d in outcome.distances.worst:
+    for d in result.distances.worst:
         if d.worst is not None:
             worst.setdefault(d.scenario, {})[d.controller] = d.ratio.value
     return worst
@@ -100,21 +139,21 @@ def _worse(a: float, b: float) -> float:
     return math.nan if math.isnan(a) or math.isnan(b) else max(a, b)
 
 
-def step_text(outcome: StudyResult, move: Move) -> str:
+def step_text(result: StudyResult, move: Move) -> str:
     """Write a step as people read it.
 
     Returns:
         Both references with their unit.
     """
-    quantity = next(q for q in outcome.study.plant.build().outputs if q.name == move.output)
+    quantity = next(q for q in result.study.plant.build().outputs if q.name == move.output)
     unit = quantity.display_unit or quantity.unit
     ends = (float(from_si(v, unit)) for v in (move.initial, move.final))
     suffix = "°" if unit == "deg" else f" {unit}"
     return " to ".join(f"{v:.4g}{suffix}" for v in ends)
 
 
-def _steps(outcome: StudyResult) -> Table:
-    study, found = outcome.study, outcome.distances
+def _steps(result: StudyResult) -> Table:
+    study, found = result.study, result.distances
     groups: dict[tuple[str, float, Move], dict[str, StepDistance]] = {}
     for s in found.steps:
         own = groups.setdefault((s.scenario, s.begin, s.move), {})
@@ -128,7 +167,7 @@ def _steps(outcome: StudyResult) -> Table:
         limit = next(iter(own.values())).limit
         row: list[Cell | str] = [
             scenario,
-            step_text(outcome, move),
+            step_text(result, move),
             f"{begin:g} s",
             Cell(number(limit.value, unit="s"), "", limit.reason)
             if not math.isnan(limit.value)
@@ -158,3 +197,28 @@ def _missing(found: Distances) -> list[tuple[str, str]]:
     reasons = {d.scenario: d.ratio.reason for d in found.worst}
     compared = {s.scenario for s in found.steps}
     return [(name, why) for name, why in reasons.items() if name not in compared and why]
+
+
+LIMIT = Figure(
+    "limit",
+    _draw,
+    title="Distance to the physical limit",
+    order=10,
+    methods=(
+        (
+            "physical limit",
+            "shortest time in which the nominal plant, from rest, can be within 2 % of the step "
+            "for "
+            "good: a time-optimal move of the full model, by direct "
+            "collocation with 64 intervals (Betts, 2010), without noise, sampling or controller. "
+            "Held "
+            "inputs make it too long by up to two intervals, 3 %",
+        ),
+        (
+            "settling / limit",
+            "settling time of a step over its physical limit; of a scenario, the worst step and "
+            "seed "
+            "on the nominal plant. It is shown, never required, and no baseline holds it",
+        ),
+    ),
+)

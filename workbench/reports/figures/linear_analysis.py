@@ -6,10 +6,13 @@ import math
 
 import numpy as np
 
+from workbench.model.units import parse_unit
+from workbench.reports.figure import Figure
 from workbench.reports.figures.angle_course import angle_course
 from workbench.reports.figures.bode import bode
 from workbench.reports.figures.nyquist import nyquist
-from workbench.reports.page import Block, Section, Words
+from workbench.reports.figures.study_traces import output_of, point_text, written
+from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.linear_loop import LoopAnalysis, by_controller
@@ -20,8 +23,9 @@ LINEAR_METHODS: tuple[tuple[str, str], ...] = (
     (
         "loop gain",
         "the controller's own step, linearised around rest by differences, on the linear model "
-        "with held inputs: filters, inner loops, observers and sampling count. Opened once at the "
-        "angle (inner loops stay closed) and once at the command (everything opens)",
+        "with inputs held over a sample: filters, inner loops, observers and sampling count. "
+        "Opened once at the controlled output (inner loops stay closed) and once at the command "
+        "(everything opens)",
     ),
     (
         "Ms, Mt",
@@ -35,15 +39,15 @@ LINEAR_METHODS: tuple[tuple[str, str], ...] = (
     (
         "angle map",
         "exact derivatives of the nominal plant at rest, at 30 angles, without friction and "
-        "hysteresis, whose slopes at rest a moving arm does not have",
+        "hysteresis, whose slopes at rest a moving machine does not have",
     ),
     ("delay margin", "phase down to -180° at a crossover over its frequency; the smallest"),
 )
 """How the numbers of the linear analysis were computed."""
 
 
-def linear_section(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Section]:
-    """Build the section of the linear analysis."""
+def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
+    """Show the plant, the opened loops and their margins; nothing without loops."""
     if not loops:
         return []
     blocks: list[Block] = [
@@ -79,7 +83,7 @@ def linear_section(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Sectio
             ),
         ]
     blocks.append(margin_table(loops))
-    return [Section("linear", "Linear analysis at every operating point", tuple(blocks))]
+    return blocks
 
 
 def _sentence(name: str, own: list[LoopAnalysis]) -> str:
@@ -108,14 +112,15 @@ def plant_picture(study: Study) -> list[Picture]:
         One picture; none if the plant has several inputs or cannot be drawn.
     """
     recipe = next(iter(study.controllers.values()))
-    follows = next(iter(next(iter(study.scenarios.values())).references))
+    controlled = next(iter(next(iter(study.scenarios.values())).references))
+    quantity = output_of(study, controlled)
     curves, frequency = {}, np.zeros(0)
     for point in study.points:
         linear = recipe.linear(point)
-        if len(linear.input_names) != 1 or follows not in linear.output_names:
+        if len(linear.input_names) != 1 or controlled not in linear.output_names:
             return []
         frequency = np.geomspace(0.05, 50.0, 400)
-        row = linear.output_names.index(follows)
+        row = linear.output_names.index(controlled)
         eye = np.eye(len(linear.A))
         response = np.array(
             [
@@ -124,16 +129,13 @@ def plant_picture(study: Study) -> list[Picture]:
                 for f in frequency
             ]
         )
-        where = ", ".join(
-            f"{math.degrees(v):g}°" if n == "angle" else f"{n} {v:g}" for n, v in point
-        )
-        curves[where] = np.degrees(1.0) * response if follows == "angle" else response
-    unit = "°/V" if follows == "angle" else "SI"
+        curves[point_text(study, point)] = response / parse_unit(quantity.display_unit).factor
+    unit = f"{written(quantity.display_unit)}/{study.plant.build().inputs[0].unit}"
     return [
         Picture(
             "plant-bode",
             bode(frequency, curves, unit=unit),
-            f"The plant alone: from the command to the {follows}, at every operating point.",
+            f"The plant alone: from the command to the {controlled}, at every operating point.",
             "Bode plot of the plant",
         )
     ]
@@ -153,11 +155,11 @@ def map_picture(study: Study) -> list[Picture]:
         marked_deg=marked,
     )
     caption = (
-        "The plant alone over its angles: frequency and damping of the arm's swing, and the gain "
+        "The plant alone over its angles: frequency and damping of its oscillation, and the gain "
         f"from the command to the angle at {GAIN_HZ:g} Hz, with jumps where a law of the plant has "
         "a corner. Dotted: the operating points."
     )
-    return [Picture("angle-map", figure, caption, "swing, damping and gain over the angle")]
+    return [Picture("angle-map", figure, caption, "frequency, damping and gain over the angle")]
 
 
 def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
@@ -214,8 +216,18 @@ def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
             "disk: gain, phase",
         ),
         tuple(rows),
-        "Opened at the angle, inner loops stay closed; at the command, everything opens. Gain: "
-        "factor that makes the loop unstable (down: a factor below 1). Ms, Mt: peaks of the "
+        "Opened at the controlled output, inner loops stay closed; at the command, everything "
+        "opens. Gain: factor that makes the loop unstable (down: a factor below 1). Ms, Mt: "
+        "peaks of the "
         "sensitivity 1/(1 + L) and of L/(1 + L). Disk: margin, and the factor and the angle by "
         "which gain and phase may change together.",
     )
+
+
+LINEAR = Figure(
+    "linear",
+    lambda result: linear_blocks(result.study, result.loops),
+    title="Linear analysis at every operating point",
+    order=40,
+    methods=LINEAR_METHODS,
+)

@@ -1,0 +1,71 @@
+"""What figures read of a study: the trajectories that its nominal runs kept, in display units."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.model.quantities import Output
+from workbench.model.units import from_si
+from workbench.study.result import StudyResult
+from workbench.study.study import Study
+from workbench.study.tasks import Record
+
+Vector = npt.NDArray[np.float64]
+
+
+def vector(values: Any) -> Vector:
+    """Return numbers as an array, in their own unit."""
+    return np.asarray(values, dtype=float)
+
+
+def nominal_runs(result: StudyResult, scenario: str, case: str = "") -> dict[str, Record]:
+    """Return the runs on the nominal plant that kept their trajectories, by controller."""
+    chosen = result.study.cases[result.study.nominal(case).case].controllers
+    records = {c: result.record(c, scenario, case) for c in chosen}
+    return {c: r for c, r in records.items() if r is not None and r.traces}
+
+
+def output_of(study: Study, name: str) -> Output:
+    """Return an output of the plant by its name."""
+    return next(q for q in study.plant.build().outputs if q.name == name)
+
+
+def written(unit: str) -> str:
+    """Return a unit as axes and tables write it."""
+    return unit.replace("deg", "°")
+
+
+def shown(values: Any, quantity: Output) -> Vector:
+    """Return SI values of an output in its display unit."""
+    return from_si(vector(values), quantity.display_unit)
+
+
+def point_text(study: Study, point: tuple[tuple[str, float], ...]) -> str:
+    """Write where a controller was designed, each value in its display unit."""
+    known = {q.name: q.display_unit for q in study.plant.build().outputs}
+    said = []
+    for name, value in point:
+        unit = known.get(name, "")
+        if unit == "deg":
+            said.append(f"{float(from_si(value, unit)):g}°")
+        else:
+            size = float(from_si(value, unit)) if unit else value
+            said.append(f"{name} {size:g} {unit}".rstrip())
+    return ", ".join(said)
+
+
+def breakable(text: str) -> str:
+    """Let long names break where their words end, or a phone could not show them.
+
+    Returns:
+        The text with places, invisible, at which a line may end.
+
+    Example:
+        >>> len(breakable("joint.torque")) - len("joint.torque")
+        1
+    """
+    return re.sub(r"([A-Za-z])([._:])(?=[A-Za-z])", "\\1\\2\u200b", text)
