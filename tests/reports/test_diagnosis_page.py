@@ -67,7 +67,7 @@ def test_the_page_has_every_part_of_the_proof() -> None:
         assert _table(page, title).rows
     text = html(page)
     assert "<script" not in text and "http" not in text.replace("http://www.w3.org", "")
-    for word in ("nominal", "refitted", "extended", "absorbed", "break away", "accepted"):
+    for word in ("nominal", "refitted", "extended", "collinear", "break away", "accepted"):
         assert word in text
 
 

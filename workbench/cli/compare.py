@@ -70,6 +70,7 @@ def compare(
         workbench.errors.WorkbenchError: study 'nowhere.toml' cannot be read: no such file ...
     """
     from workbench.cli.counter import Counter
+    from workbench.reports.figure import own_figures
     from workbench.reports.study_files import write_study_files
     from workbench.study.result import run_study
     from workbench.study.schema import load_study
@@ -78,6 +79,8 @@ def compare(
     wanted = load_study(study_file(study))
     if limit is not None:
         wanted = wanted.with_limit(limit)
+    # A mistake in a module of figures shows before the runs, not after them.
+    own_figures(wanted.report.figures, folder=wanted.path.parent)
     typer.echo(str(wanted), err=True)
     counter = Counter()
     try:

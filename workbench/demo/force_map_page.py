@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from workbench.demo.figures.force_maps import force_map, law_errors
 from workbench.demo.force_map_study import LAW_LENGTH, MapStudy
-from workbench.reports.figures.force_maps import force_map, law_errors
 from workbench.reports.page import Commands, Method, Page, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Table, interval, number

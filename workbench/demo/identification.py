@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.demo.figures.force_lines import force_lines
 from workbench.demo.part import Part
 from workbench.physics.force_laws import PaperLaw
 from workbench.plants.arm import arm
 from workbench.plants.arm.static_identification import StaticForceFit, identify_static_force
-from workbench.reports.figures.force_lines import force_lines
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, interval, number

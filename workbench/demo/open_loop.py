@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
+from workbench.demo.figures.open_loop import open_loop
 from workbench.demo.part import Part, judged
 from workbench.model import Model
 from workbench.plants.arm import arm
 from workbench.plants.arm.volume_effects import constant_volume
-from workbench.reports.figures.open_loop import open_loop
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, number

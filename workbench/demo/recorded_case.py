@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.data_folder import shipped_cases, shipped_data
+from workbench.demo.figures.recorded_case import recorded_case
 from workbench.demo.part import Part
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.observe import observe
@@ -16,7 +17,6 @@ from workbench.diagnosis.estimation.start import fitted_start
 from workbench.model import Model
 from workbench.physics.maxwell_slip import maxwell_slip_hysteresis
 from workbench.recordings import Case, read_case
-from workbench.reports.figures.recorded_case import recorded_case
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Table, number

@@ -172,11 +172,11 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     blocks: list[Block] = [
         Words(
             "Neither model has seen these recordings. Each runs freely: it gets the input and the"
-            " first readings, never a later one. Both have their parameters fitted to the same"
+            " first measurements, never a later one. Both have their parameters fitted to the same"
             " other recordings, so the difference is the physics and not the tuning."
             if extended
             else "The model has not seen these recordings. It runs freely: it gets the input and"
-            " the first readings, never a later one."
+            " the first measurements, never a later one."
         )
     ]
     for i, (title, run) in enumerate(diagnosis.runs["refitted"].items()):
@@ -187,7 +187,7 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
                 f"runs-{i + 1}",
                 diagnosis_runs(run, after),
                 f"{plain}: measured, and simulated by {_models(after)}.{_failed(run, after)}",
-                f"readings and free runs of {plain} over time",
+                f"measurements and free runs of {plain} over time",
             ),
             Picture(
                 f"residuals-{i + 1}",
@@ -241,7 +241,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
         blocks.append(
             Words(
                 "Sensors have no bar of their own: what a sensor does wrong looks like an unknown"
-                " signal at the equations that its readings correct. Only the refits below tell"
+                " signal at the equations that its measurements correct. Only the refits below tell"
                 " them apart.",
                 "note",
             )
@@ -275,7 +275,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
                 f"signal-{i + 1}",
                 diagnosis_signal(located),
                 f"The same signal at {located.port} over time, with twice its standard deviation"
-                " in grey: where the grey is wide, the readings do not tell.",
+                " in grey: where the grey is wide, the measurements do not tell.",
                 f"located signal at {located.port} over time",
             ),
         ]
@@ -296,7 +296,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
 def _law_caption(located: Located) -> str:
     what = (
         f"The signal at {located.port} against {located.argument.replace('_', ' ')}, at times at"
-        " which the readings tell it to half its size or better"
+        " which the measurements tell it to half its size or better"
     )
     if located.law is None:
         return f"{what}."
@@ -315,7 +315,7 @@ def _numbers(diagnosis: Diagnosis, verdict: Verdict) -> Section:
             Words(
                 "The refit wants a value beyond what is plausible. The model follows the recordings"
                 " with it, so its equations are complete; the value on the bound, or one that goes"
-                " with it in the notes of the trial, is wrong.",
+                " with it in the notes of the experiment, is wrong.",
                 "note",
             )
         )

@@ -19,19 +19,20 @@ from workbench.reports.tables import Cell, Table, number
 METHODS: tuple[tuple[str, str], ...] = (
     (
         "free run",
-        "the model simulated along the recorded input from the state that the first readings"
-        " show; no reading corrects it later",
+        "the model simulated along the recorded input from the state that the first measurements"
+        " show; no measurement corrects it later",
     ),
     (
         "of the spread, × noise",
-        "root mean square of the error over the standard deviation of the readings, and over that"
+        "root mean square of the error over the standard deviation of the measurements, and over "
+        "that"
         " of the sensor's noise and quantisation; small unmeasured disturbances add up over a free"
         " run and keep even the true model of a moving machine above 1",
     ),
     (
         "refitted",
         "parameters by prediction error of an extended Kalman filter within bounds and priors,"
-        " jointly over the fitting recordings; the share of unmodelled disturbance is fitted too",
+        " jointly over the fitting recordings; the scale of the process noise is fitted too",
     ),
     (
         "unknown input",
@@ -53,9 +54,9 @@ METHODS: tuple[tuple[str, str], ...] = (
     (
         "expected gain and size",
         "score test: derivative of the whitened prediction errors by the effect's size at zero,"
-        " less what the free parameters can imitate",
+        " less what is collinear with the free parameters",
     ),
-    ("absorbed", "share of the effect's signature that the free parameters can imitate"),
+    ("collinear", "share of the effect's signature that is collinear with the free parameters"),
     (
         "alike",
         "absolute cosine between the signatures, so projected, of the effect and of the best one;"
@@ -75,7 +76,8 @@ METHODS: tuple[tuple[str, str], ...] = (
     (
         "what these sensors can tell apart",
         "decomposition of Dulmage and Mendelsohn of the equations between the ports, and the"
-        " linearised transfers from ports to readings over their noise at five operating points and"
+        " linearised transfers from ports to measurements over their noise at five operating "
+        "points and"
         " four frequencies",
     ),
     (
@@ -265,14 +267,14 @@ def scores_table(
         "acts at",
         "expected gain",
         "expected size",
-        "absorbed",
+        "collinear",
         f"alike {reference.replace('_', ' ')}",
         "gain when refitted",
         "gain on held-out recordings",
         "outcome",
     )
     # Without a refit there is nothing to compare with, and no outcome.
-    kept = len(headings) if candidates else headings.index("absorbed") + 1
+    kept = len(headings) if candidates else headings.index("collinear") + 1
     return Table(
         title,
         headings[:kept],
@@ -324,7 +326,7 @@ def unseen_table(verdict: Verdict) -> Table:
         "What these recordings could not have shown",
         ("effect", "why"),
         tuple((item["effect"].replace("_", " "), item["reason"]) for item in verdict.not_testable),
-        f"Absorbed beyond {100 * COLLINEAR:.0f} %, or too small at every plausible size.",
+        f"Collinear beyond {100 * COLLINEAR:.0f} %, or too small at every plausible size.",
     )
 
 

@@ -56,7 +56,7 @@ def _plain(ports: Sequence[str]) -> str:
 def _note(found: Isolability, located: Sequence[str]) -> str:
     text = (
         "From the equations alone, with the recorded outputs; the angle is that between the"
-        " directions in which signals there move the readings, 90° at most. Within a group only"
+        " directions in which signals there move the measurements, 90° at most. Within a group only"
         " the form of the signal tells, not its place."
     )
     own = [group for group in found.groups if len(group) > 1 and set(group) & set(located)]
@@ -71,4 +71,4 @@ def _note(found: Isolability, located: Sequence[str]) -> str:
     if not apart:
         return text
     few = ", ".join(apart[:_SENSORS])
-    return f"{text} The group that was located would be split by reading {few}."
+    return f"{text} The group that was located would be split by measuring {few}."

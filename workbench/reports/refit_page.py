@@ -103,7 +103,7 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
                     before.simulated / factors,
                     after.simulated / factors,
                 ),
-                f"{after.name}: readings, and free runs of the nominal and the refitted model.",
+                f"{after.name}: measurements, and free runs of the nominal and the refitted model.",
                 _alternative(after, before),
             )
         )
@@ -188,7 +188,8 @@ def _verdict(report: RefitReport) -> str:
     if all(row.as_expected for row in report.rows):
         return (
             "The errors are those that the uncertainty of the parameters alone would leave; they"
-            " are too far above the noise of the readings to say whether the model lacks anything."
+            " are too far above the noise of the measurements to say whether the model lacks "
+            "anything."
         )
     return (
         "The refitted model stays above the noise floor on held-out recordings: the model lacks"
@@ -203,7 +204,7 @@ def _method() -> Method:
              "parameters' bounds and priors, jointly over the recordings"),
             ("nominal, refitted", "the model runs free along the inputs of the recording, from the "
              "start that its first samples show"),
-            ("noise-limited", "noise of the readings, and what free runs with parameters drawn "
+            ("noise-limited", "noise of the measurements, and what free runs with parameters drawn "
              "from their estimates differ by; up to three times this, and five times the noise, "
              "counts as the floor, if the filter had next to nothing to take up"),
             ("noise", "noise and resolution of the sensor"),

@@ -51,7 +51,7 @@ def diagnosis_free_form(argument: Argument, *, place: str, unit: str) -> Figure:
         linewidth=0,
         label="its scatter in a class",
     )
-    axes.plot(x, mean, ".", color=MEASURED.light, markersize=6.0, label="from the readings")
+    axes.plot(x, mean, ".", color=MEASURED.light, markersize=6.0, label="measured")
     axes.plot(x, curve, color=AFTER.light, linewidth=1.4, label="fitted curve")
     axes.axhline(0.0, color=FAINT.light, linewidth=0.9, zorder=1)
     axes.margins(x=0.03)
@@ -62,6 +62,6 @@ def diagnosis_free_form(argument: Argument, *, place: str, unit: str) -> Figure:
         y=f"{'change of ' if unit == '1' else ''}{name} in {shown}",
     )
     handles, _ = axes.get_legend_handles_labels()
-    # The readings come first, as they do in every picture.
+    # The measurements come first, as they do in every picture.
     key(axes, columns=3, handles=[*handles[1:], handles[0]])  # type: ignore[list-item]
     return figure

@@ -22,8 +22,8 @@ def diagnosis_law(located: Located) -> Figure:
     """Draw the located signal against the quantity that the effect depends on most.
 
     Returns:
-        The figure: a dot per time at which the readings determine the signal, and what the effect
-        adds at the same times.
+        The figure: a dot per time at which the measurements determine the signal, and what the
+        effect adds at the same times.
 
     Example:
         >>> x = np.linspace(-1.0, 1.0, 50)
@@ -45,7 +45,7 @@ def diagnosis_law(located: Located) -> Figure:
         markersize=3.2,
         alpha=0.6,
         markeredgewidth=0,
-        label="from the readings",
+        label="measured",
         zorder=2,
     )
     shown = [y]
@@ -99,7 +99,7 @@ def diagnosis_signal(located: Located) -> Figure:
     axes.fill_between(
         time, signal - 2 * std, signal + 2 * std, color=FAINT.light, alpha=0.45, linewidth=0
     )
-    axes.plot(time, signal, color=MEASURED.light, linewidth=1.2, label="from the readings")
+    axes.plot(time, signal, color=MEASURED.light, linewidth=1.2, label="measured")
     if located.law is not None:
         law = factor * located.law[rows]
         axes.plot(time, law, color=AFTER.light, linewidth=1.0, label=located.law_name)

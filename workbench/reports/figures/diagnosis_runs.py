@@ -110,7 +110,7 @@ def _curves(
         axes.plot(time, factor * told, color=AFTER.light, linewidth=1.2, linestyle=_DASHES)
     low, high = float(np.nanmin(seen)) * factor, float(np.nanmax(seen)) * factor
     if before.finite:
-        # A model that is far off is shown as far as it leaves the readings legible.
+        # A model that is far off is shown as far as it leaves the measurements legible.
         told = factor * _thinned(before.time[rows], before.simulated[rows, i])[1]
         reach = high - low
         low = max(min(low, float(np.nanmin(told))), low - reach)
@@ -123,7 +123,7 @@ def _curves(
 def diagnosis_residuals(
     before: FreeRun, noise: Mapping[str, float], after: FreeRun | None = None
 ) -> Figure:
-    """Draw how far both free runs are from the readings, against the noise of the sensors.
+    """Draw how far both free runs are measured, against the noise of the sensors.
 
     Args:
         before: Free run of the refitted nominal model.
@@ -192,7 +192,7 @@ def moving_rms(time: Vector, error: Vector, *, window: float = _WINDOW_S) -> tup
 
     Args:
         time: Sample times, shape (n,), in s.
-        error: Errors, shape (n,), in any unit; NaN where there is no reading.
+        error: Errors, shape (n,), in any unit; NaN where there is no measurement.
         window: Length of a window, in s; at least ten samples are taken.
 
     Returns:

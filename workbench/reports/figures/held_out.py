@@ -29,7 +29,7 @@ def held_out(
     Args:
         time: Sample times, shape (n,), in s.
         names: Name of each output with its unit, such as ``angle in °``.
-        measured: Readings, shape (n, outputs), in those units.
+        measured: Measurements, shape (n, outputs), in those units.
         nominal: Free run of the nominal model, of the same shape and units.
         refitted: Free run of the refitted model, of the same shape and units.
 
