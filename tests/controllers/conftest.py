@@ -15,7 +15,7 @@ from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.angle_map import angle_map
 from workbench.model import Model
 from workbench.operating_point import operating_point
-from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm import arm
 
 
@@ -27,7 +27,7 @@ def plant() -> Model:
 @pytest.fixture(scope="session")
 def plant_with_hysteresis(plant: Model) -> Model:
     # 10 N and 7 N per bar of half width in each muscle
-    return plant.with_effect(bouc_wen_hysteresis(level=10.0, level_per_pressure=7e-5))
+    return plant.with_effect(muscle_hysteresis(level=10.0, level_per_pressure=7e-5))
 
 
 @pytest.fixture(scope="session")

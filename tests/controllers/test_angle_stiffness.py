@@ -15,7 +15,7 @@ from workbench.linearisation import LinearModel, linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.physics.flow import orifice_flow
-from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm.two_valves import two_valve_arm
 from workbench.verification import Run, Scenario, Steps, metrics, verify
 
@@ -57,7 +57,7 @@ def test_the_mean_stays_while_the_angle_steps(
 ) -> None:
     plant = two_valves
     if hysteresis:
-        plant = plant.with_effect(bouc_wen_hysteresis(level=10.0, level_per_pressure=7e-5))
+        plant = plant.with_effect(muscle_hysteresis(level=10.0, level_per_pressure=7e-5))
     done = run(both, plant, (20.0, 35.0, 20.0), (3.0, 3.0, 3.0))
     assert np.abs(done["mean_pressure"] - 3e5).max() < 0.1e5
     found = metrics(done)

@@ -21,9 +21,9 @@ from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.physics.friction import coulomb_friction
-from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.physics.library import library
-from workbench.physics.maxwell_slip import maxwell_slip_hysteresis
+from workbench.physics.maxwell_slip import maxwell_slip_hysteresis, muscle_slip
 from workbench.physics.tilt import tilt_gravity
 from workbench.plants.arm import arm
 from workbench.study.plants import PlantRecipe
@@ -116,9 +116,7 @@ def test_gravity_of_a_tilt_enters_the_feedforward() -> None:
 
 
 def test_laws_without_slope_stay_out_of_linear_models() -> None:
-    rough = arm(3.0).with_effect(
-        bouc_wen_hysteresis(), maxwell_slip_hysteresis(), coulomb_friction()
-    )
+    rough = arm(3.0).with_effect(muscle_hysteresis(), maxwell_slip_hysteresis(), coulomb_friction())
     assert not {e.name for e in without_dry_laws(rough).effects} & set(WITHOUT_SLOPE)
     known = {e.name for e in library(arm(3.0).without("bearing_friction"))} | {"bearing_friction"}
     assert set(WITHOUT_SLOPE) <= known
@@ -129,8 +127,8 @@ def test_both_laws_of_hysteresis_ask_for_the_same_difference() -> None:
     laws = [
         redesign(arm(3.0).with_effect(effect), design_scheduled_state_feedback).tracking.hysteresis
         for effect in (
-            bouc_wen_hysteresis(level=10.0, level_per_pressure=7e-5, breakaway=1e-3),
-            maxwell_slip_hysteresis(level=10.0, growth=7e-6, breakaway=1e-3, weights=(1.0,)),
+            muscle_hysteresis(level=10.0, level_per_pressure=7e-5, breakaway=1e-3),
+            muscle_slip(1)(level=10.0, growth=7e-6, breakaway=1e-3),
         )
     ]
     assert laws[0] is not None and laws[1] is not None

@@ -23,14 +23,7 @@ STEP_S = 0.01
 def sprung_runs() -> tuple[Model, list[Recording], list[Recording], dict[str, Any]]:
     """An axis held by a spring, and a library that has friction only."""
     axis = servo_axis()
-    spring = linear_spring(
-        "axis.force",
-        stiffness=200.0,
-        upper=1000.0,
-        coordinate="position",
-        unit="N",
-        coordinate_unit="m",
-    )
+    spring = linear_spring("axis.force", stiffness=200.0, upper=1000.0)
     runs = [
         made_up_recording(
             axis.with_effect(spring),

@@ -72,8 +72,6 @@ def test_friction_left_out_of_the_model_is_noticed() -> None:
                 "axis.force",
                 level=60.0,
                 transition_speed=1e-3,
-                unit="N",
-                speed_unit="m/s",
                 upper=100.0,
             )
         )

@@ -39,11 +39,7 @@ def test_the_foreign_plant_is_short() -> None:
 
 def test_both_plants_speak_the_same_language() -> None:
     for model, port in ((arm(3.0), "joint.torque"), (servo_axis(), "axis.force")):
-        unit = {p.name: p.unit for p in model.ports}[port]
-        speed_unit = "rad/s" if unit == "N m" else "m/s"
-        extra = coulomb_friction(
-            port, level=1.0, unit=unit, speed_unit=speed_unit, name="extra_friction"
-        )
+        extra = coulomb_friction(port, level=1.0, name="extra_friction")
         x = model.initial_state({"speed": 0.5})
         slower = model.with_effect(extra).rates(x, model.nominal_input)
         assert slower.sum() < model.rates(x, model.nominal_input).sum()

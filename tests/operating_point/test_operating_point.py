@@ -10,7 +10,7 @@ import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.operating_point import operating_point
-from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation import simulate
@@ -109,7 +109,7 @@ def test_states_of_effects_are_trimmed_too() -> None:
 
 
 def test_hysteresis_rests_anywhere_and_stays_at_its_start() -> None:
-    point = operating_point(ARM.with_effect(bouc_wen_hysteresis()), {"angle": math.radians(20)})
+    point = operating_point(ARM.with_effect(muscle_hysteresis()), {"angle": math.radians(20)})
     assert set(point.undetermined) == {"muscle_hysteresis.turn_1", "muscle_hysteresis.turn_2"}
     assert point["muscle_hysteresis.turn_1"] == 0.0
     assert "rests at any value" in str(point)

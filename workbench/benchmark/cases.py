@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from workbench.errors import check_choice
 from workbench.model import Model
-from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm import arm
 from workbench.plants.arm.inertia import MAXIMUM_LOAD, Plane
 from workbench.verification import Change, Disturbance, Scenario, Sine, Steps
@@ -149,7 +149,7 @@ def varied_plant(case: Case, variation: str) -> Model:
     if variation == "40 °C":
         plant = plant.with_parameters({"ambient_temperature": 313.15})
     level, per_pressure = HYSTERESIS.get(variation, USUAL_HYSTERESIS)
-    return plant.with_effect(bouc_wen_hysteresis(level=level, level_per_pressure=per_pressure))
+    return plant.with_effect(muscle_hysteresis(level=level, level_per_pressure=per_pressure))
 
 
 def scenarios(variation: str) -> tuple[Scenario, ...]:

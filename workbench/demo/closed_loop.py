@@ -9,7 +9,7 @@ from workbench.demo.controller_designs import design_controllers, design_model
 from workbench.demo.part import Part
 from workbench.linearisation import LinearModel
 from workbench.model import Model
-from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm import arm
 from workbench.reports.figures.steps import ClosedLoopCurves, closed_loop_steps
 from workbench.reports.metrics_table import metric_methods, metrics_table
@@ -96,7 +96,7 @@ def plants() -> dict[str, Model]:
     nominal = arm(LOAD_KG)
     return {
         "nominal": nominal,
-        "with muscle hysteresis": nominal.with_effect(bouc_wen_hysteresis()),
+        "with muscle hysteresis": nominal.with_effect(muscle_hysteresis()),
     }
 
 

@@ -76,9 +76,9 @@ def redesign(
 
     Example:
         >>> from controllers.scheduled_pid import design_scheduled_pid
-        >>> from workbench.physics.hysteresis import bouc_wen_hysteresis
+        >>> from workbench.physics.hysteresis import muscle_hysteresis
         >>> from workbench.plants.arm import arm
-        >>> better = arm(3).with_effect(bouc_wen_hysteresis())
+        >>> better = arm(3).with_effect(muscle_hysteresis())
         >>> pids = [redesign(m, design_scheduled_pid) for m in (arm(3), better)]
         >>> [pid.tracking.hysteresis is None for pid in pids]
         [True, False]

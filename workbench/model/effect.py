@@ -4,11 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.face import Expression
 from workbench.model.quantities import Parameter, State
 from workbench.model.scope import EffectView, PortView
+
+if TYPE_CHECKING:
+    from workbench.model.model import Model
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,9 @@ class Effect:
         start: Same, returns the value of own states at the start of a run; ``State.initial`` for
             those that it leaves out.
         about: Equation, source, look-alikes.
+        dry: Whether it is friction or play without a slope at rest: linear models leave it out.
+        settle: Takes this effect and the model that it is being attached to, returns what is
+            attached: units and sizes that follow from the ports are known only then.
 
     Raises:
         WorkbenchError: If states have no rates or names are used twice.
@@ -72,6 +79,8 @@ class Effect:
     rates: Callable[[EffectView], Mapping[str, Expression]] | None = None
     start: Callable[[EffectView], Mapping[str, Expression]] | None = None
     about: About = field(default_factory=About)
+    dry: bool = False
+    settle: Callable[[Effect, Model], Effect] | None = None
 
     def __post_init__(self) -> None:
         """Check that the effect is complete."""

@@ -166,6 +166,7 @@ class Model:
         Raises:
             WorkbenchError: If a port does not exist or an effect of the name is attached already.
         """
+        effects = tuple(e.settle(e, self) if e.settle else e for e in effects)
         ports = [port.name for port in self.ports]
         taken = [effect.name for effect in self.effects]
         for effect in effects:
@@ -186,6 +187,11 @@ class Model:
                 *(_prefixed(e, q) for e in effects for q in e.parameters),
             ),
         )
+
+    @property
+    def dry_effects(self) -> tuple[str, ...]:
+        """Names of the attached effects that have no slope at rest: dry friction, hysteresis."""
+        return tuple(e.name for e in self.effects if e.dry)
 
     def without(self, *names: str) -> Model:
         """Return a model with effects taken away.

@@ -65,7 +65,11 @@ class Port:
         disturbance: Root mean square of what the model's author expects the equations to leave out
             here, in ``unit``; 0 where the signal is trusted.
         relative_disturbance: The same, as a fraction of the signal's magnitude, dimensionless.
-        group: The equations that the same sensors cannot tell apart; the part before the dot.
+        role: What the signal does, such as ``"force"``, ``"flow"`` or ``"command"``: effects are
+            offered by it. Where it is not declared, the unit and the structure of the equations
+            tell.
+        origins: For each of ``signals``, the state, input, port or published signal that it is, or
+            nothing.
 
     Example:
         >>> Port("joint.torque", "N m", 10.0, "torque on the arm", ("angle", "speed")).group
@@ -79,6 +83,8 @@ class Port:
     signals: tuple[str, ...]
     disturbance: float = 0.0
     relative_disturbance: float = 0.0
+    role: str = ""
+    origins: tuple[str, ...] = ()
 
     @property
     def group(self) -> str:
@@ -119,6 +125,8 @@ class PortView:
         p: The effect's own parameters, by their short names, in SI.
         x: The effect's own states, by their short names, in SI.
         face: Exact or smooth functions.
+        scale: Typical size of the signal, in the port's unit.
+        known: States and inputs of the model, by name, in SI.
     """
 
     port: str
@@ -128,6 +136,13 @@ class PortView:
     p: Names
     x: Names
     face: Face
+    scale: float = 1.0
+    known: Names = field(default_factory=lambda: Names("state or input", {}))
+
+    @property
+    def group(self) -> str:
+        """Part of the port's name before the dot."""
+        return self.port.split(".")[0]
 
 
 @dataclass(frozen=True)
@@ -148,6 +163,11 @@ class EffectView:
     face: Face
     at: Mapping[str, PortView]
     values: Names
+
+    @property
+    def here(self) -> PortView:
+        """What the effect saw at its first port."""
+        return next(iter(self.at.values()))
 
 
 Transform = Callable[[Port, Expression, Names], Expression]
@@ -198,6 +218,7 @@ class Scope:
         signals: Mapping[str, Expression] | None = None,
         disturbance: float = 0.0,
         relative_disturbance: float = 0.0,
+        role: str = "",
     ) -> Expression:
         """Open a port: return the signal after the effects attached there have acted on it.
 
@@ -210,6 +231,8 @@ class Scope:
             signals: Local signals that an effect may use, by name, in SI.
             disturbance: Root mean square of what the equations may leave out here, in ``unit``.
             relative_disturbance: The same, as a fraction of the signal's magnitude, dimensionless.
+            role: What the signal does; effects are offered by it. By default unit and structure
+                of the equations tell.
 
         Returns:
             The signal that the equations go on with, in ``unit``.
@@ -219,7 +242,9 @@ class Scope:
         """
         self._claim(name, unit)
         local = Names(f"signal at port {name}", signals or {})
-        port = Port(name, unit, scale, description, tuple(local), disturbance, relative_disturbance)
+        port = Port(
+            name, unit, scale, description, tuple(local), disturbance, relative_disturbance, role
+        )
         result = self.transform(port, value, local)
         self.ports.append(port)
         self.values[name] = result

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -155,8 +155,11 @@ def trace(model: Model, face: Face) -> Trace:
     seen: dict[str, dict[str, PortView]] = {effect.name: {} for effect in model.effects}
     # What is added to the signal of each port, zero but for its derivatives.
     pushes: dict[str, ca.SX] = {}
+    known = Names("state or input", symbols["state"] | symbols["input"])
+    local: dict[str, Names] = {}
 
     def transform(port: Port, value: Expression, signals: Names) -> Expression:
+        local[port.name] = signals
         for effect in model.effects:
             if port.name in effect.ports:
                 view = PortView(
@@ -167,6 +170,8 @@ def trace(model: Model, face: Face) -> Trace:
                     own["parameter"][effect.name],
                     own["state"][effect.name],
                     face,
+                    port.scale,
+                    known,
                 )
                 seen[effect.name][port.name] = view
                 value = effect.transform(view)
@@ -202,6 +207,7 @@ def trace(model: Model, face: Face) -> Trace:
     pushed_rates = _stack(model, "rate of state", rates, model.states)
     pushed_outputs = _stack(model, "reading of output", outputs, model.outputs)
     push = _vector(pushes)
+    sources = {**scope.values, **symbols["parameter"], **known}
     still = ca.substitute(
         [pushed_rates, pushed_outputs, start, signals], [push], [ca.SX.zeros(push.numel())]
     )
@@ -212,7 +218,9 @@ def trace(model: Model, face: Face) -> Trace:
         rates=still[0],
         outputs=still[1],
         start=still[2],
-        ports=tuple(scope.ports),
+        ports=tuple(
+            replace(port, origins=_origins(local[port.name], sources)) for port in scope.ports
+        ),
         signal_names=tuple(scope.values),
         signal_units=tuple(scope.units[name] for name in scope.values),
         signals=still[3],
@@ -225,6 +233,18 @@ def trace(model: Model, face: Face) -> Trace:
 
 def _symbols(quantities: Sequence[Quantity]) -> dict[str, ca.SX]:
     return {q.name: ca.SX.sym(q.name) for q in quantities}
+
+
+def _origins(signals: Names, values: Mapping[str, Expression]) -> tuple[str, ...]:
+    """Name the state, input or published signal that each local signal is, or nothing."""
+
+    def same(a: Expression, b: Expression) -> bool:
+        return bool(ca.is_equal(ca.SX(a), ca.SX(b), 2)) and not ca.SX(a).is_constant()
+
+    return tuple(
+        next((name for name, value in values.items() if same(signal, value)), "")
+        for signal in signals.values()
+    )
 
 
 def _short_names(effect: Effect, values: Mapping[str, ca.SX], kind: str) -> Names:

@@ -1,80 +1,121 @@
-"""Drift of a sensor: its zero moves while it warms up."""
+"""Signals that change with time: sensors that warm up, gains that fade, jumps at some time."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable
+from dataclasses import replace
 
-from workbench.model import About, Effect, EffectView, Parameter, PortView, State
+import casadi as ca
+
+from workbench.model import PortView, State
 from workbench.model.face import Expression
+from workbench.physics.law import Law, Own, by_port, each, sensors, shape, size
+from workbench.physics.offset_gain import sensor_error
+from workbench.physics.place import DRIVES, Place
+
+_TIMES = (10.0, 30.0, 3.0, 100.0)
+"""Times of a jump that are worth trying without knowing the recording, s."""
 
 
-def drift(
-    ports: tuple[str, ...] = ("pressure_1.reading",),
-    *,
-    amount: float = 5e3,
-    time_constant: float = 60.0,
-    unit: str = "Pa",
-    upper: float = 5e4,
-    typical: float = 5e3,
-    look_alikes: tuple[str, ...] = ("sensor_offset", "creep", "chamber_leakage"),
-    separated_by: str = "the same holding position at the start and at the end of a recording",
-    name: str = "drift",
-) -> Effect:
-    """Build a zero error that approaches its final value exponentially from the start of a run.
+def _warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
+    def parameters(at: Place) -> tuple[Own, ...]:
+        s = typical(at) * at.scale
+        return (
+            size("amount", at.unit, s, 0.2 * s, 5.0 * s, "final drift", signed=True),
+            shape("time_constant", "s", 60.0, "time constant of warming up",
+                  around=(0.05, 100.0), source="", fitted=False),
+        )  # fmt: skip
 
-    ``y = u + amount w``, ``dw/dt = (1 - w) / time_constant``, w = 0 at the start; with a time
-    constant beyond the length of the run it is a ramp.
+    return parameters
 
-    Args:
-        ports: Ports that drift alike.
-        amount: Final drift, in ``unit``.
-        time_constant: Time constant of warming up, in s.
-        unit: Unit of the ports.
-        upper: Largest plausible magnitude, in ``unit``.
-        typical: Usual magnitude, in ``unit``; scales the fit.
-        look_alikes: Names of effects that the same data may not separate.
-        separated_by: The experiment that tells it from them.
-        name: Name of the effect.
 
-    Returns:
-        Effect of size ``amount`` with one state.
+def _warm() -> tuple[State, ...]:
+    return (State("warm", "1", 1.0, "share of the final drift reached", start_rms=1e-3),)
 
-    Raises:
-        WorkbenchError: If a value is outside its bounds.
 
-    Example:
-        >>> drift().states[0].name
-        'warm'
-    """
+# With a time constant beyond the length of the run it is a ramp.
+sensor_drift = Law(
+    "sensor_drift",
+    "y = u + amount w, dw/dt = (1 - w) / tau",
+    sensors(together=False),
+    _warming(sensor_error),
+    lambda at: at.value + at.p.amount * at.x.warm,
+    states=lambda at: _warm(),
+    rates=lambda e: {"warm": (1.0 - e.x.warm) / e.p.time_constant},
+    group="sensor",
+    source="thermal zero drift of a bridge",
+    look_alikes=("sensor_offset", "creep", "chamber_leakage"),
+    separated_by="the same holding position at the start and at the end of a recording",
+)
 
-    def transform(at: PortView) -> Expression:
-        return at.value + at.p.amount * at.x.warm
+gain_fade = Law(
+    "gain_fade",
+    "y = u (1 + amount w), dw/dt = (1 - w) / tau",
+    each("force", "acceleration", *DRIVES, "flow", label=by_port, only=lambda at: at.driven),
+    lambda at: (
+        size("amount", "1", 0.1, 0.01, 1.0, "final change of the gain", signed=True),
+        shape("time_constant", "s", 60.0, "time constant", around=(0.05, 100.0)),
+    ),
+    lambda at: at.value * (1.0 + at.p.amount * at.x.warm),
+    states=lambda at: _warm(),
+    rates=lambda e: {"warm": (1.0 - e.x.warm) / e.p.time_constant},
+    source="warming of a drive, a battery that runs down, a filter that clogs",
+    look_alikes=("gain", "gain_jump", "creep"),
+    separated_by="the same motion at the start and at the end of a recording",
+)  # fmt: skip
 
-    def rates(effect: EffectView) -> Mapping[str, Expression]:
-        return {"warm": (1.0 - effect.x.warm) / effect.p.time_constant}
 
-    return Effect(
-        name,
-        ports,
-        transform,
-        parameters=(
-            Parameter("amount", unit, typical, "final drift", amount, -upper, upper, fitted=True),
-            Parameter(
-                "time_constant",
-                "s",
-                time_constant,
-                "time constant of warming up",
-                time_constant,
-                0.05 * time_constant,
-                100.0 * time_constant,
-            ),
-        ),
-        states=(State("warm", "1", 1.0, "share of the final drift reached", start_rms=1e-3),),
-        rates=rates,
-        about=About(
-            "y = u + amount w, dw/dt = (1 - w) / tau",
-            "thermal zero drift of a bridge",
-            look_alikes,
-            separated_by,
-        ),
+def _passed(at: PortView) -> Expression:
+    return 0.5 + 0.5 * ca.tanh((at.x.clock - at.p.time) / at.p.width)
+
+
+def _when() -> tuple[Own, ...]:
+    return (
+        shape("time", "s", _TIMES[0], "time of the jump", around=None, between=(0.0, 1e6)),
+        shape("width", "s", 0.02, "half-width of the jump", source="", fitted=False),
     )
+
+
+offset_jump = Law(
+    "offset_jump",
+    "y = u + amount step(t - time)",
+    each("force", "acceleration", *DRIVES, "flow", label=by_port, only=lambda at: at.driven),
+    lambda at: (
+        size("amount", at.unit, 0.05 * at.scale, 0.005 * at.scale, at.scale, "height of the jump",
+             signed=True),
+        *_when(),
+    ),
+    lambda at: at.value + at.p.amount * _passed(at),
+    states=lambda at: (State("clock", "s", 10.0, "time since the start", start_rms=1e-6),),
+    rates=lambda e: {"clock": 1.0 + 0.0 * e.x.clock},
+    shapes=lambda at: [{"time": time} for time in _TIMES],
+    source="an event: something slipped, came loose or was switched",
+    look_alikes=("offset", "gain_jump"),
+    separated_by="a repetition of the recording: an event does not repeat",
+)  # fmt: skip
+
+
+gain_jump = replace(
+    offset_jump,
+    name="gain_jump",
+    equation="y = u (1 + amount step(t - time))",
+    parameters=lambda at: (
+        size("amount", "1", 0.1, 0.01, 1.0, "relative height of the jump", signed=True),
+        *_when(),
+    ),
+    transform=lambda at: at.value * (1.0 + at.p.amount * _passed(at)),
+    look_alikes=("gain", "offset_jump", "gain_fade"),
+)
+
+sensor_jump = replace(
+    offset_jump,
+    name="sensor_jump",
+    where=sensors(together=False),
+    parameters=lambda at: (
+        size("amount", at.unit, sensor_error(at) * at.scale, 0.1 * sensor_error(at) * at.scale,
+             5.0 * sensor_error(at) * at.scale, "height of the jump", signed=True),
+        *_when(),
+    ),
+    group="sensor",
+    look_alikes=("sensor_offset", "sensor_drift"),
+)  # fmt: skip

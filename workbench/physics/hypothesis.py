@@ -37,10 +37,11 @@ class Hypothesis:
         WorkbenchError: If the effect has no parameter of that name or the group is unknown.
 
     Example:
-        >>> from workbench.physics.friction import coulomb_friction
-        >>> entry = Hypothesis(coulomb_friction(level=0.0), "level", 0.5, 0.05)
-        >>> entry.name, entry.unit, entry.at_size(1.0).parameters[0].value
-        ('coulomb_friction', 'N m', 1.0)
+        >>> from workbench.physics.library import library
+        >>> from workbench.plants.arm import arm
+        >>> hypothesis = next(h for h in library(arm()) if h.name == "stribeck_friction")
+        >>> hypothesis.size_parameter, hypothesis.unit, hypothesis.typical_size
+        ('break_away', 'N m', 1.0)
     """
 
     effect: Effect
@@ -119,31 +120,24 @@ class Hypothesis:
         return self.at_size(self.typical_size)
 
 
-def look_alikes(entry: Hypothesis, entries: Iterable[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """Return the entries that the same data may not separate from one, by what is known of both.
-
-    Args:
-        entry: The one.
-        entries: Where to look.
-
-    Returns:
-        The others that name its law or name, or that it names.
+def look_alikes(hypothesis: Hypothesis, hypotheses: Iterable[Hypothesis]) -> tuple[Hypothesis, ...]:
+    """Return the others that the same data may not separate from one: either names the other.
 
     Example:
-        >>> from workbench.physics.friction import coulomb_friction
-        >>> from workbench.physics.stribeck import stribeck_friction
-        >>> dry = Hypothesis(coulomb_friction(level=0.0), "level", 0.5, 0.05)
-        >>> break_away = Hypothesis(stribeck_friction(break_away=0.0), "break_away", 1.0, 0.1)
-        >>> [other.name for other in look_alikes(dry, (dry, break_away))]
-        ['stribeck_friction']
+        >>> from workbench.physics.library import library
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> known = {h.name: h for h in library(servo_axis().without("coulomb_friction"))}
+        >>> "stribeck_friction" in [h.name for h in look_alikes(known["coulomb_friction"],
+        ...                                                     known.values())]
+        True
     """
-    own = {entry.law, entry.name}
+    own = {hypothesis.law, hypothesis.name}
     return tuple(
         other
-        for other in entries
-        if other.name != entry.name
+        for other in hypotheses
+        if other.name != hypothesis.name
         and (
             own & set(other.effect.about.look_alikes)
-            or {other.law, other.name} & set(entry.effect.about.look_alikes)
+            or {other.law, other.name} & set(hypothesis.effect.about.look_alikes)
         )
     )

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from workbench.model import Effect, Model
-from workbench.physics.catalogue import air, general, motion, muscles, sensors, valve
 from workbench.physics.hypothesis import Hypothesis, look_alikes
+from workbench.physics.law import LAWS, Law
+from workbench.physics.place import Survey
 
-__all__ = ["Hypothesis", "library", "look_alikes"]
+__all__ = ["LAWS", "Hypothesis", "Law", "library", "look_alikes"]
 
 
-def library(model: Model, *, outputs: tuple[str, ...] | None = None) -> tuple[Hypothesis, ...]:
-    """Return every effect of the library that can act on the ports of a model, at zero size.
+def library(
+    model: Model, *, outputs: tuple[str, ...] | None = None, extra: Iterable[Law] = ()
+) -> tuple[Hypothesis, ...]:
+    """Return every law of the library at each place of a model that it fits, at zero size.
 
     A law that is attached to one of the ports already is left out: its size is a parameter of the
     model.
@@ -18,34 +23,30 @@ def library(model: Model, *, outputs: tuple[str, ...] | None = None) -> tuple[Hy
     Args:
         model: The model that may lack physics.
         outputs: Names of the outputs that are recorded, for the effects of sensors; all by default.
+        extra: Laws of your own that stand in no registry.
 
     Returns:
-        Entries with different names, process before sensors.
+        Hypotheses with different names, process before sensors.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
-        >>> names = [entry.name for entry in library(servo_axis())]
+        >>> names = [hypothesis.name for hypothesis in library(servo_axis())]
         >>> "stribeck_friction" in names, "coulomb_friction" in names
         (True, False)
     """
-    candidates = (
-        *motion.entries(model),
-        *muscles.entries(model),
-        *valve.entries(model),
-        *air.entries(model),
-        *general.entries(model),
-        *sensors.entries(model, outputs),
-    )
+    survey = Survey(model, outputs)
     taken = {effect.name for effect in model.effects}
-    return tuple(
-        entry
-        for entry in candidates
-        if entry.name not in taken and not any(_same(entry, e) for e in model.effects)
-    )
+    found = [
+        hypothesis
+        for law in (*LAWS.members().values(), *extra)
+        for hypothesis in law.hypotheses(survey)
+        if hypothesis.name not in taken and not any(_same(hypothesis, e) for e in model.effects)
+    ]
+    return tuple(sorted(found, key=lambda h: h.group == "sensor"))
 
 
-def _same(entry: Hypothesis, attached: Effect) -> bool:
-    if entry.effect.about.equation == attached.about.equation:
-        return bool(set(entry.ports) & set(attached.ports))
-    places = [{port.split(".")[0] for port in ports} for ports in (entry.ports, attached.ports)]
-    return entry.law == attached.name and bool(places[0] & places[1])
+def _same(hypothesis: Hypothesis, attached: Effect) -> bool:
+    if hypothesis.effect.about.equation == attached.about.equation:
+        return bool(set(hypothesis.ports) & set(attached.ports))
+    places = [{p.split(".")[0] for p in ports} for ports in (hypothesis.ports, attached.ports)]
+    return hypothesis.law == attached.name and bool(places[0] & places[1])

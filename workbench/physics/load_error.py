@@ -2,77 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import casadi as ca
 
-from workbench.model import About, Effect, Parameter, PortView
+from workbench.model import PortView
 from workbench.model.face import Expression
-from workbench.physics.tilt import GRAVITY
+from workbench.physics.law import Fit, Law, shape, size
+from workbench.physics.place import Survey
+from workbench.physics.tilt import GRAVITY, LOAD_CENTRE
+
+_OWN_INERTIA = 0.0015
+"""Inertia of the load about its own centre over its mass, m^2."""
 
 
-def load_error(
-    ports: tuple[str, ...] = ("joint.inertia", "joint.torque"),
-    *,
-    mass: float = 0.5,
-    centre: tuple[float, float] = (0.367, -0.024),
-    inertia_per_mass: float = 0.0015,
-    gravity_share: float = 0.0,
-    name: str = "load_error",
-) -> Effect:
-    """Build a mass that the notes do not know, at the place of the load.
+def _where(survey: Survey) -> Iterator[Fit]:
+    weight = any(effect.name == "gravity" for effect in survey.model.effects)
+    for inertia in survey.fitting("inertia", needs=("load",)):
+        torques = [
+            q for q in survey.fitting("force", needs=("angle",))
+            if weight and q.port.group == inertia.port.group
+        ]  # fmt: skip
+        yield "", ((inertia, *torques[:1]),)
 
-    ``J = J + mass (x^2 + y^2 + i)`` and, on a port of torque,
-    ``T = T - gravity_share g mass (x cos theta - y sin theta)``.
 
-    Args:
-        ports: A port of inertia and, if weight matters, one of torque with the local signal
-            ``angle``; told apart by their names' endings ``.inertia`` and ``.torque``.
-        mass: Mass in excess of the notes, in kg; negative if the load is lighter.
-        centre: Place of the load (along, above), in m.
-        inertia_per_mass: Inertia about the load's own centre over mass, in m^2.
-        gravity_share: 1 in a vertical plane, 0 in a level one, the sine of a tilt, dimensionless.
-        name: Name of the effect.
+def _heavier(at: PortView) -> Expression:
+    along, above = LOAD_CENTRE
+    if at.index == 0:
+        return at.value + at.p.mass * (along**2 + above**2 + _OWN_INERTIA)
+    angle = at.signals.angle
+    lever = along * ca.cos(angle) - above * ca.sin(angle)
+    return at.value - at.p.gravity_share * GRAVITY * at.p.mass * lever
 
-    Returns:
-        Effect of size ``mass``.
 
-    Raises:
-        WorkbenchError: If a value is outside its bounds.
-
-    Example:
-        >>> load_error(mass=-1.0).parameters[0].value
-        -1.0
-    """
-    along, above = centre
-
-    def transform(at: PortView) -> Expression:
-        if at.port.endswith(".inertia"):
-            return at.value + at.p.mass * (along**2 + above**2 + inertia_per_mass)
-        angle = at.signals.angle
-        lever = along * ca.cos(angle) - above * ca.sin(angle)
-        return at.value - at.p.gravity_share * GRAVITY * at.p.mass * lever
-
-    return Effect(
-        name,
-        ports,
-        transform,
-        parameters=(
-            Parameter(
-                "mass", "kg", 0.5, "mass in excess of the notes", mass, -8.0, 8.0, fitted=True
-            ),
-            Parameter(
-                "gravity_share",
-                "1",
-                1.0,
-                "share of gravity in the plane of motion",
-                gravity_share,
-                -1.0,
-                1.0,
-            ),
-        ),
-        about=About(
-            "J = J + mass r^2, T = T - share g mass x cos(theta)",
-            "parallel-axis theorem",
-            look_alikes=("loose_load", "force_gain"),
-            separated_by="weigh the load; free swings with the load taken off",
-        ),
-    )
+load_error = Law(
+    "load_error",
+    "J = J + mass r^2, T = T - share g mass x cos(theta)",
+    _where,
+    lambda at: (
+        size("mass", "kg", 0.5, 0.05, 8.0, "mass in excess of the notes", signed=True),
+        shape("gravity_share", "1", 1.0 if at.others else 0.0,
+              "share of gravity in the plane of motion", around=None, between=(-1.0, 1.0),
+              scale=1.0, source="", fitted=False),
+    ),
+    _heavier,
+    source="parallel-axis theorem",
+    look_alikes=("loose_load", "force_gain"),
+    separated_by="weigh the load; free swings with the load taken off",
+)  # fmt: skip

@@ -1,92 +1,70 @@
-"""Dry friction whose level follows a load: bearing forces or a pressure."""
+"""Dry friction whose level follows a load: the forces of a bearing, or a pressure.
+
+For a bearing the coefficient is friction coefficient times journal radius; for a muscle the gauge
+pressure loads the contact of braid and tube. Negative sums of loads count as none.
+"""
 
 from __future__ import annotations
 
 import casadi as ca
 
-from workbench.model import About, Effect, Parameter, PortView
+from workbench.model import PortView
 from workbench.model.face import Expression
-from workbench.physics.port_units import per
+from workbench.physics.law import Law, each, shape, size, twins
+from workbench.physics.place import EFFORTS, Place, per
 
 
-def load_dependent_friction(
-    ports: tuple[str, ...] = ("joint.torque",),
-    *,
-    coefficient: float = 5e-4,
-    loads: tuple[str, ...] = ("force_1", "force_2"),
-    speed_signal: str = "speed",
-    transition_speed: float = 0.02,
-    unit: str = "N m",
-    load_unit: str = "N",
-    speed_unit: str = "rad/s",
-    upper: float = 1e-2,
-    typical: float = 5e-4,
-    name: str = "load_dependent_friction",
-) -> Effect:
-    """Build dry friction proportional to the sum of local signals.
+def _of_bearing(at: PortView) -> Expression:
+    load = sum(value for name, value in at.signals.items() if name.startswith("bearing_load_"))
+    sliding = ca.tanh(at.signals.speed / at.p.transition_speed)
+    return at.value - at.p.coefficient * at.face.ramp(load, 1.0) * sliding
 
-    ``T = T - coefficient (sum of loads) tanh(v / transition_speed)``. For a bearing the coefficient
-    is friction coefficient times journal radius; with ``loads=("gauge_pressure",)`` on a muscle's
-    force it is the friction between braid and tube.
 
-    Args:
-        ports: Ports of forces or torques, with the speed and the loads as local signals.
-        coefficient: Friction over load, in ``unit`` per ``load_unit``.
-        loads: Names of the local signals that load the contact; negative sums count as none.
-        speed_signal: Name of the local signal that is the speed of sliding.
-        transition_speed: Speed at which tanh reaches 76 %, in ``speed_unit``.
-        unit: Unit of the ports: ``"N m"`` or ``"N"``.
-        load_unit: Unit of the loads.
-        speed_unit: Unit of the speed: ``"rad/s"`` or ``"m/s"``.
-        upper: Largest plausible coefficient, in ``unit`` per ``load_unit``.
-        typical: Usual coefficient, in ``unit`` per ``load_unit``; scales the fit.
-        name: Name of the effect.
+def _typical(at: Place) -> float:
+    unit = at.signals["bearing_load_1"].unit if "bearing_load_1" in at.signals else "N"
+    return {"N": 5e-5 * at.scale, "Pa": 1e-7 * at.scale}.get(unit, 0.05)
 
-    Returns:
-        Effect of size ``coefficient``.
 
-    Raises:
-        WorkbenchError: If a value is outside its bounds.
+def _load_unit(at: Place) -> str:
+    return at.signals["bearing_load_1"].unit if "bearing_load_1" in at.signals else "1"
 
-    Example:
-        >>> load_dependent_friction().parameters[0].unit
-        'N m/N'
-    """
 
-    def transform(at: PortView) -> Expression:
-        load = at.face.ramp(sum(at.signals[signal] for signal in loads), 1.0)
-        sliding = ca.tanh(at.signals[speed_signal] / at.p.transition_speed)
-        return at.value - at.p.coefficient * load * sliding
+load_dependent_friction = Law(
+    "load_dependent_friction",
+    "T = -coefficient (sum of loads) tanh(v / transition_speed)",
+    each(*EFFORTS, needs=("speed", "bearing_load_1")),
+    lambda at: (
+        size("coefficient", per(at.unit, _load_unit(at)), _typical(at), 0.1 * _typical(at),
+             20.0 * _typical(at), "friction over load"),
+        shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,
+              "speed scale of the reversal", around=(1e-3, 1e3), fitted=False),
+    ),
+    _of_bearing,
+    dry=True,
+    source="G. Amontons 1699; journal bearing under radial load",
+    look_alikes=("coulomb_friction", "stribeck_friction", "muscle_hysteresis"),
+    separated_by="the same motion at a low and at a high mean pressure",
+)  # fmt: skip
 
-    return Effect(
-        name,
-        ports,
-        transform,
-        parameters=(
-            Parameter(
-                "coefficient",
-                per(unit, load_unit),
-                typical,
-                "friction over load",
-                coefficient,
-                0.0,
-                upper,
-                fitted=True,
-            ),
-            Parameter(
-                "transition_speed",
-                speed_unit,
-                transition_speed,
-                "speed scale of the reversal",
-                transition_speed,
-                1e-3 * transition_speed,
-                1e3 * transition_speed,
-            ),
-        ),
-        about=About(
-            "T = -coefficient (sum of loads) tanh(v / transition_speed)",
-            "G. Amontons 1699; journal bearing under radial load",
-            look_alikes=("coulomb_friction", "stribeck_friction", "muscle_hysteresis"),
-            separated_by="the same motion at a low and at a high mean pressure",
-        ),
-    )
+
+def _of_muscle(at: PortView) -> Expression:
+    load = at.face.ramp(at.signals.gauge_pressure, 1.0)
+    sliding = ca.tanh(at.signals.contraction_speed / at.p.transition_speed)
+    return at.value - at.p.coefficient * load * sliding
+
+
+pressure_friction = Law(
+    "pressure_friction",
+    "F = -coefficient p tanh(v / transition_speed)",
+    twins("muscle_force", needs=("contraction_speed", "gauge_pressure")),
+    lambda at: (
+        size("coefficient", "N/Pa", 7e-5, 5e-6, 5e-4, "friction over pressure"),
+        shape("transition_speed", "m/s", 1e-3, "speed scale of the reversal",
+              around=(1e-3, 1e3), fitted=False),
+    ),
+    _of_muscle,
+    dry=True,
+    source="G. Amontons 1699; contact of braid and tube under pressure",
+    look_alikes=("coulomb_friction", "stribeck_friction", "muscle_hysteresis"),
+    separated_by="the same motion at a low and at a high mean pressure",
+)  # fmt: skip

@@ -2,171 +2,153 @@
 
 from __future__ import annotations
 
-from workbench.model import About, Effect, Parameter, PortView
-from workbench.model.face import Expression
+from collections.abc import Callable
+from dataclasses import replace
+
+from workbench.physics.law import (
+    Law,
+    Own,
+    by_end,
+    by_number,
+    by_port,
+    each,
+    first_of,
+    sensors,
+    shape,
+    size,
+)
+from workbench.physics.place import DRIVES, EFFORTS, Place
 
 
-def offset(
-    ports: tuple[str, ...] = ("valve.command",),
-    *,
-    amount: float = 0.05,
-    unit: str = "V",
-    upper: float = 1.0,
-    typical: float = 0.05,
-    look_alikes: tuple[str, ...] = (),
-    separated_by: str = "hold still at several positions: an offset is the same everywhere",
-    name: str = "offset",
-) -> Effect:
-    """Build a constant that is added to a signal: a zero error, a constant force or torque.
+def _amount(typical: float, least: float, largest: float) -> Callable[[Place], tuple[Own, ...]]:
+    """Return the constant, with sizes relative to the port's scale."""
 
-    ``y = u + amount``
+    def parameters(at: Place) -> tuple[Own, ...]:
+        s = at.scale
+        own = size("amount", at.unit, typical * s, least * s, largest * s, "the constant",
+                   signed=True)  # fmt: skip
+        return (own,)
 
-    Args:
-        ports: Ports that are all off by the same amount.
-        amount: The constant, in ``unit``.
-        unit: Unit of the ports.
-        upper: Largest plausible magnitude, in ``unit``.
-        typical: Usual magnitude, in ``unit``; scales the fit.
-        look_alikes: Names of effects that the same data may not separate.
-        separated_by: The experiment that tells it from them.
-        name: Name of the effect.
+    return parameters
 
-    Returns:
-        Effect of size ``amount``.
 
-    Raises:
-        WorkbenchError: If the amount is outside its bounds.
+def sensor_error(at: Place) -> float:
+    """Return the usual zero error of a sensor over its scale: of its range, a pressure's is large.
 
     Example:
-        >>> offset(("pressure_1.reading",), amount=2e3, unit="Pa", upper=3e4).ports
-        ('pressure_1.reading',)
+        >>> from workbench.physics.place import unknown_place
+        >>> sensor_error(unknown_place("level.reading"))
+        0.02
     """
-
-    def transform(at: PortView) -> Expression:
-        return at.value + at.p.amount
-
-    return Effect(
-        name,
-        ports,
-        transform,
-        parameters=(
-            Parameter("amount", unit, typical, "the constant", amount, -upper, upper, fitted=True),
-        ),
-        about=About("y = u + amount", "zero error", look_alikes, separated_by),
-    )
+    return {"Pa": 0.1, "rad": 0.01}.get(at.unit, 0.02)
 
 
-def gain(
-    ports: tuple[str, ...] = ("pressure_1.reading",),
-    *,
-    excess: float = 0.02,
-    upper: float = 0.5,
-    typical: float = 0.02,
-    look_alikes: tuple[str, ...] = (),
-    separated_by: str = "compare with a reference at two levels of the signal",
-    name: str = "gain",
-) -> Effect:
-    """Build a factor on a signal: a span error, a weaker muscle, a narrower edge.
+offset = Law(
+    "offset",
+    "y = u + amount",
+    each(*DRIVES, "flow", label=by_port),
+    _amount(0.05, 0.005, 1.0),
+    lambda at: at.value + at.p.amount,
+    source="zero error",
+    look_alikes=("gain",),
+    separated_by="hold still at several positions: an offset is the same everywhere",
+)
 
-    ``y = (1 + excess) u``
+valve_offset = replace(
+    offset,
+    name="valve_offset",
+    where=each("valve_command"),
+    parameters=_amount(0.1, 0.005, 1.0),
+    look_alikes=("asymmetric_gain", "constant_torque", "edge_gain", "edge_leakage"),
+    separated_by="small steps to both sides of the centre against large ones",
+)
 
-    Args:
-        ports: Ports that all have the same factor.
-        excess: Factor less one, dimensionless.
-        upper: Largest plausible magnitude, dimensionless.
-        typical: Usual magnitude, dimensionless; scales the fit.
-        look_alikes: Names of effects that the same data may not separate.
-        separated_by: The experiment that tells it from them.
-        name: Name of the effect.
+constant_force = replace(
+    offset,
+    name="constant_force",
+    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.unit != "N m"),
+    parameters=_amount(0.05, 0.005, 0.5),
+    look_alikes=("linear_spring", "ripple"),
+    separated_by="hold several positions at two levels of the drive and with two loads",
+)
 
-    Returns:
-        Effect of size ``excess``.
+constant_torque = replace(
+    offset,
+    name="constant_torque",
+    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.unit == "N m"),
+    parameters=_amount(0.05, 0.005, 0.5),
+    look_alikes=("tilt_gravity", "force_gain", "linear_spring", "valve_offset"),
+    separated_by="hold several positions at two mean pressures and with two loads",
+)
 
-    Raises:
-        WorkbenchError: If the excess is outside its bounds.
-
-    Example:
-        >>> gain(("muscle_1.force",), excess=-0.05).parameters[0].value
-        -0.05
-    """
-
-    def transform(at: PortView) -> Expression:
-        return at.value * (1.0 + at.p.excess)
-
-    return Effect(
-        name,
-        ports,
-        transform,
-        parameters=(
-            Parameter(
-                "excess", "1", typical, "factor less one", excess, -upper, upper, fitted=True
-            ),
-        ),
-        about=About("y = (1 + excess) u", "span error", look_alikes, separated_by),
-    )
+sensor_offset = replace(
+    offset,
+    name="sensor_offset",
+    where=sensors(),
+    parameters=lambda at: _amount(sensor_error(at), 0.1 * sensor_error(at), 5 * sensor_error(at))(
+        at
+    ),
+    group="sensor",
+    look_alikes=("sensor_gain", "sensor_drift", "constant_torque", "force_gain"),
+    separated_by="compare with a reference at rest, at two levels",
+)
 
 
-def asymmetric_gain(
-    ports: tuple[str, ...] = ("valve.spool",),
-    *,
-    difference: float = 0.1,
-    centre: float = 0.0,
-    unit: str = "V",
-    width: float = 0.02,
-    upper: float = 1.0,
-    typical: float = 0.1,
-    name: str = "asymmetric_gain",
-) -> Effect:
-    """Build a signal that counts more on one side of its centre than on the other.
+def _excess(typical: float, least: float) -> Callable[[Place], tuple[Own, ...]]:
+    own = size("excess", "1", typical, least, 0.5, "factor less one", signed=True)
+    return lambda at: (own,)
 
-    ``y = u + (difference / 2) |u - centre|``: factor 1 + difference / 2 above the centre and
-    1 - difference / 2 below.
 
-    Args:
-        ports: Ports on which it acts.
-        difference: Factor above the centre less that below, dimensionless.
-        centre: Where the two sides meet, in ``unit``.
-        unit: Unit of the ports.
-        width: Neighbourhood of the centre that the smooth face rounds, in ``unit``.
-        upper: Largest plausible magnitude of the difference, dimensionless.
-        typical: Usual magnitude of the difference, dimensionless; scales the fit.
-        name: Name of the effect.
+gain = Law(
+    "gain",
+    "y = (1 + excess) u",
+    each(*DRIVES, "flow", label=by_port),
+    _excess(0.05, 0.01),
+    lambda at: at.value * (1.0 + at.p.excess),
+    source="span error",
+    look_alikes=("offset",),
+    separated_by="compare with a reference at two levels of the signal",
+)
 
-    Returns:
-        Effect of size ``difference``.
+sensor_gain = replace(
+    gain,
+    name="sensor_gain",
+    where=sensors(),
+    parameters=_excess(0.02, 0.003),
+    group="sensor",
+    look_alikes=("sensor_offset", "force_gain"),
+)
 
-    Raises:
-        WorkbenchError: If the difference is outside its bounds.
+force_gain = replace(
+    gain,
+    name="force_gain",
+    where=each("muscle_force", label=by_number),
+    look_alikes=("tilt_gravity", "constant_torque", "sensor_gain", "force_gain"),
+    separated_by="isometric force of each muscle with a load cell",
+)
 
-    Example:
-        >>> asymmetric_gain().name
-        'asymmetric_gain'
-    """
+edge_gain = replace(
+    gain,
+    name="edge_gain",
+    where=each("edge", label=by_end),
+    parameters=_excess(0.1, 0.02),
+    look_alikes=("asymmetric_gain", "valve_offset", "silencer"),
+    separated_by="fill and vent each chamber alone over the same pressures",
+)
 
-    def transform(at: PortView) -> Expression:
-        return at.value + 0.5 * at.p.difference * at.face.absolute(at.value - at.p.centre, width)
-
-    return Effect(
-        name,
-        ports,
-        transform,
-        parameters=(
-            Parameter(
-                "difference",
-                "1",
-                typical,
-                "factor above the centre less that below",
-                difference,
-                -upper,
-                upper,
-                fitted=True,
-            ),
-            Parameter("centre", unit, 1.0, "where the two sides meet", centre),
-        ),
-        about=About(
-            "y = u + (difference / 2) |u - centre|",
-            "unequal edges of a valve, unequal sides of an amplifier",
-            look_alikes=("valve_offset", "silencer", "edge_gain"),
-            separated_by="steps of several sizes to both sides: an offset fades for large ones",
-        ),
-    )
+asymmetric_gain = Law(
+    "asymmetric_gain",
+    "y = u + (difference / 2) |u - centre|",
+    first_of(each("spool"), each("command", "voltage", label=by_port)),
+    lambda at: (
+        size("difference", "1", 0.1, 0.01, 1.0, "factor above the centre less that below",
+             signed=True),
+        shape("centre", at.unit, 0.0, "where the two sides meet", around=None, scale=1.0,
+              source="", fitted=False),
+    ),
+    lambda at: at.value
+    + 0.5 * at.p.difference * at.face.absolute(at.value - at.p.centre, 0.02 * at.scale),
+    source="unequal edges of a valve, unequal sides of an amplifier",
+    look_alikes=("valve_offset", "silencer", "edge_gain"),
+    separated_by="steps of several sizes to both sides: an offset fades for large ones",
+)  # fmt: skip

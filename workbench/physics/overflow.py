@@ -1,114 +1,125 @@
-"""Overflow: what a full store cannot hold is spilled."""
+"""Stores that lose what they hold: over a brim, through an orifice, through a leak.
+
+A lag short beside the store's own time lets both stores see the same spill. What runs over falls,
+if anywhere, into the next store that the equations fill.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 
-from workbench.model import About, Effect, EffectView, Parameter, PortView, State
-from workbench.model.face import Expression
-from workbench.physics.port_units import per
+from workbench.model import EffectView, PortView, State
+from workbench.model.face import Expression, sqrt
+from workbench.physics.law import Fit, Law, Own, shape, size
+from workbench.physics.place import Place, Survey, per
+
+_LAG = 0.1
+"""Time in which the spill follows the level, s."""
 
 
-def overflow(
-    port: str = "upper_tank.flow",
-    *,
-    coefficient: float = 1.0,
-    limit: float = 10.0,
-    into: str = "",
-    caught: float = 0.0,
-    level_signal: str = "level",
-    unit: str = "m3/s",
-    level_unit: str = "m",
-    level_scale: float = 1.0,
-    lag: float = 0.1,
-    upper: float = 1e3,
-    typical: float = 1.0,
-    name: str = "overflow",
-) -> Effect:
-    """Build a store whose level beyond a limit runs over, partly into another store.
+def _stores(survey: Survey) -> list[Place]:
+    """Return one flow into each store whose level is a state."""
+    found: dict[str, Place] = {}
+    for place in survey.fitting("flow", "heat", "current", needs=("level",)):
+        if not place.name.endswith(".outflow"):
+            found.setdefault(place.level.source, place)
+    return list(found.values())
 
-    ``flow = flow - coefficient s``, ``ds/dt = (max(0, level - limit) - s) / lag``; the store
-    ``into`` gains ``caught coefficient s``. The lag, short beside the store's own time, lets both
-    stores see the same spill.
 
-    Args:
-        port: Port of the net inflow of the store, with the local signal ``level_signal``.
-        coefficient: Spill over excess level, in ``unit`` per ``level_unit``.
-        limit: Level of the brim, in the unit of the level.
-        into: Port of the net inflow of the store that catches a part, or nothing.
-        caught: Part of the spill that is caught, a fraction.
-        level_signal: Name of the local signal that is the level.
-        unit: Unit of the ports.
-        level_unit: Unit of the level.
-        level_scale: Typical level, in the unit of the level.
-        lag: Time in which the spill follows, in s.
-        upper: Largest plausible coefficient, in ``unit`` per ``level_unit``.
-        typical: Usual coefficient, in ``unit`` per ``level_unit``; scales the fit.
-        name: Name of the effect.
+def _over_brims(survey: Survey) -> Iterator[Fit]:
+    stores = [q for q in _stores(survey) if q.role == "flow"]
+    for i, place in enumerate(stores):
+        below = [q for q in stores[i + 1 :] if q.unit == place.unit]
+        yield f"_{place.port.group}", ((place, *below[:1]),)
 
-    Returns:
-        Effect of size ``coefficient`` with one state.
 
-    Raises:
-        WorkbenchError: If a value is outside its bounds.
+def _spilled(at: PortView) -> Expression:
+    spill = at.p.coefficient * at.x.excess
+    return at.value - spill if at.index == 0 else at.value + at.p.caught * spill
 
-    Example:
-        >>> overflow(into="lower_tank.flow", caught=0.5).ports
-        ('upper_tank.flow', 'lower_tank.flow')
-    """
 
-    def transform(at: PortView) -> Expression:
-        spill = at.p.coefficient * at.x.excess
-        return at.value - spill if at.port == port else at.value + at.p.caught * spill
+def _excess(e: EffectView) -> Expression:
+    at = e.here
+    return at.face.ramp(at.signals.level - e.p.limit, 0.005 * e.p.level_scale)
 
-    def excess(at: PortView) -> Expression:
-        beyond = at.signals[level_signal] - at.p.limit
-        return at.face.ramp(beyond, 0.005 * level_scale)
 
-    def rates(effect: EffectView) -> Mapping[str, Expression]:
-        return {"excess": (excess(effect.at[port]) - effect.x.excess) / lag}
+def _brim(at: Place) -> tuple[Own, ...]:
+    level, rate = at.level, at.scale / at.level.scale
+    caught = shape("caught", "1", 0.0, "part of the spill that is caught", around=None,
+                   between=(0.0, 1.0), scale=0.5, source="")  # fmt: skip
+    return (
+        size("coefficient", per(at.unit, level.unit), 10 * rate, 0.5 * rate, 100 * rate,
+             "spill over excess level"),
+        shape("limit", level.unit, level.scale, "level of the brim", around=None,
+              scale=level.scale),
+        shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
+        *((caught,) if at.others else ()),
+    )  # fmt: skip
 
-    def start(effect: EffectView) -> Mapping[str, Expression]:
-        return {"excess": excess(effect.at[port])}
 
-    catching = (
-        Parameter(
-            "caught", "1", 0.5, "part of the spill that is caught", caught, 0.0, 1.0, fitted=True
-        ),
-    )
-    return Effect(
-        name,
-        (port, into) if into else (port,),
-        transform,
-        parameters=(
-            Parameter(
-                "coefficient",
-                per(unit, level_unit),
-                typical,
-                "spill over excess level",
-                coefficient,
-                0.0,
-                upper,
-                fitted=True,
-            ),
-            Parameter(
-                "limit",
-                level_unit,
-                level_scale,
-                "level of the brim",
-                limit,
-                source="estimate",
-                fitted=True,
-            ),
-            *(catching if into else ()),
-        ),
-        states=(State("excess", level_unit, level_scale, "level beyond the brim"),),
-        rates=rates,
-        start=start,
-        about=About(
-            "flow = flow - coefficient max(0, level - limit)",
-            "broad-crested brim, linearised",
-            look_alikes=("saturation",),
-            separated_by="fill slowly beyond the brim: the level stops rising",
-        ),
-    )
+overflow = Law(
+    "overflow",
+    "flow = flow - coefficient max(0, level - limit)",
+    _over_brims,
+    _brim,
+    _spilled,
+    states=lambda at: (State("excess", at.level.unit, at.level.scale, "level beyond the brim"),),
+    rates=lambda e: {"excess": (_excess(e) - e.x.excess) / _LAG},
+    start=lambda e: {"excess": _excess(e)},
+    shapes=lambda at: [{"limit": k * at.level.scale} for k in (1.0, 1.5, 2.0)],
+    source="broad-crested brim, linearised",
+    look_alikes=("saturation",),
+    separated_by="fill slowly beyond the brim: the level stops rising",
+)
+
+
+def _each_store(survey: Survey) -> Iterator[Fit]:
+    for place in _stores(survey):
+        yield f"_{place.port.group}", ((place,),)
+
+
+def _above(at: PortView) -> Expression:
+    return at.face.ramp(at.signals.level - at.p.outlet, 0.01 * at.p.level_scale)
+
+
+def _outlet(at: Place) -> tuple[Own, ...]:
+    level = at.level
+    return (
+        shape("outlet", level.unit, 0.0, "level of the outlet", around=None, scale=level.scale,
+              fitted=False),
+        shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
+    )  # fmt: skip
+
+
+# The root is rounded at an empty store, where its slope would be infinite.
+orifice_outflow = Law(
+    "orifice_outflow",
+    "flow = flow - coefficient sqrt(level / level_scale)",
+    _each_store,
+    lambda at: (
+        size("coefficient", at.unit, 0.1 * at.scale, 0.01 * at.scale, at.scale,
+             "outflow at the typical level", signed=True),
+        *_outlet(at),
+    ),
+    lambda at: at.value
+    - at.p.coefficient * (sqrt(_above(at) / at.p.level_scale + 1e-4) - 1e-2),
+    source="E. Torricelli 1643",
+    look_alikes=("linear_outflow", "overflow", "offset"),
+    separated_by="let the store run empty: the level falls along a parabola, not an exponential",
+)  # fmt: skip
+
+linear_outflow = Law(
+    "linear_outflow",
+    "flow = flow - conductance (level - outlet)",
+    _each_store,
+    lambda at: (
+        size("conductance", per(at.unit, at.level.unit), 0.1 * at.scale / at.level.scale,
+             0.01 * at.scale / at.level.scale, 2.0 * at.scale / at.level.scale,
+             "outflow over level", signed=True),
+        *_outlet(at)[:1],
+    ),
+    lambda at: at.value - at.p.conductance * (at.signals.level - at.p.outlet),
+    source="laminar leak, G. Hagen 1839; loss of heat, I. Newton 1701; leak resistance",
+    look_alikes=("orifice_outflow", "overflow", "offset"),
+    separated_by="let the store run empty: the level falls along an exponential",
+)  # fmt: skip

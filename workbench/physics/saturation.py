@@ -1,125 +1,119 @@
-"""Saturation, clipping and rectification: signals that do not pass a limit."""
+"""Saturation, clipping and rectification: signals that do not pass a limit.
+
+A share between 0 and 1 is a smaller slope beyond the limit. Starting from share 0 rather than from
+a limit out of reach makes the law visible to derivatives.
+"""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
-from workbench.model import About, Effect, Parameter, PortView
+from workbench.model import PortView
 from workbench.model.face import Expression
+from workbench.physics.law import Law, Own, by_port, each, sensors, shape, share, size
+from workbench.physics.place import DRIVES, EFFORTS, Place
 
 
-def saturation(
-    ports: tuple[str, ...] = ("pressure_1.reading",),
-    *,
-    share: float = 1.0,
-    limit: float = 5e5,
-    side: str = "above",
-    unit: str = "Pa",
-    scale: float = 1e5,
-    corner: float = 0.01,
-    lower: float = -math.inf,
-    upper: float = math.inf,
-    look_alikes: tuple[str, ...] = ("sensor_gain",),
-    name: str = "saturation",
-) -> Effect:
-    """Build a limit that a signal does not pass, in part or in whole.
+def _above(at: PortView) -> Expression:
+    return at.value - at.p.share * at.face.ramp(at.value - at.p.limit, 0.01 * at.scale)
 
-    ``y = u - share max(0, u - limit)`` above, ``y = u + share max(0, limit - u)`` below. A share
-    between 0 and 1 is a smaller slope beyond the limit. Starting from share 0 rather than from a
-    limit out of reach makes the effect visible to derivatives.
 
-    Args:
-        ports: Ports that have the same limit.
-        share: Share of the excess that is cut, a fraction; 1 is a hard limit, 0 its absence.
-        limit: The limit, in ``unit``.
-        side: ``"above"`` to cut what is larger, ``"below"`` to cut what is smaller.
-        unit: Unit of the ports.
-        scale: Typical size of the signal, in ``unit``.
-        corner: Half-width of the corner that the smooth face rounds, a fraction of ``scale``.
-        lower: Smallest plausible limit, in ``unit``.
-        upper: Largest plausible limit, in ``unit``.
-        look_alikes: Names of effects that the same data may not separate.
-        name: Name of the effect.
-
-    Returns:
-        Effect of size ``share``.
-
-    Raises:
-        WorkbenchError: If a value is outside its bounds.
-
-    Example:
-        >>> saturation(limit=4e5).parameters[1].value
-        400000.0
-    """
-    sign = 1.0 if side == "above" else -1.0
-
-    def transform(at: PortView) -> Expression:
-        excess = at.face.ramp(sign * (at.value - at.p.limit), corner * scale)
-        return at.value - sign * at.p.share * excess
-
-    return Effect(
-        name,
-        ports,
-        transform,
-        parameters=(
-            Parameter("share", "1", 1.0, "share of the excess that is cut", share, 0.0, 1.0),
-            Parameter(
-                "limit", unit, scale, "the limit", limit, lower, upper, "estimate", fitted=True
-            ),
-        ),
-        about=About(
-            f"y = u - share (excess of u {side} the limit)",
-            "end of the range of a sensor or drive",
-            look_alikes,
-            separated_by="levels on both sides of the limit: below it nothing is changed",
-        ),
+def _limited(at: Place) -> tuple[Own, ...]:
+    return (
+        share("share of the excess that is cut"),
+        shape("limit", at.unit, at.scale, "the limit", around=None, scale=at.scale),
     )
 
 
-def rectification(
-    ports: tuple[str, ...] = ("pump.flow",),
-    *,
-    share: float = 1.0,
-    scale: float = 1.0,
-    name: str = "rectification",
-) -> Effect:
-    """Build a one-way signal: negative values are cut, in part or in whole.
+def _limits(at: Place) -> list[dict[str, float]]:
+    return [{"limit": k * at.scale} for k in (1.0, 0.5, 2.0)]
 
-    ``y = u + share max(0, -u)``: a check valve, a pump that does not suck, an ideal diode.
 
-    Args:
-        ports: Ports on which it acts.
-        share: Share of the negative part that is cut, a fraction; 1 is the law, 0 its absence.
-        scale: Typical size of the signal, in SI.
-        name: Name of the effect.
+saturation = Law(
+    "saturation",
+    "y = u - share (excess of u above the limit)",
+    each(*DRIVES, "flow", label=by_port),
+    _limited,
+    _above,
+    shapes=_limits,
+    source="end of the range of a sensor or drive",
+    look_alikes=("gain",),
+    separated_by="levels on both sides of the limit: below it nothing is changed",
+)
 
-    Returns:
-        Effect of size ``share``.
+drive_saturation = replace(
+    saturation,
+    name="drive_saturation",
+    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.driven),
+    look_alikes=("quadratic_drag",),
+)
 
-    Raises:
-        WorkbenchError: If the share is outside its bounds.
+lower_saturation = replace(
+    saturation,
+    name="lower_saturation",
+    equation="y = u + share (excess of u below the limit)",
+    where=each(*DRIVES, label=by_port),
+    transform=lambda at: (
+        at.value + at.p.share * at.face.ramp(at.p.limit - at.value, 0.01 * at.scale)
+    ),
+    shapes=lambda at: [{"limit": k * at.scale} for k in (-1.0, -0.5, 0.5)],
+)
 
-    Example:
-        >>> rectification(("pump.command",)).parameters[0].name
-        'share'
-    """
 
-    def transform(at: PortView) -> Expression:
-        return at.value + at.p.share * at.face.ramp(-at.value, 0.01 * scale)
+def _ends(at: Place) -> tuple[float, ...]:
+    """Limits worth trying for a sensor: within the range of what it measures."""
+    if at.unit == "Pa":
+        return tuple(k * at.scale for k in (4.0, 3.0, 5.0))
+    top = at.signals["measured"].upper if "measured" in at.signals else math.inf
+    top = top if math.isfinite(top) else 2.0 * at.scale
+    if at.output and math.isfinite(at.output.upper):
+        top = min(top, at.output.upper)
+    return tuple(k * top for k in (0.75, 0.5, 0.9))
 
-    return Effect(
-        name,
-        ports,
-        transform,
-        parameters=(
-            Parameter(
-                "share", "1", 1.0, "share of the negative part cut", share, 0.0, 1.0, fitted=True
-            ),
-        ),
-        about=About(
-            "y = u + share max(0, -u)",
-            "check valve, diode",
-            look_alikes=("saturation", "asymmetric_gain"),
-            separated_by="negative commands",
-        ),
-    )
+
+sensor_clipping = replace(
+    saturation,
+    name="sensor_clipping",
+    where=sensors(together=False),
+    parameters=lambda at: (
+        share("share of the excess that is cut"),
+        shape("limit", at.unit, _ends(at)[0], "the limit", around=None, scale=at.scale),
+    ),
+    shapes=lambda at: [{"limit": limit} for limit in _ends(at)],
+    group="sensor",
+    look_alikes=("sensor_gain",),
+)
+
+_NAMED = (".inflow", ".outflow")
+"""Endings of flows whose name has their direction: cutting the negative part does nothing."""
+
+rectification = Law(
+    "rectification",
+    "y = u + share max(0, -u)",
+    each(*DRIVES, "flow", label=by_port,
+         only=lambda at: not at.name.endswith(_NAMED)),
+    lambda at: (replace(share("share of the negative part cut", least=0.2), fitted=True),),
+    lambda at: at.value + at.p.share * at.face.ramp(-at.value, 0.01 * at.scale),
+    source="check valve, diode, pump that does not suck",
+    look_alikes=("saturation", "asymmetric_gain"),
+    separated_by="negative commands",
+)  # fmt: skip
+
+
+def _both_signs(at: Place) -> bool:
+    return "measured" in at.signals and at.signals["measured"].lower < 0.0
+
+
+sensor_rectification = Law(
+    "sensor_rectification",
+    "y = u + share (|u| - u)",
+    sensors(together=False, only=_both_signs),
+    lambda at: (size("share", "1", 1.0, 0.5, 1.0, "share of the magnitude in the reading"),),
+    lambda at: at.value
+    + at.p.share * (at.face.absolute(at.value, 0.01 * at.scale) - at.value),
+    group="sensor",
+    source="magnitude sensors: tachometers, flow meters, rectifiers",
+    look_alikes=("sensor_gain", "sensor_clipping"),
+    separated_by="the same motion to both sides of zero",
+)  # fmt: skip

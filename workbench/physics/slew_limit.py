@@ -1,98 +1,40 @@
-"""Slew limit: a follower with a largest speed."""
+"""Slew limit: a lag for small differences that follows large ones at its largest rate."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import casadi as ca
 
-from workbench.model import About, Effect, EffectView, Parameter, PortView, State
+from workbench.model import EffectView, State
 from workbench.model.face import Expression
-from workbench.physics.port_units import per
+from workbench.physics.law import Law, by_port, each, first_of, shape, share
+from workbench.physics.place import per
 
 
-def slew_limit(
-    port: str = "valve.command",
-    *,
-    share: float = 1.0,
-    largest_rate: float = 1000.0,
-    time_constant: float = 0.001,
-    unit: str = "V",
-    scale: float = 1.0,
-    name: str = "slew_limit",
-) -> Effect:
-    """Build a follower whose speed saturates, in part or in whole.
+def _follow(e: EffectView) -> dict[str, Expression]:
+    r, tau = e.p.largest_rate, e.p.time_constant
+    return {"follower": r * ca.tanh((e.here.value - e.x.follower) / (r * tau))}
 
-    ``dy/dt = r tanh((u - y) / (r tau))``, output ``u + share (y - u)``: a lag of time constant tau
-    for small differences, the largest rate r for large ones.
 
-    Args:
-        port: Port on which it acts.
-        share: Share of the limited signal, a fraction; 1 is the law, 0 its absence.
-        largest_rate: Largest speed r, in ``unit`` per s.
-        time_constant: Time constant tau of small motions, in s; the fastest rate is its inverse.
-        unit: Unit of the port.
-        scale: Typical size of the signal, in ``unit``.
-        name: Name of the effect.
-
-    Returns:
-        Effect of size ``share`` with one state.
-
-    Raises:
-        WorkbenchError: If a value is outside its bounds.
-
-    Example:
-        >>> slew_limit(largest_rate=500.0).parameters[1].unit
-        'V/s'
-    """
-
-    def transform(at: PortView) -> Expression:
-        return at.value + at.p.share * (at.x.follower - at.value)
-
-    def rates(effect: EffectView) -> Mapping[str, Expression]:
-        r, tau = effect.p.largest_rate, effect.p.time_constant
-        away = effect.at[port].value - effect.x.follower
-        return {"follower": r * ca.tanh(away / (r * tau))}
-
-    def start(effect: EffectView) -> Mapping[str, Expression]:
-        return {"follower": effect.at[port].value}
-
-    return Effect(
-        name,
-        (port,),
-        transform,
-        parameters=(
-            Parameter("share", "1", 1.0, "share of the limited signal", share, 0.0, 1.0),
-            Parameter(
-                "largest_rate",
-                per(unit, "s"),
-                largest_rate,
-                "largest speed",
-                largest_rate,
-                0.01 * largest_rate,
-                10.0 * largest_rate,
-                "estimate",
-                fitted=True,
-            ),
-            Parameter(
-                "time_constant",
-                "s",
-                time_constant,
-                "time constant of small motions",
-                time_constant,
-                0.1 * time_constant,
-                100.0 * time_constant,
-            ),
-        ),
-        states=(
-            State("follower", unit, scale, "signal with limited speed", start_rms=0.05 * scale),
-        ),
-        rates=rates,
-        start=start,
-        about=About(
-            "dy/dt = r tanh((u - y) / (r tau))",
-            "saturated first-order follower; manufacturer: 4 to 5 ms for the full stroke",
-            look_alikes=("valve_delay", "spool_bandwidth"),
-            separated_by="steps of the command of several sizes: only large ones are slowed",
-        ),
-    )
+slew_limit = Law(
+    "slew_limit",
+    "dy/dt = r tanh((u - y) / (r tau))",
+    first_of(each("valve_command"), each("command", "voltage", "circuit", label=by_port)),
+    lambda at: (
+        share("share of the limited signal"),
+        shape("largest_rate", per(at.unit, "s"), 1000.0 * at.scale, "largest speed",
+              around=(0.01, 10.0)),
+        shape("time_constant", "s", 0.001, "time constant of small motions",
+              around=(0.1, 100.0), source="", fitted=False),
+    ),
+    lambda at: at.value + at.p.share * (at.x.follower - at.value),
+    states=lambda at: (
+        State("follower", at.unit, at.scale, "signal with limited speed",
+              start_rms=0.05 * at.scale),
+    ),
+    rates=_follow,
+    start=lambda e: {"follower": e.here.value},
+    shapes=lambda at: [{"largest_rate": k * at.scale} for k in (1000.0, 300.0, 100.0)],
+    source="saturated first-order follower; manufacturer: 4 to 5 ms for the full stroke",
+    look_alikes=("valve_delay", "spool_bandwidth"),
+    separated_by="steps of the command of several sizes: only large ones are slowed",
+)  # fmt: skip

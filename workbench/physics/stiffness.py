@@ -1,147 +1,90 @@
-"""Springs that the equations do not know: linear and cubic stiffness about a rest position."""
+"""Springs that the equations do not know: linear, cubic and polynomial, about a rest position.
+
+The rest position is held in a fit; a constant force tells where it really is.
+"""
 
 from __future__ import annotations
 
-from workbench.model import About, Effect, Parameter, PortView
+from workbench.model import PortView
 from workbench.model.face import Expression
-from workbench.physics.port_units import per
+from workbench.physics.law import Law, Own, each, shape, size
+from workbench.physics.place import EFFORTS, Place, per
 
 
-def _rest(rest: float, unit: str, scale: float) -> Parameter:
-    return Parameter("rest", unit, scale, "position without force", rest, source="estimate")
+def _rest(at: Place) -> Own:
+    return shape("rest", at.coordinate.unit, at.middle, "position without force",
+                 around=None, scale=1.0, fitted=False)  # fmt: skip
 
 
-def linear_spring(
-    port: str = "joint.torque",
-    *,
-    stiffness: float = 1.0,
-    rest: float = 0.0,
-    coordinate: str = "angle",
-    unit: str = "N m",
-    coordinate_unit: str = "rad",
-    upper: float = 100.0,
-    typical: float = 1.0,
-    name: str = "linear_spring",
-) -> Effect:
-    """Build a spring about a rest position: cables, hoses, a forgotten return spring.
-
-    ``T = T - stiffness (x - rest)``. The rest position is held in a fit; a constant force tells
-    where it really is.
-
-    Args:
-        port: Port of a force or torque, with the position as a local signal.
-        stiffness: Stiffness, in ``unit`` per ``coordinate_unit``.
-        rest: Position without force, in the unit of the position.
-        coordinate: Name of the local signal that is the position.
-        unit: Unit of the port.
-        coordinate_unit: Unit of the position: ``"rad"`` or ``"m"``.
-        upper: Largest plausible stiffness, in ``unit`` per ``coordinate_unit``.
-        typical: Usual stiffness, in ``unit`` per ``coordinate_unit``; scales the fit.
-        name: Name of the effect.
-
-    Returns:
-        Effect of size ``stiffness``.
-
-    Raises:
-        WorkbenchError: If a value is outside its bounds.
-
-    Example:
-        >>> linear_spring().parameters[0].unit
-        'N m/rad'
-    """
-
-    def transform(at: PortView) -> Expression:
-        return at.value - at.p.stiffness * (at.signals[coordinate] - at.p.rest)
-
-    return Effect(
-        name,
-        (port,),
-        transform,
-        parameters=(
-            Parameter(
-                "stiffness",
-                per(unit, coordinate_unit),
-                typical,
-                "stiffness of the spring",
-                stiffness,
-                0.0,
-                upper,
-                fitted=True,
-            ),
-            _rest(rest, coordinate_unit, 1.0),
-        ),
-        about=About(
-            "T = -stiffness (x - rest)",
-            "R. Hooke 1678",
-            look_alikes=("cubic_stiffness", "force_shape", "tilt_gravity", "ripple"),
-            separated_by="holding positions over the whole travel at two mean pressures",
-        ),
-    )
+def _deflection(at: PortView) -> Expression:
+    return at.signals.coordinate - at.p.rest
 
 
-def cubic_stiffness(
-    port: str = "joint.torque",
-    *,
-    stiffness: float = 5.0,
-    rest: float = 0.0,
-    coordinate: str = "angle",
-    unit: str = "N m",
-    coordinate_unit: str = "rad",
-    upper: float = 500.0,
-    typical: float = 5.0,
-    name: str = "cubic_stiffness",
-) -> Effect:
-    """Build a spring that hardens (or, negative, softens) with the cube of the deflection.
+def _linear(at: Place) -> tuple[Own, ...]:
+    typical = 0.1 * at.scale / at.coordinate.scale
+    return (
+        size("stiffness", per(at.unit, at.coordinate.unit), typical, 0.1 * typical, 20 * typical,
+             "stiffness of the spring"),
+        _rest(at),
+    )  # fmt: skip
 
-    ``T = T - stiffness (x - rest)^3``
 
-    Args:
-        port: Port of a force or torque, with the position as a local signal.
-        stiffness: Cubic stiffness, in ``unit`` per cube of ``coordinate_unit``.
-        rest: Position without force, in the unit of the position.
-        coordinate: Name of the local signal that is the position.
-        unit: Unit of the port.
-        coordinate_unit: Unit of the position: ``"rad"`` or ``"m"``.
-        upper: Largest plausible magnitude, in ``unit`` per cube of ``coordinate_unit``.
-        typical: Usual magnitude, in ``unit`` per cube of ``coordinate_unit``; scales the fit.
-        name: Name of the effect.
+linear_spring = Law(
+    "linear_spring",
+    "T = -stiffness (x - rest)",
+    each(*EFFORTS, needs=("coordinate",)),
+    _linear,
+    lambda at: at.value - at.p.stiffness * _deflection(at),
+    source="R. Hooke 1678",
+    look_alikes=("cubic_stiffness", "force_shape", "tilt_gravity", "ripple"),
+    separated_by="holding positions over the whole travel at two mean pressures",
+)
 
-    Returns:
-        Effect of size ``stiffness``.
 
-    Raises:
-        WorkbenchError: If a value is outside its bounds.
+def _cubic(at: Place) -> tuple[Own, ...]:
+    typical = 0.5 * at.scale / at.coordinate.scale**3
+    return (
+        size("stiffness", per(at.unit, at.coordinate.unit, 3), typical, 0.1 * typical,
+             100 * typical, "cubic stiffness", signed=True),
+        _rest(at),
+    )  # fmt: skip
 
-    Example:
-        >>> cubic_stiffness(unit="N", coordinate_unit="m").parameters[0].unit
-        'N/m3'
-    """
 
-    def transform(at: PortView) -> Expression:
-        deflection = at.signals[coordinate] - at.p.rest
-        return at.value - at.p.stiffness * deflection * deflection * deflection
+cubic_stiffness = Law(
+    "cubic_stiffness",
+    "T = -stiffness (x - rest)^3",
+    each(*EFFORTS, needs=("coordinate",)),
+    _cubic,
+    lambda at: at.value - at.p.stiffness * _deflection(at) * _deflection(at) * _deflection(at),
+    source="G. Duffing 1918",
+    look_alikes=("linear_spring", "force_shape", "local_catch", "polynomial_stiffness"),
+    separated_by="large amplitudes: at small ones a cube cannot be seen",
+)
 
-    return Effect(
-        name,
-        (port,),
-        transform,
-        parameters=(
-            Parameter(
-                "stiffness",
-                per(unit, coordinate_unit, 3),
-                typical,
-                "cubic stiffness",
-                stiffness,
-                -upper,
-                upper,
-                fitted=True,
-            ),
-            _rest(rest, coordinate_unit, 1.0),
-        ),
-        about=About(
-            "T = -stiffness (x - rest)^3",
-            "G. Duffing 1918",
-            look_alikes=("linear_spring", "force_shape", "local_catch"),
-            separated_by="large amplitudes: at small ones a cube cannot be seen",
-        ),
-    )
+
+def _polynomial(at: PortView) -> Expression:
+    s = _deflection(at) / at.p.reach
+    square = s * s
+    return at.value - at.p.force * square * (1.0 + at.p.cubic * s + at.p.fifth * square * s)
+
+
+# Divided by the reach, every coefficient is the force at the end of the travel.
+polynomial_stiffness = Law(
+    "polynomial_stiffness",
+    "T = -force (s^2 + cubic s^3 + fifth s^5), s = (x - rest) / reach",
+    each(*EFFORTS, needs=("coordinate",)),
+    lambda at: (
+        size("force", at.unit, 0.1 * at.scale, 0.01 * at.scale, 5.0 * at.scale,
+             "force of the square at the reach", signed=True),
+        shape("cubic", "1", 0.0, "cube over square at the reach", around=None,
+              between=(-100.0, 100.0), scale=1.0),
+        shape("fifth", "1", 0.0, "fifth power over square at the reach", around=None,
+              between=(-100.0, 100.0), scale=1.0),
+        _rest(at),
+        shape("reach", at.coordinate.unit, at.coordinate.scale, "deflection of one", fitted=False),
+    ),
+    _polynomial,
+    source="Taylor expansion of an elastic force",
+    look_alikes=("cubic_stiffness", "linear_spring", "force_shape"),
+    separated_by="holding positions over the whole travel, to both sides of the middle",
+)  # fmt: skip

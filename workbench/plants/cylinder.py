@@ -89,24 +89,16 @@ def cylinder() -> Model:
         ),
         description="a piston stroked from outside at constant pressure",
     ).with_effect(
-        coulomb_friction(
-            "piston.force", level=3.0, transition_speed=1e-3, upper=40.0, unit="N", speed_unit="m/s"
-        ),
+        coulomb_friction("piston.force", level=3.0, transition_speed=1e-3, upper=40.0),
         load_dependent_friction(
-            ("piston.force",),
+            "piston.force",
             coefficient=1e-5,
-            loads=("pressure",),
             transition_speed=1e-3,
-            load_unit="Pa",
             upper=1e-4,
             typical=1e-5,
             name="seal_friction",
-            unit="N",
-            speed_unit="m/s",
         ),
-        viscous_friction(
-            "piston.force", coefficient=100.0, upper=2000.0, unit="N", speed_unit="m/s"
-        ),
+        viscous_friction("piston.force", coefficient=100.0, upper=2000.0),
     )
 
 

@@ -76,15 +76,8 @@ def emps() -> Model:
         ),
         description="carriage on a ball screw, driven by a force",
     ).with_effect(
-        viscous_friction("axis.force", coefficient=250.0, unit="N", speed_unit="m/s", upper=1000.0),
-        coulomb_friction(
-            "axis.force",
-            level=15.0,
-            transition_speed=1e-3,
-            unit="N",
-            speed_unit="m/s",
-            upper=100.0,
-        ),
+        viscous_friction("axis.force", coefficient=250.0, upper=1000.0),
+        coulomb_friction("axis.force", level=15.0, transition_speed=1e-3, upper=100.0),
     )
 
 

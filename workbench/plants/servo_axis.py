@@ -47,15 +47,8 @@ def servo_axis() -> Model:
         ),
         description="carriage on a ball screw, driven by a force",
     ).with_effect(
-        viscous_friction("axis.force", coefficient=200.0, unit="N", speed_unit="m/s"),
-        coulomb_friction(
-            "axis.force",
-            level=20.0,
-            transition_speed=1e-3,
-            unit="N",
-            speed_unit="m/s",
-            upper=100.0,
-        ),
+        viscous_friction("axis.force", coefficient=200.0, upper=1e4),
+        coulomb_friction("axis.force", level=20.0, transition_speed=1e-3, upper=100.0),
     )
 
 

@@ -152,16 +152,20 @@ def servo_pendulum(load_kg: float = 0.49, *, length: float = 0.1) -> Model:
         ),
         description="a position servo with a hanging mass",
     ).with_effect(
-        coulomb_friction(level=0.02, transition_speed=0.005, upper=0.3),
-        viscous_friction(coefficient=0.005, upper=0.2),
+        coulomb_friction("joint.torque", level=0.02, transition_speed=0.005, upper=0.3),
+        viscous_friction("joint.torque", coefficient=0.005, upper=0.2),
         stribeck_friction(
-            break_away=0.02, stribeck_speed=0.5, transition_speed=0.005, upper=0.3, typical=0.02
+            "joint.torque",
+            break_away=0.02,
+            stribeck_speed=0.5,
+            transition_speed=0.005,
+            upper=0.3,
+            typical=0.02,
         ),
         load_dependent_friction(
+            "joint.torque",
             coefficient=0.05,
-            loads=("gear_load",),
             transition_speed=0.005,
-            load_unit="N m",
             upper=0.9,
             typical=0.1,
             name="gear_friction",

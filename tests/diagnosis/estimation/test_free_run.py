@@ -45,9 +45,7 @@ def test_samples_without_reading_do_not_count() -> None:
 
 def test_a_model_with_a_further_effect_runs_on_the_same_recording() -> None:
     stiff = servo_axis().with_effect(
-        viscous_friction("axis.force", coefficient=100.0, unit="N", speed_unit="m/s").renamed(
-            "more"
-        )
+        viscous_friction("axis.force", coefficient=100.0).renamed("more")
     )
     assert (
         free_run(stiff, _pushed()).simulated[-1, 0]

@@ -15,7 +15,7 @@ from workbench.diagnosis.estimation.process_noise import (
     gain_interval,
     start_values,
 )
-from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 
@@ -30,7 +30,7 @@ def test_a_start_is_extended_by_the_states_of_new_effects() -> None:
     model = arm(3)
     seen = observed(1, hidden=False, n=50)
     assert extended_start(seen, servo_axis(), servo_axis()) is seen
-    more = model.with_effect(bouc_wen_hysteresis())
+    more = model.with_effect(muscle_hysteresis())
     start = model.initial_state()
     rms = np.full(len(start), 0.01)
     given = type(seen)(

@@ -77,12 +77,11 @@ def test_settings_are_those_a_user_can_change() -> None:
 def drags() -> tuple[tuple[Explanation, Explanation], Observed]:
     """Quadratic drag, or a linear spring, on weak pushes that show little of either."""
     axis = SMOOTH_AXIS
-    units = {"unit": "N", "speed_unit": "m/s"}
-    drag = quadratic_drag("axis.force", coefficient=30.0, upper=2000.0, **units)
+    drag = quadratic_drag("axis.force", coefficient=30.0, upper=2000.0)
     # At rest first: the start is read from the first samples.
     force = np.concatenate([np.zeros(10), pushes(290, largest=60.0, seed=4)])
     seen = made_up(axis.with_effect(drag), force, sample_time=SAMPLE_TIME)
-    rival = viscous_friction("axis.force", coefficient=20.0, upper=500.0, name="more", **units)
+    rival = viscous_friction("axis.force", coefficient=20.0, upper=500.0, name="more")
     found = []
     for effect, own in ((drag, "quadratic_drag.coefficient"), (rival, "more.coefficient")):
         model = axis.with_effect(effect)

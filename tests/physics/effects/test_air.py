@@ -11,22 +11,26 @@ from tests.physics.effects.bench import bench, read
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.physics.flow import iso6358
-from workbench.physics.heat_exchange import heat_exchange
-from workbench.physics.isothermal import gas_energy_balance, isothermal_gas
+from workbench.physics.heat_exchange import (
+    extra_heat_exchange,
+    gas_energy_balance,
+    heat_exchange,
+    isothermal_gas,
+    polytropic_exchange,
+)
 from workbench.physics.leakage import chamber_leakage, cross_leakage, edge_leakage
-from workbench.physics.line import line
+from workbench.physics.line import line, silencer
 from workbench.physics.overflow import overflow
-from workbench.physics.polytropic import extra_heat_exchange, polytropic_exchange
-from workbench.physics.shared import shared
 from workbench.physics.supply import regulator_droop, supply_droop
 from workbench.plants.arm import arm, pneumatic_muscle, servovalve
 
+TANKS = ("upper_tank.flow", "lower_tank.flow")
 GAS = ("pressure", "temperature", "ambient_pressure", "ambient_temperature")
 AMBIENT = {"temperature": 293.15, "ambient_pressure": 1e5, "ambient_temperature": 293.15}
 
 
 def test_a_leak_is_choked_at_high_pressure() -> None:
-    model = bench(chamber_leakage(conductance=1e-10), "kg/s", *GAS)
+    model = bench(chamber_leakage("chamber_1.flow", conductance=1e-10), "kg/s", *GAS)
     high = [read(model, pressure=p, **AMBIENT) for p in (4e5, 6e5)]
     # Above 1 / 0.3 bar the flow is C rho0 p, whatever is behind the leak.
     assert high == pytest.approx([-1e-10 * 1.185 * p for p in (4e5, 6e5)], rel=1e-9)
@@ -87,7 +91,7 @@ def test_a_settled_supply_feeds_what_is_drawn(effect) -> None:
 
 
 def test_a_settled_line_passes_on_what_it_gets() -> None:
-    model = arm(3.0).with_effect(line(1))
+    model = arm(3.0).with_effect(line([("line_1.pressure", "chamber_1.flow")], name="line_1"))
     x = model.initial_state({"pressure_1": 3e5, "spool": 1.0})
     names = [q.name for q in model.states]
     at = names.index("line_1.pressure")
@@ -109,8 +113,10 @@ def test_a_settled_line_passes_on_what_it_gets() -> None:
 
 
 def test_shared_lines_are_two_lines_of_equal_size() -> None:
-    both = arm(3.0).with_effect(shared((line(1), line(2)), name="lines"))
-    each = arm(3.0).with_effect(line(1), line(2))
+    both = arm(3.0).with_effect(line(name="lines"))
+    each = arm(3.0).with_effect(
+        *(line([(f"line_{i}.pressure", f"chamber_{i}.flow")], name=f"line_{i}") for i in (1, 2))
+    )
     given = {"pressure_1": 3e5, "spool": 1.0}
     x = each.initial_state(given)
     np.testing.assert_allclose(both.initial_state(given), x)
@@ -118,9 +124,9 @@ def test_shared_lines_are_two_lines_of_equal_size() -> None:
     np.testing.assert_allclose(both.rates(x, [6.0]), each.rates(x, [6.0]), rtol=1e-12)
 
 
-def test_effects_of_different_size_cannot_be_shared() -> None:
-    with pytest.raises(WorkbenchError, match="differ in their parameters"):
-        shared((line(1), line(2, volume=2e-5)), name="lines")
+def test_an_effect_acts_once_on_a_port() -> None:
+    with pytest.raises(WorkbenchError, match="acts twice"):
+        silencer(("exhaust_1.pressure", "exhaust_1.pressure"))
 
 
 @pytest.mark.parametrize("departure", [0.0, 0.2, 0.4])
@@ -187,22 +193,20 @@ def test_isothermal_gas_neither_warms_nor_cools() -> None:
 
 def test_the_energy_balance_gives_back_what_isothermal_gas_leaves_out() -> None:
     whole = arm(3.0)
-    restored = whole.with_effect(isothermal_gas(), gas_energy_balance())
+    restored = whole.with_effect(isothermal_gas()).with_effect(gas_energy_balance())
     x = whole.initial_state(MOVING)
     np.testing.assert_allclose(restored.rates(x, [5.5]), whole.rates(x, [5.5]), rtol=1e-9)
 
 
 def test_what_runs_over_is_spilled_or_caught() -> None:
-    effect = overflow(coefficient=3.0, limit=10.0, into="lower_tank.flow", caught=0.25)
+    effect = overflow([TANKS], coefficient=3.0, limit=10.0, caught=0.25)
     model = bench(effect, "m3/s", "level")
     u = [5.0, 12.0]
     x = model.initial_state(u=u)
     upper, lower = model.read(x, u)
     assert upper == pytest.approx(5.0 - 3.0 * 2.0)
     assert lower == pytest.approx(5.0 + 0.25 * 3.0 * 2.0)
-    whole = bench(
-        overflow(coefficient=3.0, limit=10.0, into="lower_tank.flow", caught=1.0), "m3/s", "level"
-    )
+    whole = bench(overflow([TANKS], coefficient=3.0, limit=10.0, caught=1.0), "m3/s", "level")
     assert sum(whole.read(x, u)) == pytest.approx(2 * 5.0)
     below = model.initial_state(u=[5.0, 9.0])
     assert model.read(below, [5.0, 9.0]).tolist() == [5.0, 5.0]

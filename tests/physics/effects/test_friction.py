@@ -15,8 +15,10 @@ from workbench.physics.stribeck import stribeck_friction
 
 
 def test_stribeck_adds_to_coulomb_at_low_speed_and_fades() -> None:
-    coulomb = bench(coulomb_friction(level=0.3), "N m", "speed")
-    both = coulomb.with_effect(stribeck_friction(break_away=1.2, stribeck_speed=0.1))
+    coulomb = bench(coulomb_friction("joint.torque", level=0.3), "N m", "speed")
+    both = coulomb.with_effect(
+        stribeck_friction("joint.torque", break_away=1.2, stribeck_speed=0.1)
+    )
 
     def friction(v: float) -> float:
         return -read(both, speed=v)
@@ -30,7 +32,9 @@ def test_stribeck_adds_to_coulomb_at_low_speed_and_fades() -> None:
 
 
 def lugre_run(turns: list[float], speed: float, **changes: float) -> np.ndarray:
-    effect = lugre_friction(level=0.4, presliding=2e-3, stribeck_share=0.5, **changes)
+    effect = lugre_friction(
+        "joint.torque", level=0.4, presliding=2e-3, stribeck_share=0.5, **changes
+    )
     path, _, times = triangle(turns, speed)
     return -run(bench(effect, "N m", "speed"), path, times)
 
@@ -62,7 +66,13 @@ def test_lugre_dissipates_in_a_cycle() -> None:
 
 
 def test_load_friction_is_proportional_to_the_load() -> None:
-    model = bench(load_dependent_friction(coefficient=1e-3), "N m", "speed", "force_1", "force_2")
+    model = bench(
+        load_dependent_friction("joint.torque", coefficient=1e-3),
+        "N m",
+        "speed",
+        "force_1",
+        "force_2",
+    )
     once = read(model, speed=0.5, force_1=300.0, force_2=200.0)
     twice = read(model, speed=0.5, force_1=600.0, force_2=400.0)
     assert once == pytest.approx(-0.5, rel=1e-6)
@@ -71,14 +81,14 @@ def test_load_friction_is_proportional_to_the_load() -> None:
 
 
 def test_quadratic_drag_quadruples() -> None:
-    model = bench(quadratic_drag(coefficient=0.1), "N m", "speed")
+    model = bench(quadratic_drag("joint.torque", coefficient=0.1), "N m", "speed")
     assert read(model, speed=2.0) == pytest.approx(4 * read(model, speed=1.0))
     assert read(model, speed=-2.0) == pytest.approx(-read(model, speed=2.0))
 
 
 def test_direction_dependent_damper_has_two_slopes() -> None:
-    model = bench(viscous_friction(coefficient=0.5), "N m", "speed").with_effect(
-        direction_dependent_viscous(difference=0.2)
+    model = bench(viscous_friction("joint.torque", coefficient=0.5), "N m", "speed").with_effect(
+        direction_dependent_viscous("joint.torque", difference=0.2)
     )
     assert read(model, speed=1.0) == pytest.approx(-0.6)
     assert read(model, speed=-1.0) == pytest.approx(0.4)

@@ -8,35 +8,23 @@ import pytest
 from tests.physics.effects.bench import bench, position, run, triangle
 from workbench.model import Effect
 from workbench.physics.elastoplastic import elastoplastic_rate
-from workbench.physics.hysteresis import bouc_wen_hysteresis
-from workbench.physics.maxwell_slip import maxwell_slip_hysteresis, prandtl_ishlinskii
+from workbench.physics.hysteresis import muscle_hysteresis
+from workbench.physics.maxwell_slip import muscle_slip, prandtl_ishlinskii
 
 MM = 1e-3
 GAUGE = 3e5
-THREE = (1.0, 1.0, 1.0)
 
 
 def maxwell() -> Effect:
-    return maxwell_slip_hysteresis(
-        ("muscle.force",), level=10.0, growth=1e-5, spread=4.0, weights=THREE
-    )
+    return muscle_slip(3)("muscle.force", level=10.0, growth=1e-5, spread=4.0)
 
 
 def bouc_wen() -> Effect:
-    return bouc_wen_hysteresis(("muscle.force",), level=10.0, level_per_pressure=1e-4)
+    return muscle_hysteresis(("muscle.force",), level=10.0, level_per_pressure=1e-4)
 
 
 def ishlinskii() -> Effect:
-    return prandtl_ishlinskii(
-        "axis.force",
-        level=40.0,
-        breakaway=2.5e-4,
-        spread=4.0,
-        weights=THREE,
-        unit="N",
-        speed_unit="m/s",
-        upper=100.0,
-    )
+    return prandtl_ishlinskii(3)("axis.force", level=40.0, breakaway=2.5e-4, spread=4.0)
 
 
 LAWS = [maxwell, bouc_wen, ishlinskii]
@@ -95,15 +83,7 @@ def test_minor_loops_close_and_are_forgotten(law) -> None:
 
 
 def test_one_element_is_a_spring_behind_a_dry_contact() -> None:
-    effect = prandtl_ishlinskii(
-        "axis.force",
-        level=10.0,
-        breakaway=1 * MM,
-        weights=(1.0,),
-        unit="N",
-        speed_unit="m/s",
-        upper=100.0,
-    )
+    effect = prandtl_ishlinskii(1)("axis.force", level=10.0, breakaway=1 * MM)
     q, force = loop(effect, [0.0, 3 * MM, -3 * MM], 0.1 * MM)
     z, stop = 0.0, [0.0]
     for dq in np.diff(q):

@@ -16,6 +16,7 @@ from workbench.physics.stop_compliance import stop_compliance
 from workbench.physics.tilt import tilt_gravity
 from workbench.plants.arm import arm
 
+TORQUE = "joint.torque"
 MOVING = {"angle": 0.6, "speed": 0.7, "pressure_1": 5e5, "pressure_2": 3e5}
 
 
@@ -24,7 +25,7 @@ def test_an_error_of_one_kilogram_is_an_arm_with_one_more(plane) -> None:
     vertical = plane == "vertical"
     ports = ("joint.inertia", "joint.torque") if vertical else ("joint.inertia",)
     wrong = arm(3.0, plane=plane).with_effect(
-        load_error(ports, mass=1.0, gravity_share=float(vertical))
+        load_error([ports], mass=1.0, gravity_share=float(vertical))
     )
     right = arm(4.0, plane=plane)
     x = right.initial_state(MOVING)
@@ -62,7 +63,7 @@ def test_a_loose_load_starts_with_the_arm() -> None:
 
 
 def test_ripple_has_its_period() -> None:
-    model = bench(ripple(amplitude=0.4, frequency=12.0, phase=0.5), "N m", "angle")
+    model = bench(ripple("joint.torque", amplitude=0.4, frequency=12.0, phase=0.5), "N m", "angle")
     for angle in (0.1, 0.7):
         value = read(model, angle=angle)
         assert value == pytest.approx(0.4 * math.sin(12 * angle + 0.5))
@@ -70,18 +71,22 @@ def test_ripple_has_its_period() -> None:
 
 
 def test_a_catch_is_local_and_friction_there_changes_sign() -> None:
-    catch = bench(local_catch(height=0.6, centre=0.5, width=0.05), "N m", "angle", "speed")
+    catch = bench(
+        local_catch("joint.torque", height=0.6, centre=0.5, width=0.05), "N m", "angle", "speed"
+    )
     assert read(catch, angle=0.5) == pytest.approx(0.6)
     assert read(catch, angle=0.55) == pytest.approx(0.6 * math.exp(-1.0))
     assert abs(read(catch, angle=0.8)) < 1e-12
-    friction = bench(local_friction(level=0.6, centre=0.5, width=0.05), "N m", "angle", "speed")
+    friction = bench(
+        local_friction("joint.torque", level=0.6, centre=0.5, width=0.05), "N m", "angle", "speed"
+    )
     assert read(friction, angle=0.5, speed=1.0) == pytest.approx(-0.6)
     assert read(friction, angle=0.5, speed=-1.0) == pytest.approx(0.6)
 
 
 def test_springs_are_odd_about_their_rest() -> None:
-    linear = bench(linear_spring(stiffness=2.0, rest=0.5), "N m", "angle")
-    cubic = bench(cubic_stiffness(stiffness=2.0, rest=0.5), "N m", "angle")
+    linear = bench(linear_spring("joint.torque", stiffness=2.0, rest=0.5), "N m", "angle")
+    cubic = bench(cubic_stiffness("joint.torque", stiffness=2.0, rest=0.5), "N m", "angle")
     assert read(linear, angle=0.7) == pytest.approx(-0.4)
     assert read(cubic, angle=0.7) == pytest.approx(-2.0 * 0.2**3)
     for model in (linear, cubic):

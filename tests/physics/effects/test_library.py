@@ -10,8 +10,8 @@ import pytest
 
 from workbench.model import Model
 from workbench.physics.braid_volume import flattened_ends
+from workbench.physics.heat_exchange import isothermal_gas
 from workbench.physics.hypothesis import Hypothesis
-from workbench.physics.isothermal import isothermal_gas
 from workbench.physics.library import library, look_alikes
 from workbench.plants.arm import arm
 from workbench.plants.arm.volume_effects import constant_volume

@@ -7,21 +7,25 @@ import pytest
 
 from tests.physics.effects.bench import bench, read, response, run, triangle
 from workbench.physics.dead_band import dead_band
-from workbench.physics.delay import command_delay, delay
-from workbench.physics.drift import drift
-from workbench.physics.lag import FLOOR, lag
+from workbench.physics.delay import delay, sensor_delay
+from workbench.physics.drift import sensor_drift
+from workbench.physics.lag import FLOOR, sensor_lag
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
 from workbench.physics.play import command_play, play, spool_hysteresis
-from workbench.physics.saturation import rectification, saturation
+from workbench.physics.saturation import lower_saturation, rectification, saturation
 from workbench.physics.slew_limit import slew_limit
 
 
 def one_lag(time: float):
-    return bench(lag(("p.reading",), time=time, unit="Pa"), "Pa")
+    return bench(sensor_lag("p.reading", time=time), "Pa")
 
 
 def one_delay(time: float):
-    return bench(delay(("a.reading",), time=time), "rad")
+    return bench(sensor_delay("a.reading", time=time), "rad")
+
+
+def late_command(time: float):
+    return bench(delay("valve.command", time=time), "V")
 
 
 def test_lag_is_a_lead_lag_with_the_delay_of_its_time() -> None:
@@ -63,7 +67,7 @@ def test_delay_can_be_inverted_by_a_filter() -> None:
 def test_zero_delay_is_the_identity_at_every_frequency() -> None:
     for w in (1.0, 100.0, 1e4):
         assert response(one_delay(0.0), w) == pytest.approx(1.0, abs=1e-9)
-        assert response(bench(command_delay(time=0.0), "V"), w) == pytest.approx(1.0, abs=1e-9)
+        assert response(late_command(0.0), w) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_delay_of_a_command_is_pade_of_first_over_second_order() -> None:
@@ -71,11 +75,11 @@ def test_delay_of_a_command_is_pade_of_first_over_second_order() -> None:
     for w in (1.0, 10.0, 30.0):
         s = 1j * w * D
         pade = (1 - s / 3) / (1 + 2 * s / 3 + s * s / 6)
-        assert response(bench(command_delay(time=D), "V"), w) == pytest.approx(pade, abs=2e-3)
+        assert response(late_command(D), w) == pytest.approx(pade, abs=2e-3)
 
 
 def test_delayed_command_arrives_after_its_time_on_average() -> None:
-    model = bench(command_delay(time=0.01), "V")
+    model = bench(delay("valve.command", time=0.01), "V")
     times = np.linspace(0.0, 0.1, 2001)
     step = run(model, lambda t: {"value": 1.0 if t > 0 else 0.0}, times)
     # The area between command and answer is the mean delay.
@@ -85,7 +89,7 @@ def test_delayed_command_arrives_after_its_time_on_average() -> None:
 
 
 def test_slew_limit_bounds_the_speed_and_settles() -> None:
-    model = bench(slew_limit(largest_rate=1000.0), "V")
+    model = bench(slew_limit("valve.command", largest_rate=1000.0), "V")
     times = np.linspace(0.0, 0.02, 401)
     step = run(model, lambda t: {"value": 5.0 if t > 0 else 0.0}, times)
     assert np.max(np.diff(step) / np.diff(times)) == pytest.approx(1000.0, rel=1e-3)
@@ -95,14 +99,14 @@ def test_slew_limit_bounds_the_speed_and_settles() -> None:
 
 
 def test_dead_band_is_flat_inside_and_shifted_outside() -> None:
-    model = bench(dead_band(half_width=0.2, centre=5.0), "V")
+    model = bench(dead_band("valve.spool", half_width=0.2, centre=5.0), "V")
     assert [read(model, value=v) for v in (4.81, 5.0, 5.19)] == [5.0, 5.0, 5.0]
     assert read(model, value=6.0) == pytest.approx(5.8)
     assert read(model, value=4.0) == pytest.approx(4.2)
 
 
 def test_play_holds_until_its_slack_is_taken_up() -> None:
-    effect = play(half_width=0.1, floor=1e-3)
+    effect = play("valve.spool", half_width=0.1, floor=1e-3)
     model = bench(effect, "V", "speed")
     turns = [0.0, 1.0, 0.0]
     path, ends, times = triangle(turns, 0.01)
@@ -116,7 +120,7 @@ def test_play_holds_until_its_slack_is_taken_up() -> None:
 
 
 def test_play_of_a_held_command_follows_jumps_at_once_and_keeps_small_ones_back() -> None:
-    model = bench(command_play(half_width=0.1, floor=1e-4), "V")
+    model = bench(command_play("valve.command", half_width=0.1, floor=1e-4), "V")
     steps = np.array([0.0, 1.0, 0.9, 0.85, 0.7, 0.75, 2.0])
     # The play operator: what follows moves only as far as it must.
     expected, place = [], 0.0
@@ -133,7 +137,7 @@ def test_play_of_a_held_command_follows_jumps_at_once_and_keeps_small_ones_back(
 
 
 def test_spool_hysteresis_has_the_width_of_its_loop() -> None:
-    model = bench(spool_hysteresis(half_width=0.02, reach=0.05), "V", "speed")
+    model = bench(spool_hysteresis("valve.spool", half_width=0.02, reach=0.05), "V", "speed")
     turns = [0.0, 1.0, -1.0, 1.0]
     path, ends, times = triangle(turns, 0.05)
     u = np.interp(times, ends, turns)
@@ -146,7 +150,7 @@ def test_spool_hysteresis_has_the_width_of_its_loop() -> None:
 def test_saturation_cuts_one_side() -> None:
     above = bench(saturation(("p.reading",), limit=4e5), "Pa")
     assert [read(above, value=v) for v in (3e5, 5e5)] == [3e5, 4e5]
-    below = bench(saturation(("p.reading",), limit=1e5, side="below"), "Pa")
+    below = bench(lower_saturation(("p.reading",), limit=1e5), "Pa")
     assert [read(below, value=v) for v in (0.0, 3e5)] == [1e5, 3e5]
     half = bench(saturation(("p.reading",), limit=4e5, share=0.5), "Pa")
     assert read(half, value=5e5) == pytest.approx(4.5e5)
@@ -158,7 +162,7 @@ def test_rectification_passes_one_sign() -> None:
 
 
 def test_drift_reaches_its_final_value() -> None:
-    model = bench(drift(("p.reading",), amount=5e3, time_constant=2.0), "Pa")
+    model = bench(sensor_drift(("p.reading",), amount=5e3, time_constant=2.0), "Pa")
     times = np.linspace(0.0, 20.0, 201)
     y = run(model, lambda t: {}, times)
     assert y[0] == 0.0
@@ -169,6 +173,6 @@ def test_drift_reaches_its_final_value() -> None:
 def test_offset_gain_and_asymmetry() -> None:
     assert read(bench(offset(("s.reading",), amount=0.2), "V"), value=1.0) == pytest.approx(1.2)
     assert read(bench(gain(("s.reading",), excess=-0.1), "V"), value=2.0) == pytest.approx(1.8)
-    model = bench(asymmetric_gain(difference=0.2), "V")
+    model = bench(asymmetric_gain("valve.spool", difference=0.2), "V")
     assert read(model, value=1.0) == pytest.approx(1.1)
     assert read(model, value=-1.0) == pytest.approx(-0.9)

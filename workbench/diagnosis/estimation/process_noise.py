@@ -76,7 +76,7 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
         >>> from workbench.plants.servo_axis import servo_axis
         >>> axis = servo_axis()
         >>> seen = made_up(axis, pushes(50, largest=200.0), sample_time=0.01)
-        >>> bristles = lugre_friction("axis.force", unit="N", speed_unit="m/s")
+        >>> bristles = lugre_friction("axis.force")
         >>> len(extended_start(seen, axis, axis.with_effect(bristles)).start)
         3
     """

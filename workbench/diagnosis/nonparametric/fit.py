@@ -114,14 +114,7 @@ def nonparametric_term(
         >>> from workbench.physics.stiffness import linear_spring
         >>> from workbench.plants.servo_axis import servo_axis
         >>> axis = servo_axis()
-        >>> spring = linear_spring(
-        ...     "axis.force",
-        ...     stiffness=200.0,
-        ...     upper=1000.0,
-        ...     coordinate="position",
-        ...     unit="N",
-        ...     coordinate_unit="m",
-        ... )
+        >>> spring = linear_spring("axis.force", stiffness=200.0, upper=1000.0)
         >>> true = axis.with_effect(spring)
         >>> runs = [
         ...     made_up(true, pushes(400, largest=200.0, seed=i), sample_time=0.01)

@@ -87,7 +87,7 @@ def where(entry: Hypothesis) -> tuple[str, ...]:
 
     Example:
         >>> from workbench.physics.friction import coulomb_friction
-        >>> where(Hypothesis(coulomb_friction(level=0.0), "level", 0.5, 0.05))
+        >>> where(Hypothesis(coulomb_friction("joint.torque", level=0.0), "level", 0.5, 0.05))
         ('joint',)
     """
     return tuple(dict.fromkeys(port.split(".")[0] for port in entry.ports))

@@ -10,7 +10,7 @@ from typing import Literal
 from workbench.evaluation.left_out.isometric import isometric_recording
 from workbench.evaluation.rig.cases import make_case
 from workbench.model import Model
-from workbench.physics.isothermal import isothermal_gas
+from workbench.physics.heat_exchange import isothermal_gas
 from workbench.plants.arm import arm, pneumatic_muscle
 from workbench.plants.arm.volume_effects import constant_volume
 from workbench.recordings import Recording, read_case

@@ -261,9 +261,11 @@ def arm(
         effects.append(gravity(plane))
     effects += damper_and_bearing()
     if line_volumes:
-        effects += [line(1), line(2)]
+        effects += [
+            line([(f"line_{i}.pressure", f"chamber_{i}.flow")], name=f"line_{i}") for i in (1, 2)
+        ]
     if silencers:
-        effects += [silencer(1), silencer(2)]
+        effects += [silencer(f"exhaust_{i}.pressure", name=f"silencer_{i}") for i in (1, 2)]
     parameters = (*JOINT_PARAMETERS, *MUSCLE_PARAMETERS, *VALVE_PARAMETERS)
     values = {"load": load, "supply_pressure": supply * 1e5}
     return Model(

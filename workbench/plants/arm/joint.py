@@ -237,8 +237,16 @@ def damper_and_bearing() -> tuple[Effect, Effect]:
         ['damper', 'bearing_friction']
     """
     return (
-        viscous_friction(coefficient=0.3, lower=0.05, upper=1.0, source="estimate", name="damper"),
+        viscous_friction(
+            "joint.torque",
+            coefficient=0.3,
+            lower=0.05,
+            upper=1.0,
+            source="estimate",
+            name="damper",
+        ),
         coulomb_friction(
+            "joint.torque",
             level=0.3,
             transition_speed=0.02,
             lower=0.05,

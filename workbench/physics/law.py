@@ -1,0 +1,510 @@
+"""Laws: pieces of physics that state once all that is known of them, for any port that they fit.
+
+A law takes units, usual sizes and signals from the port at which it is used. Called with a port it
+is an effect, ``coulomb_friction("axis.force", level=20.0)``; over a whole model it gives the
+hypotheses of what the model may lack. A law of your own stands in the registry `LAWS` through the
+entry point ``workbench.effects``, or is named as ``module:object``.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from workbench.errors import WorkbenchError, check_choice
+from workbench.model import (
+    About,
+    Effect,
+    EffectView,
+    Model,
+    Names,
+    Parameter,
+    PortView,
+    State,
+)
+from workbench.model.face import Expression
+from workbench.physics.hypothesis import Group, Hypothesis
+from workbench.physics.place import Place, Survey, unknown_place
+from workbench.registry import Registry
+
+EVERYWHERE = ("*",)
+"""Ports of an effect that is attached wherever its law fits."""
+
+
+@dataclass(frozen=True)
+class Own:
+    """A parameter of a law at a place; made by `size` and `shape`.
+
+    Args:
+        name: Short name.
+        unit: SI unit.
+        value: Value unless another is given, in ``unit``.
+        lower: Smallest plausible value, in ``unit``; a multiple of the value if ``relative``.
+        upper: Largest plausible value, likewise.
+        text: What it is, in a few words.
+        scale: Typical magnitude, in ``unit``; the value's by default.
+        source: Where the number comes from.
+        fitted: Whether refitting may change it.
+        relative: Whether the bounds are multiples of the value.
+        typical: Of the size of a law: its usual magnitude, in ``unit``; 0 for other parameters.
+        least: Of the size: magnitude below which it is not worth naming, in ``unit``.
+        absent: Value in a hypothesis, where that differs, in ``unit``.
+    """
+
+    name: str
+    unit: str
+    value: float
+    lower: float
+    upper: float
+    text: str
+    scale: float = 0.0
+    source: str = "estimate"
+    fitted: bool = True
+    relative: bool = False
+    typical: float = 0.0
+    least: float = 0.0
+    absent: float | None = None
+
+    def parameter(self, given: float | None, *, bounded: bool) -> Parameter:
+        """Return the parameter, with another value if one is given.
+
+        Args:
+            given: The value, in ``unit``, or nothing.
+            bounded: Whether the bounds hold for a given value; else they make room for it.
+        """
+        value = self.value if given is None else float(given)
+        lower, upper = self.lower, self.upper
+        if self.relative:
+            around = abs(value if not bounded else self.value)
+            lower, upper = lower * around, upper * around
+        elif self.typical and not bounded:
+            # The size that an author gives says more than the scale of a port.
+            upper = upper if value <= upper else 20.0 * abs(value)
+            lower = lower if value >= lower or lower >= 0.0 else -20.0 * abs(value)
+        return Parameter(
+            self.name,
+            self.unit,
+            self.scale,
+            self.text,
+            value,
+            lower,
+            upper,
+            self.source,
+            fitted=self.fitted,
+        )
+
+
+def size(
+    name: str,
+    unit: str,
+    typical: float,
+    least: float,
+    largest: float,
+    text: str,
+    *,
+    signed: bool = False,
+    lower: float | None = None,
+    scale: float = 0.0,
+    source: str = "",
+) -> Own:
+    """State the parameter of a law whose zero is the law's absence.
+
+    Args:
+        name: Short name.
+        unit: SI unit.
+        typical: Usual magnitude, in ``unit``: a first guess from the port's scale.
+        least: Magnitude below which it is not worth naming, in ``unit``.
+        largest: Largest plausible magnitude, in ``unit``.
+        text: What it is, in a few words.
+        signed: Whether it may be negative.
+        lower: Smallest value, in ``unit``, where that is neither 0 nor minus the largest.
+        scale: Scale of a fit, in ``unit``; the usual magnitude by default.
+        source: Where the sizes come from.
+    """
+    below = lower if lower is not None else (-largest if signed else 0.0)
+    return Own(
+        name, unit, 0.0, below, largest, text, scale or typical, source,
+        typical=typical, least=least,
+    )  # fmt: skip
+
+
+def share(text: str, *, least: float = 0.5) -> Own:
+    """State the share of a law that is either there (1) or not (0)."""
+    return Own("share", "1", 0.0, 0.0, 1.0, text, 1.0, "", False, typical=1.0, least=least)
+
+
+def shape(
+    name: str,
+    unit: str,
+    value: float,
+    text: str,
+    *,
+    around: tuple[float, float] | None = (0.1, 10.0),
+    between: tuple[float, float] = (-math.inf, math.inf),
+    scale: float = 0.0,
+    source: str = "estimate",
+    fitted: bool = True,
+    absent: float | None = None,
+) -> Own:
+    """State another parameter of a law.
+
+    Args:
+        name: Short name.
+        unit: SI unit.
+        value: Usual value, in ``unit``.
+        text: What it is, in a few words.
+        around: Bounds as multiples of the value.
+        between: Bounds in ``unit``, where the value does not give them (``around=None``).
+        scale: Scale of a fit, in ``unit``; the value's by default.
+        source: Where the number comes from.
+        fitted: Whether refitting may change it.
+        absent: Value in a hypothesis, where that differs, in ``unit``.
+    """
+    lower, upper = around or between
+    return Own(
+        name, unit, value, lower, upper, text, scale or abs(value) or 1.0, source, fitted,
+        relative=around is not None, absent=absent,
+    )  # fmt: skip
+
+
+Site = tuple[Place, ...]
+"""The places that one element of a law joins: one, or a pair such as a tube's two ends."""
+
+Fit = tuple[str, tuple[Site, ...]]
+"""What a law's name gets behind it, and the sites that share its parameters."""
+
+Where = Callable[[Survey], Iterable[Fit]]
+Rates = Callable[[EffectView], Mapping[str, Expression]]
+
+
+@dataclass(frozen=True, eq=False)
+class Law:
+    """A law of physics for any model with a port that it fits.
+
+    ``transform`` gives the new signal at a port, ``rates`` the rates of the law's own states and
+    ``start`` their values at the start of a run. They see the port's signal as ``at.value``, its
+    typical size as ``at.scale``, own parameters and states as ``at.p`` and ``at.x``, and by
+    ``at.signals`` the port's local signals and the ``speed``, ``coordinate`` or ``level`` that
+    belongs to it, whatever the author of the plant has called them.
+
+    Args:
+        name: Name of the law and, at the only port that it fits, of the effect.
+        equation: The law, in one line of text.
+        where: Where in a model it may act: `each`, `twins`, `sensors`, or a function of your own.
+        parameters: Own parameters at a place: one `size` or `share`, and any number of `shape`.
+        transform: New signal at a port.
+        states: Own states at a place.
+        rates: Rate of each own state.
+        start: Own states at the start of a run, where they are not zero.
+        shapes: Values of other parameters worth trying before a fit, by short name; the first are
+            the law's own.
+        group: ``"process"`` or ``"sensor"``.
+        dry: Whether it is friction or play without a slope at rest.
+        stiff: Whether it brings rates well beyond 1000 1/s.
+        far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
+        whole: Whether the largest size is all that there can be.
+        same_as: Names of hypotheses that give the very same measurements, of a model.
+        family: Name that it shares with laws of the same kind; its own by default.
+        source: Book, paper or manufacturer that the law comes from.
+        look_alikes: Names of laws that the same data may not separate.
+        separated_by: The experiment that tells it from its look-alikes.
+
+    Example:
+        >>> drag = Law(
+        ...     "drag",
+        ...     "T = -coefficient v",
+        ...     each("force", needs=("speed",)),
+        ...     lambda at: (size("coefficient", "N s/m", 1.0, 0.1, 10.0, "damping"),),
+        ...     lambda at: at.value - at.p.coefficient * at.signals.speed,
+        ... )
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> [h.ports for h in drag.hypotheses(Survey(servo_axis()))]
+        [('axis.force',)]
+    """
+
+    name: str
+    equation: str
+    where: Where
+    parameters: Callable[[Place], tuple[Own, ...]]
+    transform: Callable[[PortView], Expression]
+    states: Callable[[Place], tuple[State, ...]] = lambda at: ()
+    rates: Rates | None = None
+    start: Rates | None = None
+    shapes: Callable[[Place], Sequence[Mapping[str, float]]] = lambda at: ({},)
+    group: Group = "process"
+    dry: bool = False
+    stiff: bool = False
+    far: bool = False
+    whole: bool = False
+    same_as: Callable[[Survey], tuple[str, ...]] = lambda survey: ()
+    family: str = ""
+    source: str = ""
+    look_alikes: tuple[str, ...] = ()
+    separated_by: str = ""
+
+    def __call__(
+        self,
+        ports: str | Sequence[str | Sequence[str]] = EVERYWHERE,
+        *,
+        name: str = "",
+        lower: float | None = None,
+        upper: float | None = None,
+        typical: float | None = None,
+        source: str = "",
+        **values: float,
+    ) -> Effect:
+        """Return the law as an effect at some ports; units are settled when it is attached.
+
+        Args:
+            ports: Name of a port, or of several that share the parameters, each with states of
+                its own; a list of lists if each element of the law joins several ports. By
+                default wherever the law fits first.
+            name: Name of the effect; the law's by default.
+            lower: Smallest plausible size, in its unit.
+            upper: Largest plausible size, in its unit.
+            typical: Usual size, in its unit; scales a fit.
+            source: Where the size comes from.
+            values: Values of the law's parameters, in their units; a usual size where none is
+                given.
+
+        Raises:
+            WorkbenchError: If a parameter is unknown, or a value is outside its bounds.
+        """
+        names = (ports,) if isinstance(ports, str) else tuple(ports)
+        given = {"lower": lower, "upper": upper, "scale": typical, "source": source or None}
+        changes: dict[str, object] = {
+            key: value for key, value in given.items() if value is not None
+        }
+
+        def settle(effect: Effect, model: Model) -> Effect:
+            later = {
+                q.name: q.value
+                for q, first in zip(effect.parameters, unsettled.parameters, strict=True)
+                if q.value != first.value
+            }
+            sites = self._sites(names, model)
+            return self._effect(sites, effect.name, {**values, **later}, changes, bounded=False)
+
+        unsettled = self._effect(
+            tuple(_unknown(site) for site in names),
+            name or self.name,
+            values,
+            {"upper": math.inf, **changes},
+            bounded=False,
+        )
+        return replace(unsettled, settle=settle)
+
+    def hypotheses(self, survey: Survey) -> Iterator[Hypothesis]:
+        """Yield the law at size zero for every place of a model that it fits."""
+        for suffix, sites in self.where(survey):
+            first = _first(sites)
+            own = self._size(first)
+            absent = {q.name: q.absent for q in self.parameters(first) if q.absent is not None}
+            name = f"{self.name}{suffix}"
+            yield Hypothesis(
+                self._effect(sites, name, {own.name: 0.0, **absent}, {}, bounded=True),
+                own.name,
+                own.typical,
+                own.least,
+                self.group,
+                self.family or self.name,
+                tuple(self.shapes(first)),
+                self.stiff,
+                self.whole,
+                self.far,
+                self.same_as(survey),
+            )
+
+    def _size(self, at: Place) -> Own:
+        return next(q for q in self.parameters(at) if q.typical > 0.0)
+
+    def _sites(self, names: Sequence[str | Sequence[str]], model: Model) -> tuple[Site, ...]:
+        survey = Survey(model)
+        if tuple(names) == EVERYWHERE:
+            fits = list(self.where(survey))
+            if not fits:
+                raise WorkbenchError(
+                    f"effect {self.name!r} finds no port of model {model.name!r} that it fits;"
+                    f" its ports are {', '.join(q.name for q in model.ports) or 'none'}; name one,"
+                    " or give it a role"
+                )
+            return max((sites for _, sites in fits), key=len)
+        return tuple(
+            tuple(survey.place(port) for port in ((site,) if isinstance(site, str) else site))
+            for site in names
+        )
+
+    def _effect(
+        self,
+        sites: tuple[Site, ...],
+        name: str,
+        values: Mapping[str, float],
+        changes: Mapping[str, object],
+        *,
+        bounded: bool,
+    ) -> Effect:
+        own = self.parameters(_first(sites))
+        for key in values:
+            check_choice(f"parameter of effect {self.name}", key, [q.name for q in own])
+        parameters = []
+        for q in own:
+            value = values.get(q.name)
+            if not q.typical:
+                parameters.append(q.parameter(value, bounded=bounded))
+                continue
+            stated = replace(q, **changes)  # type: ignore[arg-type]
+            within = bounded or "upper" in changes
+            parameters.append(
+                stated.parameter(q.typical if value is None else value, bounded=within)
+            )
+        sites_of = {q.name: (i, k, q) for i, site in enumerate(sites) for k, q in enumerate(site)}
+        if len(sites_of) != sum(len(site) for site in sites):
+            raise WorkbenchError(f"effect {name!r} acts twice on one of its ports")
+        several = len(sites) > 1
+
+        def seen(at: PortView) -> PortView:
+            number, index, place = sites_of[at.port]
+            signals = {**at.signals}
+            for alias, local in place.signals.items():
+                if alias not in signals:
+                    known = local.source if local.source in at.signals else ""
+                    signals[alias] = at.signals[known] if known else at.known[local.source]
+            return replace(
+                at,
+                index=index,
+                signals=Names(f"signal at port {at.port}", signals),
+                x=_numbered(at.x, number) if several else at.x,
+                scale=place.scale,
+            )
+
+        def each(function: Rates, view: EffectView) -> Mapping[str, Expression]:
+            result: dict[str, Expression] = {}
+            for number, site in enumerate(sites):
+                at = {q.name: seen(view.at[q.name]) for q in site}
+                x = _numbered(view.x, number) if several else view.x
+                end = f"_{number + 1}" if several else ""
+                found = function(replace(view, x=x, at=at))
+                result |= {f"{key}{end}": value for key, value in found.items()}
+            return result
+
+        rates, start = self.rates, self.start
+        return Effect(
+            name,
+            tuple(sites_of),
+            lambda at: self.transform(seen(at)),
+            parameters=tuple(parameters),
+            states=tuple(
+                replace(q, name=f"{q.name}_{number + 1}") if several else q
+                for number, site in enumerate(sites)
+                for q in self.states(_first((site,)))
+            ),
+            rates=(lambda view: each(rates, view)) if rates else None,
+            start=(lambda view: each(start, view)) if start else None,
+            about=About(self.equation, self.source, self.look_alikes, self.separated_by),
+            dry=self.dry,
+        )
+
+
+LAWS = Registry("effect", Law, package="workbench.physics", group="workbench.effects")
+"""Every law of the library, and those that installed packages add."""
+
+
+def each(
+    *roles: str,
+    needs: tuple[str, ...] = (),
+    only: Callable[[Place], bool] = lambda at: True,
+    label: Callable[[Place], str] | None = None,
+) -> Where:
+    """Let a law act at every port of some roles, one by one.
+
+    Args:
+        roles: Roles of the ports.
+        needs: Signals that must be had there.
+        only: Further condition on a place.
+        label: What the effect's name gets; nothing by default where there is one port only, else
+            the name of the port's component.
+    """
+
+    def where(survey: Survey) -> Iterator[Fit]:
+        found = [q for q in survey.fitting(*roles, needs=needs) if only(q)]
+        groups = [q.port.group for q in found]
+        for place in found:
+            if label is not None:
+                end = f"_{label(place)}"
+            elif len(found) == 1:
+                end = ""
+            else:
+                alone = groups.count(place.port.group) == 1
+                end = f"_{place.port.group if alone else by_port(place)}"
+            yield end, ((place,),)
+
+    return where
+
+
+def twins(*roles: str, needs: tuple[str, ...] = ()) -> Where:
+    """Let a law act at all ports of some roles together, with one set of parameters."""
+
+    def where(survey: Survey) -> Iterator[Fit]:
+        found = survey.fitting(*roles, needs=needs)
+        if found:
+            yield "", tuple((q,) for q in found)
+
+    return where
+
+
+def first_of(*wheres: Where) -> Where:
+    """Let a law act where the first of several ways finds a place."""
+
+    def where(survey: Survey) -> Iterable[Fit]:
+        return next((fits for w in wheres if (fits := list(w(survey)))), [])
+
+    return where
+
+
+def sensors(*, together: bool = True, only: Callable[[Place], bool] = lambda at: True) -> Where:
+    """Let a law act on every sensor and, if wanted, on all of a kind (``name_1``, ``name_2``)."""
+
+    def where(survey: Survey) -> Iterator[Fit]:
+        found = [q for q in survey.fitting("measurement") if only(q)]
+        kinds: dict[str, list[Place]] = {}
+        for place in found:
+            own = place.output.name if place.output else by_port(place)
+            yield f"_{own}", ((place,),)
+            stem, _, number = own.rpartition("_")
+            if number.isdigit():
+                kinds.setdefault(stem, []).append(place)
+        for stem, same in kinds.items():
+            if together and len(same) > 1:
+                yield f"_{stem}s", tuple((q,) for q in same)
+
+    return where
+
+
+def by_port(place: Place) -> str:
+    """Return the name of a port for use in the name of an effect."""
+    return place.name.replace(".", "_")
+
+
+def by_number(place: Place) -> str:
+    """Return the number that the name of a port's component ends on."""
+    return place.port.group.rpartition("_")[2]
+
+
+def by_end(place: Place) -> str:
+    """Return the part of a port's name behind the dot."""
+    return place.name.partition(".")[2]
+
+
+def _first(sites: Sequence[Site]) -> Place:
+    place = sites[0][0]
+    return replace(place, others=sites[0][1:])
+
+
+def _unknown(site: str | Sequence[str]) -> Site:
+    return tuple(unknown_place(port) for port in ((site,) if isinstance(site, str) else site))
+
+
+def _numbered(x: Names, number: int) -> Names:
+    end = f"_{number + 1}"
+    return Names("state", {k.removesuffix(end): v for k, v in x.items() if k.endswith(end)})
