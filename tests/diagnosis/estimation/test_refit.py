@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from workbench.diagnosis.estimation.profile import profile
 
 from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.profile import profile
 from workbench.diagnosis.estimation.refit import default_priors, refit, widened, without_prior
 from workbench.errors import WorkbenchError
 from workbench.model import Model

@@ -11,7 +11,7 @@ from workbench.model import Effect, Model, Output, Scope
 from workbench.model.trace import Equations
 from workbench.physics.force_laws import ForceLaw, PaperLaw, Petrovic, Sarosi, TonduLopez
 from workbench.physics.heat_exchange import heat_exchange
-from workbench.physics.hysteresis import bouc_wen_hysteresis
+from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.physics.leakage import centre_leakage
 from workbench.physics.line import line, silencer
 from workbench.physics.muscle_volume import BraidedCylinder
@@ -303,7 +303,7 @@ ARM = Plant(
         "angle": tuple(math.radians(1.0 + 58.0 * i / 12) for i in range(13)),
         "mean_pressure": (2.8e5, 3.6e5),
     },
-    effects={"hysteresis": bouc_wen_hysteresis},
+    effects={"hysteresis": muscle_hysteresis},
     step=(math.radians(15.0), math.radians(45.0)),
     # Half a second at 500 Hz, over which temperatures show.
     start_samples=251,
