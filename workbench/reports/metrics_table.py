@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.study import Demand
@@ -11,9 +11,11 @@ from workbench.verification import Metrics, Requirement, judge
 from workbench.verification.metrics import known_metrics, metric_of
 
 
-def metric_methods() -> tuple[tuple[str, str], ...]:
-    """Say how each metric that is a column of pages is computed, in the words of the table."""
-    return tuple((m.words, m.help) for m in known_metrics() if m.table and m.help)
+def metric_methods(runs: Iterable[Metrics] = ()) -> tuple[tuple[str, str], ...]:
+    """Say how each metric of a page is computed: of some runs, or of all that may be columns."""
+    had = {metric_of(name) for metrics in runs for name in metrics}
+    shown = [m for m in known_metrics() if m.table and m.help]
+    return tuple((m.words, m.help) for m in shown if not had or m in had)
 
 
 def metric_title(name: str) -> str:

@@ -41,8 +41,8 @@ STUDY_METHODS: tuple[tuple[str, str], ...] = (
     (
         "worse than the baseline",
         "a metric of a run moved the wrong way by more than its tolerance, absolute plus relative, "
-        "as results.json lists it; of a sliding mode only the invariants count: rms and peak of s "
-        "over its layer, time outside the layer, stop impacts",
+        "as results.json lists it; of a sliding mode only the invariants count, such "
+        "as rms and peak of s over its layer",
     ),
     (
         "solve times",
@@ -91,13 +91,17 @@ def study_page(outcome: StudyResult) -> Page:
 
 
 def _own_figures(outcome: StudyResult) -> tuple[list[Figure], list[Section]]:
-    """Return the figures that the study names, or a section that says why there are none."""
-    study = outcome.study
-    try:
-        return own_figures(study.report.figures, folder=study.path.parent), []
-    except WorkbenchError as error:
-        # The runs are done; a mistake in a module of pictures must not cost them.
-        return [], [Section("own", "Figures of one's own", (Words(f"Not drawn: {error}."),))]
+    """Return the figures that the study names, and a section for each that there is not."""
+    found: list[Figure] = []
+    failed: list[Section] = []
+    for i, name in enumerate(outcome.study.report.figures):
+        try:
+            found += own_figures([name], folder=outcome.study.path.parent)
+        except WorkbenchError as error:
+            # The runs are done; a mistake in a module of figures must not cost them.
+            note = Words(f"Not drawn: {error}.", "note")
+            failed.append(Section(f"own-{i + 1}", f"Figure {name}", (note,)))
+    return found, failed
 
 
 def _where(j: Judgement | None) -> str:
@@ -367,6 +371,7 @@ def _how(outcome: StudyResult, figures: Sequence[Figure]) -> Section:
             for name, c in study.controllers.items()
         ),
     )
+    runs = [r.metrics for r in outcome.records if r.metrics is not None]
     methods = [entry for figure in figures for entry in figure.methods]
     command = f"workbench compare {study.path.name} --out DIR"
     command += " --limit" if study.report.physical_limit else ""
@@ -376,7 +381,7 @@ def _how(outcome: StudyResult, figures: Sequence[Figure]) -> Section:
         (
             plants,
             designs,
-            Method((*metric_methods(), *STUDY_METHODS, *methods)),
+            Method((*metric_methods(runs), *STUDY_METHODS, *methods)),
             Commands((command,)),
         ),
     )

@@ -34,11 +34,11 @@ LINEAR_METHODS: tuple[tuple[str, str], ...] = (
     (
         "disk margin",
         "1 / max |(S - T)/2|: gain and phase may change together inside a disk of that size; the "
-        "factor and the angle follow from it (Seiler, Packard and Gahinet, 2020)",
+        "factor and the phase follow from it (Seiler, Packard and Gahinet, 2020)",
     ),
     (
-        "angle map",
-        "exact derivatives of the nominal plant at rest, at 30 angles, without friction and "
+        "map of the plant",
+        "exact derivatives of the nominal plant at rest, over its range, without friction and "
         "hysteresis, whose slopes at rest a moving machine does not have",
     ),
     ("delay margin", "phase down to -180° at a crossover over its frequency; the smallest"),
@@ -219,8 +219,8 @@ def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
         "Opened at the controlled output, inner loops stay closed; at the command, everything "
         "opens. Gain: factor that makes the loop unstable (down: a factor below 1). Ms, Mt: "
         "peaks of the "
-        "sensitivity 1/(1 + L) and of L/(1 + L). Disk: margin, and the factor and the angle by "
-        "which gain and phase may change together.",
+        "sensitivity 1/(1 + L) and of L/(1 + L). Disk: margin, and the factor and the "
+        "phase by which both may change together.",
     )
 
 

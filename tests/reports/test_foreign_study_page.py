@@ -1,0 +1,103 @@
+"""The page of a study on a plant of the user's own: its words, and the user's own figures."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from workbench.reports.page import Page, Words, html
+from workbench.reports.pictures import Picture
+from workbench.reports.study_page import study_page
+from workbench.study.result import run_study
+from workbench.study.schema import load_study
+
+MODULE = '''
+from dataclasses import dataclass
+from workbench.plants.servo_axis import servo_axis
+from workbench.reports.style import new_figure
+
+def rig():
+    return servo_axis()
+
+@dataclass(frozen=True)
+class Proportional:
+    sample_time: float = 0.002
+    name: str = "proportional"
+    sensors: tuple = ("position",)
+    follows: tuple = ("position",)
+    actuators: tuple = ("force",)
+    preview: int = 0
+
+    def initial_state(self, measurement):
+        return measurement[0]
+
+    def step(self, state, measurement, reference):
+        speed = (measurement[0] - state) / self.sample_time
+        force = 4000.0 * (reference[0] - measurement[0]) - 700.0 * speed
+        return (min(max(force, -350.0), 350.0),), measurement[0], {}
+
+    def linear_command(self, command):
+        return command
+
+def design(linear, specification):
+    return Proportional()
+
+def errors(result):
+    """How large the largest error is."""
+    figure, (axes,) = new_figure([1.5])
+    axes.bar([0], [result.scores[0].worst])
+    return figure
+'''
+STUDY = """
+schema = 1
+name = "axis"
+
+[plant]
+kind = "axis_rig:rig"
+
+[controllers."proportional"]
+design = "axis_rig:design"
+at = { position = 0.0 }
+
+[scenarios.step]
+duration = "2 s"
+
+[scenarios.step.references.position]
+kind = "steps"
+unit = "mm"
+times = [0.0, 0.2]
+values = [0, 20]
+
+[[requirements]]
+metric = "steady_error"
+limit = 3.0
+unit = "mm"
+
+[report]
+figures = ["axis_rig:errors", "axis_rig:nowhere"]
+"""
+ARM = re.compile(r"\b(arms?|muscles?|valves?|swings?|stops?|air|angles?|pressures?|loads?)\b")
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Page:
+    place: Path = tmp_path_factory.mktemp("axis")
+    (place / "axis_rig.py").write_text(MODULE)
+    (place / "axis.toml").write_text(STUDY)
+    return study_page(run_study(load_study(place / "axis.toml"), place / "out", jobs=1))
+
+
+def test_it_speaks_the_words_of_its_plant(page: Page) -> None:
+    text = re.sub(r"<(style|svg|head).*?</\1>", "", html(page), flags=re.DOTALL)
+    assert "position" in text and "mm" in text
+    said = {m.group() for m in ARM.finditer(re.sub(r"<[^>]*>", " ", text))}
+    assert said == set(), sorted(said)
+
+
+def test_figures_of_the_users_own_stand_on_it(page: Page) -> None:
+    own = {s.name: s.blocks[0] for s in page.sections if s.name.startswith("own")}
+    picture, note = own["own-errors"], own["own-2"]
+    assert isinstance(picture, Picture) and picture.caption == "How large the largest error is."
+    assert isinstance(note, Words) and "nowhere" in note.text
