@@ -104,6 +104,31 @@ def foreign(
 
 
 @evaluate.command()
+def machines(
+    out: Annotated[Path, typer.Argument(help="Folder of the results.", metavar="OUT")],
+    data: Annotated[
+        Path | None,
+        typer.Option(help="Folder with the recordings; WORKBENCH_DATA, or fetched, without it."),
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Name of a machine, such as emps; several times.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 1,
+) -> int:
+    """Diagnose recordings of real machines, each from the first model that comes to mind.
+
+    A line per machine: what was named, the error on held-out recordings before and after, and what
+    it lacks against what is published.
+    """
+    _one_thread()
+    from workbench.evaluation.machines.run import run_all
+
+    for line in run_all(out, data=data, only=only or (), jobs=jobs):
+        typer.echo(line)
+    return 0
+
+
+@evaluate.command()
 def left_out(
     out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
     jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 2,

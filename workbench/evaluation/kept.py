@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import subprocess
+import traceback
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -40,7 +41,10 @@ def silent(kind: str, error: Exception | None = None) -> dict[str, Any]:
     """Return a verdict that says nothing, of an answerer that failed."""
     verdict: dict[str, Any] = {"schema": SCHEMA, "verdict": kind}
     verdict |= {"findings": [], "fit": {"held_out": {}}}
-    return verdict if error is None else verdict | {"failure": f"{type(error).__name__}: {error}"}
+    if error is None:
+        return verdict
+    way = " > ".join(frame.name for frame in traceback.extract_tb(error.__traceback__)[-5:])
+    return verdict | {"failure": f"{type(error).__name__}: {error} (in {way})"}
 
 
 def version() -> str:
