@@ -43,6 +43,10 @@ class Names(Mapping[str, Expression]):
             raise AttributeError(name)
         return self[name]
 
+    def __contains__(self, name: object) -> bool:
+        """Tell whether there is a value of that name."""
+        return name in self._values
+
     def __iter__(self) -> Iterator[str]:
         """Iterate over the names."""
         return iter(self._values)

@@ -365,15 +365,16 @@ class Law:
 
         def seen(at: PortView) -> PortView:
             number, index, place = sites_of[at.port]
-            signals = {**at.signals}
-            for alias, local in place.signals.items():
-                if alias not in signals:
-                    known = local.source if local.source in at.signals else ""
-                    signals[alias] = at.signals[known] if known else at.known[local.source]
+            own = dict(at.signals)
+            found = {
+                alias: own[local.source] if local.source in own else at.known[local.source]
+                for alias, local in place.signals.items()
+                if alias not in own
+            }
             return replace(
                 at,
                 index=index,
-                signals=Names(f"signal at port {at.port}", signals),
+                signals=Names(f"signal at port {at.port}", own | found),
                 x=_numbered(at.x, number) if several else at.x,
                 scale=place.scale,
             )
