@@ -3,7 +3,7 @@
 from controllers.angle_pd import AnglePD
 from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
 from controllers.open_loop import HeldCommand
-from controllers.pid import CascadePID, PIDSpecification, design_pid
+from controllers.pid import CascadePID, PIDSpecification, cascade_pid, design_pid
 from controllers.protocol import Controller
 from controllers.sliding_mode import SlidingMode, SlidingModeSpecification, design_sliding_mode
 from controllers.valve_inverse import ValveInverse
@@ -19,6 +19,7 @@ __all__ = [
     "SlidingMode",
     "SlidingModeSpecification",
     "ValveInverse",
+    "cascade_pid",
     "design_mpc",
     "design_pid",
     "design_sliding_mode",

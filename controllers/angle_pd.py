@@ -18,8 +18,7 @@ from typing import NamedTuple
 
 from controllers.arithmetic import FLOATS
 from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.through_valve import ThroughValve
-from controllers.valve_inverse import ValveInverse
+from controllers.valve_inverse import ThroughValve, ValveInverse
 from workbench.errors import check_range
 
 

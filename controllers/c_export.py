@@ -4,7 +4,7 @@ A law in closed form is traced once with CasADi symbols from the same text that 
 written as two functions, one that starts and one that steps. There is no allocation and no loop
 without end. A law in closed form has no memory beyond the state that the caller owns, and its step
 takes the same time always; a model-predictive controller brings its own solver with it
-(`quadratic_program_c`), whose iterations are bounded, and reports slack and status.
+(`controllers.quadratic_program`), whose iterations are bounded, and reports slack and status.
 
 The compiler must not fuse multiplications and additions (``-ffp-contract=off``) if the numbers
 shall be those of the simulation to the last digits.
@@ -17,18 +17,14 @@ Mathematical Programming 27, 1983.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 
 from controllers.arithmetic import SYMBOLS
-from controllers.mpc.along_plan import ScheduledMPC
-from controllers.mpc.along_plan_c import scheduled_mpc_parts
-from controllers.mpc.whole_model import LinearMPC
-from controllers.mpc.whole_model_c import linear_mpc_parts
+from controllers.named_state import flat, names, restored
 from controllers.protocol import Controller
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
@@ -46,10 +42,6 @@ class ExportedC:
         header: Header that documents the interface.
         states: Number of states (dimensionless).
         operations: Number of elementary operations of a step, at most (dimensionless).
-
-    Example:
-        >>> list(ExportedC.__dataclass_fields__)[0]
-        'source'
     """
 
     source: Path
@@ -65,16 +57,33 @@ class ExportedC:
         )
 
 
+class CSource(NamedTuple):
+    """A controller written as C, without the header.
+
+    Args:
+        source: C source with ``NAME_start`` and ``NAME_step``, without the header's inclusion.
+        states: Names of the entries of the state.
+        notes: Lines for the header.
+        reports: Entries of the report; without any the step has no such argument.
+        operations: Most elementary operations of a step (dimensionless).
+    """
+
+    source: str
+    states: tuple[str, ...]
+    notes: tuple[str, ...]
+    reports: tuple[str, ...]
+    operations: int
+
+
 def export_c(controller: Controller, folder: str | Path, *, name: str = "controller") -> ExportedC:
     """Write a controller as C source and header.
 
+    A controller that can be written says how: its method ``c_source(name)`` returns a `CSource`.
+
     Args:
-        controller: A controller whose law is written for symbols, or a linear MPC.
+        controller: The controller.
         folder: Where to write ``NAME.c`` and ``NAME.h``.
         name: Name of the files and prefix of the functions, a C identifier.
-
-    Returns:
-        The files.
 
     Raises:
         WorkbenchError: If the name is no C identifier, the controller needs a library at each
@@ -82,90 +91,68 @@ def export_c(controller: Controller, folder: str | Path, *, name: str = "control
 
     Example:
         >>> import tempfile
-        >>> from controllers.pid import CascadePID
+        >>> from controllers.pid import cascade_pid
         >>> with tempfile.TemporaryDirectory() as place:
-        ...     export_c(CascadePID(6e5, 2e6, 1e5, inner=2e-6), place, name="pid").states
-        6
+        ...     export_c(cascade_pid(6e5, 2e6, 1e5, inner=2e-6), place, name="pid").states
+        7
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise WorkbenchError(
             f"name of the exported controller is {name!r}; give small letters, digits and"
             " underscores, beginning with a letter, such as 'pid'"
         )
-    target = Path(folder)
-    if isinstance(controller, LinearMPC | ScheduledMPC):
-        parts = (
-            linear_mpc_parts(controller, name)
-            if isinstance(controller, LinearMPC)
-            else scheduled_mpc_parts(controller, name)
-        )
-        states, operations = len(parts.states), parts.operations
-        header = _header(controller, name, parts.states, notes=parts.notes, reports=parts.reports)
-        text = f'#include "{name}.h"\n\n{parts.source}'
-    else:
-        labels, text, operations = _traced(controller, name)
-        states, header = len(labels), _header(controller, name, labels, notes=_STATELESS)
-    written = write_whole(target / f"{name}.h", header)
-    return ExportedC(write_whole(target / f"{name}.c", text), written, states, operations)
-
-
-def _traced(controller: Controller, name: str) -> tuple[tuple[str, ...], str, int]:
-    """Return the state's names, the source and the operations of a law in closed form."""
-    law: Callable[..., Any] | None = getattr(controller, "law", None)
-    if law is None:
+    write = getattr(controller, "c_source", None)
+    if write is None:
+        reason = getattr(controller, "not_in_c", "it was not written for symbols")
         raise WorkbenchError(
-            f"controller {controller.name!r} cannot be written as C without dependencies:"
-            f" {_reason(controller)}; export one of the PID, sliding-mode, state-feedback or linear"
-            " MPC family"
+            f"controller {controller.name!r} cannot be written as C without dependencies: {reason};"
+            " export one of the PID, sliding-mode, state-feedback or linear MPC family"
         )
+    found: CSource = write(name)
+    target = Path(folder)
+    header = write_whole(target / f"{name}.h", _header(controller, name, found))
+    source = write_whole(target / f"{name}.c", f'#include "{name}.h"\n\n{found.source}')
+    return ExportedC(source, header, len(found.states), found.operations)
+
+
+def closed_form(controller: Any, name: str) -> CSource:
+    """Write a law in closed form as C: traced once with symbols, from its own text."""
     m = ca.SX.sym("measurement", len(controller.sensors))
     r = ca.SX.sym("reference", len(controller.follows) * (1 + controller.preview))
-    readings = tuple(ca.vertsplit(m))
-    try:
-        begin = controller.initial_state(readings, SYMBOLS)  # type: ignore[call-arg]
-    except TypeError:
-        begin = controller.initial_state(readings)
-    kind = type(begin)
-    z = ca.SX.sym("state", len(begin))
-    entries = ca.vertsplit(z)
-    packed = kind(*entries) if hasattr(kind, "_fields") else tuple(entries)
-    command, following, _ = law(packed, readings, tuple(ca.vertsplit(r)), SYMBOLS)
-    start = ca.Function(f"{name}_start_kernel", [m], [ca.densify(ca.vcat(begin))])
+    measured = tuple(ca.vertsplit(m))
+    begin = controller.initial_state(measured, SYMBOLS)
+    entries = flat(begin)
+    z = ca.SX.sym("state", len(entries))
+    state = restored(begin, ca.vertsplit(z))
+    command, following, _ = controller.law(state, measured, tuple(ca.vertsplit(r)), SYMBOLS)
+    start = ca.Function(f"{name}_start_kernel", [m], [ca.densify(ca.vcat(entries))])
     step = ca.Function(
         f"{name}_step_kernel",
         [z, m, r],
-        [ca.densify(ca.vcat(command)), ca.densify(ca.vcat(following))],
+        [ca.densify(ca.vcat(command)), ca.densify(ca.vcat(flat(following)))],
     )
+    source = generated(name, start, step) + _wrappers(name, start, step, len(entries))
+    return CSource(source, names(begin), _STATELESS, (), int(step.n_instructions()))
+
+
+def generated(name: str, *functions: ca.Function) -> str:
+    """Return what CasADi writes for some functions, which ignore some of their arguments."""
     generator = ca.CodeGenerator(f"{name}.c", {"with_header": False})
-    generator.add(start)
-    generator.add(step)
-    names = getattr(controller, "state_names", None) or getattr(kind, "_fields", None)
-    labels = tuple(names) if names else tuple(f"state_{i}" for i in range(len(begin)))
-    source = generator.dump() + _wrappers(name, start, step, len(begin))
-    return labels, source, int(step.n_instructions())
+    for function in functions:
+        generator.add(function)
+    return (
+        '#ifdef __GNUC__\n#pragma GCC diagnostic push\n#pragma GCC diagnostic ignored "-Wextra"\n'
+        '#pragma GCC diagnostic ignored "-Wunused-parameter"\n#endif\n'
+        f"{generator.dump()}"
+        "#ifdef __GNUC__\n#pragma GCC diagnostic pop\n#endif\n\n"
+    )
 
 
 _STATELESS = ("Status: always 0. There is no other memory than the state, which the caller owns.",)
 
 
-def _reason(controller: Controller) -> str:
-    """Say why a controller has no law that can be traced."""
-    if hasattr(controller, "shots"):
-        return (
-            "its prediction is a nonlinear model whose stages and derivatives are integrated by"
-            " CasADi at each step"
-        )
-    return "it was not written for symbols"
-
-
-def _header(
-    controller: Controller,
-    name: str,
-    states: tuple[str, ...],
-    *,
-    notes: tuple[str, ...],
-    reports: tuple[str, ...] = (),
-) -> str:
+def _header(controller: Controller, name: str, found: CSource) -> str:
+    states, notes, reports = found.states, found.notes, found.reports
     guard = f"{name.upper()}_H"
     indent = " " * (len(name) + 10)
     references = len(controller.follows) * (1 + controller.preview)
@@ -232,8 +219,6 @@ def _header(
 
 def _wrappers(name: str, start: ca.Function, step: ca.Function, states: int) -> str:
     return f"""
-#include "{name}.h"
-
 int {name}_start(const double *measurement, double *state) {{
   const double *arg[{max(start.sz_arg(), 1)}] = {{measurement}};
   double *res[{max(start.sz_res(), 1)}] = {{state}};

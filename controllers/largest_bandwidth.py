@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, TypeVar
 
 from controllers.protocol import Controller
-from controllers.sensitivity import peak_sensitivities
+from controllers.sensitivity import loop_matrices, peaks_of
 from workbench.errors import WorkbenchError, check_range
 
 if TYPE_CHECKING:
@@ -40,10 +40,6 @@ class MarginedDesign(Generic[C]):
         sensitivity: Largest Ms over the models, a ratio.
         complementary: Largest Mt over the models, a ratio.
         late: Largest Ms with every command one sample late, a ratio.
-
-    Example:
-        >>> list(MarginedDesign.__dataclass_fields__)[1]
-        'speed'
     """
 
     controller: C
@@ -79,12 +75,12 @@ def largest_bandwidth(
         WorkbenchError: If no speed meets the limits.
 
     Example:
-        >>> from controllers.pid import CascadePID
+        >>> from controllers.pid import cascade_pid
         >>> from workbench.linearisation import linearise
         >>> from workbench.operating_point import operating_point
         >>> from workbench.plants.arm import arm
         >>> model = linearise(operating_point(arm(3), {"angle": 0.5236}), verdict=False)
-        >>> make = lambda w: CascadePID(600 * w * w, 100 * w**3, 1e3 * w, inner=2.7e-6)
+        >>> make = lambda w: cascade_pid(600 * w * w, 100 * w**3, 1e3 * w, inner=2.7e-6)
         >>> found = largest_bandwidth(make, [model], [300.0, 30.0, 20.0])
         >>> found.speed < 300, found.sensitivity <= 2.0
         (True, True)
@@ -98,9 +94,10 @@ def largest_bandwidth(
         controller = design(speed)
         ms = mt = late = 0.0
         for model in models:
-            peaks = peak_sensitivities(controller, model)
+            loop, h = loop_matrices(controller, model), controller.sample_time
+            peaks = peaks_of(loop, h)
             ms, mt = max(ms, peaks[0]), max(mt, peaks[1])
-            late = max(late, peak_sensitivities(controller, model, late=1)[0])
+            late = max(late, peaks_of(loop, h, late=1)[0])
             if ms > maximum_sensitivity or mt > maximum_complementary or late > late_sensitivity:
                 break
         else:

@@ -3,109 +3,188 @@
 A PD law on the angle alone limit-cycles once the muscles have hysteresis; the inner loop makes the
 valve and the gas a fast source of torque, on which the outer PID can be firm.
 
-Outer loop, sample k, sample time h, y the angle, r its reference:
+With where the joint shall be, r, the feedforward dp_r and o_r, the model (b, g) and the unexplained
+acceleration w of a front end (`controllers.joint.tracking`), y the angle, gains in units of
+acceleration, sample k, sample time h:
 
-    w[k]  = r filtered twice by w + h omega_r (r - w)                 reference filter
-    D[k]  = f D[k-1] + (1 - f) Kd ((c w - y)[k] - (c w - y)[k-1]) / h     f = Tf / (Tf + h)
-    v[k]  = Kp (b w[k] - y[k]) + I[k] + D[k]
-    u[k]  = v[k] clipped to what the valve can reach: dp[k] +- 1 / Ki_inner, and to +- limit
-    I[k+1] = I[k] + h Ki (w[k] - y[k]) + (h / Tt) (u[k] - v[k])        back-calculation
+    D[k] = f D[k-1] + (1 - f) ((c r - y)[k] - (c r - y)[k-1]) / h        f = Tf / (Tf + h)
+    a[k] = Kp (beta r - y)[k] + I[k] + Kd D[k]
+    dp_w = dp_r + (a - kappa w) / b, within +- limit
+    o[k] = o_r + K_inner (dp_w - dp - tau g l), clipped to -1..1, then the inverse valve curve
+    I[k+1] = I[k] + h Ki (r - y) + (h / Tt) b ((o_clipped - o) / K_inner + dp_w - dp_w before limit)
 
-Inner loop, with the filtered pressure difference dp:
+Around one point (`design_pid`) the reference passes two lags, nothing is fed forward, and the gains
+are constant, in Pa per rad (b = 1). Over the whole range (`design_scheduled_pid`) moves are planned
+and fed forward, a share kappa of what the observer finds unexplained is compensated at once,
+tau g l is what the lag tau of spool and sample still holds
+(`controllers.joint.tracking.arrived_opening`), and the gains place the joint's poles at a pair of
+frequency w and damping z and at a w, whatever the angle:
 
-    o[k]  = K_inner (u[k] - dp[k])            valve opening, then the inverse valve curve
+    Kp = (1 + 2 a z) w^2 - a0,  Kd = (a + 2 z) w - a1,  Ki = a w^3,  K_inner = omega_inner / g
+
+I is an acceleration: when b moves with the angle, what it holds keeps its meaning.
 
 Source: Åström and Hägglund, Advanced PID Control, 2006, sections 3.3 to 3.5 (two degrees of
-freedom, filter, back-calculation), 13.3 (discretisation), 12.3 (cascade).
+freedom, filter, back-calculation), 6.4 (pole placement), 9.3 (gain scheduling), 12.3 (cascade),
+13.3 (discretisation).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.design import Design
+from controllers.joint.at_one_point import LaggedReference
 from controllers.joint.model import JointModel, joint_model
-from controllers.protocol import Command, Info, Measurement, Reference
+from controllers.joint.schedule import JointSchedule, ScheduledJoint
+from controllers.joint.tracking import Tracking, arrived_opening, kalman_tracking
 from controllers.sensitivity import peak_sensitivities
-from controllers.through_valve import ThroughValve
-from controllers.valve_inverse import ValveInverse
+from controllers.valve_inverse import ClosedForm, ValveInverse
 from workbench.errors import WorkbenchError, check_range
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
 
 
-class PIDState(NamedTuple):
-    """What a `CascadePID` remembers.
+class Gains(NamedTuple):
+    """Gains at one place: Kp, Ki, Kd per acceleration (or Pa), and the inner gain per Pa."""
 
-    Args:
-        integral: Integral part of the wanted pressure difference, in Pa.
-        derivative: Filtered derivative part, in Pa.
-        error: Weighted error of the sample before, in rad.
-        filtered: Reference after the first filter, in rad.
-        target: Reference after the second filter, in rad.
-        difference: Filtered pressure difference, in Pa.
-    """
-
+    proportional: Number
     integral: Number
     derivative: Number
-    error: Number
-    filtered: Number
-    target: Number
-    difference: Number
+    inner: Number
 
 
 @dataclass(frozen=True)
-class CascadePID(ThroughValve):
-    """Cascaded PID on angle and pressure difference.
+class FixedGains:
+    """Gains given by hand, the same everywhere.
 
     Args:
-        proportional: Outer Kp, in Pa/rad.
-        integral: Outer Ki, in Pa/(rad s).
-        derivative: Outer Kd, in Pa s/rad.
-        derivative_filter: Time constant Tf of the derivative's filter, in s.
-        setpoint_weight: Weight b of the reference in the proportional part, dimensionless.
-        derivative_weight: Weight c of the reference in the derivative part, dimensionless.
-        reference_speed: Bandwidth omega_r of the reference filter, in rad/s.
-        tracking_time: Time constant Tt of the anti-windup, in s.
-        difference_limit: Largest wanted pressure difference, in Pa.
+        proportional: Kp, in Pa/rad.
+        integral: Ki, in Pa/(rad s).
+        derivative: Kd, in Pa s/rad.
         inner: Inner gain K_inner, opening fraction per Pa.
-        pressure_filter: Time constant of the pressures' filter, in s.
-        sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
-        name: Name under which results are reported.
-        sensors: Names of the angle and the two pressures.
-        follows: Name of the followed output.
-        actuators: Name of the command.
-        preview: No future references are used.
 
     Raises:
-        WorkbenchError: If a gain or time constant is outside its range.
-
-    Example:
-        >>> pid = CascadePID(6e5, 2e6, 1e5, inner=2e-6)
-        >>> at_rest = (0.5, 3e5, 3e5)
-        >>> command, state, info = pid.step(pid.initial_state(at_rest), at_rest, (0.5,))
-        >>> command
-        (5.0,)
+        WorkbenchError: If a gain is outside its range.
     """
 
     proportional: float
     integral: float
     derivative: float
     inner: float
+
+    def __post_init__(self) -> None:
+        """Check the gains."""
+        for name in ("proportional", "integral", "derivative"):
+            check_range(f"{name} gain", getattr(self, name), 0.0, 1e12)
+        check_range("inner gain", self.inner, 1e-12, 1.0, "per Pa")
+
+    def at(self, joint: ScheduledJoint, arithmetic: Arithmetic) -> Gains:
+        """Return the gains."""
+        return Gains(self.proportional, self.integral, self.derivative, self.inner)
+
+
+@dataclass(frozen=True)
+class PlacedGains:
+    """Gains that place the joint's poles wherever it is.
+
+    Args:
+        frequency: Frequency w of the pair, in rad/s.
+        damping: Its damping ratio z.
+        real_pole: Real pole as a fraction a of w.
+        inner_bandwidth: Bandwidth omega_inner of the pressure-difference loop, in rad/s.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+    """
+
+    frequency: float = 28.0
+    damping: float = 0.8
+    real_pole: float = 0.6
+    inner_bandwidth: float = 120.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range("frequency of the placed poles", self.frequency, 0.1, 1e3, "rad/s")
+        check_range("inner bandwidth", self.inner_bandwidth, 1.0, 1e4, "rad/s")
+
+    def at(self, joint: ScheduledJoint, arithmetic: Arithmetic) -> Gains:
+        """Return the gains for a joint model."""
+        w, a, z = self.frequency, self.real_pole, self.damping
+        return Gains(
+            arithmetic.largest((1.0 + 2.0 * a * z) * w * w - joint.a0, 0.0),
+            a * w * w * w,
+            arithmetic.largest((a + 2.0 * z) * w - joint.a1, 0.0),
+            self.inner_bandwidth / joint.g,
+        )
+
+
+class PIDState(NamedTuple):
+    """What a `CascadePID` remembers.
+
+    Args:
+        tracking: State of the front end.
+        integral: Integral part I, in rad/s2 (around one point in Pa).
+        derivative: Filtered derivative D of the weighted error, in rad/s.
+        error: Weighted error c r - y of the sample before, in rad.
+        arrived: Opening that has arrived behind the lag, a fraction.
+    """
+
+    tracking: Any
+    integral: Number
+    derivative: Number
+    error: Number
+    arrived: Number
+
+
+@dataclass(frozen=True)
+class CascadePID(ClosedForm):
+    """Cascaded PID on angle and pressure difference.
+
+    Args:
+        tracking: Front end: lags around one point, or planned moves over the range.
+        gains: Given by hand, or placed wherever the joint is.
+        derivative_filter: Time constant Tf of the derivative's filter, in s.
+        tracking_time: Time constant Tt of the anti-windup, in s.
+        setpoint_weight: Weight beta of the reference in the proportional part, dimensionless.
+        derivative_weight: Weight c of the reference in the derivative part, dimensionless.
+        difference_limit: Largest pressure difference asked for, in Pa; infinite for none.
+        compensation: Share kappa of the unexplained acceleration that is compensated at once, 0..1.
+        lag: Lag tau of spool and sample that is predicted over, in s; 0 leaves it to the margin.
+        sample_time: Time between steps, in s.
+        valve: Valve curve that is inverted.
+        name: Name under which results are reported.
+        sensors: Names of the angle and the two pressures.
+        follows: Name of the controlled output.
+        actuators: Name of the command.
+        preview: No future references are used.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> pid = CascadePID(LaggedReference(), FixedGains(6e5, 2e6, 1e5, inner=2e-6))
+        >>> at_rest = (0.5, 3e5, 3e5)
+        >>> command, state, info = pid.step(pid.initial_state(at_rest), at_rest, (0.5,))
+        >>> command
+        (5.0,)
+    """
+
+    tracking: Tracking
+    gains: FixedGains | PlacedGains
     derivative_filter: float = 0.005
+    tracking_time: float = 0.1
     setpoint_weight: float = 1.0
     derivative_weight: float = 1.0
-    reference_speed: float = 25.0
-    tracking_time: float = 0.1
-    difference_limit: float = 6e5
-    pressure_filter: float = 0.002
+    difference_limit: float = math.inf
+    compensation: float = 0.0
+    lag: float = 0.0
     sample_time: float = 0.002
     valve: ValveInverse = ValveInverse()
     name: str = "cascade PID"
@@ -115,41 +194,29 @@ class CascadePID(ThroughValve):
     preview: int = 0
 
     def __post_init__(self) -> None:
-        """Check the gains."""
-        for name in ("proportional", "integral", "derivative"):
-            check_range(f"{name} gain of {self.name}", getattr(self, name), 0.0, 1e12)
-        check_range(f"inner gain of {self.name}", self.inner, 1e-12, 1.0, "per Pa")
-        for name in ("derivative_filter", "pressure_filter"):
-            check_range(f"{name} of {self.name}", getattr(self, name), 0.0, 10.0, "s")
+        """Check the numbers."""
         h = check_range(f"sample time of {self.name}", self.sample_time, 1e-6, 1.0, "s")
+        check_range(f"derivative filter of {self.name}", self.derivative_filter, 0.0, 10.0, "s")
         check_range(f"tracking time of {self.name}", self.tracking_time, h, 1e3, "s")
-        check_range(f"reference speed of {self.name}", self.reference_speed, 0.0, 1.0 / h, "rad/s")
+        check_range(f"compensated share of {self.name}", self.compensation, 0.0, 1.0)
+        if isinstance(self.gains, PlacedGains):
+            w, inner = self.gains.frequency, self.gains.inner_bandwidth
+            check_range(f"frequency of {self.name}", w, 0.1, 0.5 / h, "rad/s")
+            check_range(f"inner bandwidth of {self.name}", inner, 1.0, 1 / h, "rad/s")
 
-    def initial_state(self, measurement: Measurement) -> PIDState:
-        """Return the state that holds the measured pressure difference at the measured angle.
-
-        Args:
-            measurement: Angle in rad and the two gauge pressures in Pa.
-        """
-        angle, p1, p2 = measurement
-        held = p1 - p2 + self.proportional * (1.0 - self.setpoint_weight) * angle
-        error = (self.derivative_weight - 1.0) * angle
-        return PIDState(held, 0.0, error, angle, angle, p1 - p2)
-
-    def step(
-        self, state: PIDState, measurement: Measurement, reference: Reference
-    ) -> tuple[Command, PIDState, Info]:
-        """Compute the valve voltage of one sample.
-
-        Args:
-            state: State of the step before.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction) and wanted difference (Pa).
-        """
-        return self.law(state, measurement, reference, FLOATS)
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> PIDState:
+        """Return the state that holds the measured pressure difference at the measured angle."""
+        angle = measurement[0]
+        front, joint, holding = self.tracking.start(measurement, arithmetic)
+        # What the model does not explain is held by the integral part from the start.
+        held = (1.0 - self.compensation) * holding
+        if self.setpoint_weight != 1.0:
+            kp = self.gains.at(joint, arithmetic).proportional
+            held = held + kp * (1.0 - self.setpoint_weight) * angle
+        error = (self.derivative_weight - 1.0) * angle if self.derivative_weight != 1.0 else 0.0
+        return PIDState(front, held, 0.0, error, 0.0)
 
     def law(
         self,
@@ -158,47 +225,81 @@ class CascadePID(ThroughValve):
         reference: tuple[Number, ...],
         arithmetic: Arithmetic,
     ) -> tuple[tuple[Number, ...], PIDState, dict[str, Number]]:
-        """Compute one sample on floats or on symbols.
-
-        Args:
-            state: State of the step before.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-            arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction) and wanted difference (Pa).
-        """
-        integral, derivative, last, filtered, target, difference = state
-        angle, p1, p2 = measurement
+        """Compute one sample on floats or on symbols, in SI."""
         h = self.sample_time
-        if self.reference_speed > 0.0:
-            filtered = filtered + h * self.reference_speed * (reference[0] - filtered)
-            target = target + h * self.reference_speed * (filtered - target)
-        else:
-            filtered = target = reference[0]
+        now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
+        kp, ki, kd, inner = self.gains.at(now.joint, arithmetic)
+        target, b = now.plan.angle, now.joint.b
         fade = self.derivative_filter / (self.derivative_filter + h)
-        weighted = self.derivative_weight * target - angle
-        derivative = fade * derivative + (1.0 - fade) * self.derivative * (weighted - last) / h
-        fresh = h / (self.pressure_filter + h)
-        difference = difference + fresh * (p1 - p2 - difference)
-
-        wanted = self.proportional * (self.setpoint_weight * target - angle) + integral + derivative
-        within = arithmetic.clip(wanted, -self.difference_limit, self.difference_limit)
-        reach = 1.0 / self.inner
-        reached = arithmetic.clip(within, difference - reach, difference + reach)
-        integral = integral + h * (
-            self.integral * (target - angle) + (reached - wanted) / self.tracking_time
+        weighted = self.derivative_weight * target - now.angle
+        derivative = fade * state.derivative + (1.0 - fade) * (weighted - state.error) / h
+        error = self.setpoint_weight * target - now.angle
+        acceleration = (
+            kp * error + state.integral + kd * derivative - self.compensation * now.unexplained
         )
-        opening = self.inner * (reached - difference)
-        following = PIDState(integral, derivative, weighted, filtered, target, difference)
-        command = self.valve.command(opening, arithmetic)
-        return (command,), following, {"opening": opening, "wanted_difference": reached}
+        asked = now.reference_difference + acceleration / b
+        within = asked
+        if self.difference_limit < math.inf:
+            within = arithmetic.clip(asked, -self.difference_limit, self.difference_limit)
+        arrived = self.lag * now.joint.g * state.arrived
+        opening = now.opening + inner * (within - now.difference - arrived)
+        clipped = arithmetic.clip(opening, -1.0, 1.0)
+        back = b * (clipped - opening) / (inner * self.tracking_time)
+        if within is not asked:
+            back = back + b * (within - asked) / self.tracking_time
+        following = PIDState(
+            front,
+            state.integral + h * (ki * (target - now.angle) + back),
+            derivative,
+            weighted,
+            arrived_opening(state.arrived, clipped - now.opening, self.lag, h),
+        )
+        info = {
+            "opening": clipped,
+            "plan": target,
+            "asked_difference": within + (clipped - opening) / inner,
+        }
+        return (self.valve.command(clipped, arithmetic),), following, info
+
+
+def cascade_pid(
+    proportional: float,
+    integral: float,
+    derivative: float,
+    inner: float,
+    *,
+    derivative_filter: float = 0.005,
+    setpoint_weight: float = 1.0,
+    derivative_weight: float = 1.0,
+    reference_speed: float = 25.0,
+    tracking_time: float = 0.1,
+    difference_limit: float = 6e5,
+    pressure_filter: float = 0.002,
+    sample_time: float = 0.002,
+    valve: ValveInverse | None = None,
+) -> CascadePID:
+    """Return a cascaded PID with gains given by hand; arguments as in its parts.
+
+    Example:
+        >>> cascade_pid(6e5, 2e6, 1e5, inner=2e-6).name
+        'cascade PID'
+    """
+    return CascadePID(
+        LaggedReference(reference_speed, pressure_filter, sample_time),
+        FixedGains(proportional, integral, derivative, inner),
+        derivative_filter=derivative_filter,
+        tracking_time=tracking_time,
+        setpoint_weight=setpoint_weight,
+        derivative_weight=derivative_weight,
+        difference_limit=difference_limit,
+        sample_time=sample_time,
+        valve=valve or ValveInverse(),
+    )
 
 
 @dataclass(frozen=True)
 class PIDSpecification:
-    """What a `CascadePID` is designed for.
+    """What a cascaded PID around one point is designed for.
 
     Args:
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
@@ -213,10 +314,6 @@ class PIDSpecification:
 
     Raises:
         WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> PIDSpecification().maximum_sensitivity
-        2.0
     """
 
     inner_bandwidth: float = 100.0
@@ -248,37 +345,26 @@ def design_pid(
 ) -> CascadePID:
     """Design a cascaded PID from a linear model.
 
-    The inner gain places the pole of the pressure difference, ``K_inner = omega_inner / g``. The
-    outer gains place the poles of the joint under it at a pair of frequency w and damping z and a
-    real pole at a w:
-
-        Kd = ((a + 2 z) w - a1) / b, Kp = ((1 + 2 a z) w^2 - a0) / b, Ki = a w^3 / b
-
-    and w is lowered from ``bandwidth`` until Ms and Mt of the sampled outer loop, computed on the
-    whole linear model, are within their limits.
+    The gains place the poles of the joint at w, which is lowered from ``bandwidth`` until Ms and Mt
+    of the sampled outer loop, computed on the whole linear model, are within their limits.
 
     Args:
         linear: Linear model from the valve's voltage or opening to the sensors.
         specification: What to reach.
         valve: Valve curve that is inverted.
 
-    Returns:
-        The controller.
-
     Raises:
         WorkbenchError: If no bandwidth meets the limits.
 
     Source:
-        Pole placement of PID: Åström and Hägglund, Advanced PID Control, 2006, section 6.4;
-        limits on Ms and Mt: section 4.6.
+        Limits on Ms and Mt: Åström and Hägglund, Advanced PID Control, 2006, section 4.6.
 
     Example:
         >>> from workbench.linearisation import linearise
         >>> from workbench.operating_point import operating_point
         >>> from workbench.plants.arm import arm
         >>> point = operating_point(arm(3), {"angle": 0.5236})
-        >>> pid = design_pid(linearise(point, verdict=False))
-        >>> pid.inner > 0
+        >>> design_pid(linearise(point, verdict=False)).gains.inner > 0
         True
     """
     want = specification or PIDSpecification()
@@ -299,11 +385,9 @@ def design_pid(
 
 def _place(joint: JointModel, want: PIDSpecification, w: float, valve: ValveInverse) -> CascadePID:
     a, z = want.real_pole, want.damping
-    integral = a * w**3 / joint.b
-    proportional = max(((1.0 + 2.0 * a * z) * w**2 - joint.a0) / joint.b, 0.0)
-    return CascadePID(
-        proportional=proportional,
-        integral=integral,
+    return cascade_pid(
+        proportional=max(((1.0 + 2.0 * a * z) * w**2 - joint.a0) / joint.b, 0.0),
+        integral=a * w**3 / joint.b,
         derivative=max(((a + 2.0 * z) * w - joint.a1) / joint.b, 0.0),
         inner=want.inner_bandwidth / joint.g,
         derivative_filter=1.0 / (10.0 * w),
@@ -315,11 +399,76 @@ def _place(joint: JointModel, want: PIDSpecification, w: float, valve: ValveInve
     )
 
 
+def design_scheduled_pid(
+    schedule: JointSchedule,
+    *,
+    jerk_share: float = 0.7,
+    jerk_limit: float = 1800.0,
+    lead: float = 0.0,
+    frequency: float = 28.0,
+    inner_bandwidth: float = 120.0,
+    compensation: float = 0.3,
+    lag: float = 0.0,
+    sample_time: float = 0.002,
+    valve: ValveInverse | None = None,
+) -> CascadePID:
+    """Design a cascaded PID over the whole range from a map of linear models.
+
+    Args:
+        schedule: The joint over angle and mean pressure, for the known load.
+        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_limit: Largest planned jerk, in rad/s3.
+        lead: Time by which the opening of the feedforward leads the plan, in s.
+        frequency: Frequency of the placed pair, in rad/s.
+        inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
+        compensation: Share of the unexplained acceleration that is compensated at once, 0..1.
+        lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
+        sample_time: Time between steps, in s.
+        valve: Valve curve that is inverted.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
+        >>> pid = design_scheduled_pid(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
+        >>> pid.step(pid.initial_state((0.5, 3e5, 3e5)), (0.5, 3e5, 3e5), (0.5,))[0]
+        (5.0,)
+    """
+    return CascadePID(
+        kalman_tracking(
+            schedule,
+            jerk_share=jerk_share,
+            jerk_limit=jerk_limit,
+            lead=lead,
+            sample_time=sample_time,
+        ),
+        PlacedGains(frequency, inner_bandwidth=inner_bandwidth),
+        derivative_filter=0.004,
+        tracking_time=0.06,
+        compensation=compensation,
+        lag=lag,
+        sample_time=sample_time,
+        valve=valve or ValveInverse(),
+    )
+
+
+COLOUR = ("#0062a8", "#5db5f5")
+
 PID = Design(
     name="pid",
     family="cascade PID",
     summary="cascaded PID: angle outside, pressure difference inside",
     function=design_pid,
     specification=PIDSpecification,
-    colour=("#0062a8", "#5db5f5"),
+    colour=COLOUR,
+)
+
+SCHEDULED_PID = Design(
+    name="scheduled-pid",
+    family="cascade PID",
+    summary="cascaded PID over the whole range, with planned moves and feedforward",
+    function=design_scheduled_pid,
+    needs="map",
+    colour=COLOUR,
 )

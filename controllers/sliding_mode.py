@@ -1,106 +1,112 @@
-"""Sliding mode of first order with a boundary layer, on the third-order model of the joint.
+"""Sliding mode on the third-order model of the joint: boundary layer, integral, super-twisting.
 
-    d2theta/dt2 = b dp - a1 dtheta/dt - a0 theta + w,    d(dp)/dt = g o - e dtheta/dt - d dp
+With where the joint shall be (theta_r and its derivatives) and the estimate of a front end
+(`controllers.joint.tracking`), the error x = theta_r - theta and q its integral, the surface is
 
-The reference passes a third-order model r with poles at omega_r, whose derivatives are known. With
-the error x = r - theta and its derivatives, speed and w from the observer and dtheta2/dt2 from the
-measured pressure difference, the sliding surface and its rate are
+    boundary layer:             s = x'' + 2 lambda x' + lambda^2 x
+    integral, super-twisting:   s = x'' + 3 lambda x' + 3 lambda^2 x + lambda^3 q
 
-    s     = x'' + 2 lambda x' + lambda^2 x
-    ds/dt = r''' + 2 lambda x'' + lambda^2 x' - theta'''
-    theta''' = b (g o - e theta' - d dp) - a1 theta'' - a0 theta'
+The equivalent control keeps ds/dt = 0 on the model of the joint at the measured angle:
 
-so the opening is the equivalent control, which keeps ds/dt = 0 on the model, and the reaching part:
+    J  = j_r + c2 x'' + c1 x' + c0 x + reaching            jerk asked for
+    o  = [J + a1 alpha + a0 omega] / (b g) + [e omega + d (dp - dp0)] / g
 
-    o = [r''' + 2 lambda x'' + lambda^2 x' + b (e theta' + d dp) + a1 theta'' + a0 theta'] / (b g)
-        + rho sat(s / layer)
+with (c2, c1, c0) = (2 lambda, lambda^2, 0) or (3 lambda, 3 lambda^2, lambda^3). The acceleration
+alpha holds the observer's unexplained part, or a share of it: the integral surface leads to the
+reference without it, and is less sensitive to an inertia that is not the known one. The reaching
+part is
 
-For |s| > layer the surface is reached if rho b g exceeds the jerk that the model leaves out.
-Inside the layer the law is linear, with the pole rho b g / layer instead of chattering.
+    boundary layer, integral:   rho sat(s / layer)
+    super-twisting:             k1 |s|^(1/2) sat(s / layer) + v,
+                                v[k+1] = v[k] + h k2 sat(s / layer)
 
-Source: Slotine and Li, Applied Nonlinear Control, 1991, sections 7.1 and 7.2 (surface of a chain,
-boundary layer); Edwards and Spurgeon, Sliding Mode Control, 1998, chapter 3 (equivalent control).
+with k1 = 1.5 sqrt(L), k2 = 1.1 L for a disturbance whose rate is at most L. For |s| > layer the
+surface is reached if rho exceeds the jerk that the model leaves out; inside, the law is linear with
+the pole rho / layer instead of chattering; s is judged by its rms. While the valve is fully open
+the integrals rest. With a lag tau of spool and sample, alpha in x'' is that of the pressures tau
+later, alpha + tau b g l (`controllers.joint.tracking.arrived_opening`).
+
+Around one point (`design_sliding_mode`) the reference is that of a third-order model; over the
+whole range (`design_scheduled_sliding_mode`) moves are planned.
+
+Source: Slotine and Li, Applied Nonlinear Control, 1991, sections 7.1 to 7.3; Edwards and Spurgeon,
+Sliding Mode Control, 1998, chapter 3 (equivalent control); Utkin and Shi, Integral sliding mode in
+systems operating under uncertainty, CDC 1996; Levant, Sliding order and sliding accuracy, Int. J.
+Control 58, 1993 (super-twisting); Shtessel et al., Sliding Mode Control and Observation, 2014,
+section 4.2 (its gains).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.design import Design
-from controllers.joint.model import JointModel, joint_model
-from controllers.joint.observer import JointEstimate, JointObserver, design_joint_observer
-from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.through_valve import ThroughValve
-from controllers.valve_inverse import ValveInverse
-from workbench.errors import check_range
+from controllers.joint.at_one_point import ReferenceModel
+from controllers.joint.model import joint_model
+from controllers.joint.observer import design_joint_observer
+from controllers.joint.schedule import JointSchedule
+from controllers.joint.tracking import Tracking, arrived_opening, kalman_tracking
+from controllers.valve_inverse import ClosedForm, ValveInverse
+from workbench.errors import check_choice, check_range
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
+
+KINDS = ("boundary layer", "integral", "super-twisting")
+"""Kinds of sliding mode."""
 
 
 class SlidingModeState(NamedTuple):
     """What a `SlidingMode` remembers.
 
     Args:
-        angle: Predicted angle, in rad.
-        speed: Predicted speed, in rad/s.
-        unexplained: Predicted acceleration that the model does not explain, in rad/s2.
-        difference: Filtered pressure difference, in Pa.
-        target: Reference model's angle, in rad.
-        target_speed: Reference model's speed, in rad/s.
-        target_acceleration: Reference model's acceleration, in rad/s2.
+        tracking: State of the front end.
+        error_integral: Integral q of the error, in rad s.
+        twist: Integral part v of the reaching jerk, in rad/s3.
+        arrived: Opening that has arrived behind the lag, a fraction.
     """
 
-    angle: Number
-    speed: Number
-    unexplained: Number
-    difference: Number
-    target: Number
-    target_speed: Number
-    target_acceleration: Number
+    tracking: Any
+    error_integral: Number
+    twist: Number
+    arrived: Number
 
 
 @dataclass(frozen=True)
-class SlidingMode(ThroughValve):
-    """First-order sliding mode with boundary layer, observer and reference model.
+class SlidingMode(ClosedForm):
+    """Sliding mode with observer.
 
     Args:
-        joint: Third-order model of the joint.
-        observer: Observer of speed and unexplained acceleration.
+        tracking: Front end: reference model around one point, or planned moves over the range.
+        kind: One of `KINDS`.
         slope: Slope lambda of the surface, in rad/s: errors decay like exp(-lambda t) on it.
-        reaching: Reaching gain rho, fraction of the full opening.
+        jerk_bound: Bound rho on the jerk that the model leaves out, in rad/s3.
         layer: Half width of the boundary layer, in rad/s2.
-        reference_speed: Poles omega_r of the reference model, in rad/s.
-        pressure_filter: Time constant of the pressures' filter, in s.
+        rate_bound: Bound L on the rate of what the model leaves out, in rad/s4, for super-twisting.
+        compensation: Share of the unexplained acceleration that counts as acceleration, 0..1.
+        lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
         sensors: Names of the angle and the two pressures.
-        follows: Name of the followed output.
+        follows: Name of the controlled output.
         actuators: Name of the command.
         preview: No future references are used.
 
     Raises:
-        WorkbenchError: If a gain or time constant is outside its range.
-
-    Example:
-        >>> joint = JointModel(b=1.6e-4, a1=1.0, a0=100.0, g=3.7e7, e=6.9e5, d=0.3, angle=0.5)
-        >>> observer = design_joint_observer(joint, bandwidth=100.0, sample_time=0.002)
-        >>> law = SlidingMode(joint, observer, slope=20.0, reaching=0.5, layer=40.0)
-        >>> at_rest = (0.5, 3e5, 3e5)
-        >>> law.step(law.initial_state(at_rest), at_rest, (0.5,))[0]
-        (5.0,)
+        WorkbenchError: If the kind is unknown or a number outside its range.
     """
 
-    joint: JointModel
-    observer: JointObserver
+    tracking: Tracking
+    kind: str
     slope: float
-    reaching: float
+    jerk_bound: float
     layer: float
-    reference_speed: float = 25.0
-    pressure_filter: float = 0.002
+    rate_bound: float = 5e4
+    compensation: float = 1.0
+    lag: float = 0.0
     sample_time: float = 0.002
     valve: ValveInverse = ValveInverse()
     name: str = "sliding mode"
@@ -111,43 +117,23 @@ class SlidingMode(ThroughValve):
 
     def __post_init__(self) -> None:
         """Check the gains."""
+        check_choice("kind of sliding mode", self.kind, KINDS)
         h = check_range(f"sample time of {self.name}", self.sample_time, 1e-6, 1.0, "s")
         check_range(f"slope of {self.name}", self.slope, 0.01, 1.0 / h, "rad/s")
-        check_range(f"reaching gain of {self.name}", self.reaching, 1e-6, 1.0)
+        check_range(f"bound on the jerk of {self.name}", self.jerk_bound, 1e-6, 1e9, "rad/s3")
         check_range(f"boundary layer of {self.name}", self.layer, 1e-9, 1e9, "rad/s2")
-        check_range(f"reference speed of {self.name}", self.reference_speed, 0.1, 0.5 / h, "rad/s")
-        check_range(f"pressure filter of {self.name}", self.pressure_filter, 0.0, 10.0, "s")
+        check_range(f"bound on the rate of {self.name}", self.rate_bound, 1e-6, 1e12, "rad/s4")
 
     @property
     def layer_bandwidth(self) -> float:
-        """Pole inside the boundary layer, rho b g / layer, in rad/s."""
-        return self.reaching * self.joint.opening_to_jerk / self.layer
+        """Pole inside the boundary layer, rho / layer, in rad/s."""
+        return self.jerk_bound / self.layer
 
-    def initial_state(self, measurement: Measurement) -> SlidingModeState:
-        """Return the state of a joint at rest.
-
-        Args:
-            measurement: Angle in rad and the two gauge pressures in Pa.
-        """
-        angle, p1, p2 = measurement
-        estimate = self.observer.start(self.joint, angle, p1 - p2)
-        return SlidingModeState(*estimate, p1 - p2, angle, 0.0, 0.0)
-
-    def step(
-        self, state: SlidingModeState, measurement: Measurement, reference: Reference
-    ) -> tuple[Command, SlidingModeState, Info]:
-        """Compute the valve voltage of one sample.
-
-        Args:
-            state: State of the step before.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction), the surface s (rad/s2) and the
-            estimated speed (rad/s).
-        """
-        return self.law(state, measurement, reference, FLOATS)
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> SlidingModeState:
+        """Return the state of a joint at rest."""
+        return SlidingModeState(self.tracking.start(measurement, arithmetic).state, 0.0, 0.0, 0.0)
 
     def law(
         self,
@@ -156,66 +142,58 @@ class SlidingMode(ThroughValve):
         reference: tuple[Number, ...],
         arithmetic: Arithmetic,
     ) -> tuple[tuple[Number, ...], SlidingModeState, dict[str, Number]]:
-        """Compute one sample on floats or on symbols.
-
-        Args:
-            state: State of the step before.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-            arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction), the surface s (rad/s2) and the
-            estimated speed (rad/s).
-        """
-        joint, lam, h, w = self.joint, self.slope, self.sample_time, self.reference_speed
-        angle, p1, p2 = measurement
-        predicted = JointEstimate(state.angle, state.speed, state.unexplained)
-        now = self.observer.correct(predicted, angle)
-        fresh = h / (self.pressure_filter + h)
-        difference = state.difference + fresh * (p1 - p2 - state.difference)
-        dp = difference - joint.difference
-        acceleration = (
-            joint.b * dp
-            - joint.a1 * now.speed
-            - joint.a0 * (now.angle - joint.angle)
-            + now.unexplained
-        )
-        target, speed, curve = state.target, state.target_speed, state.target_acceleration
-        jerk = w**3 * (reference[0] - target) - 3.0 * w * w * speed - 3.0 * w * curve
-
-        x, dx, ddx = target - angle, speed - now.speed, curve - acceleration
-        surface = ddx + 2.0 * lam * dx + lam * lam * x
-        equivalent = (
-            jerk
-            + 2.0 * lam * ddx
-            + lam * lam * dx
-            + joint.b * (joint.e * now.speed + joint.d * dp)
-            + joint.a1 * acceleration
-            + joint.a0 * now.speed
-        ) / joint.opening_to_jerk
-        reaching = self.reaching * arithmetic.clip(surface / self.layer, -1.0, 1.0)
-        opening = arithmetic.clip(equivalent + reaching, -1.0, 1.0)
-
+        """Compute one sample on floats or on symbols, in SI."""
+        h, lam = self.sample_time, self.slope
+        now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
+        joint = now.joint
+        x = now.plan.angle - now.angle
+        dx = now.plan.speed - now.speed
+        acceleration = now.acceleration - (1.0 - self.compensation) * now.unexplained
+        ahead = acceleration + self.lag * joint.b * joint.g * state.arrived
+        ddx = now.plan.acceleration - ahead
+        if self.kind != "boundary layer":
+            c2, c1, c0 = 3.0 * lam, 3.0 * lam * lam, lam * lam * lam
+            surface = ddx + c2 * dx + c1 * x + c0 * state.error_integral
+        else:
+            c2, c1, c0 = 2.0 * lam, lam * lam, 0.0
+            surface = ddx + c2 * dx + c1 * x
+        side = arithmetic.clip(surface / self.layer, -1.0, 1.0)
+        if self.kind == "super-twisting":
+            size = arithmetic.root(arithmetic.largest(surface, -surface))
+            reaching = 1.5 * self.rate_bound**0.5 * size * side + state.twist
+        else:
+            reaching = self.jerk_bound * side
+        jerk = now.plan.jerk + c2 * ddx + c1 * dx + c0 * x + reaching
+        opening = (jerk + joint.a1 * acceleration + joint.a0 * now.speed) / (joint.b * joint.g) + (
+            joint.e * now.speed + joint.d * (now.difference - joint.difference)
+        ) / joint.g
+        clipped = arithmetic.clip(opening, -1.0, 1.0)
+        free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
+        twisted = 1.1 * self.rate_bound * side if self.kind == "super-twisting" else 0.0
+        summed = 0.0 if self.kind == "boundary layer" else x
         following = SlidingModeState(
-            *self.observer.predict(now, difference),
-            difference,
-            target + h * speed,
-            speed + h * curve,
-            curve + h * jerk,
+            front,
+            state.error_integral + free * h * summed,
+            state.twist + free * h * twisted,
+            arrived_opening(state.arrived, clipped - now.opening, self.lag, h),
         )
-        command = self.valve.command(opening, arithmetic)
-        return (command,), following, {"opening": opening, "surface": surface, "speed": now.speed}
+        info = {
+            "opening": clipped,
+            "surface": surface,
+            "speed": now.speed,
+            "plan": now.plan.angle,
+        }
+        return (self.valve.command(clipped, arithmetic),), following, info
 
 
 @dataclass(frozen=True)
 class SlidingModeSpecification:
-    """What a `SlidingMode` is designed for.
+    """What a sliding mode around one point is designed for.
 
     Args:
         slope: Decay of the error on the surface, in rad/s.
         jerk_bound: Bound on the jerk that the model leaves out (gain of the valve, hysteresis,
-            load), in rad/s3; the reaching gain exceeds it.
+            load), in rad/s3.
         layer_bandwidth: Pole inside the boundary layer, in rad/s; below the spool's bandwidth.
         observer_bandwidth: Poles of the observer, in rad/s.
         reference_speed: Poles of the reference model, in rad/s.
@@ -223,10 +201,6 @@ class SlidingModeSpecification:
 
     Raises:
         WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> SlidingModeSpecification().slope
-        25.0
     """
 
     slope: float = 25.0
@@ -253,15 +227,12 @@ def design_sliding_mode(
 ) -> SlidingMode:
     """Design a sliding mode with boundary layer from a linear model.
 
-    ``rho = jerk_bound / (b g)``, at most 1, and ``layer = jerk_bound / layer_bandwidth``.
+    ``layer = jerk_bound / layer_bandwidth``.
 
     Args:
         linear: Linear model from the valve's voltage or opening to the sensors.
         specification: What to reach.
         valve: Valve curve that is inverted.
-
-    Returns:
-        The controller.
 
     Raises:
         WorkbenchError: If the bound on the jerk exceeds what the fully open valve can do.
@@ -292,17 +263,91 @@ def design_sliding_mode(
     observer = design_joint_observer(
         joint, bandwidth=want.observer_bandwidth, sample_time=want.sample_time
     )
+    front = ReferenceModel(joint, observer, want.reference_speed, sample_time=want.sample_time)
     return SlidingMode(
-        joint=joint,
-        observer=observer,
+        front,
+        "boundary layer",
         slope=want.slope,
-        reaching=want.jerk_bound / joint.opening_to_jerk,
+        jerk_bound=want.jerk_bound,
         layer=want.jerk_bound / want.layer_bandwidth,
-        reference_speed=want.reference_speed,
         sample_time=want.sample_time,
         valve=valve,
     )
 
+
+def design_scheduled_sliding_mode(
+    schedule: JointSchedule,
+    *,
+    kind: str = "super-twisting",
+    slope: float = 22.0,
+    unexplained_share: float = 0.3,
+    layer_bandwidth: float = 60.0,
+    compensation: float | None = None,
+    lag: float = 0.0,
+    jerk_share: float = 0.7,
+    jerk_limit: float = 1800.0,
+    lead: float = 0.0,
+    sample_time: float = 0.002,
+    valve: ValveInverse | None = None,
+) -> SlidingMode:
+    """Design a sliding mode over the whole range from a map of linear models.
+
+    The jerk that the model leaves out is bounded by a share of what the open valve does to the
+    joint (errors of the valve's gain and of the load); ``layer = rho / layer_bandwidth``.
+
+    Args:
+        schedule: The joint over angle and mean pressure, for the known load.
+        kind: One of `KINDS`.
+        slope: Decay of the error on the surface, in rad/s.
+        unexplained_share: Bound on the jerk as a share of the open valve's, 0..1.
+        layer_bandwidth: Pole inside the layer, in rad/s; below the spool's bandwidth.
+        compensation: Share of the unexplained acceleration taken as acceleration, 0..1; by default
+            all without integral, 0 for ``"integral"`` and 0.3 for ``"super-twisting"``.
+        lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
+        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_limit: Largest planned jerk, in rad/s3.
+        lead: Time by which the opening of the feedforward leads the plan, in s.
+        sample_time: Time between steps, in s.
+        valve: Valve curve that is inverted.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
+        >>> law = design_scheduled_sliding_mode(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
+        >>> round(law.layer_bandwidth)
+        60
+    """
+    check_choice("kind of sliding mode", kind, KINDS)
+    check_range("share of the jerk left out", unexplained_share, 1e-3, 1.0)
+    check_range("bandwidth of the layer", layer_bandwidth, 0.1, 1e3, "rad/s")
+    bound = unexplained_share * min(m.opening_to_jerk for m in schedule.models(3.8e5))
+    return SlidingMode(
+        kalman_tracking(
+            schedule,
+            jerk_share=jerk_share,
+            jerk_limit=jerk_limit,
+            lead=lead,
+            sample_time=sample_time,
+        ),
+        kind,
+        slope=slope,
+        jerk_bound=bound,
+        layer=bound / layer_bandwidth,
+        rate_bound=20.0 * bound,
+        compensation=(
+            {"boundary layer": 1.0, "integral": 0.0, "super-twisting": 0.3}[kind]
+            if compensation is None
+            else check_range("compensated share", compensation, 0.0, 1.0)
+        ),
+        lag=lag,
+        sample_time=sample_time,
+        valve=valve or ValveInverse(),
+    )
+
+
+COLOUR = ("#c24a00", "#ff9152")
 
 SLIDING_MODE = Design(
     name="sliding-mode",
@@ -311,5 +356,15 @@ SLIDING_MODE = Design(
     function=design_sliding_mode,
     specification=SlidingModeSpecification,
     slides=True,
-    colour=("#c24a00", "#ff9152"),
+    colour=COLOUR,
+)
+
+SCHEDULED_SLIDING_MODE = Design(
+    name="scheduled-sliding-mode",
+    family="sliding mode",
+    summary="sliding mode over the whole range, with planned moves",
+    function=design_scheduled_sliding_mode,
+    needs="map",
+    slides=True,
+    colour=COLOUR,
 )

@@ -30,28 +30,41 @@ Rugh and Shamma, Automatica 36, 2000 (scheduling).
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.design import Design
-from controllers.joint.observer import held
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import (
-    STATE_NAMES,
     JointTracking,
-    joint_tracking,
-    kalman_correction,
+    TrackingState,
+    arrived_opening,
+    kalman_tracking,
 )
-from controllers.through_valve import ScheduledLaw
-from controllers.valve_inverse import ValveInverse
+from controllers.sampling import zero_order_hold
+from controllers.valve_inverse import ClosedForm, ValveInverse
 from workbench.errors import check_range
 
 
+class StateFeedbackState(NamedTuple):
+    """What a `StateFeedback` remembers.
+
+    Args:
+        tracking: State of the front end.
+        error_integral: Integral q of the error, in rad s.
+        arrived: Opening that has arrived behind the lag, a fraction.
+    """
+
+    tracking: TrackingState
+    error_integral: Number
+    arrived: Number
+
+
 @dataclass(frozen=True)
-class ScheduledStateFeedback(ScheduledLaw):
+class StateFeedback(ClosedForm):
     """Gain-scheduled LQI with planned reference and Kalman filter.
 
     Args:
@@ -59,20 +72,15 @@ class ScheduledStateFeedback(ScheduledLaw):
         gains: Gains over the schedule's angles for angle (per rad), speed (s/rad), pressure
             difference (per Pa), integral (per rad s) and, if there is a lag, the opening that has
             arrived: 4 or 5 rows.
-        compensation: Share of the unexplained acceleration that is compensated, 0..1,
-            dimensionless.
+        compensation: Share of the unexplained acceleration that is compensated, 0..1.
         lag: Lag tau of spool and sample in the design, in s; 0 leaves it to the margin.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
         sensors: Names of the angle and the two pressures.
-        follows: Name of the followed output.
+        follows: Name of the controlled output.
         actuators: Name of the command.
         preview: No future references are used.
-
-    Example:
-        >>> ScheduledStateFeedback.__dataclass_fields__["name"].default
-        'state feedback'
     """
 
     tracking: JointTracking
@@ -87,67 +95,47 @@ class ScheduledStateFeedback(ScheduledLaw):
     actuators: tuple[str, ...] = ("valve",)
     preview: int = 0
 
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the entries of the state."""
-        return (*STATE_NAMES, "error_integral", *(("arrived",) if self.lag > 0.0 else ()))
-
     def initial_state(
         self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
-    ) -> tuple[Number, ...]:
-        """Return the state of a joint at rest.
-
-        Args:
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            arithmetic: Floats or CasADi symbols.
-        """
-        own = (0.0, 0.0) if self.lag > 0.0 else (0.0,)
-        return (*self.tracking.start(measurement, arithmetic), *own)
+    ) -> StateFeedbackState:
+        """Return the state of a joint at rest."""
+        return StateFeedbackState(self.tracking.start(measurement, arithmetic).state, 0.0, 0.0)
 
     def law(
         self,
-        state: tuple[Number, ...],
+        state: StateFeedbackState,
         measurement: tuple[Number, ...],
         reference: tuple[Number, ...],
         arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], tuple[Number, ...], dict[str, Number]]:
-        """Compute one sample on floats or on symbols.
-
-        Args:
-            state: State of the step before, a tuple of numbers in SI.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-            arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction) and planned angle (rad).
-        """
-        look, front = self.tracking.look(state, measurement, reference[0], arithmetic)
-        q, *arrived = state[len(front) :]
+    ) -> tuple[tuple[Number, ...], StateFeedbackState, dict[str, Number]]:
+        """Compute one sample on floats or on symbols, in SI."""
+        now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
         schedule = self.tracking.schedule
         place = arithmetic.place(
-            look.angle, schedule.first_angle, schedule.spacing, len(self.gains[0])
+            now.angle, schedule.first_angle, schedule.spacing, len(self.gains[0])
         )
         inside = (place[0], arithmetic.clip(place[1], 0.0, 1.0))
         k = [arithmetic.between(inside, row) for row in self.gains]
-        x = look.plan.angle - look.angle
-        v = look.plan.speed - look.speed
-        unexplained = self.compensation * look.unexplained / look.joint.b
-        y = look.wanted_difference - unexplained - look.difference
-        asked = k[0] * x + k[1] * v + k[2] * y + k[3] * q
-        for gain, there in zip(k[4:], arrived, strict=True):
-            asked = asked + gain * there
-        opening = look.opening - asked
+        x = now.plan.angle - now.angle
+        v = now.plan.speed - now.speed
+        unexplained = self.compensation * now.unexplained / now.joint.b
+        y = now.reference_difference - unexplained - now.difference
+        asked = k[0] * x + k[1] * v + k[2] * y + k[3] * state.error_integral
+        if self.lag > 0.0:
+            asked = asked + k[4] * state.arrived
+        opening = now.opening - asked
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
-        fade = math.exp(-self.sample_time / self.lag) if self.lag > 0.0 else 0.0
-        arrived = [fade * there + (1.0 - fade) * (clipped - look.opening) for there in arrived]
-        following = (*front, q + free * self.sample_time * x, *arrived)
-        info = {"opening": clipped, "plan": look.plan.angle}
+        following = StateFeedbackState(
+            front,
+            state.error_integral + free * self.sample_time * x,
+            arrived_opening(state.arrived, clipped - now.opening, self.lag, self.sample_time),
+        )
+        info = {"opening": clipped, "plan": now.plan.angle}
         return (self.valve.command(clipped, arithmetic),), following, info
 
 
-def design_scheduled_state_feedback(
+def design_state_feedback(
     schedule: JointSchedule,
     *,
     radius: float = 45.0,
@@ -163,7 +151,7 @@ def design_scheduled_state_feedback(
     mean_pressure: float = 3.8e5,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
-) -> ScheduledStateFeedback:
+) -> StateFeedback:
     """Design LQI gains over the schedule and the Kalman filter.
 
     Args:
@@ -192,7 +180,7 @@ def design_scheduled_state_feedback(
 
     Example:
         >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
-        >>> law = design_scheduled_state_feedback(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
+        >>> law = design_state_feedback(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
         >>> len(law.gains), len(law.gains[0])
         (4, 2)
     """
@@ -219,27 +207,24 @@ def design_scheduled_state_feedback(
             a = np.block([[a, b], [np.zeros((1, 4)), np.array([[-1.0 / lag]])]])
             b = np.vstack([np.zeros((4, 1)), [[1.0 / lag]]])
             weight = np.pad(weight, (0, 1))
-        phi, gamma = held(a, b, h)
+        phi, gamma = zero_order_hold(a, b, h)
         # One solver whether slycot is installed or not: the same gains on every machine.
         cost = [[joint.opening_to_jerk**2]]
         gain = np.asarray(ct.dlqr(phi, gamma, weight, cost, method="scipy")[0]).ravel()
         gain[2] *= joint.b
         columns.append(gain)
-    tracking = joint_tracking(
+    tracking = kalman_tracking(
         schedule,
         jerk_share=jerk_share,
         jerk_limit=jerk_limit,
         lead=lead,
-        correction=kalman_correction(
-            angle_noise=angle_noise,
-            acceleration_noise=acceleration_noise,
-            acceleration_walk=acceleration_walk,
-            sample_time=h,
-        ),
-        mean_pressure=mean_pressure,
         sample_time=h,
+        mean_pressure=mean_pressure,
+        angle_noise=angle_noise,
+        acceleration_noise=acceleration_noise,
+        acceleration_walk=acceleration_walk,
     )
-    return ScheduledStateFeedback(
+    return StateFeedback(
         tracking,
         tuple(tuple(row) for row in np.array(columns).T.tolist()),
         compensation=compensation,
@@ -253,6 +238,6 @@ STATE_FEEDBACK = Design(
     name="scheduled-state-feedback",
     family="state feedback",
     summary="state feedback with integral action and a Kalman filter, over the whole range",
-    function=design_scheduled_state_feedback,
+    function=design_state_feedback,
     needs="map",
 )

@@ -9,8 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING, Any
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.c_export import CSource, closed_form
+from controllers.protocol import Command, Info, Measurement, Reference
 from workbench.errors import WorkbenchError, check_finite
 
 MPYE_VOLTAGE: tuple[float, ...] = (
@@ -76,35 +79,74 @@ class ValveInverse:
         return self.fractions[1] / self.voltages[1]
 
     def command(self, opening: Number, arithmetic: Arithmetic = FLOATS) -> Number:
-        """Return the voltage that gives a signed opening.
-
-        Args:
-            opening: Wanted fraction of the full conductance, -1..1; beyond, the full voltage.
-            arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            Voltage, V.
-        """
+        """Return the voltage, in V, that gives a signed opening; beyond -1..1 the full voltage."""
         return self.centre + arithmetic.table(opening, self.fractions, self.voltages)
 
     def opening(self, command: float) -> float:
-        """Return the signed opening that a voltage gives.
-
-        Args:
-            command: Voltage, V.
-
-        Returns:
-            Fraction of the full conductance, -1..1.
-        """
+        """Return the signed opening, -1..1, that a voltage in V gives."""
         return float(FLOATS.table(command - self.centre, self.voltages, self.fractions))
 
     def linear_command(self, command: float) -> float:
-        """Return the voltage at which the tangent at rest gives the opening of ``command``.
+        """Return the voltage, in V, at which the tangent at rest gives the opening of a command.
 
-        Args:
-            command: Voltage on the plant, V.
-
-        Returns:
-            Voltage for a linear model, V; it may leave the plant's range.
+        It may leave the plant's range.
         """
-        return self.centre + self.opening(command) / self.gain_at_rest
+        return float(self.tangent(self.opening(command)))
+
+    def tangent(self, opening: Number) -> Number:
+        """Return the voltage, in V, at which the tangent at rest gives an opening."""
+        return self.centre + opening / self.gain_at_rest
+
+
+class ThroughValve:
+    """A controller with one command, bent by the inverse of the valve's curve."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def valve(self) -> ValveInverse:
+            """Valve curve that is inverted."""
+
+    def linear_command(self, command: Command) -> Command:
+        """Return the command that gives a linear model the same opening."""
+        return (self.valve.linear_command(command[0]),)
+
+
+class ClosedForm(ThroughValve):
+    """A law of numbers, written once for floats and for symbols, with ``opening`` in its info.
+
+    From the same text come the step in Python, its linear form (derivatives of the expressions) and
+    the step in C.
+    """
+
+    def step(
+        self, state: Any, measurement: Measurement, reference: Reference
+    ) -> tuple[Command, Any, Info]:
+        """Compute the command of one sample."""
+        return self.law(state, measurement, reference, FLOATS)
+
+    def law(
+        self,
+        state: Any,
+        measurement: tuple[Number, ...],
+        reference: tuple[Number, ...],
+        arithmetic: Arithmetic,
+    ) -> tuple[tuple[Number, ...], Any, dict[str, Number]]:
+        """Compute one sample on floats or on symbols, in SI."""
+        raise NotImplementedError
+
+    def linear_law(
+        self,
+        state: Any,
+        measurement: tuple[Number, ...],
+        reference: tuple[Number, ...],
+        arithmetic: Arithmetic,
+        rest: Measurement,
+    ) -> tuple[tuple[Number, ...], Any]:
+        """Return command for a linear model and next state, as `controllers.linear_law` asks."""
+        _, following, info = self.law(state, measurement, reference, arithmetic)
+        return (self.valve.tangent(info["opening"]),), following
+
+    def c_source(self, name: str) -> CSource:
+        """Write the law as C."""
+        return closed_form(self, name)

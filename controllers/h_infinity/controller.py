@@ -21,31 +21,33 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.design import Design
-from controllers.h_infinity.synthesis import HInfinity, Weights, h_infinity
+from controllers.h_infinity.synthesis import Synthesis, Weights, synthesise
 from controllers.joint.model import JointModel
 from controllers.joint.schedule import JointSchedule
-from controllers.joint.tracking import (
-    STATE_NAMES,
-    JointTracking,
-    joint_tracking,
-    kalman_correction,
-)
-from controllers.through_valve import ScheduledLaw
-from controllers.valve_inverse import ValveInverse
+from controllers.joint.tracking import JointTracking, TrackingState, kalman_tracking
+from controllers.valve_inverse import ClosedForm, ValveInverse
 from workbench.errors import check_range
 
 Matrix = npt.NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
 
 
+class HInfinityState(NamedTuple):
+    """States of the front end and of the sampled controller."""
+
+    tracking: TrackingState
+    controller: tuple[Number, ...]
+
+
 @dataclass(frozen=True)
-class ScheduledHInfinity(ScheduledLaw):
+class HInfinity(ClosedForm):
     """H-infinity controller with planned reference, scheduled around.
 
     Args:
@@ -68,10 +70,6 @@ class ScheduledHInfinity(ScheduledLaw):
         follows: Name of the followed output.
         actuators: Name of the command.
         preview: No future references are used.
-
-    Example:
-        >>> ScheduledHInfinity.__dataclass_fields__["name"].default
-        'H-infinity'
     """
 
     tracking: JointTracking
@@ -93,51 +91,31 @@ class ScheduledHInfinity(ScheduledLaw):
     actuators: tuple[str, ...] = ("valve",)
     preview: int = 0
 
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the entries of the state."""
-        return (*STATE_NAMES, *(f"controller_{i}" for i in range(len(self.B))))
-
     def initial_state(
         self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
-    ) -> tuple[Number, ...]:
-        """Return the state of a joint at rest.
-
-        Args:
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            arithmetic: Floats or CasADi symbols.
-        """
-        return (*self.tracking.start(measurement, arithmetic), *(0.0 for _ in self.B))
+    ) -> HInfinityState:
+        """Return the state of a joint at rest."""
+        front = self.tracking.start(measurement, arithmetic).state
+        return HInfinityState(front, tuple(0.0 for _ in self.B))
 
     def law(
         self,
-        state: tuple[Number, ...],
+        state: HInfinityState,
         measurement: tuple[Number, ...],
         reference: tuple[Number, ...],
         arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], tuple[Number, ...], dict[str, Number]]:
-        """Compute one sample on floats or on symbols.
-
-        Args:
-            state: State of the step before, a tuple of numbers in SI.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-            arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction) and planned angle (rad).
-        """
-        look, front = self.tracking.look(state, measurement, reference[0], arithmetic)
-        z = state[len(front) :]
-        joint = look.joint
-        x = look.plan.angle - look.angle
+    ) -> tuple[tuple[Number, ...], HInfinityState, dict[str, Number]]:
+        """Compute one sample on floats or on symbols, in SI."""
+        now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
+        z, joint = state.controller, now.joint
+        x = now.plan.angle - now.angle
         a = self.D * x
         for c, entry in zip(self.C, z, strict=True):
             a = a + c * entry
         inner = self.inner_bandwidth / joint.g
-        stiffer = (joint.a0 - self.stiffness) * x + self.compensation * look.unexplained
-        wanted = look.wanted_difference + (a - stiffer) / joint.b
-        opening = look.opening + inner * (wanted - look.difference)
+        stiffer = (joint.a0 - self.stiffness) * x + self.compensation * now.unexplained
+        asked = now.reference_difference + (a - stiffer) / joint.b
+        opening = now.opening + inner * (asked - now.difference)
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         missing = joint.b * (clipped - opening) / inner
         following = []
@@ -146,11 +124,12 @@ class ScheduledHInfinity(ScheduledLaw):
             for factor, entry in zip(row, z, strict=True):
                 moved = moved + factor * entry
             following.append(moved)
-        info = {"opening": clipped, "plan": look.plan.angle}
-        return (self.valve.command(clipped, arithmetic),), (*front, *following), info
+        info = {"opening": clipped, "plan": now.plan.angle}
+        command = self.valve.command(clipped, arithmetic)
+        return (command,), HInfinityState(front, tuple(following)), info
 
 
-def design_scheduled_h_infinity(
+def design_h_infinity(
     schedule: JointSchedule,
     *,
     speed: float = 20.0,
@@ -165,7 +144,7 @@ def design_scheduled_h_infinity(
     mean_pressure: float = 3.8e5,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
-) -> ScheduledHInfinity:
+) -> HInfinity:
     """Design an H-infinity controller at one angle of a schedule.
 
     Args:
@@ -194,7 +173,7 @@ def design_scheduled_h_infinity(
 
     Example:
         >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
-        >>> law = design_scheduled_h_infinity(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
+        >>> law = design_h_infinity(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
         >>> law.gamma < 1.5
         True
     """
@@ -202,7 +181,7 @@ def design_scheduled_h_infinity(
     at = schedule.at(angle, mean_pressure)
     joint = JointModel(*at[:6], angle=angle, difference=at.difference)
     weights = weights or Weights(speed)
-    found = h_infinity(
+    found = synthesise(
         joint,
         weights,
         inner_bandwidth=inner_bandwidth,
@@ -210,13 +189,12 @@ def design_scheduled_h_infinity(
         sample_time=sample_time,
     )
     gain = _anti_windup(found, math.exp(-weights.speed * sample_time))
-    return ScheduledHInfinity(
-        joint_tracking(
+    return HInfinity(
+        kalman_tracking(
             schedule,
             jerk_share=jerk_share,
             jerk_limit=jerk_limit,
             lead=lead,
-            correction=kalman_correction(sample_time=sample_time),
             mean_pressure=mean_pressure,
             sample_time=sample_time,
         ),
@@ -235,7 +213,7 @@ def design_scheduled_h_infinity(
     )
 
 
-def _anti_windup(found: HInfinity, pole: float) -> Matrix:
+def _anti_windup(found: Synthesis, pole: float) -> Matrix:
     """Return L for which A - L C has this pole in the place of the slowest of A."""
     values, vectors = np.linalg.eig(found.A)
     slow = int(np.argmax(np.abs(values)))
@@ -247,6 +225,6 @@ H_INFINITY = Design(
     name="scheduled-h-infinity",
     family="H-infinity",
     summary="H-infinity mixed sensitivity, scheduled around one synthesis; needs slycot",
-    function=design_scheduled_h_infinity,
+    function=design_h_infinity,
     needs="map",
 )

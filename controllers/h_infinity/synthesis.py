@@ -99,7 +99,7 @@ class Weights:
         return _first_order(1.0, edge / self.complementary_peak, self.complementary_floor, edge)
 
 
-class HInfinity(NamedTuple):
+class Synthesis(NamedTuple):
     """A synthesised controller.
 
     Args:
@@ -123,7 +123,7 @@ class HInfinity(NamedTuple):
     full_order: int
 
 
-def h_infinity(
+def synthesise(
     joint: JointModel,
     weights: Weights,
     *,
@@ -131,7 +131,7 @@ def h_infinity(
     delay: float = 0.004,
     tolerance: float = 0.03,
     sample_time: float = 0.002,
-) -> HInfinity:
+) -> Synthesis:
     """Synthesise the controller of least weighted norm, reduce its order and sample it.
 
     Args:
@@ -151,7 +151,7 @@ def h_infinity(
 
     Example:
         >>> joint = JointModel(b=1.6e-4, a1=1.5, a0=96.0, g=3.5e7, e=6.2e5, d=0.8)
-        >>> found = h_infinity(joint, Weights(20.0))
+        >>> found = synthesise(joint, Weights(20.0))
         >>> found.gamma < 1.5, len(found.A) < found.full_order
         (True, True)
     """
@@ -184,7 +184,7 @@ def h_infinity(
         )
     sampled = ct.c2d(ct.ss(*found), h, method="bilinear")
     A, B, C, D = (np.asarray(m, dtype=float) for m in (sampled.A, sampled.B, sampled.C, sampled.D))
-    return HInfinity(A, B, C, D, found, float(gamma), norm, len(whole[0]))
+    return Synthesis(A, B, C, D, found, float(gamma), norm, len(whole[0]))
 
 
 def has_slycot() -> bool:

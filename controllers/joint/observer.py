@@ -26,6 +26,7 @@ import numpy as np
 
 from controllers.arithmetic import Number
 from controllers.joint.model import JointModel
+from controllers.sampling import zero_order_hold
 from workbench.errors import check_range
 
 
@@ -154,7 +155,7 @@ def design_joint_observer(
     check_range("bandwidth of the observer", bandwidth, 0.1, 3.0 / h, "rad/s")
     a = np.array([[0.0, 1.0, 0.0], [-joint.a0, -joint.a1, 1.0], [0.0, 0.0, 0.0]])
     b = np.array([[0.0], [joint.b], [0.0]])
-    phi, gamma = held(a, b, h)
+    phi, gamma = zero_order_hold(a, b, h)
     pole = float(np.exp(-bandwidth * h))
     c = np.array([1.0, 0.0, 0.0])
     observability = np.array([c, c @ phi, c @ phi @ phi])
@@ -172,36 +173,55 @@ def design_joint_observer(
     )
 
 
-def held(
-    a: np.ndarray[tuple[int, int], np.dtype[np.float64]],
-    b: np.ndarray[tuple[int, int], np.dtype[np.float64]],
-    sample_time: float,
-) -> tuple[
-    np.ndarray[tuple[int, int], np.dtype[np.float64]],
-    np.ndarray[tuple[int, int], np.dtype[np.float64]],
-]:
-    """Discretise dx/dt = a x + b u for inputs that are held, exactly.
+def kalman_correction(
+    *,
+    angle_noise: float = 2e-5,
+    acceleration_noise: float = 0.5,
+    acceleration_walk: float = 100.0,
+    sample_time: float = 0.002,
+) -> tuple[float, float, float]:
+    """Compute the observer's gains as a stationary Kalman filter.
+
+    The joint is a double integrator driven by the acceleration from the pressures, whose noise and
+    whose unexplained part, a random walk, are given.
 
     Args:
-        a: Matrix, shape (n, n), in SI.
-        b: Matrix, shape (n, m), in SI.
+        angle_noise: Noise rms of the measured angle, in rad.
+        acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
+        acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
         sample_time: Time between samples, in s.
 
     Returns:
-        ``exp(a h)`` and the integral of ``exp(a t) b``, in SI.
+        Gains for angle, speed and unexplained acceleration, in SI.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
 
     Source:
-        Van Loan, IEEE Trans. AC-23, 1978.
+        Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, section 6.5.
 
     Example:
-        >>> phi, gamma = held(np.array([[0.0]]), np.array([[2.0]]), 0.5)
-        >>> float(gamma[0, 0])
-        1.0
+        >>> m = kalman_correction()
+        >>> 0.0 < m[0] < 1.0
+        True
     """
-    from scipy.linalg import expm
+    import control as ct
 
-    n, m = b.shape
-    block = np.zeros((n + m, n + m))
-    block[:n, :n], block[:n, n:] = a * sample_time, b * sample_time
-    whole = expm(block)
-    return whole[:n, :n], whole[:n, n:]
+    h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
+    for name, value, unit in (
+        ("noise of the angle", angle_noise, "rad"),
+        ("noise of the acceleration", acceleration_noise, "rad/s2"),
+        ("walk of the acceleration", acceleration_walk, "rad/s2"),
+    ):
+        check_range(name, value, 1e-12, 1e9, unit)
+    a = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+    phi, gamma = zero_order_hold(a, np.array([[0.0], [1.0], [0.0]]), h)
+    drive = np.hstack([gamma, np.array([[0.0], [0.0], [1.0]])])
+    noise = np.diag([acceleration_noise**2, acceleration_walk**2 * h])
+    c = np.array([[1.0, 0.0, 0.0]])
+    # One solver whether slycot is installed or not: the same gains on every machine.
+    reading = [[angle_noise**2]]
+    predictor = np.asarray(ct.dlqe(phi, drive, c, noise, reading, method="scipy")[0])
+    # The law corrects before it predicts: the predictor's gain is phi times this one.
+    gain = np.linalg.solve(phi, predictor).ravel()
+    return float(gain[0]), float(gain[1]), float(gain[2])

@@ -1,4 +1,7 @@
-"""What every scheduled controller does before its feedback: plan, estimate, look up the joint.
+"""What every controller does before its feedback: where the joint shall be, where it is, its model.
+
+A feedback law gets a `Context` and does not care how it was made: along planned moves over the
+whole range (`JointTracking`, here), or around one point (`controllers.joint.at_one_point`).
 
 At sample k, from the angle y, the pressures p1 and p2 and the reference r:
 
@@ -26,58 +29,94 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
-
-import numpy as np
+from typing import Any, NamedTuple, Protocol
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.joint.hysteresis_compensation import HysteresisCompensation
 from controllers.joint.model import JointModel
-from controllers.joint.observer import design_joint_observer, held
+from controllers.joint.observer import design_joint_observer, kalman_correction
 from controllers.joint.schedule import JointSchedule, ScheduledJoint
 from controllers.reference.planned import Plan, Planner, PlannerState
 from workbench.errors import check_range
 
-STATE_NAMES: tuple[str, ...] = (
-    *(f"plan_{name}" for name in PlannerState._fields),
-    "angle",
-    "speed",
-    "unexplained",
-    "difference",
-    "mean",
-    "turn",
-)
-"""Names of what a `JointTracking` remembers: the planner's state, then the estimate in SI."""
 
-
-class Look(NamedTuple):
+class Context(NamedTuple):
     """What a feedback law is told at one sample.
 
     Args:
         plan: Where the joint shall be.
         joint: Joint model at the measured angle.
-        planned: Joint model at the planned angle.
         angle: Measured angle, in rad.
         speed: Estimated speed, in rad/s.
         acceleration: Estimated acceleration, in rad/s2.
         unexplained: Estimated acceleration that the model does not explain, in rad/s2.
         difference: Filtered pressure difference, in Pa.
-        mean: Filtered mean pressure, in Pa.
-        wanted_difference: Pressure difference of the feedforward, in Pa.
+        reference_difference: Pressure difference of the feedforward, in Pa.
         opening: Opening of the feedforward, a fraction.
     """
 
     plan: Plan
     joint: ScheduledJoint
-    planned: ScheduledJoint
     angle: Number
     speed: Number
     acceleration: Number
     unexplained: Number
     difference: Number
-    mean: Number
-    wanted_difference: Number
+    reference_difference: Number
     opening: Number
+
+
+class Start(NamedTuple):
+    """Rest, as a front end takes it.
+
+    Args:
+        state: The front end's state.
+        joint: Joint model there.
+        holding: Acceleration by the measured pressure difference that something unknown withstands,
+            in rad/s2, or the difference itself where the model knows nothing of inertia.
+    """
+
+    state: Any
+    joint: ScheduledJoint
+    holding: Number
+
+
+class Tracking(Protocol):
+    """The front end of a controller: plan, estimate, model."""
+
+    def start(self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS) -> Start:
+        """Take angle in rad and two gauge pressures in Pa as those of a joint at rest."""
+
+    def context(
+        self,
+        state: Any,
+        measurement: tuple[Number, ...],
+        reference: Number,
+        arithmetic: Arithmetic,
+    ) -> tuple[Context, Any]:
+        """Plan and estimate one sample; return what the feedback is told and the next state."""
+
+
+class TrackingState(NamedTuple):
+    """What a `JointTracking` remembers.
+
+    Args:
+        plan: State of the planner.
+        angle: Predicted angle, in rad.
+        speed: Predicted speed, in rad/s.
+        unexplained: Acceleration that the model does not explain, in rad/s2.
+        difference: Filtered pressure difference, in Pa.
+        mean: Filtered mean pressure, in Pa.
+        turn: Position in the loop of the compensated hysteresis, -1..1.
+    """
+
+    plan: PlannerState
+    angle: Number
+    speed: Number
+    unexplained: Number
+    difference: Number
+    mean: Number
+    turn: Number
 
 
 @dataclass(frozen=True)
@@ -92,10 +131,6 @@ class JointTracking:
         sample_time: Time between samples, in s.
         hysteresis: Fitted hysteresis that is compensated along the plan; None for none.
         lead: Time by which the opening of the feedforward leads the plan, in s.
-
-    Example:
-        >>> JointTracking.__dataclass_fields__["sample_time"].default
-        0.002
     """
 
     schedule: JointSchedule
@@ -106,70 +141,53 @@ class JointTracking:
     hysteresis: HysteresisCompensation | None = None
     lead: float = 0.0
 
-    def start(
-        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
-    ) -> tuple[Number, ...]:
-        """Return the state of a joint at rest.
-
-        Args:
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            State in the order of `STATE_NAMES`, in SI.
-        """
+    def start(self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS) -> Start:
+        """Take a measurement as that of a joint at rest."""
         angle, p1, p2 = measurement
         mean = 0.5 * (p1 + p2)
         joint = self.schedule.at(angle, mean, arithmetic)
-        push = joint.b * (p1 - p2 - joint.difference)
-        return (*self.planner.start(angle), angle, 0.0, -push, p1 - p2, mean, 0.0)
+        holding = joint.b * (p1 - p2 - joint.difference)
+        state = TrackingState(
+            self.planner.start(angle), angle, 0.0, -holding, p1 - p2, mean, turn=0.0
+        )
+        return Start(state, joint, holding)
 
-    def look(
+    def context(
         self,
-        state: tuple[Number, ...],
+        state: TrackingState,
         measurement: tuple[Number, ...],
         reference: Number,
         arithmetic: Arithmetic,
-    ) -> tuple[Look, tuple[Number, ...]]:
-        """Plan and estimate one sample.
-
-        Args:
-            state: State of the sample before.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Reference now, in rad.
-            arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            What the feedback needs, in SI, and the next state.
-        """
+    ) -> tuple[Context, TrackingState]:
+        """Plan and estimate one sample."""
         h = self.sample_time
         angle, p1, p2 = measurement
-        plan, planner = self.planner.plan(PlannerState(*state[:8]), reference, arithmetic)
-        theta, omega, w, difference, mean, turn = state[8:14]
+        plan, planner = self.planner.plan(state.plan, reference, arithmetic)
         fresh = h / (self.pressure_filter + h)
-        difference = difference + fresh * (p1 - p2 - difference)
-        mean = mean + fresh * (0.5 * (p1 + p2) - mean)
+        difference = state.difference + fresh * (p1 - p2 - state.difference)
+        mean = state.mean + fresh * (0.5 * (p1 + p2) - state.mean)
 
-        residual = angle - theta
-        theta = theta + self.correction[0] * residual
-        omega = omega + self.correction[1] * residual
-        w = w + self.correction[2] * residual
+        residual = angle - state.angle
+        theta = state.angle + self.correction[0] * residual
+        omega = state.speed + self.correction[1] * residual
+        w = state.unexplained + self.correction[2] * residual
         joint = self.schedule.at(angle, mean, arithmetic)
         planned = self.schedule.at(plan.angle, mean, arithmetic)
         alpha = joint.b * (difference - joint.difference) - joint.a1 * omega + w
 
-        wanted = planned.difference + (plan.acceleration + planned.a1 * plan.speed) / planned.b
+        forward = planned.difference + (plan.acceleration + planned.a1 * plan.speed) / planned.b
+        turn = state.turn
         if self.hysteresis is not None:
             turn = self.hysteresis.turned(turn, plan.speed, h, arithmetic)
             lost = self.hysteresis.difference(turn, mean)
-            wanted = wanted + lost
+            forward = forward + lost
             alpha = alpha - joint.b * lost
         then = self.planner.ahead(planner, plan, self.lead, arithmetic) if self.lead else plan
         rate = (
             then.jerk + planned.a1 * then.acceleration + planned.a0 * then.speed
         ) / planned.b + planned.e * then.speed
-        following = (
-            *planner,
+        following = TrackingState(
+            planner,
             theta + h * omega + 0.5 * h * h * alpha,
             omega + h * alpha,
             w,
@@ -178,22 +196,7 @@ class JointTracking:
             turn,
         )
         opening = rate / planned.g
-        return (
-            Look(
-                plan,
-                joint,
-                planned,
-                angle,
-                omega,
-                alpha,
-                w,
-                difference,
-                mean,
-                wanted,
-                opening,
-            ),
-            following,
-        )
+        return Context(plan, joint, angle, omega, alpha, w, difference, forward, opening), following
 
 
 def arrived_opening(there: Number, asked: Number, lag: float, sample_time: float) -> Number:
@@ -245,8 +248,7 @@ def joint_tracking(
 
     Args:
         schedule: The joint over angle.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1,
-            dimensionless.
+        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
         jerk_limit: Largest planned jerk, in rad/s3, whatever the joint could do: what feedforward
             for a light joint gets wrong if its load is heavier than known must stay within what
             feedback corrects.
@@ -258,9 +260,6 @@ def joint_tracking(
         lead: Time by which the opening of the feedforward leads the plan, in s: the lag of spool
             and sample, so that the move goes where it is planned.
         sample_time: Time between samples, in s.
-
-    Returns:
-        The front end of a controller.
 
     Raises:
         WorkbenchError: If a number is outside its range.
@@ -290,55 +289,30 @@ def joint_tracking(
     return JointTracking(schedule, planner, correction, sample_time=sample_time, lead=lead)
 
 
-def kalman_correction(
+def kalman_tracking(
+    schedule: JointSchedule,
     *,
+    jerk_share: float,
+    jerk_limit: float,
+    lead: float,
+    sample_time: float,
+    mean_pressure: float = 3.8e5,
     angle_noise: float = 2e-5,
     acceleration_noise: float = 0.5,
     acceleration_walk: float = 100.0,
-    sample_time: float = 0.002,
-) -> tuple[float, float, float]:
-    """Compute the observer's gains as a stationary Kalman filter.
-
-    The joint is a double integrator driven by the acceleration from the pressures, whose noise and
-    whose unexplained part, a random walk, are given.
-
-    Args:
-        angle_noise: Noise rms of the measured angle, in rad.
-        acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
-        acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
-        sample_time: Time between samples, in s.
-
-    Returns:
-        Gains for angle, speed and unexplained acceleration, in SI.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
-    Source:
-        Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, section 6.5.
-
-    Example:
-        >>> m = kalman_correction()
-        >>> 0.0 < m[0] < 1.0
-        True
-    """
-    import control as ct
-
-    h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
-    for name, value, unit in (
-        ("noise of the angle", angle_noise, "rad"),
-        ("noise of the acceleration", acceleration_noise, "rad/s2"),
-        ("walk of the acceleration", acceleration_walk, "rad/s2"),
-    ):
-        check_range(name, value, 1e-12, 1e9, unit)
-    a = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
-    phi, gamma = held(a, np.array([[0.0], [1.0], [0.0]]), h)
-    drive = np.hstack([gamma, np.array([[0.0], [0.0], [1.0]])])
-    noise = np.diag([acceleration_noise**2, acceleration_walk**2 * h])
-    c = np.array([[1.0, 0.0, 0.0]])
-    # One solver whether slycot is installed or not: the same gains on every machine.
-    reading = [[angle_noise**2]]
-    predictor = np.asarray(ct.dlqe(phi, drive, c, noise, reading, method="scipy")[0])
-    # The law corrects before it predicts: the predictor's gain is phi times this one.
-    gain = np.linalg.solve(phi, predictor).ravel()
-    return float(gain[0]), float(gain[1]), float(gain[2])
+) -> JointTracking:
+    """Design planner and Kalman filter: `joint_tracking` with `kalman_correction`."""
+    return joint_tracking(
+        schedule,
+        jerk_share=jerk_share,
+        jerk_limit=jerk_limit,
+        lead=lead,
+        correction=kalman_correction(
+            angle_noise=angle_noise,
+            acceleration_noise=acceleration_noise,
+            acceleration_walk=acceleration_walk,
+            sample_time=sample_time,
+        ),
+        mean_pressure=mean_pressure,
+        sample_time=sample_time,
+    )

@@ -30,45 +30,78 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.arithmetic import FLOATS, SYMBOLS, Arithmetic, Number
+from controllers.c_export import CSource, generated
 from controllers.design import Design
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import (
-    STATE_NAMES,
     JointTracking,
+    TrackingState,
     arrived_opening,
-    joint_tracking,
-    kalman_correction,
+    kalman_tracking,
 )
+from controllers.mpc.c_text import mpc_source
 from controllers.mpc.fixed_order import product
 from controllers.mpc.prediction import Prediction, condense
-from controllers.mpc.whole_model import not_finite
+from controllers.mpc.whole_model import not_finite, told
+from controllers.named_state import flat, names, restored
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
-from controllers.through_valve import ThroughValve
-from controllers.valve_inverse import ValveInverse
+from controllers.valve_inverse import ThroughValve, ValveInverse
 from workbench.errors import check_range
 
 Matrix = npt.NDArray[np.float64]
 
 
-class Front(NamedTuple):
+class ScheduledMPCState(NamedTuple):
+    """What a `ScheduledMPC` remembers.
+
+    Args:
+        tracking: State of the front end.
+        error_integral: Integral q of the error, in rad s.
+        deviation: Opening beside the feedforward's applied last, a fraction.
+        arrived: Opening that has arrived behind the lag, a fraction.
+    """
+
+    tracking: TrackingState
+    error_integral: Number
+    deviation: Number
+    arrived: Number
+
+
+class Errors(NamedTuple):
+    """Errors that a `ScheduledMPC` leads to zero.
+
+    Args:
+        angle: In rad.
+        speed: In rad/s.
+        acceleration: Of the pressure difference, in rad/s2.
+        integral: Of the angle's error, in rad s.
+    """
+
+    angle: Number
+    speed: Number
+    acceleration: Number
+    integral: Number
+
+
+class Problem(NamedTuple):
     """What the quadratic program of a `ScheduledMPC` is asked.
 
     Args:
-        errors: Errors of angle (rad), speed (rad/s) and acceleration-valued pressure difference
-            (rad/s2), and the integral of the first (rad s).
+        errors: The errors now.
         bias: Pressure difference at which the third error is zero, in Pa.
         opening: Opening of the feedforward, a fraction.
         plan: Planned angle, in rad.
     """
 
-    errors: tuple[Number, Number, Number, Number]
+    errors: Errors
     bias: Number
     opening: Number
     plan: Number
@@ -82,20 +115,15 @@ class ScheduledMPC(ThroughValve):
         tracking: Planner, observer and schedule.
         predictions: Condensed problem at every angle of the schedule.
         pressure_limits: Lowest and highest gauge pressure, in Pa.
-        compensation: Share of the unexplained acceleration that is compensated, 0..1,
-            dimensionless.
+        compensation: Share of the unexplained acceleration that is compensated, 0..1.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
         sensors: Names of the angle and the two pressures.
-        follows: Name of the followed output.
+        follows: Name of the controlled output.
         actuators: Name of the command.
         preview: No future references are used.
-
-    Example:
-        >>> ScheduledMPC.__dataclass_fields__["name"].default
-        'linear MPC'
     """
 
     tracking: JointTracking
@@ -111,67 +139,45 @@ class ScheduledMPC(ThroughValve):
     actuators: tuple[str, ...] = ("valve",)
     preview: int = 0
 
-    @property
-    def state_names(self) -> tuple[str, ...]:
-        """Names of the entries of the state."""
-        return (*STATE_NAMES, "error_integral", "deviation", "arrived")
-
-    def initial_state(self, measurement: Measurement) -> tuple[float, ...]:
-        """Return the state of a joint at rest.
-
-        Args:
-            measurement: Angle in rad and the two gauge pressures in Pa.
-
-        Returns:
-            State in the order of its names, in SI.
-        """
-        return (*self.tracking.start(measurement), 0.0, 0.0, 0.0)
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> ScheduledMPCState:
+        """Return the state of a joint at rest."""
+        return ScheduledMPCState(self.tracking.start(measurement, arithmetic).state, 0.0, 0.0, 0.0)
 
     def step(
-        self, state: tuple[float, ...], measurement: Measurement, reference: Reference
-    ) -> tuple[Command, tuple[float, ...], Info]:
+        self, state: ScheduledMPCState, measurement: Measurement, reference: Reference
+    ) -> tuple[Command, ScheduledMPCState, Info]:
         """Compute the valve voltage of one sample.
 
-        Args:
-            state: State of the step before, a tuple of numbers in SI.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-
-        Returns:
-            Voltage in V, next state, and ``opening`` (fraction), ``plan`` (rad), ``status``,
-            ``iterations``, ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the
-            regulator acted or the valve was shut).
+        Its information holds ``opening`` (fraction), ``plan`` (rad), ``status``, ``iterations``,
+        ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the regulator acted or the
+        valve was shut).
         """
         if not all(map(math.isfinite, (*measurement, reference[0]))):
             return (self.valve.command(0.0),), state, {**not_finite(0.0), "plan": math.nan}
-        front, following = self.front(state, measurement, reference[0], FLOATS)
-        schedule = self.tracking.schedule
-        i, share = FLOATS.place(
-            measurement[0], schedule.first_angle, schedule.spacing, len(self.predictions)
-        )
-        share = min(max(share, 0.0), 1.0)
-        low, high = self.predictions[i], self.predictions[i + 1]
+        problem, front = self.problem(state, measurement, reference[0], FLOATS)
+        low, high, share = self._neighbours(measurement[0])
 
         def between(a: Matrix, b: Matrix) -> Matrix:
             return np.asarray(a + share * (b - a))
 
-        _, before, _ = state[len(following) :]
-        z = np.array(front.errors)
+        before, z = state.deviation, np.array(problem.errors)
         gradient = product(between(low.g_estimate, high.g_estimate), z) + low.g_before * before
         pressures = product(between(low.rows_estimate, high.rows_estimate), z)
         n_u = low.size[0] - 1
         room = self.pressure_limits[1] - self.pressure_limits[0]
         lower_a, upper_a = low.lower_a.copy(), low.upper_a.copy()
         limited = (len(lower_a) - n_u) // 2
-        lower_a[n_u : n_u + limited] = (front.bias - room) / low.slack_scale
-        upper_a[n_u + limited :] = (front.bias + room) / low.slack_scale
+        lower_a[n_u : n_u + limited] = (problem.bias - room) / low.slack_scale
+        upper_a[n_u + limited :] = (problem.bias + room) / low.slack_scale
         lower_a -= pressures
         upper_a -= pressures
         lower_a[0] += before
         upper_a[0] += before
         lower_x, upper_x = low.lower_x.copy(), low.upper_x.copy()
         # The feedforward stays within the valve, so that the limits never cross the rate's.
-        forward = min(max(front.opening, -1.0), 1.0)
+        forward = min(max(problem.opening, -1.0), 1.0)
         lower_x[:n_u] -= forward
         upper_x[:n_u] -= forward
         reach = low.upper_a[0]
@@ -192,73 +198,178 @@ class ScheduledMPC(ThroughValve):
             gain = between(low.gain, high.gain)[None, :]
             move, slack = -float(product(gain, z)[0]), float("nan")
         opening = min(max(forward + move, -1.0), 1.0)
-        info: dict[str, float | str] = {
-            "opening": opening,
-            "plan": front.plan,
-            "status": solution.status,
-            "iterations": solution.iterations,
-            "solve_time": solution.seconds,
-            "slack": slack,
-            "fallback": 0.0 if solution.solved else 1.0,
-        }
-        after = self.after(state, front, following, opening, FLOATS)
+        info = {**told(opening, solution, slack), "plan": problem.plan}
+        after = self.after(state, problem, front, opening, FLOATS)
         return (self.valve.command(opening),), after, info
 
-    def front(
+    def _neighbours(self, angle: float) -> tuple[Prediction, Prediction, float]:
+        """Return the predictions around an angle, and the share of the second."""
+        schedule, count = self.tracking.schedule, len(self.predictions)
+        i, share = FLOATS.place(angle, schedule.first_angle, schedule.spacing, count)
+        return self.predictions[i], self.predictions[i + 1], min(max(share, 0.0), 1.0)
+
+    def problem(
         self,
-        state: tuple[Number, ...],
+        state: ScheduledMPCState,
         measurement: tuple[Number, ...],
         reference: Number,
         arithmetic: Arithmetic,
-    ) -> tuple[Front, tuple[Number, ...]]:
-        """Plan, estimate, and compute what the quadratic program is asked.
-
-        Args:
-            state: State of the step before, in SI.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad.
-            arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            What the quadratic program needs, and the next state of the front end, in SI.
-        """
-        look, following = self.tracking.look(state, measurement, reference, arithmetic)
-        q, _, arrived = state[len(following) :]
-        b = look.joint.b
-        x = look.plan.angle - look.angle
-        y = b * (look.wanted_difference - look.difference) - self.compensation * look.unexplained
-        y -= self.lag * b * look.joint.g * arrived
-        bias = look.wanted_difference - self.compensation * look.unexplained / b
-        errors = (x, look.plan.speed - look.speed, y, q)
-        return Front(errors, bias, look.opening, look.plan.angle), following
+    ) -> tuple[Problem, TrackingState]:
+        """Return what the quadratic program is asked, and the next state of the front end."""
+        now, front = self.tracking.context(state.tracking, measurement, reference, arithmetic)
+        b = now.joint.b
+        x = now.plan.angle - now.angle
+        y = b * (now.reference_difference - now.difference) - self.compensation * now.unexplained
+        y -= self.lag * b * now.joint.g * state.arrived
+        bias = now.reference_difference - self.compensation * now.unexplained / b
+        errors = Errors(x, now.plan.speed - now.speed, y, state.error_integral)
+        return Problem(errors, bias, now.opening, now.plan.angle), front
 
     def after(
         self,
-        state: tuple[Number, ...],
-        front: Front,
-        following: tuple[Number, ...],
+        state: ScheduledMPCState,
+        problem: Problem,
+        front: TrackingState,
         opening: Number,
         arithmetic: Arithmetic,
-    ) -> tuple[Number, ...]:
+    ) -> ScheduledMPCState:
         """Return the state after a step.
 
         Args:
-            state: State of the step before, in SI.
-            front: What `front` returned.
-            following: The next state of the front end, in SI.
+            state: State of the step before.
+            problem: What the quadratic program was asked.
+            front: The next state of the front end.
             opening: Opening applied, a fraction.
             arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            State in the order of its names, in SI.
         """
-        q, _, arrived = state[len(following) :]
         # At a stop of the valve, whatever the rounding, the integral waits.
         free = arithmetic.largest(opening, -opening) < 1.0 - 1e-9
-        q = q + arithmetic.where(free, self.sample_time * front.errors[0], 0.0)
-        move = opening - arithmetic.clip(front.opening, -1.0, 1.0)
-        arrived = arrived_opening(arrived, move, self.lag, self.sample_time)
-        return (*following, q, move, arrived)
+        summed = arithmetic.where(free, self.sample_time * problem.errors.angle, 0.0)
+        move = opening - arithmetic.clip(problem.opening, -1.0, 1.0)
+        arrived = arrived_opening(state.arrived, move, self.lag, self.sample_time)
+        return ScheduledMPCState(front, state.error_integral + summed, move, arrived)
+
+    def linear_law(
+        self,
+        state: ScheduledMPCState,
+        measurement: tuple[Number, ...],
+        reference: tuple[Number, ...],
+        arithmetic: Arithmetic,
+        rest: Measurement,
+    ) -> tuple[tuple[Number, ...], ScheduledMPCState]:
+        """Return command and next state on symbols where no constraint is active, near rest.
+
+        There the move is -(H^-1 (G z + g before))_0; its derivative by the angle through the
+        interpolated H and G is taken at rest.
+        """
+        low, high, share = self._neighbours(rest[0])
+        schedule = self.tracking.schedule
+        H, G = (
+            low.H + share * (high.H - low.H),
+            low.g_estimate + share * (high.g_estimate - low.g_estimate),
+        )
+        at_rest, _ = self.problem(self.initial_state(rest), rest, reference[0], FLOATS)
+        z_rest = np.array(at_rest.errors)
+        x_rest = -np.linalg.solve(H, G @ z_rest)
+        turned = (high.g_estimate - low.g_estimate) @ z_rest + (high.H - low.H) @ x_rest
+        first = np.linalg.solve(H, np.eye(len(H)))[0]
+        problem, front = self.problem(state, measurement, reference[0], arithmetic)
+        share_now = (measurement[0] - rest[0]) / schedule.spacing
+        if not schedule.angles[0] <= rest[0] <= schedule.angles[-1]:
+            share_now = 0.0
+        move = -(first @ low.g_before) * state.deviation - float(first @ turned) * share_now
+        for gain, error in zip((first @ G).tolist(), problem.errors, strict=True):
+            move = move - gain * error
+        opening = arithmetic.clip(problem.opening, -1.0, 1.0) + move
+        return (self.valve.tangent(opening),), self.after(
+            state, problem, front, opening, arithmetic
+        )
+
+    def c_source(self, name: str) -> CSource:
+        """Write the controller as C: tables over the angle, factored at every step."""
+        first, schedule = self.predictions[0], self.tracking.schedule
+        n, m = first.size
+        tables: dict[str, Matrix] = {
+            key: np.array([getattr(p, field) for p in self.predictions])
+            for key, field in (
+                ("HESSIAN", "H"),
+                ("CONSTRAINT", "A"),
+                ("G_ESTIMATE", "g_estimate"),
+                ("ROWS_ESTIMATE", "rows_estimate"),
+                ("GAIN", "gain"),
+            )
+        }
+        tables |= {"G_BEFORE": first.g_before}
+        tables |= {"LOWER": np.concatenate([first.lower_a, first.lower_x])}
+        tables |= {"UPPER": np.concatenate([first.upper_a, first.upper_x])}
+        kernels = self._kernels(name)
+        args, results, integers, reals = (
+            max(1, *(getattr(kernel, f"sz_{what}")() for kernel in kernels))
+            for what in ("arg", "res", "iw", "w")
+        )
+        states = names(self.initial_state((0.0, 0.0, 0.0)))
+        front = int(kernels[1].numel_out(2))
+        return mpc_source(
+            name,
+            "along_plan.c",
+            valve=self.valve,
+            size=(n, m),
+            factor=True,
+            defined={
+                "SENSORS": len(self.sensors),
+                "STATES": len(states),
+                "FRONT_STATES": front,
+                "DEVIATION": states.index("deviation"),
+                "MOVES": n - 1,
+                "LIMITED": (m - n + 1) // 2,
+                "ANGLES": len(self.predictions),
+                "FIRST_ANGLE": schedule.first_angle,
+                "SPACING": schedule.spacing,
+                "ROOM": self.pressure_limits[1] - self.pressure_limits[0],
+                "SLACK_SCALE": first.slack_scale,
+                "KERNEL_ARG": args,
+                "KERNEL_RES": results,
+                "KERNEL_IW": integers,
+                "KERNEL_W": reals,
+                "START_KERNEL": f"{name}_start_kernel",
+                "FRONT_KERNEL": f"{name}_front_kernel",
+                "AFTER_KERNEL": f"{name}_after_kernel",
+            },
+            tables=tables,
+            states=states,
+            generated=generated(name, *kernels),
+            work=(2 * n * n + m * n + (n + m) * (n + 3) + 5 * m + 6 * n + 4)
+            + (7 + len(states) + front + args + results + integers + reals),
+            prepared=sum(kernel.n_instructions() for kernel in kernels[1:])
+            + n**3
+            + 2 * m * n * n
+            + 2 * (n + m) * n
+            + (m + n) * (n + 8),
+        )
+
+    def _kernels(self, name: str) -> tuple[ca.Function, ca.Function, ca.Function]:
+        """Trace the start, the front end (errors; bias, opening, plan; its state) and the end."""
+        m, r = ca.SX.sym("measurement", len(self.sensors)), ca.SX.sym("reference", 1)
+        measured = tuple(ca.vertsplit(m))
+        begin = self.initial_state(measured, SYMBOLS)
+        z, opening = ca.SX.sym("state", len(flat(begin))), ca.SX.sym("opening")
+        state = restored(begin, ca.vertsplit(z))
+        problem, front = self.problem(state, measured, r, SYMBOLS)
+        parts = (problem.errors, tuple(problem[1:]), front)
+        asked = [ca.SX.sym("given", len(flat(part))) for part in parts]
+        errors = restored(problem.errors, ca.vertsplit(asked[0]))
+        others, following = ca.vertsplit(asked[1]), restored(front, ca.vertsplit(asked[2]))
+        after = self.after(state, Problem(errors, *others), following, opening, SYMBOLS)
+
+        def kernel(what: str, inputs: list[ca.SX], *outputs: Any) -> ca.Function:
+            columns = [ca.densify(ca.vcat(flat(output))) for output in outputs]
+            return ca.Function(f"{name}_{what}_kernel", inputs, columns)
+
+        return (
+            kernel("start", [m], begin),
+            kernel("front", [z, m, r], *parts),
+            kernel("after", [z, *asked, opening], after),
+        )
 
 
 def design_scheduled_mpc(
@@ -353,12 +464,11 @@ def design_scheduled_mpc(
             )
         )
     return ScheduledMPC(
-        joint_tracking(
+        kalman_tracking(
             schedule,
             jerk_share=jerk_share,
             jerk_limit=jerk_limit,
             lead=lead,
-            correction=kalman_correction(sample_time=h),
             mean_pressure=mean_pressure,
             sample_time=h,
         ),

@@ -28,8 +28,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from controllers.joint.observer import held
 from controllers.mpc.fixed_order import product
+from controllers.sampling import zero_order_hold
 from workbench.errors import WorkbenchError, check_choice
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def design_disturbance_observer(
     rows = [linear.output_names.index(name) for name in sensors]
     n, w = E.shape
     joined = np.block([[A, E], [np.zeros((w, n + w))]])
-    F, G = held(joined, np.vstack([B, np.zeros((w, B.shape[1]))]), sample_time)
+    F, G = zero_order_hold(joined, np.vstack([B, np.zeros((w, B.shape[1]))]), sample_time)
     C = np.hstack([np.asarray(linear.C)[rows], np.zeros((len(rows), w))])
     described = {q.name: q for q in linear.operating_point.model.states}
     scale = np.array([described[name].scale for name in linear.state_names])

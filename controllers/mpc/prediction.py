@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from controllers.joint.observer import held
 from controllers.mpc.fixed_order import product
 from controllers.quadratic_program.solver import Factored, factored
+from controllers.sampling import zero_order_hold
 from workbench.errors import WorkbenchError
 
 Matrix = npt.NDArray[np.float64]
@@ -156,7 +156,7 @@ def condense(
     n_x, n_w, n_u, N = len(A), E.shape[1], len(blocks), sum(blocks)
     q, r, s = weights
     joined = np.block([[A, E], [np.zeros((n_w, n_x + n_w))]])
-    phi, gamma = held(joined, np.vstack([B, np.zeros((n_w, 1))]), prediction_time)
+    phi, gamma = zero_order_hold(joined, np.vstack([B, np.zeros((n_w, 1))]), prediction_time)
     target = _target(A, B, E, C[:1])
     gain, cost_to_go = _regulator(phi[:n_x, :n_x], gamma[:n_x], C[:1], q, r)
 

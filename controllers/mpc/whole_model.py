@@ -29,13 +29,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from controllers.arithmetic import Arithmetic, Number
+from controllers.c_export import CSource
 from controllers.design import Design
 from controllers.joint.opening_input import opening_input
+from controllers.mpc.c_text import mpc_source
 from controllers.mpc.disturbance_observer import (
     DisturbanceObserver,
     continuous_matrices,
@@ -43,10 +47,11 @@ from controllers.mpc.disturbance_observer import (
 )
 from controllers.mpc.fixed_order import product
 from controllers.mpc.prediction import Prediction, condense
+from controllers.named_state import names
 from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.quadratic_program.solver import NOT_FINITE, quadratic_program
-from controllers.through_valve import ThroughValve
-from controllers.valve_inverse import ValveInverse
+from controllers.quadratic_program.solver import NOT_FINITE, Solution, quadratic_program
+from controllers.reference.horizon import lagged
+from controllers.valve_inverse import ThroughValve, ValveInverse
 from workbench.errors import check_range
 
 if TYPE_CHECKING:
@@ -65,7 +70,7 @@ class MPCState(NamedTuple):
         target: Reference after the second lag, in rad.
     """
 
-    predicted: Matrix
+    predicted: Any
     opening: float
     filtered: float
     target: float
@@ -90,10 +95,6 @@ class LinearMPC(ThroughValve):
         follows: Name of the followed output.
         actuators: Name of the command.
         preview: Number of future reference samples used: 0, or the whole horizon.
-
-    Example:
-        >>> LinearMPC.__dataclass_fields__["name"].default
-        'linear MPC'
     """
 
     observer: DisturbanceObserver
@@ -165,66 +166,115 @@ class LinearMPC(ThroughValve):
         opening = min(max(move + self.rest_opening, -1.0), 1.0)
         predicted = self.observer.predict(estimate, np.array([opening - self.rest_opening]))
         following = MPCState(predicted, opening, filtered, target)
-        info: Mapping[str, float | str] = {
-            "opening": opening,
-            "status": solution.status,
-            "iterations": solution.iterations,
-            "solve_time": solution.seconds,
-            "slack": slack,
-            "fallback": 0.0 if solution.solved else 1.0,
+        return (self.valve.command(opening),), following, told(opening, solution, slack)
+
+    def linear_law(
+        self,
+        state: MPCState,
+        measurement: tuple[Number, ...],
+        reference: tuple[Number, ...],
+        arithmetic: Arithmetic,
+        rest: Measurement,
+    ) -> tuple[tuple[Number, ...], MPCState]:
+        """Return command and next state on symbols where no constraint is active."""
+        p, o = self.prediction, self.observer
+        residual = ca.vcat(measurement) - o.rest - o.C @ state.predicted
+        estimate = state.predicted + o.M @ residual
+        if self.preview:
+            filtered = target = reference[0]
+            path = ca.DM([reference[i] for i in p.preview_index])
+        else:
+            fresh = self.reference_speed * self.sample_time
+            filtered, target = lagged(state.filtered, state.target, reference[0], fresh)
+            path = self.path @ ca.vertcat(reference[0], filtered, target)
+        before = state.opening - self.rest_opening
+        gradient = p.g_estimate @ estimate + p.g_reference @ (path - o.rest[0])
+        move = -np.linalg.inv(p.H)[:1] @ (gradient + p.g_before * before)
+        predicted = o.F @ estimate + o.G @ move
+        opening = move + self.rest_opening
+        following = MPCState(tuple(ca.vertsplit(predicted)), opening, filtered, target)
+        return (self.valve.tangent(opening),), following
+
+    def c_source(self, name: str) -> CSource:
+        """Write the controller as C: tables of its problem, factored in advance, and one step."""
+        p, o = self.prediction, self.observer
+        n, m = p.size
+        n_z, sensors, N = len(o.F), len(self.sensors), p.samples
+        tables = {
+            "F": o.F,
+            "G": o.G[:, 0],
+            "C": o.C,
+            "M": o.M,
+            "REST": o.rest,
+            "START": self.start,
+            "G_ESTIMATE": p.g_estimate,
+            "G_REFERENCE": p.g_reference,
+            "G_BEFORE": p.g_before,
+            "ROWS_ESTIMATE": p.rows_estimate,
+            "LOWER": np.concatenate([p.lower_a, p.lower_x]),
+            "UPPER": np.concatenate([p.upper_a, p.upper_x]),
+            "TARGET": p.target,
+            "GAIN": p.gain,
+            "INVERSE": p.factors.inverse,
+            "ROWS": p.factors.rows,
+            "SIZES": p.factors.sizes,
         }
-        return (self.valve.command(opening),), following, info
+        defined: dict[str, float | int | str] = {
+            "N_Z": n_z,
+            "N_W": o.disturbances,
+            "N_X": n_z - o.disturbances,
+            "SENSORS": sensors,
+            "HORIZON": N,
+            "REFERENCES": 1 + self.preview,
+            "REST_OPENING": self.rest_opening,
+            "SLACK_SCALE": p.slack_scale,
+        }
+        if self.preview:
+            defined["PREVIEW_STRIDE"] = p.preview_index[0]
+        else:
+            tables["PATH"] = self.path
+            defined["FRESH"] = self.reference_speed * self.sample_time
+        return mpc_source(
+            name,
+            "whole_model.c",
+            valve=self.valve,
+            size=(n, m),
+            factor=False,
+            defined=defined,
+            tables=tables,
+            states=names(self.initial_state(tuple(o.rest.tolist()))),
+            work=2 * n_z + sensors + N + 3 + 3 * n + m + 2 * (n + m),
+            prepared=n_z * (3 * sensors + n_z) + N * 3 + n * (n_z + N) + m * n_z + (n + m) * n,
+        )
 
 
-def not_finite(opening: float) -> Info:
-    """Return what a step tells that was given a reading or a reference that is no number.
-
-    Args:
-        opening: Opening of the valve, a fraction.
-
-    Example:
-        >>> not_finite(0.0)["fallback"]
-        1.0
-    """
+def told(opening: float, solution: Solution, slack: float) -> dict[str, float | str]:
+    """Return what a step tells about itself: opening (fraction), solver, slack (Pa), fallback."""
     return {
         "opening": opening,
-        "status": NOT_FINITE,
-        "iterations": 0.0,
-        "solve_time": 0.0,
-        "slack": float("nan"),
-        "fallback": 1.0,
+        "status": solution.status,
+        "iterations": solution.iterations,
+        "solve_time": solution.seconds,
+        "slack": slack,
+        "fallback": 0.0 if solution.solved else 1.0,
     }
 
 
-def lagged(filtered: float, target: float, reference: float, fresh: float) -> tuple[float, float]:
-    """Pass a reference through two lags for one sample.
-
-    Args:
-        filtered: Reference after the first lag, in rad.
-        target: Reference after the second lag, in rad.
-        reference: Reference, in rad.
-        fresh: Share of the new value, omega_r h, dimensionless.
-
-    Returns:
-        Both lags one sample later, in rad.
-
-    Example:
-        >>> lagged(0.0, 0.0, 1.0, 0.5)
-        (0.5, 0.25)
-    """
-    filtered = filtered + fresh * (reference - filtered)
-    return filtered, target + fresh * (filtered - target)
+def not_finite(opening: float) -> dict[str, float | str]:
+    """Return what a step tells that was given a measurement or reference that is no number."""
+    nothing = Solution(np.zeros(0), False, NOT_FINITE, 0.0, 0.0)
+    return told(opening, nothing, float("nan"))
 
 
 def _reference_path(fresh: float, index: tuple[int, ...]) -> Matrix:
     """Return the trajectory of the second lag per (reference, filtered, target)."""
     columns = []
     for reference, *lags in np.eye(3).tolist():
-        course, lag = [], (lags[0], lags[1])
+        path, lag = [], (lags[0], lags[1])
         for _ in range(index[-1]):
             lag = lagged(*lag, reference, fresh)
-            course.append(lag[1])
-        columns.append([course[i - 1] for i in index])
+            path.append(lag[1])
+        columns.append([path[i - 1] for i in index])
     return np.array(columns).T
 
 

@@ -51,8 +51,7 @@ from controllers.nonlinear_mpc.specification import NonlinearMPCSpecification
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
 from controllers.reference.horizon import ReferenceAhead
-from controllers.through_valve import ThroughValve
-from controllers.valve_inverse import ValveInverse
+from controllers.valve_inverse import ThroughValve, ValveInverse
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import Model
@@ -135,6 +134,12 @@ class NonlinearMPC(ThroughValve):
     sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
     follows: tuple[str, ...] = ("angle",)
     actuators: tuple[str, ...] = ("valve",)
+
+    not_in_c = (
+        "its prediction is a nonlinear model whose stages and derivatives are integrated by CasADi"
+        " at each step"
+    )
+    """Why it is not exported."""
 
     @property
     def sample_time(self) -> float:

@@ -18,7 +18,8 @@ import tempfile
 from functools import lru_cache
 from pathlib import Path
 
-from controllers.quadratic_program.text import TEXT
+TEXT = Path(__file__).with_name("solver.c")
+"""The solver, for sizes that are defined before it."""
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 """Flags of the compiler: no operation may be fused, so that every machine rounds alike."""
@@ -45,7 +46,7 @@ def solver_source(variables: int, rows: int, *, limit: int, factor: bool = True)
         f"#define QP_ROWS {rows} /* constraints, then variables */\n"
         f"#define QP_LIMIT {limit} /* iterations after which it is given up */\n"
         + ("#define QP_FACTOR /* the matrices change from call to call */\n" if factor else "")
-        + TEXT
+        + TEXT.read_text(encoding="utf-8")
     )
 
 

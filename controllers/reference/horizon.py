@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from controllers.arithmetic import FLOATS
-from controllers.mpc.whole_model import lagged
+from controllers.arithmetic import FLOATS, Number
 from controllers.reference.planned import Planner, PlannerState
 
 Vector = npt.NDArray[np.float64]
@@ -78,3 +77,25 @@ class ReferenceAhead:
         plan, following = self.planner.plan(PlannerState(*state), reference, FLOATS)
         angles = [self.planner.ahead(following, plan, time, FLOATS).angle for time in self.times]
         return np.array(angles, dtype=float), tuple(following)
+
+
+def lagged(
+    filtered: Number, target: Number, reference: Number, fresh: float
+) -> tuple[Number, Number]:
+    """Pass a reference through two lags for one sample.
+
+    Args:
+        filtered: Reference after the first lag, in rad.
+        target: Reference after the second lag, in rad.
+        reference: Reference, in rad.
+        fresh: Share of the new value, omega_r h, dimensionless.
+
+    Returns:
+        Both lags one sample later, in rad.
+
+    Example:
+        >>> lagged(0.0, 0.0, 1.0, 0.5)
+        (0.5, 0.25)
+    """
+    filtered = filtered + fresh * (reference - filtered)
+    return filtered, target + fresh * (filtered - target)

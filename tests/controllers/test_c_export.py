@@ -28,10 +28,11 @@ from controllers import MPCSpecification, design_mpc, design_pid, design_sliding
 from controllers.c_export import ExportedC, export_c
 from controllers.joint.schedule import JointSchedule
 from controllers.mpc.along_plan import design_scheduled_mpc
+from controllers.named_state import flat
+from controllers.pid import design_scheduled_pid
 from controllers.quadratic_program.solver import STATUSES, QuadraticProgram
-from controllers.scheduled_pid import design_scheduled_pid
-from controllers.scheduled_sliding_mode import KINDS, design_scheduled_sliding_mode
-from controllers.state_feedback import design_scheduled_state_feedback
+from controllers.sliding_mode import KINDS, design_scheduled_sliding_mode
+from controllers.state_feedback import design_state_feedback
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.simulation.compiled import compiler
@@ -69,10 +70,6 @@ def hard_run(law: Any) -> tuple[np.ndarray, np.ndarray]:
     return np.column_stack([angle, mean + swing, mean - swing]), reference
 
 
-def flat(state: Any) -> np.ndarray:
-    return np.concatenate([np.ravel(np.asarray(value, dtype=float)) for value in state])
-
-
 class InC:
     """The exported controller, with the state that it carries itself."""
 
@@ -108,13 +105,13 @@ def compare(
     in_c.start(readings[0].tolist())
     wanted = np.lib.stride_tricks.sliding_window_view(reference, 1 + law.preview)
     difference, drift, seen = 0.0, 0.0, {"commands": [], "slack": [], "statuses": set()}
-    size = np.maximum(np.abs(flat(state)), 1e-9)
+    size = np.maximum(np.abs(np.array(flat(state))), 1e-9)
     for k, (row, ahead) in enumerate(zip(readings.tolist(), wanted.tolist(), strict=False)):
         (command,), state, info = law.step(state, tuple(row), tuple(ahead))
         status = in_c.step(row, ahead)
         difference = max(difference, abs(in_c.command[0] - command))
         if k % 10 == 9:
-            now = flat(state)
+            now = np.array(flat(state))
             size = np.maximum(size, np.abs(now))
             drift = max(drift, float(np.max(np.abs(np.array(in_c.state) - now) / size)))
         seen["commands"].append(command)
@@ -136,7 +133,7 @@ def compare(
 LAWS = {
     "scheduled PID": lambda schedule, _: design_scheduled_pid(schedule),
     "leading PID": lambda schedule, _: design_scheduled_pid(schedule, lead=0.0055, lag=0.005),
-    "state feedback": lambda schedule, _: design_scheduled_state_feedback(schedule),
+    "state feedback": lambda schedule, _: design_state_feedback(schedule),
     "fixed PID": lambda _, linear: design_pid(linear),
     "fixed sliding mode": lambda _, linear: design_sliding_mode(linear),
     **{
@@ -306,7 +303,7 @@ def test_header_documents_the_interface(schedule: JointSchedule, tmp_path: Path)
     text = exported.header.read_text()
     for word in ("pressure_1, Pa, gauge", "wanted angle now, rad", "valve, V", "integral", "0.002"):
         assert word in text
-    assert f"#define RIG_PID_STATES {len(law.state_names)}" in text
+    assert f"#define RIG_PID_STATES {len(flat(law.initial_state((0.5, 3e5, 3e5))))}" in text
 
 
 def test_header_of_an_mpc_says_what_can_happen(linear: LinearModel, tmp_path: Path) -> None:
@@ -356,7 +353,7 @@ def test_refusals(linear: LinearModel, schedule: JointSchedule, tmp_path: Path) 
         export_c(Unwritten(), tmp_path)  # type: ignore[arg-type]
 
     class Nonlinear(Unwritten):
-        shots = None
+        not_in_c = "its prediction is a nonlinear model"
 
     with pytest.raises(WorkbenchError, match="its prediction is a nonlinear model"):
         export_c(Nonlinear(), tmp_path)  # type: ignore[arg-type]

@@ -64,7 +64,7 @@ def test_a_users_function_is_a_design(linear: Any, tmp_path: Path) -> None:
     own = DESIGNS.get("own_designs:gentle", folder=tmp_path)
     assert (own.summary, own.needs, own.own) == ("A gentle PID.", "linear", True)
     law = own.controller(linear, own.specified({"bandwidth": 20.0}))
-    assert law.proportional == design_pid(linear, PIDSpecification(bandwidth=20.0)).proportional
+    assert law.gains == design_pid(linear, PIDSpecification(bandwidth=20.0)).gains
     for name, told in (("broken", "ZeroDivisionError.*own_designs.py"), ("nothing", "NoneType")):
         design = DESIGNS.get(f"own_designs:{name}", folder=tmp_path)
         with pytest.raises(WorkbenchError, match=told):

@@ -13,10 +13,10 @@ from controllers.arithmetic import SYMBOLS
 from controllers.joint.schedule import JointSchedule
 from controllers.largest_bandwidth import largest_bandwidth
 from controllers.mpc.along_plan import design_scheduled_mpc
-from controllers.scheduled_pid import design_scheduled_pid
-from controllers.scheduled_sliding_mode import design_scheduled_sliding_mode
+from controllers.pid import design_scheduled_pid
 from controllers.sensitivity import peak_sensitivities
-from controllers.state_feedback import design_scheduled_state_feedback
+from controllers.sliding_mode import design_scheduled_sliding_mode
+from controllers.state_feedback import design_state_feedback
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.model import Model
@@ -26,7 +26,7 @@ DESIGNS: dict[str, Any] = {
     "pid": design_scheduled_pid,
     "super-twisting": design_scheduled_sliding_mode,
     "integral": lambda schedule: design_scheduled_sliding_mode(schedule, kind="integral"),
-    "state feedback": design_scheduled_state_feedback,
+    "state feedback": design_state_feedback,
     "mpc": design_scheduled_mpc,
 }
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controllers import CascadePID, design_pid
-from controllers.sensitivity import controller_matrices, loop_matrices, peak_sensitivities
+from controllers import cascade_pid, design_pid
+from controllers.sensitivity import loop_matrices, peak_sensitivities
 from workbench.linearisation import LinearModel
 
 
@@ -28,12 +28,5 @@ def test_peaks_agree_with_python_control(linear: LinearModel) -> None:
 
 
 def test_an_unstable_loop_has_infinite_peaks(linear: LinearModel) -> None:
-    pid = CascadePID(proportional=5e7, integral=0.0, derivative=0.0, inner=3e-6)
+    pid = cascade_pid(proportional=5e7, integral=0.0, derivative=0.0, inner=3e-6)
     assert peak_sensitivities(pid, linear) == (float("inf"), float("inf"))
-
-
-def test_a_gain_alone_has_its_matrices() -> None:
-    pid = CascadePID(6e5, 0.0, 0.0, inner=2e-6, pressure_filter=0.0, reference_speed=0.0)
-    *_, J = controller_matrices(pid, (0.5, 3e5, 3e5), (0.5,))
-    # The opening -1.2 per rad times 50 V per opening on the tangent of the curve at rest.
-    np.testing.assert_allclose(J, [[-60.0, -1e-4, 1e-4]], rtol=1e-5)

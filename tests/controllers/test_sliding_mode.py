@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from controllers import SlidingModeSpecification, design_sliding_mode
-from controllers.joint.observer import held
+from controllers.joint.observer import JointEstimate
+from controllers.sampling import zero_order_hold
 from tests.controllers.conftest import TRUTH
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -17,7 +18,7 @@ from workbench.linearisation import LinearModel
 
 def run(law: Any, model: Any, x: np.ndarray[Any, Any], wanted: float, n: int) -> Any:
     """Run on the bare matrices, in openings, without valve curve."""
-    phi, gamma = held(model.A, model.B, law.sample_time)
+    phi, gamma = zero_order_hold(model.A, model.B, law.sample_time)
     state = law.initial_state(tuple(model.C @ x + model.y0))
     courses = []
     for _ in range(n):
@@ -38,9 +39,10 @@ def test_surface_moves_at_the_reaching_rate(third_order: Any, share: float) -> N
     acceleration = -2 * lam * speed - share * law.layer
     b, a1, a0, g, e, d = (TRUTH[k] for k in ("b", "a1", "a0", "g", "e", "d"))
     dp = (acceleration + a1 * speed + a0 * (angle - 0.5)) / b
-    state = law.initial_state((angle, 4e5, 4e5))._replace(
-        speed=speed, unexplained=0.0, difference=dp
-    )
+    state = law.initial_state((angle, 4e5, 4e5))
+    estimate = JointEstimate(angle, speed, 0.0)
+    front = state.tracking._replace(estimate=estimate, difference=dp)
+    state = state._replace(tracking=front)
     _, _, info = law.step(state, (angle, 4e5 + dp / 2, 4e5 - dp / 2), (angle,))
     difference_rate = g * info["opening"] - e * speed - d * dp
     jerk = b * difference_rate - a1 * acceleration - a0 * speed
@@ -61,7 +63,7 @@ def test_errors_vanish_and_the_surface_is_kept(third_order: Any) -> None:
 def test_layer_width_follows_the_bound(linear: LinearModel) -> None:
     law = design_sliding_mode(linear, SlidingModeSpecification(layer_bandwidth=70.0))
     assert law.layer_bandwidth == pytest.approx(70.0)
-    assert law.reaching * law.joint.opening_to_jerk == pytest.approx(2000.0)
+    assert law.jerk_bound == 2000.0
 
 
 def test_rest_needs_no_opening(third_order: Any) -> None:

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from controllers.joint.schedule import JointSchedule
-from controllers.scheduled_pid import ScheduledPID, design_scheduled_pid
-from controllers.state_feedback import design_scheduled_state_feedback
+from controllers.pid import CascadePID, design_scheduled_pid
+from controllers.state_feedback import design_state_feedback
 from tests.diagnosis.practice_08 import diagnosed, rig, sine
 from workbench.diagnosis.redesign import WITHOUT_SLOPE, redesign, study_plant, without_dry_laws
 from workbench.evaluation.rig.closed_loop import follow
@@ -40,7 +40,7 @@ def models() -> dict[str, Model]:
     return {"nominal": arm(3.0), "refitted": found.base.model, "improved": found.verdict.model}
 
 
-def design(schedule: JointSchedule) -> ScheduledPID:
+def design(schedule: JointSchedule) -> CascadePID:
     return design_scheduled_pid(schedule)
 
 
@@ -125,7 +125,7 @@ def test_laws_without_slope_stay_out_of_linear_models() -> None:
 def test_both_laws_of_hysteresis_ask_for_the_same_difference() -> None:
     # The same half width: 10 N and 7 N/bar in each muscle.
     laws = [
-        redesign(arm(3.0).with_effect(effect), design_scheduled_state_feedback).tracking.hysteresis
+        redesign(arm(3.0).with_effect(effect), design_state_feedback).tracking.hysteresis
         for effect in (
             muscle_hysteresis(level=10.0, level_per_pressure=7e-5, breakaway=1e-3),
             muscle_slip(1)(level=10.0, growth=7e-6, breakaway=1e-3),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from controllers.mpc.whole_model import design_mpc
-from controllers.pid import CascadePID, design_pid
+from controllers.pid import CascadePID, FixedGains, design_pid
 from controllers.sensitivity import loop_matrices, peak_sensitivities
 from controllers.sliding_mode import design_sliding_mode
 from tests.study.small_study import small_study
@@ -87,12 +87,10 @@ def test_the_gain_margin_is_where_the_loop_becomes_unstable(linear: LinearModel)
 
     def scaled(factor: float) -> CascadePID:
         # All outer gains act on the angle alone.
-        return replace(
-            pid,
-            proportional=factor * pid.proportional,
-            integral=factor * pid.integral,
-            derivative=factor * pid.derivative,
-        )
+        own = pid.gains
+        assert isinstance(own, FixedGains)
+        outer = [factor * gain for gain in (own.proportional, own.integral, own.derivative)]
+        return replace(pid, gains=FixedGains(*outer, own.inner))
 
     assert analyse_loop(scaled(0.99 * margin), linear)[0].stable
     unstable = analyse_loop(scaled(1.01 * margin), linear)[0]

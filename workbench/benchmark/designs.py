@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controllers.h_infinity.controller import design_scheduled_h_infinity
+from controllers.h_infinity.controller import design_h_infinity
 from controllers.h_infinity.synthesis import Weights, has_slycot
 from controllers.joint.schedule import JointSchedule, joint_schedule
 from controllers.joint.tracking import joint_tracking
@@ -17,10 +17,10 @@ from controllers.largest_bandwidth import MarginedDesign, largest_bandwidth
 from controllers.mpc.along_plan import design_scheduled_mpc
 from controllers.nonlinear_mpc.controller import design_nonlinear_mpc
 from controllers.nonlinear_mpc.specification import NonlinearMPCSpecification
+from controllers.pid import design_scheduled_pid
 from controllers.protocol import Controller
-from controllers.scheduled_pid import design_scheduled_pid
-from controllers.scheduled_sliding_mode import design_scheduled_sliding_mode
-from controllers.state_feedback import design_scheduled_state_feedback
+from controllers.sliding_mode import design_scheduled_sliding_mode
+from controllers.state_feedback import design_state_feedback
 from workbench.benchmark.cases import Case, nominal_plant
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import linearise
@@ -251,7 +251,7 @@ def design(family: str, case: Case) -> MarginedDesign[Controller]:
             )
         if family == "H-infinity":
             # For the empty arm, slower pressures leave the spool out of the loop.
-            return design_scheduled_h_infinity(
+            return design_h_infinity(
                 joint,
                 weights=Weights(speed, disturbance=DISTURBANCE[empty]),
                 inner_bandwidth=70.0 if empty else 120.0,
@@ -259,7 +259,7 @@ def design(family: str, case: Case) -> MarginedDesign[Controller]:
                 compensation=share,
                 **planned,
             )
-        return design_scheduled_state_feedback(
+        return design_state_feedback(
             joint,
             radius=speed,
             integral=0.33 if empty else 0.2,
@@ -333,7 +333,7 @@ def fast_design(case: Case) -> Controller:
     """
     from dataclasses import replace
 
-    law = design_scheduled_state_feedback(
+    law = design_state_feedback(
         _map(case),
         radius=60.0,
         integral=0.33,

@@ -89,11 +89,10 @@ def paced(controller: Controller, pace: float) -> Controller:
         The same feedback with the other plan.
 
     Example:
-        >>> from controllers.joint.tracking import joint_tracking
         >>> from controllers.joint.schedule import JointSchedule
-        >>> from controllers.scheduled_pid import ScheduledPID
+        >>> from controllers.pid import design_scheduled_pid
         >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
-        >>> pid = ScheduledPID(joint_tracking(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5)))
+        >>> pid = design_scheduled_pid(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
         >>> moves = [law.tracking.planner.move_time(0.26) for law in (pid, paced(pid, 0.5))]
         >>> round(moves[1] / moves[0], 6)
         0.5

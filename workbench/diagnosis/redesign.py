@@ -75,7 +75,7 @@ def redesign(
         WorkbenchError: If the model has no operating points there.
 
     Example:
-        >>> from controllers.scheduled_pid import design_scheduled_pid
+        >>> from controllers.pid import design_scheduled_pid
         >>> from workbench.physics.hysteresis import muscle_hysteresis
         >>> from workbench.plants.arm import arm
         >>> better = arm(3).with_effect(muscle_hysteresis())

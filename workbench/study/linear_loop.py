@@ -1,9 +1,9 @@
 """Loops of linear controllers on linear models: responses, margins and disk margins.
 
-The controller is linearised around rest by differences of its own step, on the linear model by the
-valve's voltage or opening that is sampled with held inputs, so that filters, inner loops, the
-observer and the delay of sampling all count. An MPC is its unconstrained law there, a sliding mode
-the law inside its boundary layer.
+The controller's law is differentiated around rest (`controllers.linear_law`), on the linear model
+by the valve's voltage or opening that is sampled with held inputs, so that filters, inner loops,
+the observer and the delay of sampling all count. An MPC is its unconstrained law there, a sliding
+mode the law inside its boundary layer.
 
 Disk margin alpha: the largest disk of simultaneous changes of gain and phase that cannot make the
 loop unstable, ``alpha = 1 / max |(S - T) / 2|``; gain margin ``(1 + alpha/2) / (1 - alpha/2)`` both
@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from controllers.protocol import Command, Controller, Measurement, Reference
+from controllers.protocol import Controller, Measurement
 from controllers.sensitivity import loop_matrices
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -111,40 +111,6 @@ class LoopAnalysis:
         }
 
 
-class _Flattened:
-    """A controller whose state is a tuple of floats, whatever its own state holds."""
-
-    def __init__(self, controller: Controller, at_rest: Measurement) -> None:
-        self.controller = controller
-        self._example = controller.initial_state(at_rest)
-        for name in ("name", "sample_time", "sensors", "follows", "actuators", "preview", "valve"):
-            if hasattr(controller, name):
-                setattr(self, name, getattr(controller, name))
-
-    def initial_state(self, measurement: Measurement) -> tuple[float, ...]:
-        return self._pack(self.controller.initial_state(measurement))
-
-    def step(self, state: Any, measurement: Measurement, reference: Reference) -> Any:
-        command, following, info = self.controller.step(self._unpack(state), measurement, reference)
-        return command, self._pack(following), info
-
-    def linear_command(self, command: Command) -> Command:
-        return self.controller.linear_command(command)
-
-    def _pack(self, state: Any) -> tuple[float, ...]:
-        return tuple(float(v) for part in state for v in np.ravel(part))
-
-    def _unpack(self, flat: tuple[float, ...]) -> Any:
-        parts, at = [], 0
-        for example in self._example:
-            size = int(np.size(example))
-            piece = np.array(flat[at : at + size])
-            parts.append(piece.reshape(np.shape(example)) if np.ndim(example) else float(piece[0]))
-            at += size
-        kind = type(self._example)
-        return kind(*parts) if hasattr(kind, "_fields") else tuple(parts)
-
-
 def analyse_loop(
     controller: Controller,
     linear: LinearModel,
@@ -179,9 +145,8 @@ def analyse_loop(
     """
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     at_rest = tuple(values.get(name, 0.0) for name in controller.sensors)
-    flat: Any = _Flattened(controller, at_rest)
     _check_linear(controller, at_rest, values)
-    A, B, C, F, G, H, J = loop_matrices(flat, linear)
+    A, B, C, F, G, H, J = loop_matrices(controller, linear)
     n, m = len(A), len(F)
     closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
     h = controller.sample_time

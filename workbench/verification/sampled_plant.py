@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from controllers.joint.observer import held
+from controllers.sampling import zero_order_hold
 from workbench.errors import NumericalError, check_choice
 from workbench.model import EXACT, Face, Model, Trace
 from workbench.model.model import check_vector, index_of
@@ -171,7 +171,7 @@ class LinearPlant:
         self._A, self._B, self._C, self._D = (
             np.asarray(matrix, dtype=float) for matrix in linear.discretise(sample_time)
         )
-        self._drift = held(linear.A, linear.drift[:, None], sample_time)[1][:, 0]
+        self._drift = zero_order_hold(linear.A, linear.drift[:, None], sample_time)[1][:, 0]
         self._x0, self._u0, self._y0 = linear.x0, linear.u0, linear.y0
         self._x, du = _rest(linear, start or {})
         self._curve: tuple[Vector, Vector] | None = None

@@ -11,10 +11,11 @@ import pytest
 
 from controllers.arithmetic import SYMBOLS
 from controllers.h_infinity import synthesis
-from controllers.h_infinity.controller import ScheduledHInfinity, design_scheduled_h_infinity
-from controllers.h_infinity.synthesis import HInfinity, Weights, h_infinity
+from controllers.h_infinity.controller import HInfinity, design_h_infinity
+from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.joint.model import JointModel
 from controllers.joint.schedule import JointSchedule
+from controllers.named_state import flat, names, restored
 from controllers.sensitivity import peak_sensitivities
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -31,12 +32,12 @@ BANDWIDTH, DELAY = 120.0, 0.004
 
 @pytest.fixture(scope="module")
 def found() -> HInfinity:
-    return h_infinity(JOINT, WEIGHTS, inner_bandwidth=BANDWIDTH, delay=DELAY)
+    return synthesise(JOINT, WEIGHTS, inner_bandwidth=BANDWIDTH, delay=DELAY)
 
 
 @pytest.fixture(scope="module")
-def law(schedule: JointSchedule) -> ScheduledHInfinity:
-    return design_scheduled_h_infinity(schedule, speed=25.0)
+def law(schedule: JointSchedule) -> HInfinity:
+    return design_h_infinity(schedule, speed=25.0)
 
 
 def test_weighted_norms_are_below_gamma(found: HInfinity) -> None:
@@ -88,10 +89,10 @@ def test_order_is_reduced_and_the_sampled_controller_agrees(found: HInfinity) ->
 
 
 def test_a_faster_wish_costs_a_larger_norm() -> None:
-    assert h_infinity(JOINT, Weights(35.0)).gamma > h_infinity(JOINT, Weights(15.0)).gamma
+    assert synthesise(JOINT, Weights(35.0)).gamma > synthesise(JOINT, Weights(15.0)).gamma
 
 
-def test_steps_on_the_plant(law: ScheduledHInfinity, plant_with_hysteresis: Model) -> None:
+def test_steps_on_the_plant(law: HInfinity, plant_with_hysteresis: Model) -> None:
     angles = (20.0, 35.0, 50.0, 20.0)
     steps = Scenario(
         "steps",
@@ -106,7 +107,7 @@ def test_steps_on_the_plant(law: ScheduledHInfinity, plant_with_hysteresis: Mode
     assert figures["oscillation"].value < math.radians(0.05)
 
 
-def test_margins_and_linear_model(law: ScheduledHInfinity, linear_by_opening: LinearModel) -> None:
+def test_margins_and_linear_model(law: HInfinity, linear_by_opening: LinearModel) -> None:
     ms, mt = peak_sensitivities(law, linear_by_opening)
     assert ms < 2.0
     assert mt < 1.9
@@ -118,7 +119,7 @@ def test_margins_and_linear_model(law: ScheduledHInfinity, linear_by_opening: Li
     assert metrics(run)["steady_error"].value < math.radians(0.05)
 
 
-def test_anti_windup_forgets(law: ScheduledHInfinity) -> None:
+def test_anti_windup_forgets(law: HInfinity) -> None:
     # With the valve fully open the state comes to rest in some 1 / w; without anti-windup it
     # would go on integrating an error of half a radian.
     at = (0.5, 4e5, 4e5)
@@ -126,37 +127,38 @@ def test_anti_windup_forgets(law: ScheduledHInfinity) -> None:
     for _ in range(500):
         _, state, info = law.step(state, at, (1.0,))
     assert info["opening"] == 1.0
-    n = len(law.B)
-    held = np.array(state[-n:])
+    held = np.array(state.controller)
     for _ in range(500):
         _, state, info = law.step(state, at, (1.0,))
-    np.testing.assert_allclose(state[-n:], held, rtol=0.02, atol=1e-3 * np.abs(held).max())
+    np.testing.assert_allclose(state.controller, held, rtol=0.02, atol=1e-3 * np.abs(held).max())
     observer = np.array(law.A) - np.outer(law.L, law.C)
     assert np.abs(np.linalg.eigvals(observer)).max() == pytest.approx(
         math.exp(-25.0 * law.sample_time), rel=1e-6
     )
 
 
-def test_symbols_agree_with_floats(law: ScheduledHInfinity) -> None:
+def test_symbols_agree_with_floats(law: HInfinity) -> None:
     state = law.initial_state((0.5, 4e5, 4e5))
-    z, m, r = ca.SX.sym("z", len(state)), ca.SX.sym("m", 3), ca.SX.sym("r")
-    command, following, _ = law.law(tuple(ca.vertsplit(z)), tuple(ca.vertsplit(m)), (r,), SYMBOLS)
-    function = ca.Function("law", [z, m, r], [ca.vcat(command), ca.vcat(following)])
+    z, m, r = ca.SX.sym("z", len(flat(state))), ca.SX.sym("m", 3), ca.SX.sym("r")
+    command, following, _ = law.law(
+        restored(state, ca.vertsplit(z)), tuple(ca.vertsplit(m)), (r,), SYMBOLS
+    )
+    function = ca.Function("law", [z, m, r], [ca.vcat(command), ca.vcat(flat(following))])
     rng = np.random.default_rng(1)
     for k in range(60):
         measured = (0.5 + 0.1 * math.sin(0.2 * k), *rng.uniform(2e5, 5e5, 2).tolist())
         wanted = (0.5 if k < 20 else 0.7,)
-        numbers = function(ca.DM(list(state)), ca.DM(list(measured)), wanted[0])
+        numbers = function(ca.DM(list(flat(state))), ca.DM(list(measured)), wanted[0])
         command, state, _ = law.step(state, measured, wanted)
         assert float(numbers[0]) == pytest.approx(command[0], abs=1e-9)
-        np.testing.assert_allclose(numbers[1].full().ravel(), state, rtol=1e-9, atol=1e-9)
-    assert len(law.state_names) == len(state)
+        np.testing.assert_allclose(numbers[1].full().ravel(), flat(state), rtol=1e-9, atol=1e-9)
+    assert len(names(state)) == len(flat(state))
 
 
 def test_absent_slycot_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(synthesis.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(WorkbenchError, match=r"pip install 'muscle-arm-workbench\[hinf\]'"):
-        h_infinity(JOINT, WEIGHTS)
+        synthesise(JOINT, WEIGHTS)
 
 
 def test_wrong_weights_are_named() -> None:

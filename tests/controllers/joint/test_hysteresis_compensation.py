@@ -14,7 +14,7 @@ from controllers.joint.hysteresis_compensation import (
     hysteresis_compensation,
 )
 from controllers.joint.schedule import JointSchedule
-from controllers.scheduled_pid import ScheduledPID, design_scheduled_pid
+from controllers.pid import CascadePID, design_scheduled_pid
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.verification import Scenario, Sine, verify
@@ -49,7 +49,7 @@ def test_a_slow_sine_is_followed_better(
     helped = replace(plain, tracking=replace(plain.tracking, hysteresis=own))
     sine = Scenario("s", {"angle": Sine(math.radians(30), math.radians(15), 0.5)}, 4.0, settle=0.3)
 
-    def error(law: ScheduledPID) -> float:
+    def error(law: CascadePID) -> float:
         run = verify(law, plant_with_hysteresis, sine)
         late = run.time > 1.0
         return float(np.sqrt(np.mean((run.references["angle"] - run["angle"])[late] ** 2)))

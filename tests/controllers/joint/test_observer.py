@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from controllers.joint.model import joint_model
-from controllers.joint.observer import JointEstimate, design_joint_observer, held
+from controllers.joint.observer import JointEstimate, design_joint_observer
+from controllers.sampling import zero_order_hold
 from workbench.errors import WorkbenchError
 
 
@@ -18,7 +19,7 @@ def test_estimates_converge_to_a_disturbed_joint(third_order: Any) -> None:
     observer = design_joint_observer(joint, bandwidth=100.0, sample_time=0.002)
     # The true joint: the same equation with 20 rad/s2 that no model knows, 0.3 bar held.
     a = np.array([[0.0, 1.0], [-joint.a0, -joint.a1]])
-    phi, gamma = held(a, np.array([[0.0], [1.0]]), 0.002)
+    phi, gamma = zero_order_hold(a, np.array([[0.0], [1.0]]), 0.002)
     x = np.array([0.05, 0.0])
     estimate = JointEstimate(0.5, 0.0, 0.0)
     for _ in range(300):
@@ -39,7 +40,7 @@ def test_start_explains_rest(third_order: Any) -> None:
 
 
 def test_held_is_the_closed_solution() -> None:
-    phi, gamma = held(np.array([[-2.0]]), np.array([[3.0]]), 0.1)
+    phi, gamma = zero_order_hold(np.array([[-2.0]]), np.array([[3.0]]), 0.1)
     assert phi[0, 0] == pytest.approx(math.exp(-0.2))
     assert gamma[0, 0] == pytest.approx(1.5 * (1 - math.exp(-0.2)))
 

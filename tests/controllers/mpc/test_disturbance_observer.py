@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.joint.observer import held
 from controllers.mpc.disturbance_observer import design_disturbance_observer
+from controllers.sampling import zero_order_hold
 from workbench.errors import WorkbenchError
 
 SENSORS = ("angle", "pressure_1", "pressure_2")
@@ -32,7 +32,7 @@ def test_estimate_agrees_with_a_plant_that_differs(third_order: Any) -> None:
     A = third_order.A.copy()
     A[1, 0] *= 1.2
     A[2, 2] *= 2.0
-    phi, gamma = held(A, np.column_stack([third_order.B, [0, 10.0, 3e4, 0]]), 0.002)
+    phi, gamma = zero_order_hold(A, np.column_stack([third_order.B, [0, 10.0, 3e4, 0]]), 0.002)
     x, z = np.zeros(4), np.zeros(7)
     for _ in range(20000):
         measured = tuple(float(v) for v in third_order.C @ x + third_order.y0)

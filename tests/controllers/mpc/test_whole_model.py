@@ -11,8 +11,8 @@ import pytest
 
 import controllers.mpc.whole_model as mpc_module
 from controllers import MPCSpecification, design_mpc
-from controllers.joint.observer import held
 from controllers.quadratic_program.solver import Solution
+from controllers.sampling import zero_order_hold
 from workbench.errors import WorkbenchError
 
 WANT = MPCSpecification(
@@ -26,7 +26,7 @@ def independent_first_move(mpc: Any, model: Any, z: Any, wanted: Any, before: fl
 
     n, blocks = 4, WANT.blocks
     E = np.eye(4)[:, 1:]
-    phi, gamma = held(model.A, np.hstack([model.B, E]), WANT.prediction_time)
+    phi, gamma = zero_order_hold(model.A, np.hstack([model.B, E]), WANT.prediction_time)
     xs_us = np.linalg.solve(
         np.block([[model.A, model.B], [model.C[:1], np.zeros((1, 1))]]),
         np.concatenate([-E @ z[4:], wanted[-1:]]),
@@ -77,7 +77,7 @@ def test_first_move_agrees_with_an_independent_formulation(third_order: Any, to:
 
 
 def loop(mpc: Any, model: Any, wanted: float, n: int, A: Any = None, push: float = 0.0) -> Any:
-    phi, gamma = held(
+    phi, gamma = zero_order_hold(
         model.A if A is None else A, np.column_stack([model.B, [0, 1.0, 0, 0]]), mpc.sample_time
     )
     x = np.zeros(4)

@@ -1,8 +1,4 @@
-"""The text of the solver in C; `quadratic_program` explains the method."""
-
-from __future__ import annotations
-
-TEXT = r"""
+/* Dual active-set solver of small dense quadratic programs; `solver.py` explains the method. */
 #include <math.h>
 
 #define QP_ROUNDING 1e-13 /* relative violation that is rounding */
@@ -214,4 +210,3 @@ static int qp_solve(const double *inverse, const double *rows, const double *siz
   }
   return status;
 }
-"""

@@ -1,0 +1,117 @@
+"""The law of a controller around rest: derivatives of its expressions, for margins.
+
+A law that is written for symbols is differentiated as CasADi writes it, so that what is judged is
+the law that runs, with its filters, its inner loops and its sample time, not a formula for it. A
+controller says so with
+
+    linear_law(state, measurement, reference, arithmetic, rest) -> (linear command, next state)
+
+which a `controllers.valve_inverse.ClosedForm` has. One without, such as one's own, is differenced.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from controllers.arithmetic import SYMBOLS
+from controllers.named_state import flat, restored
+from controllers.protocol import Controller
+
+Matrix = npt.NDArray[np.float64]
+
+
+class LinearLaw(NamedTuple):
+    """``z[k+1] = F z[k] + G m[k], u[k] = H z[k] + J m[k]`` around rest, in SI.
+
+    z are the entries of the state that measurements reach: a planner of the reference may hold or
+    integrate on its own; it is no part of the loop.
+    """
+
+    F: Matrix
+    G: Matrix
+    H: Matrix
+    J: Matrix
+
+
+def linear_law(
+    controller: Controller, measurement: tuple[float, ...], reference: tuple[float, ...]
+) -> LinearLaw:
+    """Linearise a controller around rest, from measurement to linear command.
+
+    Args:
+        controller: The controller; its law must be smooth around rest.
+        measurement: Measurements of its sensors at rest, in SI.
+        reference: References at which it is at rest, in SI.
+
+    Example:
+        >>> from controllers.pid import cascade_pid
+        >>> pid = cascade_pid(6e5, 0.0, 0.0, inner=2e-6, pressure_filter=0.0)
+        >>> linear_law(pid, (0.5, 3e5, 3e5), (0.5,)).J.round(6).tolist()
+        [[-60.0, -0.0001, 0.0001]]
+    """
+    if hasattr(controller, "linear_law"):
+        return _differentiated(controller, measurement, reference)
+    return _differenced(controller, measurement, reference)
+
+
+def _differentiated(
+    controller: Any, measurement: tuple[float, ...], reference: tuple[float, ...]
+) -> LinearLaw:
+    example = controller.initial_state(measurement)
+    z0 = np.array(flat(example), dtype=float)
+    z, m = ca.SX.sym("z", len(z0)), ca.SX.sym("m", len(measurement))
+    command, following = controller.linear_law(
+        restored(example, ca.vertsplit(z)), tuple(ca.vertsplit(m)), reference, SYMBOLS, measurement
+    )
+    u, after = ca.vcat(command), ca.vcat(flat(following))
+    moved = _reached(z, m, after)
+    by = ca.vertcat(z[moved], m)
+    slopes = ca.Function("slopes", [z, m], [ca.jacobian(ca.vertcat(after[moved], u), by)])
+    # Tables have corners: there the mean of the slopes on both sides.
+    sides = [slopes(z0, (1.0 + sign * 1e-9) * np.array(measurement)) for sign in (1.0, -1.0)]
+    table = 0.5 * sum(side.full() for side in sides)
+    n = len(moved)
+    return LinearLaw(table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:])
+
+
+def _reached(z: ca.SX, m: ca.SX, after: ca.SX) -> list[int]:
+    """Return the entries of the state that measurements reach, by the structure of the law."""
+    n = z.numel()
+    link = ca.DM(ca.jacobian_sparsity(after, z), 1.0).full() > 0
+    found = ca.DM(ca.jacobian_sparsity(after, m), 1.0).full().any(axis=1)
+    for _ in range(n):
+        found = found | (link @ found)
+    return np.flatnonzero(found).tolist()
+
+
+def _differenced(
+    controller: Controller, measurement: tuple[float, ...], reference: tuple[float, ...]
+) -> LinearLaw:
+    example = controller.initial_state(measurement)
+    z0, m0 = np.array(flat(example), dtype=float), np.array(measurement, dtype=float)
+    n, stack = len(z0), np.concatenate([z0, m0])
+
+    def run(values: Matrix) -> Matrix:
+        state = restored(example, values[:n].tolist())
+        command, following, _ = controller.step(state, tuple(values[n:].tolist()), reference)
+        return np.array([*flat(following), *controller.linear_command(command)], dtype=float)
+
+    columns = []
+    for i, value in enumerate(stack):
+        # Small beside the clipping limits and the corners of the valve curve, and symmetric.
+        step = np.zeros(len(stack))
+        step[i] = 1e-7 * max(abs(value), 1.0)
+        columns.append((run(stack + step) - run(stack - step)) / (2.0 * step[i]))
+    table = np.array(columns).T
+    F, G, H, J = table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:]
+    size = np.maximum(np.max(np.abs(np.hstack([F, G])), axis=1, keepdims=True), 1e-300)
+    link = np.abs(F) / size > 1e-9
+    reached = np.any(np.abs(G) / size > 1e-9, axis=1)
+    for _ in range(n):
+        reached |= link @ reached
+    moved = np.flatnonzero(reached)
+    return LinearLaw(F[np.ix_(moved, moved)], G[moved], H[:, moved], J)

@@ -1,0 +1,84 @@
+"""The derivatives of a law are those of its expressions: differences of its step agree."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controllers import cascade_pid, design_mpc, design_pid, design_sliding_mode
+from controllers.joint.schedule import JointSchedule
+from controllers.linear_law import linear_law
+from controllers.mpc.along_plan import design_scheduled_mpc
+from controllers.named_state import flat, restored
+from controllers.pid import design_scheduled_pid
+from controllers.sliding_mode import design_scheduled_sliding_mode
+from controllers.state_feedback import design_state_feedback
+from workbench.linearisation import LinearModel
+
+LAWS = {
+    "pid": lambda linear, _: design_pid(linear),
+    "sliding mode": lambda linear, _: design_sliding_mode(linear),
+    "mpc": lambda linear, _: design_mpc(linear),
+    "scheduled pid": lambda _, schedule: design_scheduled_pid(schedule, lag=0.005),
+    "integral": lambda _, schedule: design_scheduled_sliding_mode(schedule, kind="integral"),
+    "state feedback": lambda _, schedule: design_state_feedback(schedule, lag=0.005),
+    "scheduled mpc": lambda _, schedule: design_scheduled_mpc(schedule, lag=0.005),
+}
+
+
+@pytest.mark.parametrize("make", LAWS.values(), ids=LAWS.keys())
+def test_differences_of_the_step_agree(
+    make: Any, linear: LinearModel, schedule: JointSchedule
+) -> None:
+    law = make(linear, schedule)
+    # Away from the corners of the schedule, with pressures that hold the joint there.
+    angle = 0.45
+    difference = float(linear.y0[1] - linear.y0[2])
+    if hasattr(law, "tracking") and hasattr(law.tracking, "schedule"):
+        difference = law.tracking.schedule.at(angle, 3.6e5).difference
+    rest = (angle, 3.6e5 + 0.5 * difference, 3.6e5 - 0.5 * difference)
+    found = linear_law(law, rest, (angle,) * (1 + law.preview))
+    state = law.initial_state(rest)
+
+    def run(m: Any) -> tuple[float, Any]:
+        command, following, _ = law.step(state, tuple(m), (angle,))
+        return law.linear_command(command)[0], np.array(flat(following))
+
+    for i, size in enumerate((1e-5, 30.0, 30.0)):
+        moved = np.zeros(3)
+        moved[i] = size
+        ahead, behind = run(np.array(rest) + moved), run(np.array(rest) - moved)
+        slope = (ahead[0] - behind[0]) / (2 * size)
+        assert found.J[0, i] == pytest.approx(slope, rel=2e-4, abs=1e-10)
+
+
+def test_a_gain_alone_has_its_matrices() -> None:
+    pid = cascade_pid(6e5, 0.0, 0.0, inner=2e-6, pressure_filter=0.0, reference_speed=0.0)
+    found = linear_law(pid, (0.5, 3e5, 3e5), (0.5,))
+    # The opening -1.2 per rad times 50 V per opening on the tangent of the curve at rest.
+    np.testing.assert_allclose(found.J, [[-60.0, -1e-4, 1e-4]], rtol=1e-12)
+
+
+def test_a_law_without_symbols_is_differenced() -> None:
+    pid = cascade_pid(6e5, 2e6, 1e5, inner=2e-6)
+
+    class Own:
+        sensors, follows, actuators = pid.sensors, pid.follows, pid.actuators
+        name, sample_time, preview = "own", pid.sample_time, 0
+        initial_state, step, linear_command = pid.initial_state, pid.step, pid.linear_command
+
+    rest = (0.5, 4e5, 3e5)
+    # In which coordinates is the law's own affair: what counts is from measurement to command.
+    own: Any = Own()
+    for ours, theirs in zip(
+        linear_law(own, rest, (0.5,)), linear_law(pid, rest, (0.5,)), strict=True
+    ):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-3, atol=1e-6)
+
+
+def test_states_keep_their_form() -> None:
+    pid = cascade_pid(6e5, 2e6, 1e5, inner=2e-6)
+    state = pid.initial_state((0.5, 4e5, 3e5))
+    assert restored(state, flat(state)) == state
