@@ -59,10 +59,6 @@ def response(linear: LinearModel, output: str) -> npt.NDArray[np.complex128]:
 
     Returns:
         Response at `FREQUENCY`, shape (n,), in SI of the output per percent of full opening.
-
-    Example:
-        >>> response(linear_models()[3, 30], "angle").shape
-        (300,)
     """
     row = linear.output_names.index(output)
     s = 2j * np.pi * FREQUENCY

@@ -129,7 +129,13 @@ def _pictures(study: MapStudy) -> tuple[Picture, ...]:
 
 
 def map_figure(study: MapStudy, pressures: Sequence[float], laws: Sequence[str]) -> Figure:
-    """Draw the points at some gauge pressures, in Pa, and fitted laws beside them."""
+    """Draw the points at some gauge pressures and fitted laws beside them.
+
+    Args:
+        study: Laws fitted to the points.
+        pressures: Gauge pressures, in Pa.
+        laws: Short names of the laws.
+    """
     points = study.points
     scale = float(points.length.max()) / LAW_LENGTH
     rows = [points.pressure == pressure for pressure in pressures]

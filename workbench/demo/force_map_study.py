@@ -40,10 +40,6 @@ class ForceMap:
         pressure: Gauge pressures, shape (n,), in Pa.
         length: Lengths, shape (n,), in m.
         force: Forces, shape (n,), in N; zero where the muscle is slack.
-
-    Example:
-        >>> ForceMap(np.zeros(2), np.array([0.3, 0.27]), np.zeros(2)).contraction.round(3).tolist()
-        [0.0, 0.02]
     """
 
     pressure: Vector
@@ -85,10 +81,6 @@ class Family:
         build: Makes the law from its numbers.
         start: Numbers to start from, in the law's own units.
         published: The law with its published or printed numbers.
-
-    Example:
-        >>> FAMILIES["petrovic"].title
-        'equation (3), Petrovic'
     """
 
     title: str
@@ -302,10 +294,6 @@ def families_for(largest_force: float) -> dict[str, Family]:
 
     Returns:
         The laws by short name; equation (4) with phi of every order of `ORDERS`.
-
-    Example:
-        >>> list(families_for(600.0))[-2:]
-        ['paper_3', 'sarosi']
     """
     size = largest_force / _DMSP_20_FORCE
     found = {}
@@ -329,12 +317,7 @@ def families_for(largest_force: float) -> dict[str, Family]:
 
 
 def made_up_map() -> ForceMap:
-    """Compute a force map of a 200 mm muscle that obeys equation (4), without noise.
-
-    Example:
-        >>> made_up_map().force.shape
-        (70,)
-    """
+    """Compute a force map of a 200 mm muscle that obeys equation (4), without noise."""
     q, p = np.meshgrid(np.linspace(0.0, 0.03, 7), np.linspace(1e5, 6e5, 10))
     force = np.asarray(PaperLaw().force(q, p))
     return ForceMap(p.ravel(), LAW_LENGTH - q.ravel(), force.ravel())

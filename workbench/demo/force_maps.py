@@ -29,12 +29,6 @@ def read_force_map(folder: Path) -> ForceMap:
 
     Raises:
         WorkbenchError: If the folder does not hold it.
-
-    Example:
-        >>> read_force_map(Path("nowhere"))
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: data folder 'nowhere' does not exist; give ...
     """
     table = read_table(external_data(FILE, folder))
     return ForceMap(table["pressure"], table["length"], table["force"])

@@ -28,10 +28,6 @@ def true_values(law: PaperLaw) -> dict[str, float]:
 
     Returns:
         Values by name, in the units of millimetre, bar and newton.
-
-    Example:
-        >>> true_values(PaperLaw())["D1"]
-        280.0
     """
     names = ("D1", "D2", "D3", *(f"phi_{i}" for i in range(len(law.phi_mm))), "switch")
     values = (*law.gain_bar_mm, *law.phi_mm, 1e3 * law.phi_switch)

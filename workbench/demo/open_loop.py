@@ -28,12 +28,7 @@ BANDS = (
 
 
 def variants() -> dict[str, Model]:
-    """Build arms that lack one of the two things behind the ripple.
-
-    Example:
-        >>> list(variants())
-        ['linear valve', 'constant volume']
-    """
+    """Build arms that lack one of the two things behind the ripple."""
     plant = arm(LOAD_KG)
     return {
         "linear valve": arm(LOAD_KG, valve_curve="linear"),

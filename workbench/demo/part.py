@@ -17,10 +17,6 @@ class Part:
     Args:
         section: Its section of the page.
         results: Its numbers, with the units in their names, for ``results.json``.
-
-    Example:
-        >>> Part(Section("steps", "Steps", ())).results
-        {}
     """
 
     section: Section

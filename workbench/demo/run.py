@@ -42,11 +42,6 @@ class Demonstration:
         missed: Number of requirements missed.
         failed: Parts that could not be run, with the reason.
         interrupted: Whether it was stopped before its end.
-
-    Example:
-        >>> print(Demonstration(Path("demo/report.html"), 80.0, 12, 0, {}, False))
-        12 requirements met, 0 missed; 80 s.
-        Open demo/report.html in a browser.
     """
 
     page: Path

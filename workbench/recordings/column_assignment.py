@@ -77,10 +77,6 @@ def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
 
     Raises:
         WorkbenchError: If there is no such column; lists what there is.
-
-    Example:
-        >>> find_column([Header("angle_deg", "angle", "deg")], ColumnRule("q", "angle"))
-        0
     """
     for key in ("column", "name"):
         for i, header in enumerate(headers):
@@ -97,10 +93,6 @@ def find_time(headers: Sequence[Header], rules: MappingRules) -> int | None:
 
     Raises:
         WorkbenchError: If the mapping names a time column that the file does not have.
-
-    Example:
-        >>> find_time([Header("u", "u"), Header("time_ms", "time", "ms")], MappingRules())
-        1
     """
     if rules.time is not None:
         return find_column(headers, rules.time)

@@ -56,10 +56,6 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
 
     Raises:
         WorkbenchError: If it is none of these or a unit is unknown.
-
-    Example:
-        >>> [w.name for w in requested_signals({"angle": "rad", "valve": "V"})]
-        ['angle', 'valve']
     """
     if signals is None:
         return ()
@@ -101,12 +97,7 @@ def _plain(text: str) -> str:
 
 
 def is_time(header: Header) -> bool:
-    """Tell whether a column is the time by its name.
-
-    Example:
-        >>> is_time(Header("t", "t")), is_time(Header("rise_s", "rise", "s"))
-        (True, False)
-    """
+    """Tell whether a column is the time by its name."""
     names = {_plain(n) for n in _SYNONYMS[-1]}
     right_unit = not header.unit or same_dimension(header.unit, "s")
     return right_unit and _plain(header.name) in names

@@ -26,10 +26,6 @@ class ColumnRule:
         offset: Added after sign and factor, in ``unit``.
         role: ``command``, ``reference`` or ``measurement``; by default from the name.
         reference: ``gauge`` or ``absolute`` (pressures); absolute becomes gauge.
-
-    Example:
-        >>> ColumnRule("angle", "q1", "deg", sign=-1).unit
-        'deg'
     """
 
     signal: str

@@ -40,10 +40,6 @@ def public_files(data_set: str) -> tuple[str, ...]:
 
     Raises:
         WorkbenchError: If there is no such data set.
-
-    Example:
-        >>> public_files("emps")
-        ('DATA_EMPS.mat', 'DATA_EMPS_PULSES.mat')
     """
     check_choice("public data set", data_set, public_data_sets())
     return tuple(_registry()[data_set]["files"])

@@ -15,10 +15,6 @@ class Kind:
         name: Name of the quantity, such as ``angle``.
         unit: SI unit.
         display_unit: Unit in which people of the field read it.
-
-    Example:
-        >>> kind_of("bar").unit
-        'Pa'
     """
 
     name: str

@@ -94,10 +94,6 @@ def rules_of(
 
     Raises:
         WorkbenchError: If the mapping cannot be understood.
-
-    Example:
-        >>> rules_of({"angle": "q1"}, (), None).signals[0].column
-        'q1'
     """
     if mapping is None:
         rules = MappingRules()
@@ -135,12 +131,6 @@ def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_R
 
     Raises:
         WorkbenchError: If the format is unknown or the file cannot be read.
-
-    Example:
-        >>> from workbench.data_folder import shipped_data
-        >>> file = shipped_data("practice-07") / "identify_open.csv.gz"
-        >>> read_columns(file, MappingRules(), max_rows=100).headers[:2]
-        ('time_s', 'valve_V')
     """
     file = Path(path)
     _require_file(file)
@@ -161,12 +151,7 @@ def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_R
 
 
 def mapping_beside(path: str | Path) -> Path | None:
-    """Return the mapping of one file, ``trial.mapping.toml`` beside ``trial.csv``, if there is one.
-
-    Example:
-        >>> mapping_beside("nowhere/trial.csv") is None
-        True
-    """
+    """Return the mapping of one file, such as ``trial.mapping.toml`` beside ``trial.csv``."""
     file = Path(path)
     own = file.with_name(f"{_title(file)}.mapping.toml")
     return own if own.is_file() else None
@@ -353,11 +338,6 @@ def read_settings(path: Path) -> dict[str, Any]:
 
     Raises:
         WorkbenchError: If it is missing or not TOML.
-
-    Example:
-        >>> from workbench.data_folder import shipped_data
-        >>> read_settings(shipped_data("practice-07") / "case.toml")["plane"]
-        'horizontal'
     """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))

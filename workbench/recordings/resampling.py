@@ -140,11 +140,6 @@ def decimate(recording: Recording, factor: int) -> Recording:
 
     Raises:
         WorkbenchError: If the factor is not a whole number or leaves fewer than two samples.
-
-    Example:
-        >>> time = np.arange(9) * 1.0
-        >>> decimate(Recording("r", time, (Signal("angle", time, "rad"),)), 4).time
-        array([0., 4., 8.])
     """
     if int(factor) != factor:
         raise WorkbenchError(f"factor is {factor!r}; decimation takes whole numbers")

@@ -116,13 +116,6 @@ def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
 
     Raises:
         WorkbenchError: If the description does not fit the columns.
-
-    Example:
-        >>> columns = Columns(("time_s",), ("",), np.zeros((2, 1)))
-        >>> restore_recording(columns, {"version": 0})
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: the recording was written in format 0; ...
     """
     columns = without_giants(columns)
     try:

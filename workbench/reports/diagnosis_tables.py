@@ -132,12 +132,6 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
 
     Parameters that end on a bound stand first where that is the verdict; ordinates of a curve
     without a name stand last.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> found, _ = example_diagnosis()
-        >>> [row[0] for row in parameters_table(found).rows][:2]
-        ['coulomb friction, level in N (new)', 'mass in kg']
     """
     before = {e.name: e for e in diagnosis.base.refit.estimates}
     after = {e.name: e for e in diagnosis.extended.refit.estimates} if improved(diagnosis) else {}
@@ -232,12 +226,6 @@ def scores_table(
         scores: Scores of the library.
         candidates: Effects that were refitted.
         taken_back: Why effects were taken back after they had been accepted, by name.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> found, _ = example_diagnosis()
-        >>> [row[0] for row in scores_table("Round", *found.rounds[0]).rows]
-        ['coulomb friction', 'linear spring']
     """
     names = [score.entry.name for score in scores.scores]
     tried = {c.entry.name: c for c in candidates}
@@ -313,15 +301,7 @@ def _outcome(candidate: Candidate | None, taken_back: Mapping[str, str]) -> Cell
 
 
 def unseen_table(verdict: Verdict) -> Table:
-    """Build the table of effects that these recordings could not have shown.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> row = {"effect": "ripple", "reason": "the axis did not move"}
-        >>> unseen = Verdict("nothing_missing", "", servo_axis(), not_testable=(row,))
-        >>> unseen_table(unseen).rows
-        (('ripple', 'the axis did not move'),)
-    """
+    """Build the table of effects that these recordings could not have shown."""
     return Table(
         "What these recordings could not have shown",
         ("effect", "why"),
@@ -331,14 +311,7 @@ def unseen_table(verdict: Verdict) -> Table:
 
 
 def checks_table(verdict: Verdict) -> Table:
-    """Build the table of checks that did not simply pass.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> row = {"recording": "one", "check": "gaps", "result": "pass", "note": ""}
-        >>> checks_table(Verdict("nothing_missing", "", servo_axis(), data=(row,))).note
-        '1 checks passed without remark.'
-    """
+    """Build the table of checks that did not simply pass."""
     passed = sum(row.get("result") == "pass" for row in verdict.data)
     remarks = [row for row in verdict.data if row.get("result") != "pass"]
     rows = tuple(
@@ -359,14 +332,7 @@ def checks_table(verdict: Verdict) -> Table:
 
 
 def unfit_sentences(verdict: Verdict) -> tuple[str, ...]:
-    """Say which checks found recordings unfit, and what usually helps.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> row = {"recording": "one", "check": "gaps", "result": "unfit", "note": "half is lost"}
-        >>> unfit_sentences(Verdict("data_unfit", "", servo_axis(), data=(row,)))[0][:44]
-        'one fails the check of gaps: half is lost. U'
-    """
+    """Say which checks found recordings unfit, and what usually helps."""
     said = []
     for row in verdict.data:
         if row.get("result") == "unfit":

@@ -22,24 +22,13 @@ def accepted_term(diagnosis: Diagnosis) -> NonparametricTerm | None:
 
     Returns:
         The term; None if an effect of the library was found, or nothing at all.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> accepted_term(example_diagnosis()[0]) is None
-        True
     """
     term = diagnosis.nonparametric
     return term if term is not None and term.accepted and not diagnosis.accepted else None
 
 
 def improved(diagnosis: Diagnosis) -> bool:
-    """Return whether there is a model that is better than the refitted one.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> improved(example_diagnosis()[0])
-        True
-    """
+    """Return whether there is a model that is better than the refitted one."""
     return bool(diagnosis.accepted) or accepted_term(diagnosis) is not None
 
 
@@ -76,15 +65,6 @@ def outside_sentence(term: NonparametricTerm, located: Located) -> str:
     Returns:
         A sentence with a blank before it; empty if all of them lie inside, or another quantity was
         drawn.
-
-    Example:
-        >>> import numpy as np
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.1)),)
-        >>> term = NonparametricTerm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
-        >>> x = np.linspace(-0.2, 0.2, 1001)
-        >>> outside_sentence(term, Located("axis.force", "N", x, x, x, x, "speed", "m/s", x))
-        ' 50 % of these samples lie outside the data hull, where the curve is only continued.'
     """
     own = [a for a in term.arguments if located.argument.startswith(a.name)]
     if not own:
@@ -134,16 +114,7 @@ def free_form_blocks(term: NonparametricTerm) -> list[Block]:
 
 
 def arguments_table(term: NonparametricTerm) -> Table:
-    """Build the table of the arguments of a term.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> from workbench.diagnosis.nonparametric.curve_description import Term
-        >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.2), terms=(Term("x^2", 0.8),)),)
-        >>> term = NonparametricTerm(example_diagnosis()[0].base, ("axis.force",), arguments=seen)
-        >>> arguments_table(term).rows[0]
-        ('speed in mm/s', '0.0100', '90 %', '−100 … 200', 'x² (80 %)')
-    """
+    """Build the table of the arguments of a term."""
     rows: list[tuple[Cell | str, ...]] = []
     for a in term.arguments:
         unit, factor = readable(a.unit)
@@ -174,11 +145,6 @@ def taken_back(diagnosis: Diagnosis) -> dict[str, str]:
 
     Returns:
         The reason by name of the effect, in the order of finding.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> taken_back(example_diagnosis()[0])
-        {}
     """
     kept = {candidate.entry.name for candidate, _ in diagnosis.accepted}
     return {c.entry.name: why for c, why in diagnosis.withdrawn if c.entry.name not in kept}
@@ -189,11 +155,6 @@ def refusals(diagnosis: Diagnosis) -> list[Block]:
 
     Returns:
         A paragraph for each; nothing where there is nothing to say.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> refusals(example_diagnosis()[0])
-        []
     """
     blocks: list[Block] = [
         Words(f"Taken back: {_plain(name)}; {reason}.", "note")
@@ -240,10 +201,6 @@ def share_sentence(share: float) -> str:
 
     Args:
         share: Share of the mean square error beyond the noise, 0 to 1, dimensionless.
-
-    Example:
-        >>> share_sentence(0.5)
-        'It takes away 50 % of the held-out mean square error beyond the noise of the sensors.'
     """
     if not math.isfinite(share):
         return ""

@@ -30,22 +30,17 @@ def metric_title(name: str) -> str:
 
 
 def score_cell(value: float, *, capped: bool = False) -> Cell:
-    """Write a score, a ratio, with its mark; ``capped`` if 10 stands for 10 and above.
+    """Write a score with its mark.
 
-    Example:
-        >>> print(score_cell(0.8))
-        0.80 ✓
+    Args:
+        value: The score, a ratio.
+        capped: Whether 10 stands for 10 and above.
     """
     return Cell(score_text(value, capped=capped), "met" if value <= 1.0 else "missed")
 
 
 def demand_text(demand: Demand | str) -> str:
-    """Write a requirement with the name of its metric in words.
-
-    Example:
-        >>> demand_text("settling_time at most 0.8 s")
-        'settling time at most 0.8 s'
-    """
+    """Write a requirement with the name of its metric in words."""
     metric, _, rest = str(demand).partition(" ")
     return f"{metric_title(metric)} {rest}"
 

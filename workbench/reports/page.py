@@ -19,10 +19,6 @@ class Words:
     Args:
         text: Plain words; the page escapes them.
         weight: ``"plain"``, or ``"note"`` for something the reader should not overlook.
-
-    Example:
-        >>> Words("The arm settles.").weight
-        'plain'
     """
 
     text: str
@@ -35,10 +31,6 @@ class Commands:
 
     Args:
         lines: One command each.
-
-    Example:
-        >>> Commands(("workbench demo --out demo",)).lines[0]
-        'workbench demo --out demo'
     """
 
     lines: tuple[str, ...]
@@ -51,10 +43,6 @@ class Method:
     Args:
         entries: Pairs of a quantity and how it was computed.
         title: What the entries are about.
-
-    Example:
-        >>> Method((("overshoot", "largest angle past the reference"),)).title
-        'How each number was computed'
     """
 
     entries: tuple[tuple[str, str], ...]
@@ -72,10 +60,6 @@ class Section:
         name: Name by which links find it, in small letters with hyphens.
         title: Heading.
         blocks: Its content in order; neighbouring pictures stand side by side where there is room.
-
-    Example:
-        >>> Section("steps", "Steps", (Words("Three controllers."),)).name
-        'steps'
     """
 
     name: str
@@ -93,10 +77,6 @@ class Page:
         sections: The sections in order.
         facts: Pairs of words shown under the lead: duration, version, plant.
         foot: Last line.
-
-    Example:
-        >>> Page("Workbench", "What the arm does.", ()).title
-        'Workbench'
     """
 
     title: str
@@ -129,10 +109,6 @@ def html(page: Page) -> str:
 
     Returns:
         The document: styles and pictures inside it, no scripts, no links to elsewhere.
-
-    Example:
-        >>> html(Page("Workbench", "What the arm does.", ())).startswith("<!doctype html>")
-        True
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -166,11 +142,5 @@ def write_page(page: Page, path: Path) -> Path:
 
     Raises:
         WorkbenchError: If the file cannot be written.
-
-    Example:
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as place:
-        ...     write_page(Page("Arm", "Short.", ()), Path(place) / "report.html").name
-        'report.html'
     """
     return write_whole(path, html(page))

@@ -34,12 +34,6 @@ class Picture:
 
     Raises:
         WorkbenchError: If the name cannot be a file's or an element's name.
-
-    Example:
-        >>> from workbench.reports.style import new_figure
-        >>> figure, _ = new_figure([2.0])
-        >>> Picture("steps", figure, "Steps of the arm.", "angle over time").name
-        'steps'
     """
 
     name: str
@@ -86,12 +80,6 @@ def svg(picture: Picture) -> str:
 
     Returns:
         A stand-alone SVG document with text as text; the same picture gives the same document.
-
-    Example:
-        >>> from workbench.reports.style import new_figure
-        >>> figure, _ = new_figure([2.0])
-        >>> svg(Picture("steps", figure, "Steps.")).startswith("<?xml")
-        True
     """
     return picture.document
 
@@ -143,14 +131,6 @@ def save(picture: Picture, folder: Path) -> tuple[Path, Path]:
 
     Raises:
         WorkbenchError: If a file cannot be written.
-
-    Example:
-        >>> import tempfile
-        >>> from workbench.reports.style import new_figure
-        >>> figure, _ = new_figure([2.0])
-        >>> with tempfile.TemporaryDirectory() as place:
-        ...     [path.name for path in save(Picture("steps", figure, "Steps."), Path(place))]
-        ['steps.png', 'steps.svg']
     """
     from matplotlib import rc_context
 

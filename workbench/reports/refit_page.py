@@ -73,15 +73,6 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
 
     Returns:
         One picture per recording on which the refitted run reached the end.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.diagnosis.estimation.refit_report import RefitTask, run_refit
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> seen, unseen = made_up_axis(0), made_up_axis(1, name="test")
-        >>> report = run_refit(RefitTask("axis", "servo axis", servo_axis(), (seen,), (unseen,)))
-        >>> [picture.name for picture in pictures(report)]
-        ['held-out-test']
     """
     drawn = []
     for before, after in zip(report.nominal, report.refitted, strict=True):

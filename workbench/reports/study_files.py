@@ -60,10 +60,6 @@ def write_pictures(page: Page, folder: str | Path) -> int:
 
     Raises:
         WorkbenchError: If a file cannot be written.
-
-    Example:
-        >>> write_pictures(Page("Arm", "Short.", ()), ".")
-        0
     """
     for picture in page.pictures:
         save(picture, Path(folder) / "pictures")

@@ -29,10 +29,6 @@ class Colour:
         name: Name by which pages refer to it.
         light: Value on light ground, ``#rrggbb``.
         dark: Value on dark ground, ``#rrggbb``.
-
-    Example:
-        >>> INK.light
-        '#1d2226'
     """
 
     name: str
@@ -105,9 +101,6 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
     Families of the workbench's designs have their own; any other name always takes the same one of
     the further colours, unless a name before it has taken that.
 
-    Returns:
-        Colours by name, no two the same.
-
     Raises:
         WorkbenchError: If there are more controllers than colours that can be told apart.
 
@@ -136,10 +129,6 @@ def ramp(count: int) -> tuple[Colour, ...]:
 
     Raises:
         WorkbenchError: If the family has no member or more than the ramp has colours.
-
-    Example:
-        >>> [colour.name for colour in ramp(3)]
-        ['ramp-1', 'ramp-4', 'ramp-7']
     """
     check_range("number of curves in a family", count, 1, len(RAMP))
     last = len(RAMP) - 1
@@ -151,9 +140,6 @@ def check_family(count: int) -> None:
 
     Raises:
         WorkbenchError: If there are more than the palette has colours for.
-
-    Example:
-        >>> check_family(3)
     """
     check_range("number of curves to tell apart", count, 0, len(FURTHER))
 
@@ -163,10 +149,6 @@ def colour(name: str) -> Colour:
 
     Raises:
         WorkbenchError: If the palette has no such colour.
-
-    Example:
-        >>> colour("ink").dark
-        '#e8eaed'
     """
     check_choice("colour", name, [c.name for c in palette()])
     return next(c for c in palette() if c.name == name)
@@ -178,11 +160,6 @@ def new_figure(heights: Iterable[float], *, share_x: bool = True) -> tuple[Figur
     Args:
         heights: Height of each panel, in inches of 25.4 mm.
         share_x: Whether the panels share their horizontal axis.
-
-    Example:
-        >>> figure, (above, below) = new_figure([1.5, 1.0])
-        >>> float(figure.get_size_inches()[0])
-        5.2
     """
     from matplotlib.figure import Figure
 
@@ -217,12 +194,6 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str 
         x: Quantity and unit of the horizontal axis; None leaves it to the panel below.
         y: Quantity and unit of the vertical axis.
         title: What the panel shows, in a few words.
-
-    Example:
-        >>> figure, (panel,) = new_figure([2.0])
-        >>> label(panel, x="time in s", y="angle in °")
-        >>> panel.get_xlabel()
-        'time in s'
     """
     if x is not None:
         axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)
@@ -239,13 +210,6 @@ def key(axes: Axes, *, columns: int = 3, handles: list[Line2D] | None = None) ->
         axes: The panel.
         columns: Entries side by side.
         handles: Lines to name; those of the panel that have a label by default.
-
-    Example:
-        >>> figure, (panel,) = new_figure([2.0])
-        >>> _ = panel.plot([0, 1], [0, 1], label="measured")
-        >>> key(panel)
-        >>> panel.get_legend() is None
-        False
     """
     options = {} if handles is None else {"handles": handles}
     axes.legend(

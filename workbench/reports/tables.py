@@ -21,10 +21,6 @@ class Cell:
         text: What stands there.
         mark: Whether a requirement is met or missed, or ``"open"`` where it could not be judged.
         reason: Why, shown beside the mark.
-
-    Example:
-        >>> print(Cell("0.42 s", "met"))
-        0.42 s ✓
     """
 
     text: str

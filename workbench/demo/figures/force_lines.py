@@ -36,11 +36,6 @@ def force_lines(
 
     Returns:
         The figure: force in N over gauge pressure in bar.
-
-    Example:
-        >>> figure = force_lines([0.0], [[0.0, 6e5]], [[0.0, 1680.0]], [[0.0, 1680.0]])
-        >>> figure.axes[0].get_xlabel()
-        'gauge pressure in bar'
     """
     from matplotlib.lines import Line2D
 

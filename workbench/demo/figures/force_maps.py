@@ -32,11 +32,6 @@ def force_map(
 
     Returns:
         The figure: force in N over contraction in mm.
-
-    Example:
-        >>> figure = force_map([[0.0]], [[900.0]], [3e5], [0.0, 0.02], {"law": [[900.0, 500.0]]})
-        >>> figure.axes[-1].get_xlabel()
-        'contraction in mm'
     """
     from matplotlib.lines import Line2D
 
@@ -82,10 +77,6 @@ def law_errors(
 
     Returns:
         The figure: rms error in N, on a logarithmic axis.
-
-    Example:
-        >>> law_errors(["law"], [10.0], [12.0], [100.0]).axes[0].get_xlabel()
-        'rms error in N'
     """
     figure, (axes,) = new_figure([0.36 * len(names) + 0.4])
     rows = np.arange(len(names), dtype=float)

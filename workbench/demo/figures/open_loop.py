@@ -44,11 +44,6 @@ def open_loop(
 
     Returns:
         The figure: voltage in V, angle in ° and speed in °/s over time in s.
-
-    Example:
-        >>> figure = open_loop([0.0, 1.0], [5.9, 5.9], [0.0, 0.5], [0.5, 0.5])
-        >>> [axes.get_ylabel() for axes in figure.axes]
-        ['valve in V', 'angle in °', 'speed in °/s']
     """
     figure, (command, position, rate) = new_figure([0.75, 1.9, 1.5])
     t = np.asarray(time, dtype=float)

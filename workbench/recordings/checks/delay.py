@@ -59,12 +59,6 @@ def response_correlation(
 
     Returns:
         Correlation at lags 0, 1, 2, ... samples.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> response_correlation(trial, "valve", "pressure_1", max_delay=0.1).shape
-        (51,)
     """
     lags = int(np.clip(round(max_delay / recording.sample_time), 10, 200))
     moving = tuple(m for m in recording.measurements if np.ptp(recording[m]) > 0)

@@ -60,10 +60,6 @@ def occupancy(signal: Signal, limits: tuple[float, float] | None = None) -> Occu
     Args:
         signal: The signal.
         limits: Ends of the range of the machine, in SI; by default those of the signal.
-
-    Example:
-        >>> occupancy(Signal("angle", np.linspace(0.0, 1.0, 1000), "rad")).covered
-        1.0
     """
     low, high = limits or (float(signal.values.min()), float(signal.values.max()))
     edges: Vector = np.linspace(low, high if high > low else low + 1.0, _BINS + 1)
@@ -79,12 +75,6 @@ def directions(signal: Signal, sample_time: float) -> Directions:
     Args:
         signal: An angle or position.
         sample_time: Step, in s.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> directions(trial.signal("angle"), trial.sample_time).resting < 0.5
-        True
     """
     from scipy.ndimage import gaussian_filter1d
 

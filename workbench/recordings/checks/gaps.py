@@ -16,12 +16,7 @@ FILLED_ROWS = 5
 
 
 def runs(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return the first and last index of every stretch in which a mask is true.
-
-    Example:
-        >>> runs(np.array([False, True, True, False, True]))
-        [(1, 2), (4, 4)]
-    """
+    """Return the first and last index of every stretch in which a mask is true."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(int), [0]])))
     return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
@@ -37,14 +32,6 @@ def filled(recording: Recording, name: str, bad: npt.NDArray[np.bool_], reason: 
 
     Returns:
         The recording; commands are held, measurements interpolated by straight lines.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> bad = np.zeros(len(trial), dtype=bool)
-        >>> bad[100:110] = True
-        >>> int(filled(trial, "angle", bad, "loose plug").valid("angle").sum())
-        990
     """
     signal, time = recording.signal(name), recording.time
     good = ~bad & np.isfinite(signal.values)
@@ -65,10 +52,6 @@ def gap_limit(time: Vector) -> float:
 
     Args:
         time: Increasing instants, shape (n,), in s.
-
-    Example:
-        >>> round(gap_limit(np.arange(20) * 0.002), 6)
-        0.003
     """
     steps = np.diff(time)
     usual = float(np.median(steps))

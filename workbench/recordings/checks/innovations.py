@@ -29,11 +29,6 @@ def innovations(target: Vector, past: Sequence[Vector], *, memory: int = MEMORY)
 
     Returns:
         Prediction errors, shape (n - memory,), zero mean.
-
-    Example:
-        >>> t = np.arange(400.0)
-        >>> bool(np.abs(innovations(np.sin(0.1 * t), [np.sin(0.1 * t)])).max() < 1e-9)
-        True
     """
     n = len(target)
     scale = float(np.std(target)) or 1.0
@@ -70,11 +65,6 @@ def surprises(
 
     Returns:
         Prediction errors in the unit of the signal, shape (at most 50000 - 12,).
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> surprises(example_recording(seconds=2.0), "angle", given=("valve",)).shape
-        (988,)
     """
     kept = _known.setdefault(recording, {})
     key = (name, *given, "now", *now)
@@ -97,11 +87,6 @@ def correlation(first: Vector, second: Vector, lags: npt.ArrayLike) -> Vector:
         first: Shape (n,), zero mean.
         second: Shape (n,), zero mean.
         lags: Lags in samples, whole numbers, not negative.
-
-    Example:
-        >>> e = np.random.default_rng(2).normal(size=1000)
-        >>> int(np.argmax(correlation(e[3:], e[:-3], range(6))))
-        3
     """
     n = len(first)
     size = float(np.std(first) * np.std(second))

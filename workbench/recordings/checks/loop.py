@@ -21,11 +21,6 @@ def is_held(recording: Recording, command: str) -> bool:
     """Tell whether a command stands still for long while a measurement moves.
 
     A digital controller that sees the motion would answer within a few samples.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> is_held(example_recording(), "valve")
-        True
     """
     limits = {m: 20 * white_rms(recording[m]) for m in recording.measurements}
     steady = 0

@@ -96,12 +96,6 @@ def rest_mask(recording: Recording, window: int) -> npt.NDArray[np.bool_]:
     Args:
         recording: Uniformly sampled recording.
         window: Samples per window.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> rest_mask(trial, 100).shape
-        (10,)
     """
     count = len(recording) // window
     rest = np.ones(count, dtype=bool)
@@ -146,13 +140,6 @@ def noise_of(
         name: Name of the signal.
         rest: Which windows show no motion.
         window: Samples per window.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> floor = noise_of(trial, "pressure_1", rest_mask(trial, 100), 100)
-        >>> bool(abs(floor.noise_rms - 600.0) < 60.0)
-        True
     """
     values = recording[name]
     step = recorded_quantum(recording, name)

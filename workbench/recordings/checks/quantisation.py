@@ -58,14 +58,7 @@ def quantum(values: npt.ArrayLike) -> float:
 
 
 def recorded_quantum(recording: Recording, name: str) -> float:
-    """Return the step of a signal from the samples that were really measured.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> round(recorded_quantum(trial, "pressure_1"))
-        240
-    """
+    """Return the step of a signal from the samples that were really measured."""
     return quantum(recording[name][recording.valid(name)])
 
 

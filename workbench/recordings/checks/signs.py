@@ -30,13 +30,6 @@ def acceleration_sign(recording: Recording, causes: list[str], motion: str) -> d
 
     Returns:
         Estimate over standard error, dimensionless, by cause.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=8.0)
-        >>> found = acceleration_sign(trial, ["pressure_1", "pressure_2"], "angle")
-        >>> found["pressure_1"] > 6.0, found["pressure_2"] < -6.0
-        (True, True)
     """
     dt = recording.sample_time
     edge = min(8.0, 0.1 / dt)

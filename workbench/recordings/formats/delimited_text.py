@@ -41,10 +41,6 @@ def guess_encoding(start: bytes, source: str) -> str:
 
     Raises:
         WorkbenchError: If it is no text.
-
-    Example:
-        >>> guess_encoding(b"time_s,angle_deg", "a.csv"), guess_encoding(b"winkel [\xb0]    ", "a")
-        ('utf-8', 'latin-1')
     """
     for mark, name in _MARKS:
         if start.startswith(mark):
@@ -94,13 +90,6 @@ def line_blocks(path: Path, cut: list[str]) -> Iterator[list[str]]:
     Raises:
         WorkbenchError: If the file is no text or has a line of more than a million characters.
         OSError: If the file cannot be opened.
-
-    Example:
-        >>> import tempfile
-        >>> file = Path(tempfile.mkdtemp()) / "a.csv"
-        >>> _ = file.write_bytes(b"a,b\r\n1,2\r\n")
-        >>> list(line_blocks(file, []))
-        [['a,b', '1,2']]
     """
     decoder: codecs.IncrementalDecoder | None = None
     waiting: list[str] = []

@@ -46,11 +46,6 @@ class Elements:
 
     Raises:
         ValueError: While reading, if an element claims more bytes than there are.
-
-    Example:
-        >>> pair = struct.pack("<IId", 9, 8, 2.5)
-        >>> [(kind, len(body)) for kind, body in Elements(memoryview(pair), "<")]
-        [(9, 8)]
     """
 
     def __init__(self, data: memoryview, order: str, depth: int = 0) -> None:

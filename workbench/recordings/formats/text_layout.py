@@ -68,12 +68,7 @@ def split_line(line: str, separator: str | None) -> list[str]:
 
 
 def is_comment(line: str) -> bool:
-    """Tell whether a line is blank or a comment.
-
-    Example:
-        >>> is_comment("# made on rig 2"), is_comment("0.1;5.2")
-        (True, False)
-    """
+    """Tell whether a line is blank or a comment."""
     text = line.lstrip()
     return not text or text.startswith(COMMENT_SIGNS)
 
@@ -84,21 +79,12 @@ def is_number(cell: str, decimal: str = ".") -> bool:
     Args:
         cell: The cell.
         decimal: ``.`` or ``,``.
-
-    Example:
-        >>> is_number("1.5e-3"), is_number("1,5"), is_number("1,5", ",")
-        (True, False, True)
     """
     return bool((_POINT if decimal == "." else _COMMA).match(cell))
 
 
 def is_missing(cell: str) -> bool:
-    """Tell whether a cell says that there is no number.
-
-    Example:
-        >>> is_missing("NaN"), is_missing("0")
-        (True, False)
-    """
+    """Tell whether a cell says that there is no number."""
     return cell.lower() in _MISSING
 
 

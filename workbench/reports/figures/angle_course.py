@@ -33,11 +33,6 @@ def angle_course(
 
     Returns:
         The figure: three panels over the angle, from zero.
-
-    Example:
-        >>> figure = angle_course([0, 30, 60], [2, 2.2, 2], [0.05, 0.04, 0.05], [9, 8, 9])
-        >>> figure.axes[-1].get_xlabel()
-        'angle in °'
     """
     figure, panels = new_figure([1.15, 1.15, 1.15])
     names = ("frequency in Hz", "damping ratio", "gain in °/V")

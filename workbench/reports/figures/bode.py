@@ -32,11 +32,6 @@ def bode(
 
     Returns:
         The figure: magnitude in ``unit`` and phase in ° over frequency in Hz.
-
-    Example:
-        >>> figure = bode([0.1, 1.0], {"30°": [1.0, 0.5j]}, unit="°/V")
-        >>> [axes.get_ylabel() for axes in figure.axes]
-        ['magnitude in °/V', 'phase in °']
     """
     figure, (magnitude, phase) = new_figure([2.2, 1.7])
     hertz = np.asarray(frequency, dtype=float)

@@ -24,14 +24,6 @@ def diagnosis_free_form(argument: Argument, *, place: str, unit: str) -> Figure:
 
     Raises:
         WorkbenchError: If nothing was fitted over the argument.
-
-    Example:
-        >>> import numpy as np
-        >>> from workbench.diagnosis.nonparametric.result import Bins
-        >>> x = np.linspace(-1.0, 1.0, 20)
-        >>> seen = Argument("speed", "rad/s", 0.01, 0.8, (-1.0, 1.0), Bins(x, x, 0 * x, x))
-        >>> diagnosis_free_form(seen, place="joint.torque", unit="N m").axes[0].get_xlabel()
-        'speed in °/s'
     """
     if argument.bins is None:
         raise WorkbenchError(

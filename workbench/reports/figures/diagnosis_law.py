@@ -24,12 +24,6 @@ def diagnosis_law(located: Located) -> Figure:
     Returns:
         The figure: a dot per time at which the measurements determine the signal, and what the
         effect adds at the same times.
-
-    Example:
-        >>> x = np.linspace(-1.0, 1.0, 50)
-        >>> seen = Located("axis.force", "N", x, x, 0 * x, x, "speed", "rad/s", x)
-        >>> diagnosis_law(seen).axes[0].get_xlabel()
-        'speed in °/s'
     """
     figure, (axes,) = new_figure([2.7])
     rows = np.flatnonzero(located.known)
@@ -82,12 +76,6 @@ def diagnosis_signal(located: Located) -> Figure:
 
     Returns:
         The figure: the first seconds of the first held-out recording.
-
-    Example:
-        >>> x = np.linspace(-1.0, 1.0, 50)
-        >>> seen = Located("axis.force", "N", x + 1.0, x, 0 * x, None, "speed", "m/s", x)
-        >>> diagnosis_signal(seen).axes[0].get_ylabel()
-        'axis.force in N'
     """
     figure, (axes,) = new_figure([2.7])
     last = max(_SHOWN_S, 400 * float(located.time[1] - located.time[0]))

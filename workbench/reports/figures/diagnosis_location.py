@@ -25,11 +25,6 @@ def diagnosis_location(
 
     Returns:
         The figure: bars on an axis that is linear up to ten and logarithmic beyond.
-
-    Example:
-        >>> figure = diagnosis_location({"joint": 900.0, "chamber_1": 5.0}, {"joint": 0.0})
-        >>> len(figure.axes[0].patches)
-        4
     """
     groups = sorted(before, key=before.__getitem__)
     figure, (axes,) = new_figure([0.35 + 0.42 * len(groups)])

@@ -48,12 +48,6 @@ def diagnosis_runs(before: FreeRun, after: FreeRun | None = None) -> Figure:
     Returns:
         The figure: one panel per output over time in s; the last repeats the first output where
         the refitted model is farthest off, measured by what moves there.
-
-    Example:
-        >>> one = np.zeros((2, 1))
-        >>> run = FreeRun("trial", ("angle",), ("rad",), np.arange(2.0), one, one)
-        >>> [axes.get_ylabel() for axes in diagnosis_runs(run).axes]
-        ['angle in °', 'angle in °']
     """
     from matplotlib.lines import Line2D
 
@@ -133,12 +127,6 @@ def diagnosis_residuals(
     Returns:
         The figure: root mean square of the error over windows of 0.2 s on a logarithmic axis, one
         panel per output over time in s; the band is twice the noise.
-
-    Example:
-        >>> one = np.zeros((200, 1))
-        >>> run = FreeRun("trial", ("angle",), ("rad",), 0.01 * np.arange(200.0), one, one + 0.1)
-        >>> diagnosis_residuals(run, {"angle": 0.001}).axes[0].get_yscale()
-        'log'
     """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -197,10 +185,6 @@ def moving_rms(time: Vector, error: Vector, *, window: float = _WINDOW_S) -> tup
 
     Returns:
         Middles of the windows, in s, and the values, in the error's unit.
-
-    Example:
-        >>> moving_rms(0.1 * np.arange(20), np.full(20, 2.0))[1]
-        array([2., 2.])
     """
     size = max(10, round(window / (time[1] - time[0])))
     count = max(1, len(time) // size)

@@ -38,10 +38,6 @@ def titled(name: str, unit: str) -> str:
     Args:
         name: Name in the model.
         unit: SI unit.
-
-    Example:
-        >>> titled("pressure_1", "Pa"), titled("share", "1")
-        ('pressure 1 in bar', 'share')
     """
     shown = readable(unit)[0]
     plain = name.replace("_", " ")

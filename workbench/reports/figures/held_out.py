@@ -35,12 +35,6 @@ def held_out(
 
     Returns:
         The figure: outputs and errors over time in s.
-
-    Example:
-        >>> zero = np.zeros((3, 1))
-        >>> figure = held_out(np.arange(3.0), ["angle in °"], zero, zero, zero)
-        >>> [axes.get_ylabel() for axes in figure.axes]
-        ['angle in °', 'error']
     """
     from matplotlib.lines import Line2D
 

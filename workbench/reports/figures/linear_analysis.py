@@ -163,12 +163,7 @@ def map_picture(study: Study) -> list[Picture]:
 
 
 def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
-    """List the margins of all loops.
-
-    Example:
-        >>> margin_table(()).headings[0]
-        'controller'
-    """
+    """List the margins of all loops."""
     rows: list[tuple[Cell | str, ...]] = []
     for a in loops:
         if a.reason:

@@ -25,11 +25,6 @@ def nyquist(responses: Mapping[str, npt.ArrayLike], *, disk_margin: float | None
 
     Returns:
         The figure: imaginary over real part, with the unit circle and the point -1.
-
-    Example:
-        >>> figure = nyquist({"30°": [1.0, -0.4j, -0.2]}, disk_margin=0.6)
-        >>> figure.axes[0].get_xlabel()
-        'real part of the loop gain'
     """
     from matplotlib.patches import Circle
 

@@ -31,11 +31,6 @@ def limit_ratios(ratios: Mapping[str, Mapping[str, float]]) -> Drawing:
 
     Returns:
         The figure: bars from 0, with the limit at 1 and each ratio at the end of its bar.
-
-    Example:
-        >>> figure = limit_ratios({"15° to 30°": {"cascade PID": 2.5, "linear MPC": math.nan}})
-        >>> figure.axes[0].get_xlabel()
-        'settling time over the physical limit'
     """
     names = list(dict.fromkeys(name for own in ratios.values() for name in own))
     shades = colours(names)

@@ -34,11 +34,6 @@ def recorded_signals(
 
     Returns:
         The figure: one panel per signal over time in s.
-
-    Example:
-        >>> figure = recorded_signals([0.0, 1.0], ["valve in V"], [[5.0, 6.0]], [True])
-        >>> figure.axes[0].get_ylabel()
-        'valve in V'
     """
     t = np.asarray(time, dtype=float)
     thin = slice(None, None, max(1, len(t) // _MOST_POINTS))

@@ -32,11 +32,6 @@ def box_scores(scores: Mapping[str, tuple[Vector, int]]) -> Drawing:
 
     Returns:
         The figure: score on a logarithmic axis, with the limit at 1.
-
-    Example:
-        >>> figure = box_scores({"cascade PID": (np.array([0.5, 0.7, 0.9]), 2)})
-        >>> figure.axes[0].get_xlabel()
-        'score; at most 1 means met'
     """
     from matplotlib.ticker import FixedLocator, NullLocator
 

@@ -36,12 +36,6 @@ def phase_portrait(
         shade: Colour of the controller.
         name: Name of the controller.
         unit: Unit of the output as written.
-
-    Example:
-        >>> from workbench.reports.style import FURTHER
-        >>> figure = phase_portrait([1, 0.1], [-20, -2], slope=20, shade=FURTHER[0], name="mine")
-        >>> figure.axes[0].get_xlabel()
-        'error in °'
     """
     figure, (axes,) = new_figure([3.0])
     x, v = np.asarray(error, dtype=float), np.asarray(rate, dtype=float)
@@ -74,12 +68,6 @@ def surface(time: npt.ArrayLike, value: npt.ArrayLike, *, shade: Colour) -> Draw
 
     Returns:
         The figure: s over layer, over time in s, with the layer at ±1.
-
-    Example:
-        >>> from workbench.reports.style import FURTHER
-        >>> figure = surface([0, 1], [0, 0.5], shade=FURTHER[0])
-        >>> figure.axes[0].get_ylabel()
-        's over layer'
     """
     figure, (axes,) = new_figure([2.2])
     axes.plot(time, value, color=shade.light, linewidth=1.1)

@@ -34,12 +34,6 @@ def solver(
 
     Returns:
         The figure: solve time in ms with the deadline, and iterations, over time in s.
-
-    Example:
-        >>> t = np.linspace(0.0, 1.0, 5)
-        >>> figure = solver({"linear MPC": (t, 1e-4 + t, t)}, deadline=0.002)
-        >>> [axes.get_ylabel() for axes in figure.axes]
-        ['solve time in ms', 'iterations']
     """
     counted = any(
         np.isfinite(np.asarray(count, dtype=float)).any() for _, _, count in trajectories.values()

@@ -28,11 +28,6 @@ class ClosedLoopCurves:
         command: Valve voltage, shape (n,), in V.
         linear_angle: Angle of the linear model under the same controller, shape (n,), in rad; None
             if it was not run.
-
-    Example:
-        >>> curves = ClosedLoopCurves("cascade PID", np.zeros(2), np.zeros(2), np.full(2, 5.0))
-        >>> curves.linear_angle is None
-        True
     """
 
     controller: str
@@ -59,12 +54,6 @@ def closed_loop_steps(
 
     Returns:
         The figure: angle and error in ° and valve voltage in V over time in s.
-
-    Example:
-        >>> t = np.linspace(0.0, 1.0, 5)
-        >>> run = ClosedLoopCurves("cascade PID", t, t, t)
-        >>> [axes.get_ylabel() for axes in closed_loop_steps(t, t, [run]).axes]
-        ['angle in °', 'error in °', 'valve in V']
     """
     from matplotlib.lines import Line2D
 

@@ -45,7 +45,12 @@ def shown(values: Any, quantity: Output) -> Vector:
 
 
 def point_text(study: Study, point: tuple[tuple[str, float], ...]) -> str:
-    """Write where a controller was designed, each value in its display unit."""
+    """Write where a controller was designed, each value in its display unit.
+
+    Args:
+        study: The study.
+        point: Names and values in SI.
+    """
     known = {q.name: q.display_unit for q in study.plant.build().outputs}
     said = []
     for name, value in point:

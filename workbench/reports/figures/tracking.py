@@ -32,10 +32,6 @@ class Trajectory:
         output: Controlled output of the full plant, shape (n,), in the unit of the picture.
         command: Command, shape (n,), in its unit.
         linear: Output of the linear model under the same controller, shape (n,); None if not run.
-
-    Example:
-        >>> Trajectory("cascade PID", np.zeros(2), np.zeros(2), np.full(2, 5.0)).linear is None
-        True
     """
 
     controller: str
@@ -68,12 +64,6 @@ def tracking(
 
     Returns:
         The figure: output, error and command over time in s.
-
-    Example:
-        >>> t = np.linspace(0.0, 1.0, 5)
-        >>> figure = tracking(t, t, [Trajectory("cascade PID", t, t, t)])
-        >>> [axes.get_ylabel() for axes in figure.axes]
-        ['angle in °', 'error in °', 'valve in V']
     """
     from matplotlib.lines import Line2D
 
