@@ -75,11 +75,13 @@ def diagnose(
         mapping=mapping,
         data=data,
         settings={},
-        options=option,
-        parameters=parameter,
-        without=without,
-        effects=effect,
-        short=short,
+        changes={
+            "options": option,
+            "parameters": parameter,
+            "without": without,
+            "effects": effect,
+            "short": short,
+        },
     )
     problem = loaded.problem
     if not problem.hold_out:

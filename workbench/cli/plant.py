@@ -172,7 +172,7 @@ class Chosen:
 
     @property
     def design_point(self) -> Mapping[str, float]:
-        """Where the plant rests if nothing more is said: as given, else as the plant declares."""
+        """Where the plant rests, by name, in SI: as given, else as the plant declares."""
         given = {**self.plant.design_point, **self.at}
         sums = {total.name for total in self.model.traits.sums}
         # A value that takes the place of the plant's own leaves no input to hold that one.
@@ -285,6 +285,8 @@ def value_at_rest(model: Model, text: str) -> tuple[str, float]:
     name, value = _pair("value", text)
     name = name.replace("-", "_")
     units = _resting(model)
+    if not value:
+        raise WorkbenchError(f"{name} has no value; write it as NAME=VALUE")
     check_choice(f"quantity of {model.name!r}", name, units)
     return name, to_si(quantity(name.replace("_", " "), value, units[name]), units[name])
 

@@ -94,7 +94,7 @@ def load_problem(
     mapping: Path | None,
     data: Path | None = None,
     settings: Mapping[str, Any],
-    **changes: Any,
+    changes: Mapping[str, Any],
 ) -> Loaded:
     """Read what options of a verb name.
 
@@ -132,8 +132,7 @@ def load_problem(
             **{**changes, **_joined(read.changes if same else {}, changes)},
         )
         if same:
-            # Says what the case leaves out.
-            read.model(options=chosen.options)
+            read.check_options(chosen.options)
         problem = problem_of_case(read, chosen.model)
         arguments = " ".join(filter(None, (case, chosen.arguments if plant else chosen.changes)))
         base = read.refit

@@ -63,11 +63,13 @@ def refit(
             "stages": stages,
             "start_samples": start_samples,
         },
-        options=option,
-        parameters=parameter,
-        without=without,
-        effects=effect,
-        short=short,
+        changes={
+            "options": option,
+            "parameters": parameter,
+            "without": without,
+            "effects": effect,
+            "short": short,
+        },
     )
     report = run_refit(loaded.problem.task(), progress=lambda text: typer.echo(text, err=True))
     typer.echo(str(report))

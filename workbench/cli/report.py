@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli.plant import Short, value_at_rest
+
 
 def report(
     study: Annotated[
@@ -28,11 +30,13 @@ def report(
             metavar="NAME",
         ),
     ] = None,
-    angle: Annotated[
+    at: Annotated[
         list[str] | None,
         typer.Option(
-            help="Operating angle of the linear analysis; may be given several times.",
-            metavar="ANGLE",
+            "--at",
+            help="Operating point of the linear analysis, such as angle=30deg; may be given several"
+            " times. The short form is --angle 30deg. By default those of the study.",
+            metavar="NAME=VALUE",
         ),
     ] = None,
     limit: Annotated[
@@ -48,6 +52,7 @@ def report(
         int | None,
         typer.Option(help="Number of processes; by default one per core.", metavar="N"),
     ] = None,
+    short: Short = None,
 ) -> int:
     """Write the page of a study, and each of its pictures as PNG and SVG.
 
@@ -55,29 +60,10 @@ def report(
     and margins of the controllers at several angles, in a second or two.
 
     Example: 'workbench report arm --bode --angle 20deg --angle 40deg --out margins'.
-
-    Args:
-        study: Study file, or the name of a shipped study.
-        out: Folder for page and pictures.
-        bode: Whether only the linear analysis is wanted.
-        controller: Names of controllers; all by default.
-        angle: Operating angles; those of the study by default.
-        limit: Whether steps are compared with the physical limit, or None as the study says.
-        jobs: Number of processes, or None for one per core.
-
-    Returns:
-        Exit status 0: a report tells, it does not judge.
-
-    Example:
-        >>> report(Path("nowhere.toml"), Path("out"))
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: study 'nowhere.toml' cannot be read: no such file ...
     """
     from workbench.cli.compare import study_file
     from workbench.cli.counter import Counter
-    from workbench.errors import WorkbenchError, check_choice, check_range
-    from workbench.model.units import quantity, to_si
+    from workbench.errors import WorkbenchError, check_choice
     from workbench.reports.page import write_page
     from workbench.reports.study_files import linear_page, write_pictures
     from workbench.reports.study_page import study_page
@@ -97,12 +83,10 @@ def report(
             raise WorkbenchError("--controller chooses for the linear analysis; add --bode")
         chosen = {n: c for n, c in wanted.controllers.items() if n in controller}
         wanted = replace(wanted, controllers=chosen)
-    if angle:
-        degrees = [
-            check_range("operating angle", quantity("angle", text, "deg"), -90.0, 90.0, "deg")
-            for text in angle
-        ]
-        wanted = replace(wanted, points=tuple((("angle", to_si(d, "deg")),) for d in degrees))
+    points = [*(at or ()), *(short or ())]
+    if points:
+        model = next(iter(wanted.controllers.values())).plant.build()
+        wanted = replace(wanted, points=tuple((value_at_rest(model, p),) for p in points))
     if bode:
         loops = analyse_study(wanted)
         page = linear_page(wanted, loops)

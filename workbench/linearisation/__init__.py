@@ -8,7 +8,7 @@ from workbench.linearisation.linearise import linearise
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.linearisation.sines import FrequencyValidity, frequency_validity
 from workbench.linearisation.steps import AmplitudeValidity, amplitude_validity
-from workbench.linearisation.verdict import Swing, Verdict
+from workbench.linearisation.validity import Swing, Validity
 
 __all__ = [
     "AmplitudeValidity",
@@ -18,7 +18,7 @@ __all__ = [
     "LinearModel",
     "Mode",
     "Swing",
-    "Verdict",
+    "Validity",
     "amplitude_validity",
     "angle_map",
     "find_modes",

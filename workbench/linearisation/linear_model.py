@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -14,12 +14,32 @@ from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.operating_point import OperatingPoint
 
-if TYPE_CHECKING:
-    from workbench.linearisation.verdict import Verdict
-
 Vector = npt.NDArray[np.float64]
 Inverse = Callable[[npt.ArrayLike], Vector]
 """Turns an input of the linear model into the input of the plant, in SI."""
+
+
+class Trust(Protocol):
+    """What is known of how far a linear model holds; `Validity` is what `linearise` gives."""
+
+    @property
+    def kinks(self) -> tuple[Any, ...]:
+        """Kinks of the plant at or next to the point."""
+
+    @property
+    def swings(self) -> tuple[Any, ...]:
+        """Slopes that were taken over a swing."""
+
+    @property
+    def amplitude(self) -> Any:
+        """Steps of the input for which the linear response holds."""
+
+    @property
+    def frequency(self) -> Any:
+        """Frequencies up to which a sine on the full plant agrees."""
+
+    def summary(self) -> list[str]:
+        """Return the lines that need no simulation."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +88,7 @@ class LinearModel:
     y0: Vector
     drift: Vector
     inverse: Inverse | None = None
-    verdict: Verdict | None = None
+    verdict: Trust | None = None
 
     @cached_property
     def system(self) -> Any:

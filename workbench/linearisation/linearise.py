@@ -13,7 +13,7 @@ from workbench.linearisation.actuator_inverse import ActuatorInverse, straighten
 from workbench.linearisation.kinks import find_kinks
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.matrices import check_amplitude, slope_over_swing, speeds
-from workbench.linearisation.verdict import Swing, Verdict
+from workbench.linearisation.validity import Swing, Validity
 from workbench.model import EXACT, ActuatorCurve, Face
 from workbench.operating_point import OperatingPoint, derivatives_of
 
@@ -101,7 +101,7 @@ def linearise(
         matrix,
         jacobian,
     )
-    return replace(linear, verdict=Verdict(linear, kinks, tuple(swings)))
+    return replace(linear, verdict=Validity(linear, kinks, tuple(swings)))
 
 
 def model_face(face: Face | str) -> Face:

@@ -62,7 +62,11 @@ class ActuatorCurve:
     signals: Weights
 
     def value(self, signals: Mapping[str, float]) -> float:
-        """Return the value of the curve, a fraction, where the model has these signals, in SI."""
+        """Return the value of the curve, a fraction.
+
+        Args:
+            signals: Signals of the model by name, in SI.
+        """
         return float(sum(weight * signals[name] for name, weight in self.signals))
 
 
@@ -93,7 +97,12 @@ class Traits:
 
 
 def bound_value(bound: Bound, parameters: Mapping[str, float]) -> float:
-    """Return a bound as a number, in SI, given the parameters by name, in SI."""
+    """Return a bound as a number, in SI.
+
+    Args:
+        bound: The bound.
+        parameters: Parameters of the model by name, in SI.
+    """
     if isinstance(bound, tuple):
         return float(sum(parameters[name] for name in bound))
     return bound

@@ -128,25 +128,26 @@ class Case:
                 ' one of [[recordings]] with use = "fit"'
             )
 
-    def model(self, **changes: Any) -> Model:
-        """Build the plant with the options of the case.
-
-        Args:
-            changes: Further arguments of `Plant.model`.
+    def model(self) -> Model:
+        """Build the plant as the case describes it.
 
         Raises:
             WorkbenchError: If the case does not give an option that differs from rig to rig.
         """
+        self.check_options(self.options)
+        return self.plant.model(self.options, **self.changes)
+
+    def check_options(self, given: Mapping[str, Any]) -> None:
+        """Check that every option is given that differs from rig to rig.
+
+        Raises:
+            WorkbenchError: If one is missing.
+        """
         for option in self.plant.options:
-            if option.measured and option.name not in {
-                **self.options,
-                **changes.get("options", {}),
-            }:
+            if option.measured and option.name not in given:
                 raise WorkbenchError(
                     f"case.toml of case {self.name} does not give {option.keyword}; add it"
                 )
-        options = {**self.options, **changes.pop("options", {})}
-        return self.plant.model(options, **{**self.changes, **changes})
 
     @property
     def sample_rate_Hz(self) -> float:

@@ -155,7 +155,7 @@ def _port_values(parts: Cut) -> ca.SX:
     for i in range(parts.symbols.numel()):
         # A port holds only ports that were opened before it.
         before = ca.vertcat(ca.SX(0, 1), *known)
-        known.append(ca.substitute(parts.entering[i], parts.symbols[:i], before))
+        known.append(ca.substitute(parts.entering[i], parts.symbols[:i, 0], before))
     return ca.vertcat(ca.SX(0, 1), *known)
 
 

@@ -1,4 +1,4 @@
-"""The verdict on a linear model: its kinks, its swings, and how far it holds in simulation."""
+"""How far a linear model holds: its kinks, its swings, and what simulation says."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Swing:
 
 
 @dataclass(frozen=True)
-class Verdict:
+class Validity:
     """How far a linear model may be trusted.
 
     Args:

@@ -1,0 +1,250 @@
+"""A plant, physics and a design of the user's own go through every verb, looked up by name."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.cli.main import WRONG_USE, run
+
+PLANTS = '''
+from workbench.model import Input, Model, Output, Parameter, State
+
+def circuit(*, inductance_mH=10.0, resistance_Ohm=5.0):
+    """Series circuit of coil, resistor and capacitor."""
+    def equations(m):
+        loss = m.port("coil.voltage", m.p.R * m.x.current, unit="V",
+                      signals={"current": m.x.current}, disturbance=0.01)
+        rate = (m.u.source - loss - m.x.charge_voltage) / m.p.L
+        return {"charge_voltage": m.x.current / m.p.C, "current": rate}, {
+            "tapped": m.x.charge_voltage}
+    return Model("circuit", equations,
+        states=(State("charge_voltage", "V", 1.0), State("current", "A", 0.1)),
+        inputs=(Input("source", "V", 1.0, lower=-10.0, upper=10.0),),
+        outputs=(Output("tapped", "V", 1.0, noise_rms=1e-3),),
+        parameters=(
+            Parameter("R", "Ohm", value=resistance_Ohm, lower=0.5, upper=50.0, fitted=True),
+            Parameter("L", "kg m2/(s2 A2)", value=1e-3 * inductance_mH, lower=1e-4, upper=1.0),
+            Parameter("C", "s/Ohm", value=1e-3, lower=1e-5, upper=1e-1)))
+
+MODEL = circuit()
+'''
+
+PHYSICS = """
+from workbench.model import Effect, Parameter
+
+def cubic_loss():
+    size = Parameter("size", "V/A3", value=0.0, scale=1.0, lower=-100.0, upper=100.0, fitted=True)
+    return Effect("cubic_loss", ("coil.voltage",),
+                  lambda at: at.value + at.p.size * at.signals.current**3, parameters=(size,))
+"""
+
+DESIGNS = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True)
+class Integral:
+    gain: float
+    sample_time: float = 0.002
+    name: str = "integral"
+    sensors: tuple = ("tapped",)
+    follows: tuple = ("tapped",)
+    actuators: tuple = ("source",)
+    preview: int = 0
+
+    def initial_state(self, measurement):
+        return measurement[0]
+
+    def step(self, state, measurement, reference):
+        state = state + self.gain * self.sample_time * (reference[0] - measurement[0])
+        return (state,), state, {}
+
+    def linear_command(self, command):
+        return command
+
+def integral(linear, specification):
+    return Integral(specification.get("gain", 20.0))
+"""
+
+STUDY = """
+name = "circuit"
+
+[plant]
+kind = "my_plants:circuit"
+resistance = "6 Ohm"
+
+[controllers.integral]
+design = "my_designs:integral"
+at = { tapped = "0 V" }
+
+[scenarios.step]
+duration = "0.6 s"
+
+[scenarios.step.references.tapped]
+kind = "steps"
+unit = "V"
+times = [0.0, 0.1]
+values = [0.0, 1.0]
+
+[[requirements]]
+metric = "settling_time"
+limit = 0.3
+unit = "s"
+"""
+
+NAMED = ["--plant", "my_plants:circuit"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of the user's own, which is the current one."""
+    for name, text in (
+        ("my_plants.py", PLANTS),
+        ("my_physics.py", PHYSICS),
+        ("my_designs.py", DESIGNS),
+        ("circuit.toml", STUDY),
+    ):
+        (tmp_path / name).write_text(text)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def record(name: str, height: float, *more: str) -> Path:
+    """Write a run of the circuit with noise of the sensor."""
+    steps = f"0:{height},0.1:-1,0.2:{0.5 * height},0.3:0.2"
+    run_options = ["--source", steps, "--duration", "0.4s", "--sample-time", "2ms", *more]
+    assert run(["simulate", *NAMED, *run_options, "--out", name]) == 0
+    table = np.loadtxt(name, delimiter=",", skiprows=1)
+    table[:, 2] += np.random.default_rng(round(10 * height)).normal(0.0, 1e-3, len(table))
+    np.savetxt(name, table, delimiter=",", header="time_s,source_V,tapped_V", comments="")
+    return Path(name)
+
+
+def test_plants_says_what_it_takes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["plants", "my_plants:circuit"]) == 0
+    text = capsys.readouterr().out
+    assert "Series circuit" in text and "number in mH, by default 10.0" in text
+    assert run(["plants"]) == 0
+    listed = capsys.readouterr().out
+    assert run(["linearise", "--help"]) == 0
+    helped = " ".join(capsys.readouterr().out.split())
+    for name in ("arm", "servo-axis", "pendulum"):
+        assert name in listed and name in helped
+
+
+def test_linearise_at_a_value_of_an_output(folder: Path) -> None:
+    out = folder / "linear.json"
+    assert (
+        run(
+            ["linearise", *NAMED, "--tapped", "2000mV", "--resistance", "6", "--out", "linear.json"]
+        )
+        == 0
+    )
+    found = json.loads(out.read_text())
+    assert found["inputs"] == pytest.approx({"source": 2.0})
+    # s^2 + R/L s + 1/(L C)
+    assert np.poly(np.array(found["A"])) == pytest.approx([1.0, 600.0, 1e5])
+    # A model itself is a plant without options.
+    assert run(["linearise", "--plant", "my_plants:MODEL", "--at", "tapped=1"]) == 0
+    assert run(["linearise", "--plant", "my_plants:MODEL", "--resistance", "6"]) == WRONG_USE
+
+
+def test_simulate_drives_any_input(folder: Path) -> None:
+    record("a.csv", 1.0)
+    time, source, tapped = np.loadtxt("a.csv", delimiter=",", skiprows=1).T
+    assert set(source) == {1.0, -1.0, 0.5, 0.2} and time[1] == 0.002
+    damped, frequency = 250.0, math.sqrt(1e5 - 250.0**2)
+    early = time[:40]
+    wave = np.cos(frequency * early) + damped / frequency * np.sin(frequency * early)
+    assert tapped[:40] == pytest.approx(1.0 - np.exp(-damped * early) * wave, abs=5e-3)
+    # Pulses name the first input by themselves.
+    assert (
+        run(["simulate", *NAMED, "--pulses", "0.5V", "--period", "20ms", "--duration", "40ms"]) == 0
+    )
+
+
+def test_verify_runs_a_design_of_the_users_own(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["-c", "my_designs:integral", "--from", "0V", "--to", "1V", "--hold", "0.4s"]
+    assert run(["verify", *NAMED, *options, "--require", "settling_time=0.3s"]) == 0
+    assert "met" in capsys.readouterr().out
+    assert run(["verify", *NAMED, *options, "--require", "settling_time=10ms"]) == 1
+    assert run(["verify", *NAMED]) == WRONG_USE
+    assert "no design of the workbench fits" in capsys.readouterr().err
+
+
+@pytest.mark.system
+def test_refit_and_diagnose(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    hidden = ["--effect", "my_physics:cubic_loss", "-p", "cubic_loss.size=60"]
+    for i, height in enumerate((3.0, 5.0, 4.0)):
+        record(f"r{i}.csv", height, *hidden)
+    files = ["--fit", "r0.csv", "--fit", "r1.csv", "--hold-out", "r2.csv"]
+    assert run(["refit", *NAMED, *files, "--noise", "tapped=2mV", "--out", "refit"]) == 0
+    found = json.loads((folder / "refit" / "results.json").read_text())
+    # The cube of the current is taken for more resistance.
+    assert found["parameters"]["R"]["value"] > 5.0
+    assert "--plant my_plants:circuit" in (folder / "refit" / "report.html").read_text()
+    own = ["--effects", "my_physics:cubic_loss", "--jobs", "1"]
+    assert run(["diagnose", *NAMED, *own, *files, "--out", "diagnosis"]) == 0
+    verdict = json.loads((folder / "diagnosis" / "verdict.json").read_text())
+    assert verdict["verdict"].startswith("named"), verdict["sentence"]
+    named = {f["effect"] for f in verdict["findings"]} | {
+        name for f in verdict["findings"] for name in f["class"]
+    }
+    assert "cubic_loss" in named
+    capsys.readouterr()
+
+
+def test_a_case_names_its_plant_and_prepares_its_recordings(folder: Path) -> None:
+    from workbench.recordings import read_case
+
+    record("a.csv", 1.0)
+    record("b.csv", 2.0)
+    (folder / "case.toml").write_text(
+        'plant = "my_plants:circuit"\n[options]\nresistance = "6 Ohm"\n[refit]\nstarts = 2\n'
+        'noise = {tapped = "2 mV"}\n'
+        '[[recordings]]\nfiles = "a.csv"\nuse = "fit"\nresample_Hz = 250\n'
+        'derivatives = {slope = {of = "tapped", samples = 5}}\n'
+        '[[recordings]]\nfiles = "b.csv"\nuse = "hold_out"\nrows = [0, 100]\n'
+        "constants = {gain = 3.0}\n"
+    )
+    case = read_case(folder)
+    assert case.model().parameter("R").value == 6.0
+    assert case.refit.starts == 2 and case.refit.noise == {"tapped": 2e-3}
+    assert len(case.fit["a"]) == 100 and case.fit["a"].signal("slope").unit == "V/s"
+    assert len(case.hold_out["b"]) == 100 and set(case.hold_out["b"]["gain"]) == {3.0}
+
+
+def test_report_shows_the_linear_loop(folder: Path) -> None:
+    assert run(["report", "circuit.toml", "--bode", "--tapped", "1V", "--out", "margins"]) == 0
+    assert "integral" in (folder / "margins" / "report.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["simulate", *NAMED, "--source", "0"], "write it as TIME:VALUE"),
+        (["simulate", *NAMED, "--source", "0:12V"], "source is 12 V; the valid range is -10 to 10"),
+        (["simulate", *NAMED, "--resistence", "3"], "did you mean --resistance"),
+        (["simulate", *NAMED, "--resistance", "3V"], "does not measure it"),
+        (["linearise", *NAMED, "--effect", "my_physics:nothing"], "nothing"),
+        (["linearise", *NAMED, "--effect", "my_plants:circuit"], "it must be an Effect"),
+        (["linearise", "--plant", "my_plants:NAMES"], "NAMES"),
+        (["linearise", "--plant", "no_plants:rig"], "no_plants"),
+        (["linearise", *NAMED, "--at", "tapd=1"], "did you mean 'tapped'"),
+        (["linearise", *NAMED, "--option", "resistance"], "write it as NAME=VALUE"),
+        (["refit", *NAMED], "nothing to work on"),
+        (["refit", *NAMED, "--fit", "a.csv", "--hold-out", "b.csv", "--noise", "x=1"], "a.csv"),
+    ],
+)
+def test_mistakes_are_one_sentence(
+    arguments: list[str], message: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(arguments) == WRONG_USE
+    said = capsys.readouterr().err
+    assert message in said and said.count("\n") == 1 and "Traceback" not in said
