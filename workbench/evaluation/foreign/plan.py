@@ -113,8 +113,7 @@ class Case:
                 tuple(
                     h.name
                     for h in offered
-                    if set(h.ports) & set(effect.ports)
-                    and any(n.startswith(synonyms()[effect.physics]) for n in (h.name, h.law))
+                    if set(h.ports) & set(effect.ports) and h.law in synonyms()[effect.physics]
                 ),
                 tuple(dict.fromkeys(none.group(port) for port in effect.ports)),
                 effect.physics.startswith("sensor_"),
@@ -125,7 +124,7 @@ class Case:
 
 @cache
 def synonyms() -> dict[str, tuple[str, ...]]:
-    """Return the beginnings of the library's names that mean each physics of a concealed effect."""
+    """Return the laws of the library that mean each physics of a concealed effect."""
     text = Path(__file__).with_name("synonyms.toml").read_text(encoding="utf-8")
     return {word: tuple(starts) for word, starts in tomllib.loads(text)["physics"].items()}
 

@@ -57,7 +57,7 @@ def _initial(p: Parameters) -> State:
     return [(flow / p["hole"]) ** 2 / (2.0 * GRAVITY), temperature, temperature]
 
 
-OUT, WATER = ("tank.outflow",), ("water.heat",)
+OUT, WATER = ("tank.outflow", "tank.inflow"), ("water.heat",)
 
 TANK = Machine(
     "tank",
@@ -72,8 +72,8 @@ TANK = Machine(
     (
         Concealed("capillary", "outflow_law", OUT, (0.4, 1.0)),
         Concealed("outlet_pipe", "outflow_law", OUT, (0.02, 0.08)),
-        Concealed("draw_off", "constant_flow", (*OUT, "tank.inflow"), (7e-7, 2e-6)),
-        Concealed("rim_overflow", "overflow", ("tank.inflow", *OUT), (5e-5, 2e-4), {"rim": 0.33}),
+        Concealed("draw_off", "constant_flow", OUT, (7e-7, 2e-6)),
+        Concealed("rim_overflow", "overflow", OUT, (5e-5, 2e-4), {"rim": 0.33}),
         Concealed("radiation", "growing_heat_loss", WATER, (0.6, 1.5)),
         Concealed("wall", "second_heat_store", WATER, (1500.0, 4000.0)),
         Concealed("heater_failure", "parameter_jump", ("heater.power", *WATER), (0.15, 0.35)),
