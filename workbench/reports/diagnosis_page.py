@@ -10,31 +10,31 @@ from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.missing_signal import Located
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
-from workbench.reports.diagnosis_tables import (
-    METHODS,
-    checks_table,
-    errors_table,
-    parameters_table,
-    scores_table,
-    unfit_sentences,
-    unseen_table,
-)
-from workbench.reports.diagnosis_unnamed import (
+from workbench.reports.diagnosis_nonparametric import (
     accepted_term,
-    free_form_blocks,
     group_sentence,
     hull_sentence,
     improved,
+    nonparametric_blocks,
     outside_sentence,
     refusals,
     share_sentence,
     taken_back,
 )
+from workbench.reports.diagnosis_tables import (
+    METHODS,
+    checks_table,
+    errors_table,
+    isolability_table,
+    parameters_table,
+    scores_table,
+    unfit_sentences,
+    unseen_table,
+)
 from workbench.reports.figures.diagnosis_law import diagnosis_law, diagnosis_signal
 from workbench.reports.figures.diagnosis_location import diagnosis_location
 from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
 from workbench.reports.figures.diagnosis_units import readable
-from workbench.reports.isolability_table import isolability_table
 from workbench.reports.page import Block, Method, Page, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import number
@@ -247,7 +247,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
             )
         )
     if term is not None:
-        blocks += free_form_blocks(term)
+        blocks += nonparametric_blocks(term)
     if proof.located:
         blocks.append(
             Words(

@@ -1,4 +1,4 @@
-"""The picture of a free-form term shows what it was given, and refuses what was not fitted."""
+"""The picture of a nonparametric term shows what it was given, and refuses what was not fitted."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import pytest
 
 from workbench.diagnosis.nonparametric.result import Argument, Bins
 from workbench.errors import WorkbenchError
-from workbench.reports.figures.diagnosis_free_form import diagnosis_free_form
+from workbench.reports.figures.diagnosis_nonparametric import diagnosis_nonparametric
 
 X = np.linspace(-0.5, 0.5, 15)
 
 
 def test_classes_and_curve_are_drawn_in_readable_units() -> None:
     argument = Argument("angle", "rad", 0.01, 0.7, (-0.5, 0.5), Bins(X, 2 * X, 0.1 + 0 * X, 3 * X))
-    axes = diagnosis_free_form(argument, place="joint.torque", unit="N m").axes[0]
+    axes = diagnosis_nonparametric(argument, place="joint.torque", unit="N m").axes[0]
     assert axes.get_xlabel() == "angle in °" and axes.get_ylabel() == "joint.torque in N m"
     dots, line = axes.get_lines()[:2]
     assert np.allclose(dots.get_ydata(), 2 * X) and np.allclose(line.get_ydata(), 3 * X)
@@ -23,6 +23,6 @@ def test_classes_and_curve_are_drawn_in_readable_units() -> None:
 
 def test_nothing_fitted_is_refused() -> None:
     with pytest.raises(WorkbenchError, match="nothing to draw"):
-        diagnosis_free_form(
+        diagnosis_nonparametric(
             Argument("angle", "rad", 0.5, 0.0, (0.0, 1.0)), place="joint.torque", unit="N m"
         )

@@ -1,4 +1,4 @@
-"""A free-form term: the located signal over its argument with the fitted curve."""
+"""A nonparametric term: the located signal over its argument with the fitted curve."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-def diagnosis_free_form(argument: Argument, *, place: str, unit: str) -> Figure:
+def diagnosis_nonparametric(argument: Argument, *, place: str, unit: str) -> Figure:
     """Draw the classes of the located signal with their band, and the fitted curve on them.
 
     Args:

@@ -18,8 +18,8 @@ from workbench.diagnosis.stages import Diagnosis, Fitted, Prepared
 from workbench.diagnosis.verdict import Verdict
 from workbench.evaluation.blind_round import score_verdicts
 from workbench.plants.servo_axis import servo_axis
+from workbench.reports.diagnosis_nonparametric import taken_back
 from workbench.reports.diagnosis_page import diagnosis_page
-from workbench.reports.diagnosis_unnamed import taken_back
 from workbench.reports.page import Page, Words
 from workbench.reports.tables import Table
 
@@ -57,7 +57,7 @@ def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
     found, _ = sprung()
     page = _page(True)
     names = [picture.name for picture in page.pictures]
-    assert names == ["runs-1", "residuals-1", "location", "free-form-1", "law-1", "signal-1"]
+    assert names == ["runs-1", "residuals-1", "location", "nonparametric-1", "law-1", "signal-1"]
     # Measured, refitted and extended.
     assert len(page.pictures[0].figure.axes[0].lines) == 3
     assert "extended" in _table(page, "Errors of").headings

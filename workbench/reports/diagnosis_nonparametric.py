@@ -10,7 +10,7 @@ from workbench.diagnosis.location.isolability import Isolability
 from workbench.diagnosis.location.missing_signal import Located
 from workbench.diagnosis.nonparametric.result import Argument, NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
-from workbench.reports.figures.diagnosis_free_form import diagnosis_free_form
+from workbench.reports.figures.diagnosis_nonparametric import diagnosis_nonparametric
 from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
@@ -80,7 +80,7 @@ def outside_sentence(term: NonparametricTerm, located: Located) -> str:
     )
 
 
-def free_form_blocks(term: NonparametricTerm) -> list[Block]:
+def nonparametric_blocks(term: NonparametricTerm) -> list[Block]:
     """Show the curves of a term on what was measured, and the evidence for their arguments."""
     place = _plain(", ".join(term.ports))
     over = " and ".join(_plain(a.name) for a in term.arguments)
@@ -102,8 +102,8 @@ def free_form_blocks(term: NonparametricTerm) -> list[Block]:
             continue
         blocks.append(
             Picture(
-                f"free-form-{i + 1}",
-                diagnosis_free_form(argument, place=", ".join(term.ports), unit=term.unit),
+                f"nonparametric-{i + 1}",
+                diagnosis_nonparametric(argument, place=", ".join(term.ports), unit=term.unit),
                 f"What is missing at {place} over {_plain(argument.name)}: means of classes with"
                 " the scatter within each in grey, and the fitted curve.",
                 f"missing signal at {place} over {_plain(argument.name)} with the fitted curve",
