@@ -109,4 +109,9 @@ def check_clipping(recording: Recording, expected: Expected) -> Finding:
     return Finding("corrected", "; ".join(notes), {"limits": limits}, changed, tuple(hypotheses))
 
 
-CLIPPING = Check("clipping", 40, check_clipping)
+CLIPPING = Check(
+    "clipping",
+    40,
+    check_clipping,
+    fix="widen the range of the channel, or move less, and record again",
+)

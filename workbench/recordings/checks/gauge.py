@@ -66,4 +66,9 @@ def check_gauge(recording: Recording, expected: Expected) -> Finding:
     return Finding("pass", note, values)
 
 
-GAUGE = Check("gauge pressure", 70, check_gauge)
+GAUGE = Check(
+    "gauge pressure",
+    70,
+    check_gauge,
+    fix="say in a mapping (--mapping) whether the pressure is gauge or absolute",
+)

@@ -81,4 +81,9 @@ def check_quantisation(recording: Recording, expected: Expected) -> Finding:
     return Finding("pass", note, {"steps": steps}, hypotheses=tuple(hypotheses))
 
 
-QUANTISATION = Check("quantisation", 80, check_quantisation)
+QUANTISATION = Check(
+    "quantisation",
+    80,
+    check_quantisation,
+    fix="widen the gain of the channel, or move further, and record again",
+)
