@@ -143,3 +143,18 @@ def test_part_of_a_file(tmp_path: Path) -> None:
     for bad in ([5, 5], [0.5, 3], "0:5", [1], [-1, 4], [60, 70]):
         with pytest.raises(WorkbenchError, match="rows"):
             read_recording(path, mapping={"rows": bad})
+
+
+def test_units_of_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "trial.csv"
+    path.write_text("time_s,angle [tick],raw\n" + "".join(f"{k},{k},{k}\n" for k in range(3)))
+    rules = {
+        "units": {"tick": "0.5 deg"},
+        "signals": {"angle": "angle", "motor": {"column": "raw", "unit": "tick", "offset": 2.0}},
+    }
+    recording = read_recording(path, mapping=rules)
+    assert np.allclose(np.rad2deg(recording["angle"]), [0.0, 0.5, 1.0])
+    assert np.allclose(np.rad2deg(recording["motor"]), [1.0, 1.5, 2.0])
+    for bad in ("0.5", "half deg", "0.5 furlong", ""):
+        with pytest.raises(WorkbenchError, match="unit"):
+            read_recording(path, mapping={"units": {"tick": bad}})

@@ -58,6 +58,7 @@ def header_list(columns: Columns) -> list[Header]:
                 unit=unit or "",
                 reference=headers[i].reference or reference,
                 problem=problem,
+                stated=text if problem else "",
             )
     names = [h.name for h in headers]
     headers = [
@@ -105,6 +106,19 @@ def find_time(headers: Sequence[Header], rules: MappingRules) -> int | None:
         i for i, h in enumerate(headers) if h.unit and same_dimension(h.unit, "s") and i == 0
     ]
     return by_unit[0] if by_unit else None
+
+
+def _own_units(
+    columns: Columns, headers: list[Header], rules: MappingRules
+) -> tuple[Columns, list[Header]]:
+    """Turn columns in units that the mapping declares into units that are known."""
+    values = columns.values.copy()
+    for i, header in enumerate(headers):
+        if header.problem and header.stated in rules.units:
+            factor, unit = rules.units[header.stated]
+            values[:, i] *= factor
+            headers[i] = replace(header, unit=unit, problem="")
+    return replace(columns, values=values), headers
 
 
 def _readable(columns: Columns, index: int, name: str) -> str:
@@ -231,7 +245,7 @@ def assign(
     """
     rules = rules or MappingRules()
     columns = without_giants(columns)
-    headers = header_list(columns)
+    columns, headers = _own_units(columns, header_list(columns), rules)
     metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
     time, time_row, time_index = _time(columns, headers, rules)
     by_name = {w.name: w for w in wanted}

@@ -43,6 +43,7 @@ class Header:
         unit: The unit; ``""`` if none is stated.
         reference: ``gauge``, ``absolute`` or ``""`` (pressures).
         problem: What could not be understood; ``""`` if nothing.
+        stated: The unit as it stands there, where it is not known.
     """
 
     column: str
@@ -50,6 +51,7 @@ class Header:
     unit: str = ""
     reference: str = ""
     problem: str = ""
+    stated: str = ""
 
 
 def tidy_name(text: str) -> str:
@@ -166,7 +168,8 @@ def read_header(column: str) -> Header:
         if unit is not None:
             return _with_reference(column, name, unit, reference)
         if re.fullmatch(r"[\d\s]*", stated) is None:
-            return Header(column, tidy_name(name), problem=f"unit {stated.strip()!r} is not known")
+            problem = f"unit {stated.strip()!r} is not known"
+            return Header(column, tidy_name(name), problem=problem, stated=stated.strip())
     found = _suffix(text)
     if found is not None:
         return _with_reference(column, *found)

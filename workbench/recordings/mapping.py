@@ -71,6 +71,7 @@ class MappingRules:
         format: Name of the format, or ``module:object`` of the user's own; ``""`` to recognise it.
         rows: First row taken and first row left out after it, counted from 0; None for all.
         times_s: First and last instant taken, in s; None for all.
+        units: Units of the file's own: how many of which known unit one of them is, by name.
         folder: Where a module of the user's own may stand.
     """
 
@@ -82,10 +83,34 @@ class MappingRules:
     format: str = ""
     rows: tuple[int, int] | None = None
     times_s: tuple[float, float] | None = None
+    units: Mapping[str, tuple[float, str]] = field(default_factory=dict)
     folder: Path | None = None
 
 
-def _rule(signal: str, entry: object, path: str) -> ColumnRule:
+def _units(given: object, path: str) -> dict[str, tuple[float, str]]:
+    """Read units of a file's own, such as ``tick = "0.0015 rad"``."""
+    if not isinstance(given, Mapping):
+        raise WorkbenchError(f'units of {path} must be a table: [units] tick = "0.0015 rad"')
+    found = {}
+    for name, text in given.items():
+        size, _, unit = str(text).partition(" ")
+        try:
+            factor = float(size)
+        except ValueError:
+            factor = 0.0
+        if not factor or not unit.strip():
+            raise WorkbenchError(
+                f"unit {name!r} of {path} is {text!r}; write a number and a known unit, such as"
+                ' "0.0015 rad"'
+            )
+        parse_unit(unit.strip())
+        found[str(name)] = (factor, unit.strip())
+    return found
+
+
+def _rule(
+    signal: str, entry: object, path: str, units: Mapping[str, tuple[float, str]]
+) -> ColumnRule:
     if isinstance(entry, str):
         return ColumnRule(signal, entry)
     if not isinstance(entry, Mapping):
@@ -96,7 +121,12 @@ def _rule(signal: str, entry: object, path: str) -> ColumnRule:
     known = [f.name for f in fields(ColumnRule) if f.name != "signal"]
     for key in entry:
         check_choice(f"key of signal {signal!r} in {path}", str(key), known)
-    return ColumnRule(signal, **{"column": signal, **entry})
+    values = {"column": signal, **entry}
+    if values.get("unit") in units:
+        factor, values["unit"] = units[values["unit"]]
+        for key, usual in (("factor", 1.0), ("offset", 0.0)):
+            values[key] = factor * values.get(key, usual)
+    return ColumnRule(signal, **values)
 
 
 def _range(content: Mapping[str, Any], key: str, path: str) -> tuple[float, float] | None:
@@ -169,6 +199,7 @@ def rules_from(
     bad = [k for k, v in metadata.items() if not isinstance(v, (str, int, float, bool))]
     if bad:
         raise WorkbenchError(f"metadata {bad[0]!r} of {path} must be a text or a number")
+    units = _units(content.get("units", {}), path)
     rows = _range(content, "rows", path)
     if rows is not None and (rows[0] < 0 or any(int(r) != r for r in rows)):
         raise WorkbenchError(f"rows of {path} is {list(rows)}; write whole numbers from 0 on")
@@ -176,14 +207,15 @@ def rules_from(
     if not isinstance(format_, str):
         raise WorkbenchError(f"format of {path} is {format_!r}; write its name")
     return MappingRules(
-        tuple(_rule(str(name), entry, path) for name, entry in signals.items()),
-        None if time is None else _rule("time", time, path),
+        tuple(_rule(str(name), entry, path, units) for name, entry in signals.items()),
+        None if time is None else _rule("time", time, path, units),
         tuple(columns),
         step,
         dict(metadata),
         format_,
         None if rows is None else (int(rows[0]), int(rows[1])),
         _range(content, "times_s", path),
+        units,
         folder,
     )
 

@@ -39,7 +39,7 @@ def diagnosis_law(located: Located) -> Figure:
         markersize=3.2,
         alpha=0.6,
         markeredgewidth=0,
-        label="measured",
+        label="from the measurements",
         zorder=2,
     )
     shown = [y]
@@ -87,7 +87,7 @@ def diagnosis_signal(located: Located) -> Figure:
     axes.fill_between(
         time, signal - 2 * std, signal + 2 * std, color=FAINT.light, alpha=0.45, linewidth=0
     )
-    axes.plot(time, signal, color=MEASURED.light, linewidth=1.2, label="measured")
+    axes.plot(time, signal, color=MEASURED.light, linewidth=1.2, label="from the measurements")
     if located.law is not None:
         law = factor * located.law[rows]
         axes.plot(time, law, color=AFTER.light, linewidth=1.0, label=located.law_name)

@@ -43,7 +43,7 @@ def diagnosis_nonparametric(argument: Argument, *, place: str, unit: str) -> Fig
         linewidth=0,
         label="its scatter in a class",
     )
-    axes.plot(x, mean, ".", color=MEASURED.light, markersize=6.0, label="measured")
+    axes.plot(x, mean, ".", color=MEASURED.light, markersize=6.0, label="from the measurements")
     axes.plot(x, curve, color=AFTER.light, linewidth=1.4, label="fitted curve")
     axes.axhline(0.0, color=FAINT.light, linewidth=0.9, zorder=1)
     axes.margins(x=0.03)
