@@ -13,13 +13,16 @@ Source: Åström and Hägglund, Advanced PID Control, 2006, sections 3.3 and 13.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
-from controllers.arithmetic import FLOATS
-from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.valve_inverse import ThroughValve, ValveInverse
-from workbench.errors import check_range
+from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
+from controllers.valve_inverse import ClosedForm
+from workbench.errors import check_choice, check_range
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
 
 
 class AnglePDState(NamedTuple):
@@ -30,25 +33,20 @@ class AnglePDState(NamedTuple):
         angle: Angle of the sample before, in rad.
     """
 
-    derivative: float
-    angle: float
+    derivative: Number
+    angle: Number
 
 
 @dataclass(frozen=True)
-class AnglePD(ThroughValve):
+class AnglePD(ClosedForm):
     """PD law on the angle without an inner loop.
 
     Args:
         proportional: Kp, opening fraction per rad.
         derivative: Kd, opening fraction per rad/s.
         derivative_filter: Time constant Tf of the derivative's filter, in s.
-        sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
         name: Name under which results are reported.
         sensors: Name of the angle.
-        follows: Name of the followed output.
-        actuators: Name of the command.
-        preview: No future references are used.
 
     Raises:
         WorkbenchError: If a gain or time constant is outside its range.
@@ -62,13 +60,8 @@ class AnglePD(ThroughValve):
     proportional: float
     derivative: float
     derivative_filter: float = 0.01
-    sample_time: float = 0.002
-    valve: ValveInverse = ValveInverse()
     name: str = "PD on the angle"
-    sensors: tuple[str, ...] = ("angle",)
-    follows: tuple[str, ...] = ("angle",)
-    actuators: tuple[str, ...] = ("valve",)
-    preview: int = 0
+    sensors: tuple[str, ...] = field(default=("angle",), kw_only=True)
 
     def __post_init__(self) -> None:
         """Check the gains."""
@@ -77,30 +70,56 @@ class AnglePD(ThroughValve):
         check_range(f"derivative filter of {self.name}", self.derivative_filter, 0.0, 10.0, "s")
         check_range(f"sample time of {self.name}", self.sample_time, 1e-6, 1.0, "s")
 
-    def initial_state(self, measurement: Measurement) -> AnglePDState:
-        """Return the state of an arm at rest.
-
-        Args:
-            measurement: Angle, in rad.
-        """
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> AnglePDState:
+        """Return the state of an arm at rest."""
         return AnglePDState(0.0, measurement[0])
 
-    def step(
-        self, state: AnglePDState, measurement: Measurement, reference: Reference
-    ) -> tuple[Command, AnglePDState, Info]:
-        """Compute the valve voltage of one sample.
-
-        Args:
-            state: State of the step before.
-            measurement: Angle, in rad.
-            reference: Wanted angle, in rad.
-
-        Returns:
-            Voltage in V, next state, and the opening (fraction).
-        """
+    def law(
+        self,
+        state: AnglePDState,
+        measurement: tuple[Number, ...],
+        reference: tuple[Number, ...],
+        arithmetic: Arithmetic,
+    ) -> tuple[tuple[Number, ...], AnglePDState, dict[str, Number]]:
+        """Compute one sample on floats or on symbols, in SI."""
         (angle,), h = measurement, self.sample_time
         fade = self.derivative_filter / (self.derivative_filter + h)
         slope = (angle - state.angle) / h
         derivative = fade * state.derivative - (1.0 - fade) * self.derivative * slope
-        opening = FLOATS.clip(self.proportional * (reference[0] - angle) + derivative, -1.0, 1.0)
-        return (self.valve.command(opening),), AnglePDState(derivative, angle), {"opening": opening}
+        asked = self.proportional * (reference[0] - angle) + derivative
+        opening = arithmetic.clip(asked, -1.0, 1.0)
+        following = AnglePDState(derivative, angle)
+        return (self.valve.command(opening, arithmetic),), following, {"opening": opening}
+
+
+def design_angle_pd(
+    linear: LinearModel,
+    *,
+    proportional: float = 0.4,
+    derivative: float = 0.02,
+    derivative_filter: float = 0.01,
+) -> AnglePD:
+    """Return a PD law with gains given by hand.
+
+    Args:
+        linear: Linear model with the angle.
+        proportional: Kp, opening fraction per rad.
+        derivative: Kd, opening fraction per rad/s.
+        derivative_filter: Time constant of the derivative's filter, in s.
+
+    Raises:
+        WorkbenchError: If a gain or time constant is outside its range, or there is no angle.
+    """
+    check_choice("sensor of the linear model", "angle", linear.output_names)
+    return AnglePD(proportional, derivative, derivative_filter)
+
+
+ANGLE_PD = Design(
+    name="angle-pd",
+    family="PD on the angle",
+    summary="plain PD on the angle, gains by hand: what the cascade is compared with",
+    function=design_angle_pd,
+    sensors=("angle",),
+)

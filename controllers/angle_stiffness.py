@@ -36,6 +36,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.c_export import CSource, closed_form
+from controllers.design import Design
 from controllers.joint.at_one_point import UNIT
 from controllers.joint.model import joint_model
 from controllers.pid import (
@@ -203,25 +205,20 @@ class AngleStiffness:
         """Time between steps, in s."""
         return self.outer.sample_time
 
-    def initial_state(self, measurement: Measurement) -> AngleStiffnessState:
-        """Return the state that holds the measured pressures at the measured angle.
-
-        Args:
-            measurement: Angle in rad and the two gauge pressures in Pa.
-        """
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> AngleStiffnessState:
+        """Return the state that holds the measured pressures at the measured angle."""
         _, p1, p2 = measurement
         mean = 0.5 * (p1 + p2)
-        return AngleStiffnessState(self.outer.initial_state(measurement), p1, p2, mean, mean)
+        return AngleStiffnessState(
+            self.outer.initial_state(measurement, arithmetic), p1, p2, mean, mean
+        )
 
     def step(
         self, state: AngleStiffnessState, measurement: Measurement, reference: Reference
     ) -> tuple[Command, AngleStiffnessState, Info]:
         """Compute both voltages of one sample.
-
-        Args:
-            state: State of the step before.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle in rad and wanted mean gauge pressure in Pa.
 
         Returns:
             Voltages in V, next state, and both openings (fractions), the wanted difference and
@@ -236,18 +233,7 @@ class AngleStiffness:
         reference: tuple[Number, ...],
         arithmetic: Arithmetic,
     ) -> tuple[tuple[Number, ...], AngleStiffnessState, dict[str, Number]]:
-        """Compute one sample on floats or on symbols.
-
-        Args:
-            state: State of the step before.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle in rad and wanted mean gauge pressure in Pa.
-            arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            Voltages in V, next state, and both openings (fractions), the wanted difference and
-            the wanted mean that the limits left (Pa).
-        """
+        """Compute one sample on floats or on symbols."""
         outer, p1, p2, filtered, mean = state
         _, outer, told = self.outer.law(outer, measurement, reference[:1], arithmetic)
         half = 0.5 * told["asked_difference"]
@@ -292,15 +278,25 @@ class AngleStiffness:
             + arithmetic.clip(error, -1e12, 0.0) * venting
         )
 
+    def linear_law(
+        self,
+        state: AngleStiffnessState,
+        measurement: tuple[Number, ...],
+        reference: tuple[Number, ...],
+        arithmetic: Arithmetic,
+        rest: Measurement,
+    ) -> tuple[tuple[Number, ...], AngleStiffnessState]:
+        """Return commands for a linear model and next state, as `controllers.linear_law` asks."""
+        _, following, told = self.law(state, measurement, reference, arithmetic)
+        valve = self.outer.valve
+        return tuple(valve.tangent(told[f"opening_{i}"]) for i in (1, 2)), following
+
+    def c_source(self, name: str) -> CSource:
+        """Write the law as C."""
+        return closed_form(self, name)
+
     def linear_command(self, command: Command) -> Command:
-        """Return the commands that give a linear model the same openings.
-
-        Args:
-            command: Voltages on the plant, V.
-
-        Returns:
-            Voltages for a linear model, V.
-        """
+        """Return the commands that give a linear model the same openings."""
         return tuple(self.outer.valve.linear_command(voltage) for voltage in command)
 
 
@@ -321,9 +317,6 @@ def design_angle_stiffness(
         specification: What the angle's loop is to reach; `SPECIFICATION` by default.
         mean_speed: Speed of the lags on the wanted mean, in rad/s.
         pressure_limits: Lowest and highest wanted gauge pressure, in Pa.
-
-    Returns:
-        The controller.
 
     Raises:
         WorkbenchError: If the linear model lacks a signal, or no bandwidth meets the limits.
@@ -364,20 +357,8 @@ def opposed(
 ) -> LinearModel:
     """Return a linear model whose one input drives two inputs in opposite directions.
 
-    Args:
-        linear: Linear model with two inputs that rest at the same value.
-        actuators: Names of the inputs that move with and against the new one.
-        name: Name of the new input.
-
-    Returns:
-        The same model with one input.
-
     Raises:
         WorkbenchError: If an input is unknown or the two rest at different values.
-
-    Example:
-        >>> opposed.__name__
-        'opposed'
     """
     for actuator in actuators:
         check_choice("actuator of the linear model", actuator, linear.input_names)
@@ -396,3 +377,13 @@ def opposed(
         u0=np.array([rest]),
         verdict=None,
     )
+
+
+ANGLE_STIFFNESS = Design(
+    name="angle-stiffness",
+    family="angle and stiffness",
+    summary="cascaded PID of the angle and of the mean pressure, with one valve per muscle",
+    function=design_angle_stiffness,
+    specification=PIDSpecification,
+    actuators=("valve_1", "valve_2"),
+)

@@ -80,11 +80,6 @@ def export_c(controller: Controller, folder: str | Path, *, name: str = "control
 
     A controller that can be written says how: its method ``c_source(name)`` returns a `CSource`.
 
-    Args:
-        controller: The controller.
-        folder: Where to write ``NAME.c`` and ``NAME.h``.
-        name: Name of the files and prefix of the functions, a C identifier.
-
     Raises:
         WorkbenchError: If the name is no C identifier, the controller needs a library at each
             step, or a file cannot be written.

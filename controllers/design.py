@@ -109,12 +109,6 @@ class Design:
     ) -> Any:
         """Design a controller.
 
-        Args:
-            source: What the design needs.
-            specification: What `specified` returned.
-            name: Name of the controller, where its class has names; that of its class by default.
-            given: Further keywords of ``function``, such as where a nonlinear MPC rests.
-
         Raises:
             WorkbenchError: If the specification cannot be met, or what a user's function returns
                 is no controller.

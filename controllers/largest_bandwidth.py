@@ -68,9 +68,6 @@ def largest_bandwidth(
         maximum_complementary: Limit on Mt, a ratio.
         late_sensitivity: Limit on Ms with commands one sample late, a ratio; infinite for none.
 
-    Returns:
-        The first design within the limits.
-
     Raises:
         WorkbenchError: If no speed meets the limits.
 

@@ -34,21 +34,12 @@ class HeldCommand:
     preview: int = 0
 
     def initial_state(self, measurement: Measurement) -> None:
-        """Return no state.
-
-        Args:
-            measurement: Not used; in SI.
-        """
+        """Return no state."""
 
     def step(
         self, state: None, measurement: Measurement, reference: Reference
     ) -> tuple[Command, None, Info]:
         """Return the command.
-
-        Args:
-            state: Not used.
-            measurement: Not used; in SI.
-            reference: Not used; in SI.
 
         Returns:
             The command in SI, no state, no information.
@@ -56,12 +47,5 @@ class HeldCommand:
         return self.values, None, {}
 
     def linear_command(self, command: Command) -> Command:
-        """Return the command unchanged.
-
-        Args:
-            command: Command in SI.
-
-        Returns:
-            The same, in SI.
-        """
+        """Return the command unchanged."""
         return command

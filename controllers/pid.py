@@ -155,15 +155,9 @@ class CascadePID(ClosedForm):
         setpoint_weight: Weight beta of the reference in the proportional part, dimensionless.
         derivative_weight: Weight c of the reference in the derivative part, dimensionless.
         difference_limit: Largest pressure difference asked for, in Pa; infinite for none.
-        compensation: Share kappa of the unexplained acceleration that is compensated at once, 0..1.
+        compensation: Share kappa of the unexplained acceleration compensated at once, a ratio.
         lag: Lag tau of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-        sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
         name: Name under which results are reported.
-        sensors: Names of the angle and the two pressures.
-        follows: Name of the controlled output.
-        actuators: Name of the command.
-        preview: No future references are used.
 
     Raises:
         WorkbenchError: If a number is outside its range.
@@ -185,13 +179,7 @@ class CascadePID(ClosedForm):
     difference_limit: float = math.inf
     compensation: float = 0.0
     lag: float = 0.0
-    sample_time: float = 0.002
-    valve: ValveInverse = ValveInverse()
     name: str = "cascade PID"
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
-    follows: tuple[str, ...] = ("angle",)
-    actuators: tuple[str, ...] = ("valve",)
-    preview: int = 0
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -278,7 +266,22 @@ def cascade_pid(
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> CascadePID:
-    """Return a cascaded PID with gains given by hand; arguments as in its parts.
+    """Return a cascaded PID around one point, with gains given by hand.
+
+    Args:
+        proportional: Kp, in Pa/rad.
+        integral: Ki, in Pa/(rad s).
+        derivative: Kd, in Pa s/rad.
+        inner: Inner gain, opening fraction per Pa.
+        derivative_filter: Time constant of the derivative's filter, in s.
+        setpoint_weight: Weight of the reference in the proportional part, dimensionless.
+        derivative_weight: Weight of the reference in the derivative part, dimensionless.
+        reference_speed: Speed of the reference's lags, in rad/s; 0 for none.
+        tracking_time: Time constant of the anti-windup, in s.
+        difference_limit: Largest pressure difference asked for, in Pa.
+        pressure_filter: Time constant of the pressures' filter, in s.
+        sample_time: Time between steps, in s.
+        valve: Valve curve that is inverted.
 
     Example:
         >>> cascade_pid(6e5, 2e6, 1e5, inner=2e-6).name
@@ -348,11 +351,6 @@ def design_pid(
     The gains place the poles of the joint at w, which is lowered from ``bandwidth`` until Ms and Mt
     of the sampled outer loop, computed on the whole linear model, are within their limits.
 
-    Args:
-        linear: Linear model from the valve's voltage or opening to the sensors.
-        specification: What to reach.
-        valve: Valve curve that is inverted.
-
     Raises:
         WorkbenchError: If no bandwidth meets the limits.
 
@@ -416,12 +414,12 @@ def design_scheduled_pid(
 
     Args:
         schedule: The joint over angle and mean pressure, for the known load.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_share: Share of the valve's opening that a planned move may use, a ratio.
         jerk_limit: Largest planned jerk, in rad/s3.
         lead: Time by which the opening of the feedforward leads the plan, in s.
         frequency: Frequency of the placed pair, in rad/s.
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
-        compensation: Share of the unexplained acceleration that is compensated at once, 0..1.
+        compensation: Share of the unexplained acceleration that is compensated at once, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.

@@ -69,21 +69,12 @@ class Controller(Protocol):
         """Number of future samples of the reference that it wants."""
 
     def initial_state(self, measurement: Measurement) -> Any:
-        """Return the state from which the controller starts without a bump.
-
-        Args:
-            measurement: Readings of the sensors at the start, in SI.
-        """
+        """Return the state from which the controller starts without a bump."""
 
     def step(
         self, state: Any, measurement: Measurement, reference: Reference
     ) -> tuple[Command, Any, Info]:
         """Compute the command of one sample, without side effects.
-
-        Args:
-            state: What the step before returned, or `initial_state`.
-            measurement: Readings of the sensors, in SI.
-            reference: Wanted values of the followed outputs, now and previewed, in SI.
 
         Returns:
             The command in SI, the next state, and information about the step.
@@ -94,10 +85,4 @@ class Controller(Protocol):
 
         A controller that inverts a static curve of the actuator hands the plant a command bent by
         that inverse; the linear model has the straight line at rest instead.
-
-        Args:
-            command: What `step` returned, in SI.
-
-        Returns:
-            Command for a linear model, in SI.
         """

@@ -16,9 +16,6 @@ def zero_order_hold(a: Matrix, b: Matrix, sample_time: float) -> tuple[Matrix, M
         b: Shape (n, m).
         sample_time: Time between samples, in s.
 
-    Returns:
-        ``exp(a h)`` and the integral of ``exp(a t) b``.
-
     Source:
         Van Loan, IEEE Trans. AC-23, 1978.
 

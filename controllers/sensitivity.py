@@ -27,15 +27,6 @@ def peak_sensitivities(
     All other loops stay closed: for a cascade this is the outer loop. The plant is discretised
     with held inputs at the controller's sample time, so the delay of sampling is included.
 
-    Args:
-        controller: The controller.
-        linear: Linear model with the controller's sensors and actuators.
-        points: Number of frequencies between 0.05 Hz and 0.98 of the Nyquist frequency.
-        late: Samples by which every command arrives late, as from a slow computer.
-
-    Returns:
-        Largest |1 / (1 + L)| and |L / (1 + L)| (ratios); both infinite if the loop is unstable.
-
     Source:
         Åström and Hägglund, Advanced PID Control, 2006, section 4.6.
 
@@ -56,7 +47,14 @@ def peak_sensitivities(
 def peaks_of(
     loop_parts: LoopMatrices, sample_time: float, points: int = 300, late: int = 0
 ) -> tuple[float, float]:
-    """Compute what `peak_sensitivities` does from the matrices of a loop."""
+    """Compute what `peak_sensitivities` does, ratios, from the matrices of a loop.
+
+    Args:
+        loop_parts: The matrices.
+        sample_time: Time between samples, in s.
+        points: Number of frequencies.
+        late: Samples by which every command arrives late.
+    """
     A, B, C, F, G, H, J = loop_parts
     for _ in range(late):
         n, m = B.shape
@@ -104,10 +102,6 @@ class LoopMatrices(NamedTuple):
 
 def loop_matrices(controller: Controller, linear: LinearModel) -> LoopMatrices:
     """Return plant and law of a loop around rest.
-
-    Args:
-        controller: The controller.
-        linear: Linear model with the controller's sensors and actuators.
 
     Raises:
         WorkbenchError: If the linear model lacks a sensor or an actuator.

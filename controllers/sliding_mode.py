@@ -85,15 +85,9 @@ class SlidingMode(ClosedForm):
         jerk_bound: Bound rho on the jerk that the model leaves out, in rad/s3.
         layer: Half width of the boundary layer, in rad/s2.
         rate_bound: Bound L on the rate of what the model leaves out, in rad/s4, for super-twisting.
-        compensation: Share of the unexplained acceleration that counts as acceleration, 0..1.
+        compensation: Share of the unexplained acceleration that counts as acceleration, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-        sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
         name: Name under which results are reported.
-        sensors: Names of the angle and the two pressures.
-        follows: Name of the controlled output.
-        actuators: Name of the command.
-        preview: No future references are used.
 
     Raises:
         WorkbenchError: If the kind is unknown or a number outside its range.
@@ -107,13 +101,7 @@ class SlidingMode(ClosedForm):
     rate_bound: float = 5e4
     compensation: float = 1.0
     lag: float = 0.0
-    sample_time: float = 0.002
-    valve: ValveInverse = ValveInverse()
     name: str = "sliding mode"
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
-    follows: tuple[str, ...] = ("angle",)
-    actuators: tuple[str, ...] = ("valve",)
-    preview: int = 0
 
     def __post_init__(self) -> None:
         """Check the gains."""
@@ -229,11 +217,6 @@ def design_sliding_mode(
 
     ``layer = jerk_bound / layer_bandwidth``.
 
-    Args:
-        linear: Linear model from the valve's voltage or opening to the sensors.
-        specification: What to reach.
-        valve: Valve curve that is inverted.
-
     Raises:
         WorkbenchError: If the bound on the jerk exceeds what the fully open valve can do.
 
@@ -299,12 +282,12 @@ def design_scheduled_sliding_mode(
         schedule: The joint over angle and mean pressure, for the known load.
         kind: One of `KINDS`.
         slope: Decay of the error on the surface, in rad/s.
-        unexplained_share: Bound on the jerk as a share of the open valve's, 0..1.
+        unexplained_share: Bound on the jerk as a share of the open valve's, a ratio.
         layer_bandwidth: Pole inside the layer, in rad/s; below the spool's bandwidth.
-        compensation: Share of the unexplained acceleration taken as acceleration, 0..1; by default
-            all without integral, 0 for ``"integral"`` and 0.3 for ``"super-twisting"``.
+        compensation: Share of the unexplained acceleration taken as acceleration, a ratio; by
+            default all without integral, 0 for ``"integral"`` and 0.3 for ``"super-twisting"``.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_share: Share of the valve's opening that a planned move may use, a ratio.
         jerk_limit: Largest planned jerk, in rad/s3.
         lead: Time by which the opening of the feedforward leads the plan, in s.
         sample_time: Time between steps, in s.

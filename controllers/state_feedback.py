@@ -72,28 +72,16 @@ class StateFeedback(ClosedForm):
         gains: Gains over the schedule's angles for angle (per rad), speed (s/rad), pressure
             difference (per Pa), integral (per rad s) and, if there is a lag, the opening that has
             arrived: 4 or 5 rows.
-        compensation: Share of the unexplained acceleration that is compensated, 0..1.
+        compensation: Share of the unexplained acceleration that is compensated, a ratio.
         lag: Lag tau of spool and sample in the design, in s; 0 leaves it to the margin.
-        sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
         name: Name under which results are reported.
-        sensors: Names of the angle and the two pressures.
-        follows: Name of the controlled output.
-        actuators: Name of the command.
-        preview: No future references are used.
     """
 
     tracking: JointTracking
     gains: tuple[tuple[float, ...], ...]
     compensation: float = 1.0
     lag: float = 0.0
-    sample_time: float = 0.002
-    valve: ValveInverse = ValveInverse()
     name: str = "state feedback"
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
-    follows: tuple[str, ...] = ("angle",)
-    actuators: tuple[str, ...] = ("valve",)
-    preview: int = 0
 
     def initial_state(
         self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
@@ -171,9 +159,6 @@ def design_state_feedback(
         mean_pressure: Mean gauge pressure of the design, in Pa.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
-
-    Returns:
-        The controller.
 
     Raises:
         WorkbenchError: If a number is outside its range.

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.c_export import CSource, closed_form
@@ -83,13 +83,21 @@ class ValveInverse:
         return self.centre + arithmetic.table(opening, self.fractions, self.voltages)
 
     def opening(self, command: float) -> float:
-        """Return the signed opening, -1..1, that a voltage in V gives."""
+        """Return the signed opening, a fraction, that a voltage gives.
+
+        Args:
+            command: Voltage, in V.
+        """
         return float(FLOATS.table(command - self.centre, self.voltages, self.fractions))
 
     def linear_command(self, command: float) -> float:
-        """Return the voltage, in V, at which the tangent at rest gives the opening of a command.
+        """Return the voltage at which the tangent at rest gives the opening of a command.
 
-        It may leave the plant's range.
+        Args:
+            command: Voltage on the plant, in V.
+
+        Returns:
+            Voltage for a linear model, in V; it may leave the plant's range.
         """
         return float(self.tangent(self.opening(command)))
 
@@ -101,18 +109,35 @@ class ValveInverse:
 class ThroughValve:
     """A controller with one command, bent by the inverse of the valve's curve."""
 
-    if TYPE_CHECKING:
-
-        @property
-        def valve(self) -> ValveInverse:
-            """Valve curve that is inverted."""
+    valve: ValveInverse
 
     def linear_command(self, command: Command) -> Command:
         """Return the command that gives a linear model the same opening."""
         return (self.valve.linear_command(command[0]),)
 
 
-class ClosedForm(ThroughValve):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ValveController(ThroughValve):
+    """What the controllers of a joint with one valve have in common.
+
+    Args:
+        sample_time: Time between steps, in s.
+        valve: Valve curve that is inverted.
+        sensors: Names of the angle and the two pressures.
+        follows: Name of the controlled output.
+        actuators: Name of the command.
+        preview: Number of future reference samples used.
+    """
+
+    sample_time: float = 0.002
+    valve: ValveInverse = ValveInverse()
+    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
+    follows: tuple[str, ...] = ("angle",)
+    actuators: tuple[str, ...] = ("valve",)
+    preview: int = 0
+
+
+class ClosedForm(ValveController):
     """A law of numbers, written once for floats and for symbols, with ``opening`` in its info.
 
     From the same text come the step in Python, its linear form (derivatives of the expressions) and

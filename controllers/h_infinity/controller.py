@@ -63,13 +63,7 @@ class HInfinity(ClosedForm):
         inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
         compensation: Share of the unexplained acceleration that is compensated at once, 0..1,
             dimensionless.
-        sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
         name: Name under which results are reported.
-        sensors: Names of the angle and the two pressures.
-        follows: Name of the followed output.
-        actuators: Name of the command.
-        preview: No future references are used.
     """
 
     tracking: JointTracking
@@ -83,13 +77,7 @@ class HInfinity(ClosedForm):
     norm: float
     inner_bandwidth: float = 120.0
     compensation: float = 0.0
-    sample_time: float = 0.002
-    valve: ValveInverse = ValveInverse()
     name: str = "H-infinity"
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
-    follows: tuple[str, ...] = ("angle",)
-    actuators: tuple[str, ...] = ("valve",)
-    preview: int = 0
 
     def initial_state(
         self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
@@ -163,9 +151,6 @@ def design_h_infinity(
         mean_pressure: Mean gauge pressure of the synthesis, in Pa.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
-
-    Returns:
-        The controller, with the norm that was reached.
 
     Raises:
         WorkbenchError: If slycot is not installed or a number is outside its range.

@@ -142,9 +142,6 @@ def synthesise(
         tolerance: How much larger the norm may become by the reduction, a fraction.
         sample_time: Time between samples, in s.
 
-    Returns:
-        The controller from the error of the angle to the acceleration.
-
     Raises:
         WorkbenchError: If slycot is not installed or a number is outside its range.
         NumericalError: If there is no stabilising controller, or no stable one.
@@ -190,9 +187,6 @@ def synthesise(
 def has_slycot() -> bool:
     """Tell whether slycot is installed.
 
-    Returns:
-        Whether a synthesis can be done.
-
     Example:
         >>> has_slycot()
         True
@@ -224,9 +218,6 @@ def joint_behind_pressure_loop(joint: JointModel, inner_bandwidth: float, delay:
         inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
         delay: Delay, in s.
 
-    Returns:
-        Matrices: states angle, speed, acceleration from the pressures, delay.
-
     Example:
         >>> joint = JointModel(b=1.6e-4, a1=1.5, a0=96.0, g=3.5e7, e=6.2e5, d=0.8)
         >>> A, B, C, D = joint_behind_pressure_loop(joint, 120.0, 0.004)
@@ -248,13 +239,6 @@ def joint_behind_pressure_loop(joint: JointModel, inner_bandwidth: float, delay:
 
 def generalised_plant(plant: System, weights: Weights) -> System:
     """Join plant and weights: from (n, d, u) to (z1, z2, z3, y).
-
-    Args:
-        plant: From (d, u) to the angle.
-        weights: The weights.
-
-    Returns:
-        Matrices, inputs and outputs in the scales of the weights.
 
     Example:
         >>> A, B, C, D = generalised_plant((np.zeros((1, 1)), np.ones((1, 2)), np.ones((1, 1)),
@@ -296,18 +280,8 @@ def closed_loop_norm(
 ) -> float:
     """Compute the norm from (n, d) to (z1, z2, z3) on a frequency grid.
 
-    Args:
-        plant: From (d, u) to the angle.
-        weights: The weights.
-        controller: From the error to the command, in continuous time.
-        points: Number of frequencies, from 1e-4 to 1e3 times the speed.
-
     Returns:
         The largest singular value (a ratio); infinite if the loop is unstable.
-
-    Example:
-        >>> closed_loop_norm.__name__
-        'closed_loop_norm'
     """
     A, B, C, D = generalised_plant(plant, weights)
     a, b, c, d = controller

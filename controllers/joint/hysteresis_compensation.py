@@ -103,9 +103,6 @@ def hysteresis_compensation(
         lever: Lever of the muscles, in m.
         effect: Name of the effect.
 
-    Returns:
-        The compensation.
-
     Raises:
         WorkbenchError: If a parameter is missing.
 

@@ -73,16 +73,6 @@ def joint_model(
 ) -> JointModel:
     """Fit the third-order model to a linear model.
 
-    Args:
-        linear: Linear model from the valve's command to the sensors.
-        valve: Valve curve whose slope at rest turns a voltage into an opening.
-        sensors: Names of the angle and the two pressures.
-        actuator: Name of the voltage; a model by the opening needs none.
-        band_Hz: Band of the fit: below the spool, above the leak.
-
-    Returns:
-        The model, with its misfit.
-
     Raises:
         WorkbenchError: If the linear model lacks one of the signals, or is no such joint: the
             fitted gains b and g must be positive.

@@ -132,9 +132,6 @@ def design_joint_observer(
         bandwidth: Speed of the observer's poles, in rad/s.
         sample_time: Time h between samples, in s.
 
-    Returns:
-        The observer.
-
     Raises:
         WorkbenchError: If a number is outside its range.
 

@@ -33,12 +33,6 @@ def opening_input(
 ) -> OpeningInput:
     """Tell how the opening enters a linear model.
 
-    Args:
-        linear: Linear model by the voltage, whose slope is that of the valve's curve at rest, or by
-            the opening (``linearise(point, input="opening")``).
-        valve: The valve's curve.
-        actuator: Name of the voltage.
-
     Returns:
         Name of the input, its change per full opening in SI, and the opening at rest (fraction).
 

@@ -123,9 +123,6 @@ class JointSchedule:
         A feedback that must bear a change of load is best designed for the middle of the loads; the
         pressures that hold the joint are those of the known load all the same.
 
-        Args:
-            heavier: Schedule on the same grid for the other load.
-
         Returns:
             The schedule: accelerations per pressure, damping and stiffness over inertia from the
             other, the rest from this one.
@@ -177,9 +174,6 @@ def joint_schedule(
         mean_pressures: Two mean gauge pressures of the map, shape (2,), in Pa.
         load: Index of the load.
         valve: Valve curve whose slope at rest turns a voltage into an opening.
-
-    Returns:
-        The schedule.
 
     Raises:
         WorkbenchError: If the angles are not evenly spaced, there are not two mean pressures, or

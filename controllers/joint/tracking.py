@@ -248,7 +248,7 @@ def joint_tracking(
 
     Args:
         schedule: The joint over angle.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1.
+        jerk_share: Share of the valve's opening that a planned move may use, a ratio.
         jerk_limit: Largest planned jerk, in rad/s3, whatever the joint could do: what feedforward
             for a light joint gets wrong if its load is heavier than known must stay within what
             feedback corrects.
@@ -301,7 +301,19 @@ def kalman_tracking(
     acceleration_noise: float = 0.5,
     acceleration_walk: float = 100.0,
 ) -> JointTracking:
-    """Design planner and Kalman filter: `joint_tracking` with `kalman_correction`."""
+    """Design planner and Kalman filter: `joint_tracking` with `kalman_correction`.
+
+    Args:
+        schedule: The joint over angle.
+        jerk_share: Share of the valve's opening that a planned move may use, a ratio.
+        jerk_limit: Largest planned jerk, in rad/s3.
+        lead: Time by which the opening of the feedforward leads the plan, in s.
+        sample_time: Time between samples, in s.
+        mean_pressure: Mean gauge pressure at which limits are taken, in Pa.
+        angle_noise: Noise rms of the measured angle, in rad.
+        acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
+        acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
+    """
     return joint_tracking(
         schedule,
         jerk_share=jerk_share,

@@ -29,7 +29,7 @@ Automatica 36, 2000 (scheduling).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -53,7 +53,7 @@ from controllers.mpc.whole_model import not_finite, told
 from controllers.named_state import flat, names, restored
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
-from controllers.valve_inverse import ThroughValve, ValveInverse
+from controllers.valve_inverse import ValveController, ValveInverse
 from workbench.errors import check_range
 
 Matrix = npt.NDArray[np.float64]
@@ -108,22 +108,16 @@ class Problem(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class ScheduledMPC(ThroughValve):
+class ScheduledMPC(ValveController):
     """Gain-scheduled linear MPC with planned reference.
 
     Args:
         tracking: Planner, observer and schedule.
         predictions: Condensed problem at every angle of the schedule.
         pressure_limits: Lowest and highest gauge pressure, in Pa.
-        compensation: Share of the unexplained acceleration that is compensated, 0..1.
+        compensation: Share of the unexplained acceleration that is compensated, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-        sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
         name: Name under which results are reported.
-        sensors: Names of the angle and the two pressures.
-        follows: Name of the controlled output.
-        actuators: Name of the command.
-        preview: No future references are used.
     """
 
     tracking: JointTracking
@@ -131,13 +125,7 @@ class ScheduledMPC(ThroughValve):
     pressure_limits: tuple[float, float]
     compensation: float = 0.3
     lag: float = 0.0
-    sample_time: float = 0.002
-    valve: ValveInverse = field(default_factory=ValveInverse)
     name: str = "linear MPC"
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
-    follows: tuple[str, ...] = ("angle",)
-    actuators: tuple[str, ...] = ("valve",)
-    preview: int = 0
 
     def initial_state(
         self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
@@ -414,9 +402,6 @@ def design_scheduled_mpc(
         mean_pressure: Mean gauge pressure of the design, in Pa.
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
-
-    Returns:
-        The controller.
 
     Raises:
         WorkbenchError: If a number is outside its range or a Riccati equation has no solution.

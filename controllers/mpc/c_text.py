@@ -49,8 +49,8 @@ def mpc_source(
         valve: Valve curve that is inverted.
         size: Numbers of variables and of rows of the quadratic program.
         factor: Whether its matrices are factored at every step.
-        defined: Sizes and numbers of the step, by name.
-        tables: Tables of the step, by name.
+        defined: Sizes and numbers of the step, by name, in SI.
+        tables: Tables of the step, by name, in SI.
         states: Names of the entries of the state.
         generated: Functions that the step calls.
         work: Numbers of static memory beside the solver's.
@@ -70,7 +70,7 @@ def mpc_source(
         + solver_source(n, n + m, limit=limit, factor=factor)
         + "".join(f"\n#define {key} {_written(value)}" for key, value in numbers.items())
         + "\n"
-        + "".join(table(key, value) for key, value in (curve | dict(tables)).items())
+        + "".join(_table(key, value) for key, value in (curve | dict(tables)).items())
         + "\n"
         + _text("helpers.c")
         + "\n"
@@ -107,15 +107,8 @@ int {name}_step(const double *measurement, const double *reference, double *stat
     return CSource(source, states, notes, REPORTS, prepared + limit * iteration)
 
 
-def table(name: str, values: npt.NDArray[np.float64]) -> str:
-    """Write numbers as a constant array, by rows, each with the digits that restore it.
-
-    Example:
-        >>> print(table("HALF", np.array([0.5])).strip())
-        static const double HALF[1] = {
-          0.5
-        };
-    """
+def _table(name: str, values: npt.NDArray[np.float64]) -> str:
+    """Write numbers as a constant array, by rows, each with the digits that restore it."""
     words = [
         repr(v) if np.isfinite(v) else ("INFINITY" if v > 0 else "-INFINITY")
         for v in np.ravel(values).tolist()

@@ -49,10 +49,6 @@ class DisturbanceObserver:
         M: Gain, shape (n, n_sensors), in SI.
         rest: Measurements at the operating point, shape (n_sensors,), in SI.
         disturbances: Number of disturbances, the last entries of the state.
-
-    Example:
-        >>> "M" in DisturbanceObserver.__dataclass_fields__
-        True
     """
 
     F: Matrix
@@ -127,9 +123,6 @@ def design_disturbance_observer(
         state_noise: Random walk of every state over one second, as a fraction of its scale.
         sample_time: Time between samples, in s.
 
-    Returns:
-        The observer.
-
     Raises:
         WorkbenchError: If a name is unknown, or the disturbances cannot be told apart from the
             measurements.
@@ -177,17 +170,8 @@ def continuous_matrices(
 ) -> tuple[Matrix, Matrix, Matrix]:
     """Return A, the columns of B for some inputs, and E for disturbed states.
 
-    Args:
-        linear: The linear model.
-        actuators: Names of the inputs.
-        disturbed: Names of the states whose rates are disturbed.
-
     Returns:
         A, B and E, shapes (n, n), (n, n_inputs), (n, n_disturbed), in SI.
-
-    Example:
-        >>> continuous_matrices.__name__
-        'continuous_matrices'
     """
     columns = [linear.input_names.index(name) for name in actuators]
     n = len(linear.state_names)

@@ -49,10 +49,6 @@ class Prediction:
         target: (xs, us) per (w, r), shape (n_x + 1, n_w + 1), in SI.
         preview_index: Sample of the controller at which each prediction sample lies.
         slack_scale: Unit of the slack, in SI.
-
-    Example:
-        >>> Prediction.__dataclass_fields__["slack_scale"].default
-        10000.0
     """
 
     H: Matrix
@@ -132,9 +128,6 @@ def condense(
         move_limit: Largest change of the opening within a prediction sample, a fraction.
         output_limits: Lowest and highest value of each limited output, deviations in SI.
         softness: Cost of a violation by 1e4 SI units, dimensionless.
-
-    Returns:
-        The condensed problem.
 
     Raises:
         WorkbenchError: If the regulator's Riccati equation has no solution or the followed output

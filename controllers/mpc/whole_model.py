@@ -51,7 +51,7 @@ from controllers.named_state import names
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import NOT_FINITE, Solution, quadratic_program
 from controllers.reference.horizon import lagged
-from controllers.valve_inverse import ThroughValve, ValveInverse
+from controllers.valve_inverse import ValveController, ValveInverse
 from workbench.errors import check_range
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class MPCState(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class LinearMPC(ThroughValve):
+class LinearMPC(ValveController):
     """Linear MPC with constraints on opening, its rate and the pressures.
 
     Args:
@@ -88,13 +88,7 @@ class LinearMPC(ThroughValve):
         path: Reference trajectory per (reference, filtered, target), shape (N, 3), dimensionless.
         rest_opening: Opening at the operating point, a fraction.
         reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
-        sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
         name: Name under which results are reported.
-        sensors: Names of the angle and the two pressures.
-        follows: Name of the followed output.
-        actuators: Name of the command.
-        preview: Number of future reference samples used: 0, or the whole horizon.
     """
 
     observer: DisturbanceObserver
@@ -103,20 +97,10 @@ class LinearMPC(ThroughValve):
     path: Matrix
     rest_opening: float
     reference_speed: float
-    sample_time: float = 0.002
-    valve: ValveInverse = field(default_factory=ValveInverse)
     name: str = "linear MPC"
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
-    follows: tuple[str, ...] = ("angle",)
-    actuators: tuple[str, ...] = ("valve",)
-    preview: int = 0
 
     def initial_state(self, measurement: Measurement) -> MPCState:
-        """Return the estimate that explains a measurement as rest.
-
-        Args:
-            measurement: Angle in rad and the two gauge pressures in Pa.
-        """
+        """Return the estimate that explains a measurement as rest."""
         deviation = np.array(measurement) - self.observer.rest
         angle = measurement[0]
         return MPCState(product(self.start, deviation), self.rest_opening, angle, angle)
@@ -125,11 +109,6 @@ class LinearMPC(ThroughValve):
         self, state: MPCState, measurement: Measurement, reference: Reference
     ) -> tuple[Command, MPCState, Info]:
         """Compute the valve voltage of one sample.
-
-        Args:
-            state: State of the step before.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad, now and previewed.
 
         Returns:
             Voltage in V, next state, and ``opening`` (fraction), ``status``, ``iterations``,
@@ -249,7 +228,13 @@ class LinearMPC(ThroughValve):
 
 
 def told(opening: float, solution: Solution, slack: float) -> dict[str, float | str]:
-    """Return what a step tells about itself: opening (fraction), solver, slack (Pa), fallback."""
+    """Return what a step tells about itself, in SI.
+
+    Args:
+        opening: Opening of the valve, a fraction.
+        solution: How the quadratic program ended.
+        slack: Pressure out of its limits, in Pa.
+    """
     return {
         "opening": opening,
         "status": solution.status,
@@ -261,7 +246,11 @@ def told(opening: float, solution: Solution, slack: float) -> dict[str, float | 
 
 
 def not_finite(opening: float) -> dict[str, float | str]:
-    """Return what a step tells that was given a measurement or reference that is no number."""
+    """Return what a step tells, in SI, whose measurement or reference is no number.
+
+    Args:
+        opening: Opening of the valve, a fraction.
+    """
     nothing = Solution(np.zeros(0), False, NOT_FINITE, 0.0, 0.0)
     return told(opening, nothing, float("nan"))
 
@@ -349,16 +338,6 @@ def design_mpc(
     actuator: str = "valve",
 ) -> LinearMPC:
     """Design a linear MPC from a linear model.
-
-    Args:
-        linear: Linear model from the valve's voltage or opening to the sensors.
-        specification: What to reach.
-        valve: Valve curve that is inverted.
-        sensors: Names of the followed output, then of the outputs with soft limits.
-        actuator: Name of the command.
-
-    Returns:
-        The controller.
 
     Raises:
         WorkbenchError: If a name is unknown or a Riccati equation has no solution.

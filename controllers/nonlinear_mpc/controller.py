@@ -117,10 +117,6 @@ class NonlinearMPC(ThroughValve):
         sensors: Names of the angle and the two pressures.
         follows: Name of the followed output.
         actuators: Name of the command.
-
-    Example:
-        >>> NonlinearMPC.__dataclass_fields__["name"].default
-        'nonlinear MPC'
     """
 
     specification: NonlinearMPCSpecification
@@ -160,11 +156,7 @@ class NonlinearMPC(ThroughValve):
         return ReferenceAhead(times, want.reference_speed, want.planner, want.sample_time)
 
     def initial_state(self, measurement: Measurement) -> NonlinearMPCState:
-        """Return the state of a plant at rest with this measurement.
-
-        Args:
-            measurement: Angle in rad and the two gauge pressures in Pa.
-        """
+        """Return the state of a plant at rest with this measurement."""
         estimate, covariance = self.observer.initial(measurement, self.valve.centre)
         start = self.predicted(estimate)
         N = self.specification.stages
@@ -181,11 +173,6 @@ class NonlinearMPC(ThroughValve):
         self, state: NonlinearMPCState, measurement: Measurement, reference: Reference
     ) -> tuple[Command, NonlinearMPCState, Info]:
         """Compute the valve voltage of one sample.
-
-        Args:
-            state: State of the step before.
-            measurement: Angle in rad and the two gauge pressures in Pa.
-            reference: Wanted angle, in rad, now and previewed.
 
         Returns:
             Voltage in V, next state, and ``opening`` (fraction), ``status``, ``iterations``,
@@ -251,9 +238,6 @@ class NonlinearMPC(ThroughValve):
             disturbances: Scaled disturbances per second, shape (n_w,).
             path: Wanted angles now and at the end of every stage, shape (N + 1,), in rad.
             before: Opening applied before, a fraction.
-
-        Returns:
-            The new plan and how it was found; the old one if the solver failed.
         """
         want = self.specification
         N, size = want.stages, self.prediction.scale
@@ -368,9 +352,6 @@ def design_nonlinear_mpc(
         valve: Valve curve that is inverted.
         resting: States that are too fast for the prediction.
         compile_function: Makes machine code of a CasADi function; interpreted by default.
-
-    Returns:
-        The controller.
 
     Raises:
         WorkbenchError: If the model lacks one of these states or the port ``joint.inertia``, or

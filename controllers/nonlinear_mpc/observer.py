@@ -40,10 +40,6 @@ class ExtendedKalmanFilter:
         walk: Random walk of states and disturbances over one second, shape (n + n_w,), scaled.
         noise: Noise rms of the readings, shape (n_sensors,), in SI.
         sample_time: Time between samples, in s.
-
-    Example:
-        >>> "walk" in ExtendedKalmanFilter.__dataclass_fields__
-        True
     """
 
     rates: Dynamics

@@ -68,9 +68,6 @@ class Called:
 
         Args:
             values: Arguments in the function's units; vectors of shape (n,) stand for columns.
-
-        Returns:
-            The outputs, each of its shape, in the function's units; the next call overwrites them.
         """
         _, call, inputs, outputs = self._buffers
         for array, value in zip(inputs, values, strict=True):
@@ -88,10 +85,6 @@ class Dynamics:
         names: Names of the states z.
         scale: Scales of the states, shape (n,), in SI.
         disturbances: Number of disturbances w.
-
-    Example:
-        >>> "names" in Dynamics.__dataclass_fields__
-        True
     """
 
     function: ca.Function
@@ -109,9 +102,6 @@ def dynamics(
         model: The prediction model.
         disturbed: Names of the states whose rates are disturbed; w is in scales per second.
         resting: Names of states that are replaced by the value at which they rest.
-
-    Returns:
-        The rates with their derivatives.
 
     Raises:
         WorkbenchError: If a name is unknown, or the rates of the resting states are not linear in
@@ -172,9 +162,6 @@ def discrete(rates: Dynamics, duration: float, steps: int, name: str) -> ca.Func
         steps: Number of Runge-Kutta steps.
         name: Name of the function.
 
-    Returns:
-        Function (z, u, w) -> (z at the end, its derivatives by z, by u and by w).
-
     Source:
         Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.1.
 
@@ -208,10 +195,6 @@ def discrete(rates: Dynamics, duration: float, steps: int, name: str) -> ca.Func
 def shooting(stage: ca.Function, stages: int) -> ca.Function:
     """Map a stage over a horizon, with the same disturbance everywhere.
 
-    Args:
-        stage: What `discrete` returns.
-        stages: Number N of stages.
-
     Returns:
         Function (Z, U, w) of matrices with one column per stage -> the results side by side.
 
@@ -229,10 +212,6 @@ def shooting(stage: ca.Function, stages: int) -> ca.Function:
 
 def readings(model: Model, sensors: tuple[str, ...]) -> ca.Function:
     """Build the smooth readings of some sensors in scaled states, with their derivatives.
-
-    Args:
-        model: The prediction model.
-        sensors: Names of the outputs.
 
     Returns:
         Function (z, u) -> (readings in SI, their derivatives by z).

@@ -28,15 +28,6 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 def solver_source(variables: int, rows: int, *, limit: int, factor: bool = True) -> str:
     """Return the solver for problems of one size as C source.
 
-    Args:
-        variables: Number n of variables.
-        rows: Number of rows of A and of variables, m + n.
-        limit: Number of iterations after which a solution is given up.
-        factor: Whether the matrices are factored by the C code too.
-
-    Returns:
-        C source with static functions ``qp_solve`` and, if wanted, ``qp_factor``.
-
     Example:
         >>> print(solver_source(2, 3, limit=9).splitlines()[0])
         #define QP_N 2 /* variables */
@@ -53,11 +44,6 @@ def solver_source(variables: int, rows: int, *, limit: int, factor: bool = True)
 def solver_bytes(variables: int, rows: int, *, factor: bool = True) -> int:
     """Return the solver's own memory, in bytes, with 4 bytes for an integer.
 
-    Args:
-        variables: Number n of variables.
-        rows: Number of rows of A and of variables, m + n.
-        factor: Whether the matrices are factored by the C code too.
-
     Example:
         >>> solver_bytes(12, 103, factor=False)
         5795
@@ -69,14 +55,6 @@ def solver_bytes(variables: int, rows: int, *, factor: bool = True) -> int:
 @lru_cache(maxsize=32)
 def solver_library(variables: int, rows: int, limit: int) -> ctypes.PyDLL | None:
     """Return the built solver for problems of one size, or None without a compiler.
-
-    Args:
-        variables: Number n of variables.
-        rows: Number of rows of A and of variables, m + n.
-        limit: Number of iterations after which a solution is given up.
-
-    Returns:
-        The library, with ``factor`` and ``solve``.
 
     Example:
         >>> solver_library(1, 2, 10) is solver_library(1, 2, 10)

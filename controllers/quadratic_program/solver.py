@@ -93,9 +93,6 @@ def factored(H: Matrix, A: Matrix) -> Factored:
         H: Symmetric positive definite matrix, shape (n, n), dimensionless.
         A: Shape (m, n), dimensionless.
 
-    Returns:
-        What `solve` needs.
-
     Raises:
         WorkbenchError: If H is not positive definite or a number is not finite.
 
@@ -121,13 +118,6 @@ def factored(H: Matrix, A: Matrix) -> Factored:
 def most_iterations(variables: int, constraints: int) -> int:
     """Return the number of iterations after which a solution is given up.
 
-    Args:
-        variables: Number n of variables.
-        constraints: Number m of rows of A.
-
-    Returns:
-        Bound; ordinary problems need fewer than 3 n.
-
     Example:
         >>> most_iterations(12, 91)
         163
@@ -146,9 +136,6 @@ def solve(
         lower: Lower limits of A x, then of x, shape (m + n,), in their units; may be -inf.
         upper: Upper limits, likewise; may be inf.
         limit: Number of iterations after which it is given up (dimensionless).
-
-    Returns:
-        The minimiser (in the problem's units), whether it can be used, and how it was found.
 
     Example:
         >>> problem = factored(np.eye(1), np.eye(1))
@@ -272,9 +259,6 @@ class QuadraticProgram:
             upper_a: Shape (m,), in the unit of the row.
             lower_x: Shape (n,), in the unit of the variable.
             upper_x: Shape (n,), in the unit of the variable.
-
-        Returns:
-            The minimiser (in the problem's units), whether it can be used, and how it was found.
         """
         began = time.perf_counter()
         if self._library is None:
@@ -302,9 +286,6 @@ class QuadraticProgram:
             g: Gradient at x = 0, shape (n,), dimensionless.
             lower: Lower limits of A x, then of x, shape (m + n,), in their units.
             upper: Upper limits, likewise.
-
-        Returns:
-            The minimiser (in the problem's units), whether it can be used, and how it was found.
         """
         if self._library is None:
             return solve(problem, g, lower, upper, limit=self.limit)
@@ -324,10 +305,6 @@ def _pointer(array: npt.NDArray[Any]) -> ctypes.c_void_p:
 @lru_cache(maxsize=32)
 def quadratic_program(variables: int, constraints: int) -> QuadraticProgram:
     """Return the solver for problems of a size, made once.
-
-    Args:
-        variables: Number n of variables.
-        constraints: Number m of rows of A.
 
     Example:
         >>> quadratic_program(2, 1) is quadratic_program(2, 1)

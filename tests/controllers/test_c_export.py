@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers import MPCSpecification, design_mpc, design_pid, design_sliding_mode
+from controllers import AnglePD, MPCSpecification, design_mpc, design_pid, design_sliding_mode
 from controllers.c_export import ExportedC, export_c
 from controllers.joint.schedule import JointSchedule
 from controllers.mpc.along_plan import design_scheduled_mpc
@@ -67,7 +67,8 @@ def hard_run(law: Any) -> tuple[np.ndarray, np.ndarray]:
     )
     swing = 1.2e5 * np.sin(2.1 * time) + 8e2 * rng.normal(size=len(time))
     mean = 3.6e5 + 2.2e5 * (np.sin(0.5 * time) > 0.9) - 3.2e5 * (np.sin(0.5 * time) < -0.95)
-    return np.column_stack([angle, mean + swing, mean - swing]), reference
+    measured = np.column_stack([angle, mean + swing, mean - swing])
+    return measured[:, : len(law.sensors)], reference
 
 
 class InC:
@@ -134,6 +135,7 @@ LAWS = {
     "scheduled PID": lambda schedule, _: design_scheduled_pid(schedule),
     "leading PID": lambda schedule, _: design_scheduled_pid(schedule, lead=0.0055, lag=0.005),
     "state feedback": lambda schedule, _: design_state_feedback(schedule),
+    "PD on the angle": lambda *_: AnglePD(4.0, 0.05),
     "fixed PID": lambda _, linear: design_pid(linear),
     "fixed sliding mode": lambda _, linear: design_sliding_mode(linear),
     **{
