@@ -58,19 +58,11 @@ class Names:
     effects: Mapping[str, Truth]
 
     def group(self, port: str) -> str:
-        """Return the group of a port; the part before the dot if it belongs to none.
-
-        Args:
-            port: Name of the port.
-        """
+        """Return the group of a port; the part before the dot if it belongs to none."""
         return _group(port, self.groups)
 
     def truths(self, case: str, words: list[str]) -> tuple[Truth, ...]:
         """Return what a case hides.
-
-        Args:
-            case: Name of the case.
-            words: Names of effects in the key.
 
         Raises:
             WorkbenchError: If a word is not known.
@@ -132,9 +124,6 @@ def _group(port: str, groups: Mapping[str, tuple[str, ...]]) -> str:
 def read_key(path: str | Path) -> dict[str, Mapping[str, Any]]:
     """Read an answer key: ``truth`` (a list of effects) by case.
 
-    Args:
-        path: JSON file.
-
     Returns:
         The answers as they stand in the file, by case.
 
@@ -155,19 +144,12 @@ def read_key(path: str | Path) -> dict[str, Mapping[str, Any]]:
 
 
 def words_of(answer: Mapping[str, Any]) -> list[str]:
-    """Return the effects that an answer names.
-
-    Args:
-        answer: An answer of a key.
-    """
+    """Return the effects that an answer names."""
     return [truth["effect"] for truth in answer["truth"]]
 
 
 def commitments(answer: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the SHA-256 of an answer's canonical JSON, with and without blanks.
-
-    Args:
-        answer: An answer of a key, with its salt.
 
     Returns:
         Hexadecimal digests: sorted keys with the usual separators, then compact ones.
@@ -186,10 +168,6 @@ def commitments(answer: Mapping[str, Any]) -> tuple[str, ...]:
 
 def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) -> int:
     """Check that the answers of a key are those that were committed beforehand.
-
-    Args:
-        key: Answers by case.
-        path: Text file with a case and a digest per line.
 
     Returns:
         Number of answers checked.
@@ -228,10 +206,6 @@ def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) ->
 
 def read_json(path: str | Path, what: str) -> dict[str, Any]:
     """Read a JSON object.
-
-    Args:
-        path: The file.
-        what: What the file is, for messages.
 
     Returns:
         Its content.

@@ -77,7 +77,7 @@ class Line:
 
 
 @dataclass(frozen=True)
-class Round:
+class RoundScore:
     """The score of a round.
 
     Args:
@@ -191,7 +191,7 @@ def score_verdicts(
     commitments: str | Path | None = None,
     names: str | Path | None = None,
     seed: int = 0,
-) -> Round:
+) -> RoundScore:
     """Score a folder of verdicts against a key.
 
     Args:
@@ -232,14 +232,8 @@ def score_round(
     *,
     committed: int | None = None,
     seed: int = 0,
-) -> Round:
+) -> RoundScore:
     """Score answers case by case and against answers dealt out at random.
-
-    Args:
-        answers: One answer per case.
-        truths: What each case hides, in the same order.
-        committed: Number of answers of the key that were checked.
-        seed: Seed of the random answers.
 
     Returns:
         The score. The p-value is the share of random permutations of the answers over the cases
@@ -254,7 +248,7 @@ def score_round(
     p_value = (1 + int(np.sum(draws >= reached - 1e-9))) / (1 + _DRAWS)
     nothing = [answer for answer, hidden in zip(answers, truths, strict=True) if not hidden]
     alarms = sum(bool(answer.findings) for answer in nothing)
-    return Round(lines, p_value, float(draws.mean()), committed, (alarms, len(nothing)))
+    return RoundScore(lines, p_value, float(draws.mean()), committed, (alarms, len(nothing)))
 
 
 def score_case(answer: Answer, truths: Sequence[Truth]) -> Line:
@@ -262,10 +256,6 @@ def score_case(answer: Answer, truths: Sequence[Truth]) -> Line:
 
     Findings are dealt to the hidden effects so that the points are most; a finding beyond those
     counts as a confident wrong name if it names something.
-
-    Args:
-        answer: The answer.
-        truths: What the case hides.
 
     Returns:
         Its score.

@@ -63,5 +63,5 @@ CIRCUIT = Machine(
     },
     sample_time=0.005,
     steps=8,
-    samples=1500,
+    samples=1000,
 )  # fmt: skip

@@ -22,7 +22,7 @@ from workbench.evaluation.foreign.machine import (
 )
 
 GRAVITY = 9.81
-JUMP = 10.0
+JUMP = 8.0
 """When the grease runs out, in s."""
 
 
@@ -93,6 +93,6 @@ CRANE = Machine(
     },
     sample_time=0.02,
     steps=10,
-    samples=1000,
+    samples=800,
     loop=_position_loop,
 )

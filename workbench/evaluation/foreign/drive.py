@@ -84,5 +84,5 @@ DRIVE = Machine(
     },
     sample_time=0.01,
     steps=10,
-    samples=1500,
+    samples=1000,
 )  # fmt: skip

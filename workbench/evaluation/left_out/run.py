@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.stages import Diagnosis
+from workbench.evaluation.kept import keep
 from workbench.evaluation.left_out.plan import PLAN, LeftOut, recordings
 from workbench.files import write_whole
 from workbench.physics.library import Hypothesis, library
@@ -102,19 +101,14 @@ def run_all(out: Path, *, jobs: int = 2) -> Iterator[str]:
             row, found = run(case, Path(folder), jobs=jobs)
         rows.append(row)
         assert found.verdict is not None
-        kept = {"row": as_data(row), "verdict": found.verdict.as_data()}
-        write_whole(out / f"{i}-{case.trial}.json", json.dumps(kept, indent=1))
+        kept = {"row": vars(row), "verdict": found.verdict.as_data()}
+        keep(out / f"{i}-{case.trial}.json", kept)
         yield f"{row.left_out}, {row.trial}: {row.kind} ({row.seconds:.0f} s)"
     write_whole(out / "table.txt", table(rows) + "\n")
 
 
 def row_of(case: LeftOut, diagnosis: Diagnosis) -> Row:
-    """Return the row of a finished diagnosis.
-
-    Args:
-        case: What was left out.
-        diagnosis: The diagnosis.
-    """
+    """Return the row of a finished diagnosis."""
     verdict = diagnosis.verdict
     assert verdict is not None
     names = tuple(str(f.effect) for f in verdict.findings)
@@ -182,11 +176,3 @@ def table(rows: Sequence[Row]) -> str:
             lines += [f"  expected gain of log likelihood {r.expected:.0f}"]
         lines += [f"  refitted without it: {r.moved}"]
     return "\n".join(line.rstrip() for line in lines)
-
-
-def as_data(row: Row) -> dict[str, Any]:
-    """Return a row as plain data; numbers that are not finite become None."""
-    return {
-        k: None if isinstance(v, float) and not math.isfinite(v) else v
-        for k, v in vars(row).items()
-    }

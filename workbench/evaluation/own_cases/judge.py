@@ -118,10 +118,6 @@ def truths_of(row: Mapping[str, Any]) -> tuple[Truth, ...]:
 def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
     """Judge one kept answer.
 
-    Args:
-        row: What is kept of a case.
-        who: One of `ANSWERERS`.
-
     Returns:
         Its score; None if there is no such answer.
     """

@@ -226,12 +226,7 @@ def _finite(value: float) -> float | None:
 
 
 def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
-    """Draw detection by size, and the tool beside the baselines.
-
-    Args:
-        rows: What is kept of the cases.
-        path: PNG file.
-    """
+    """Draw detection by size, and the tool beside the baselines."""
     import matplotlib as mpl
 
     mpl.use("Agg")

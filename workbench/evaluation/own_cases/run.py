@@ -76,12 +76,6 @@ def run_plan(
 def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> dict[str, Any]:
     """Diagnose one case, or return what is kept of it.
 
-    Args:
-        case: The planned case.
-        out: Where finished cases are kept, one JSON file each.
-        baselines: Whether the baselines answer too.
-        jobs: Processes of the diagnosis.
-
     Returns:
         The content of the file.
     """

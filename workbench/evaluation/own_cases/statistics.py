@@ -150,12 +150,7 @@ def scores(rows: Sequence[Mapping[str, Any]]) -> tuple[Score, ...]:
 
 
 def score_of(who: str, rows: Sequence[Mapping[str, Any]]) -> Score:
-    """Score one answerer.
-
-    Args:
-        who: One of `ANSWERERS`.
-        rows: What is kept of cases that it was asked.
-    """
+    """Score one answerer."""
     judged = tuple(j for row in rows if (j := judge(row, who)) is not None)
     given = [answer_of(verdict_of(row, who) or {}, row["case"], names()) for row in rows]
     round_ = score_round(given, [truths_of(row) for row in rows])
@@ -215,12 +210,7 @@ def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
 
 
 def by_size(rows: Sequence[Mapping[str, Any]], who: str = "tool") -> dict[float, dict[str, Rate]]:
-    """Return rates of single effects by their size over the rig's own.
-
-    Args:
-        rows: What is kept of the cases.
-        who: One of `ANSWERERS`.
-    """
+    """Return rates of single effects by their size over the rig's own."""
     judged = [j for row in rows if row["kind"] == "single" and (j := judge(row, who)) is not None]
     result = {}
     for factor in sorted(FACTORS):
