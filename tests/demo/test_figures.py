@@ -93,7 +93,7 @@ def test_the_error_is_the_reference_held_at_each_sample_less_the_angle() -> None
     fine = np.linspace(0.0, 1.0, 11)
     run = ClosedLoopCurves("cascade PID", fine, np.full(11, 0.2), np.full(11, 5.0))
     figure = closed_loop_steps([0.0, 0.5], [0.2, 0.4], [run])
-    drawn = np.asarray(figure.axes[1].lines[-1].get_ydata())
+    drawn = np.asarray(figure.axes[1].lines[0].get_ydata())
     np.testing.assert_allclose(drawn, np.degrees(np.where(fine < 0.5, 0.0, 0.2)), atol=1e-12)
 
 

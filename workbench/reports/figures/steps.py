@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from workbench.reports.style import INK, REFERENCE, colours, key, label, new_figure
+from workbench.reports.figures.tracking import Trajectory, tracking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -55,37 +55,15 @@ def closed_loop_steps(
     Returns:
         The figure: angle and error in ° and valve voltage in V over time in s.
     """
-    from matplotlib.lines import Line2D
-
-    figure, (position, error, command) = new_figure([2.2, 1.1, 1.0])
-    t = np.asarray(time, dtype=float)
-    wanted = np.asarray(reference, dtype=float)
-    position.step(t, np.degrees(wanted), where="post", color=REFERENCE.light, linewidth=1.0)
-    for limit in (-error_limit_deg, error_limit_deg):
-        error.axhline(limit, color=REFERENCE.light, linewidth=0.9, linestyle=":")
-    shades = colours(run.controller for run in runs)
-    handles = []
-    for run in runs:
-        shade = shades[run.controller].light
-        position.plot(run.time, np.degrees(run.angle), color=shade, linewidth=1.5)
-        held = wanted[np.clip(np.searchsorted(t, run.time, "right") - 1, 0, len(t) - 1)]
-        error.plot(run.time, np.degrees(held - run.angle), color=shade, linewidth=1.1)
-        command.step(run.time, run.command, where="post", color=shade, linewidth=0.9)
-        if run.linear_angle is not None:
-            position.plot(
-                run.time, np.degrees(run.linear_angle), color=shade, linewidth=1.0, linestyle="--"
-            )
-        handles.append(Line2D([], [], color=shade, linewidth=1.5, label=run.controller))
-    handles.append(Line2D([], [], color=REFERENCE.light, linewidth=1.0, label="reference"))
-    if any(run.linear_angle is not None for run in runs):
-        handles += [
-            Line2D([], [], color=INK.light, linewidth=1.5, label="full plant"),
-            Line2D([], [], color=INK.light, linewidth=1.0, linestyle="--", label="linear model"),
-        ]
-    error.set_ylim(-5.0 * error_limit_deg, 5.0 * error_limit_deg)
-    label(position, y="angle in °")
-    label(error, y="error in °")
-    label(command, x="time in s", y="valve in V")
-    key(position, columns=3, handles=handles)
-    figure.align_ylabels()
-    return figure
+    trajectories = [
+        Trajectory(
+            run.controller,
+            run.time,
+            np.degrees(run.angle),
+            run.command,
+            None if run.linear_angle is None else np.degrees(run.linear_angle),
+        )
+        for run in runs
+    ]
+    degrees = np.degrees(np.asarray(reference, dtype=float))
+    return tracking(time, degrees, trajectories, error_limit=error_limit_deg)
