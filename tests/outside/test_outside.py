@@ -1,0 +1,132 @@
+"""A package outside the workbench adds one member to every registry, seen in every verb.
+
+The package stands installed on the path of a fresh interpreter: a module and the metadata with its
+entry points, as an installer leaves them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+pytestmark = pytest.mark.system
+
+PACKAGE = Path(__file__).parent
+ROOT = PACKAGE.parents[1]
+
+STUDY = """
+schema = 1
+name = "hoist"
+
+[plant]
+kind = "outside-hoist"
+mass = "5 kg"
+
+[variations.braked]
+effects = ["outside_cubic_brake"]
+parameters = { "outside_cubic_brake.coefficient" = 3.0 }
+
+[controllers.PD]
+design = "outside-pd"
+at = { height = 0.0 }
+specification = { bandwidth = 6.0 }
+
+[scenarios.lift]
+duration = "3 s"
+sample_time = "10 ms"
+
+[scenarios.lift.references.height]
+kind = "outside-lift"
+unit = "m"
+low = 0.0
+high = 0.5
+duration = 1.0
+
+[[requirements]]
+metric = "rmse"
+limit = 0.2
+unit = "m"
+
+[[requirements]]
+metric = "outside_peak_pull"
+limit = 60.0
+unit = "N"
+"""
+
+
+def _workbench(*words: str, folder: Path, status: int = 0) -> str:
+    path = os.pathsep.join([str(PACKAGE), str(ROOT)])
+    run = subprocess.run(
+        [sys.executable, "-m", "workbench", *words],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": path, "COLUMNS": "120"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == status, run.stdout + run.stderr
+    return run.stdout
+
+
+def _brake(x: npt.NDArray[np.float64], pull: float) -> npt.NDArray[np.float64]:
+    """Rates of the real hoist: 5 kg, a viscous brake of 8 N s/m and one of 9 N s3/m3."""
+    return np.array([x[1], (pull - 8.0 * x[1] - 9.0 * x[1] ** 3) / 5.0])
+
+
+def _log(folder: Path, name: str, seed: int) -> Path:
+    """Write a log of the hoist, made by a fixed-step Runge-Kutta method of its own."""
+    rng = np.random.default_rng(seed)
+    h, n = 0.01, 1200
+    pull = np.repeat(rng.uniform(-40.0, 40.0, n // 40), 40)
+    x, height = np.zeros(2), np.zeros(n)
+    for k in range(n):
+        height[k] = x[0]
+        for _ in range(4):
+            d = h / 4
+            a = _brake(x, pull[k])
+            b = _brake(x + 0.5 * d * a, pull[k])
+            c = _brake(x + 0.5 * d * b, pull[k])
+            x = x + d / 6 * (a + 2 * b + 2 * c + _brake(x + d * c, pull[k]))
+    height += 1e-4 * rng.standard_normal(n)
+    rows = [f"{h * k:.4f};{pull[k]:.6f};{height[k]:.7f}" for k in range(n)]
+    path = folder / f"{name}.hoist"
+    path.write_text("\n".join(["time_s;pull_N;height_m", *rows]))
+    return path
+
+
+def test_help_names_what_an_outside_package_brings(tmp_path: Path) -> None:
+    assert "outside-hoist" in _workbench("simulate", "--help", folder=tmp_path)
+    listed = _workbench("plants", "outside-hoist", folder=tmp_path)
+    assert "mass" in listed
+    assert "1 to 20 kg" in listed
+
+
+def test_every_kind_of_member_serves_in_a_study_and_its_page(tmp_path: Path) -> None:
+    (tmp_path / "hoist.toml").write_text(STUDY)
+    _workbench("compare", "hoist.toml", "--out", "out", folder=tmp_path)
+    results = json.loads((tmp_path / "out" / "results.json").read_text())
+    assert "outside_peak_pull" in json.dumps(results)
+    page = (tmp_path / "out" / "report.html").read_text()
+    for shown in ("outside peak pull", "Outside figure", "braked"):
+        assert shown in page
+
+
+def test_a_law_and_a_format_serve_in_a_diagnosis(tmp_path: Path) -> None:
+    logs = [_log(tmp_path, name, seed) for seed, name in enumerate(("a", "b"))]
+    _workbench(
+        *("diagnose", "--plant", "outside-hoist", "--option", "mass=5kg"),
+        *("--fit", str(logs[0]), "--hold-out", str(logs[1]), "--out", "out", "--jobs", "1"),
+        folder=tmp_path,
+    )
+    verdict = json.loads((tmp_path / "out" / "verdict.json").read_text())
+    assert verdict["verdict"].startswith("named")
+    finding = verdict["findings"][0]
+    assert "outside_cubic_brake" in (finding["effect"], *finding["class"])
+    assert "outside_cubic_brake" in (tmp_path / "out" / "report.html").read_text().replace(" ", "_")
