@@ -18,6 +18,8 @@ from workbench.model.scope import EffectView, Names, Port, PortView, Scope, Vali
 if TYPE_CHECKING:
     from workbench.model.model import Model
 
+Named = Mapping[str, Expression]
+
 Equations = tuple[Mapping[str, Expression], Mapping[str, Expression]]
 """Rate of every own state and reading of every output, by name."""
 
@@ -31,7 +33,7 @@ class Trace:
         u: Symbols of the inputs, shape (n_inputs, 1), in SI.
         p: Symbols of the parameters, shape (n_parameters, 1), in SI.
         rates: Rates of the states, shape (n_states, 1), in SI per second.
-        outputs: Readings, shape (n_outputs, 1), in SI.
+        outputs: Named, shape (n_outputs, 1), in SI.
         start: States at the start of a run, as functions of the states given, shape
             (n_states, 1), in SI.
         ports: The ports that the equations opened.
@@ -42,7 +44,7 @@ class Trace:
         push: Symbols of what is added to the signal of each port in the order of ``ports``, shape
             (n_ports, 1), in the ports' SI units; zero in ``rates`` and ``outputs``.
         pushed_rates: Rates of the states with that added, shape (n_states, 1), in SI per second.
-        pushed_outputs: Readings with that added, shape (n_outputs, 1), in SI.
+        pushed_outputs: Named with that added, shape (n_outputs, 1), in SI.
     """
 
     x: ca.SX
@@ -92,7 +94,7 @@ class Trace:
 
     @cached_property
     def outputs_function(self) -> ca.Function:
-        """Readings as a CasADi function of (x, u, p)."""
+        """Named as a CasADi function of (x, u, p)."""
         return self.function("outputs", self.outputs)
 
     @cached_property
@@ -178,14 +180,25 @@ def trace(model: Model, face: Face) -> Trace:
         pushes[port.name] = ca.SX.sym(f"push.{port.name}")
         return value + pushes[port.name]
 
-    scope = Scope(
-        Names("state", symbols["state"]),
-        Names("input", symbols["input"]),
-        Names("parameter", symbols["parameter"]),
-        face=face,
-        transform=transform,
-    )
+    def scope_of(inputs: Mapping[str, Expression]) -> Scope:
+        return Scope(
+            Names("state", symbols["state"]),
+            Names("input", inputs),
+            Names("parameter", symbols["parameter"]),
+            face=face,
+            transform=transform,
+        )
+
+    scope = scope_of(symbols["input"])
     rates, outputs = model.equations(scope)
+    if not scope.ports:
+        scope = scope_of({})
+        scope.u = Names(
+            "input",
+            {q.name: _opened(scope, q, "command", symbols["input"][q.name]) for q in model.inputs},
+        )
+        rates, outputs = model.equations(scope)
+        rates, outputs = _default_ports(model, scope, rates, outputs)
     rates = dict(rates)
     starts: dict[str, Expression] = {}
     values = Names("signal", scope.values)
@@ -233,6 +246,37 @@ def trace(model: Model, face: Face) -> Trace:
 
 def _symbols(quantities: Sequence[Quantity]) -> dict[str, ca.SX]:
     return {q.name: ca.SX.sym(q.name) for q in quantities}
+
+
+def _opened(scope: Scope, q: Quantity, what: str, value: Expression) -> Expression:
+    """Open a port for a quantity of a plant whose author has opened none."""
+    unit = q.unit
+    if what == "rate":
+        unit = f"{unit}2" if unit.endswith("/s") else f"{unit}/s"
+    return scope.port(f"{q.name}.{what}", value, unit=unit, scale=q.scale)
+
+
+def _default_ports(model: Model, scope: Scope, rates: Named, outputs: Named) -> Equations:
+    """Open a port at every rate that is not a state itself, and at every output."""
+    states = [scope.x[q.name] for q in model.states]
+    own = {q.name: q for q in model.states}
+    read = {q.name: q for q in model.outputs}
+
+    def defined(rate: Expression) -> bool:
+        return any(ca.is_equal(ca.SX(rate), x, 2) for x in states)
+
+    return (
+        {
+            name: rate
+            if defined(rate) or name not in own
+            else _opened(scope, own[name], "rate", rate)
+            for name, rate in rates.items()
+        },
+        {
+            name: _opened(scope, read[name], "reading", value) if name in read else value
+            for name, value in outputs.items()
+        },
+    )
 
 
 def _origins(signals: Names, values: Mapping[str, Expression]) -> tuple[str, ...]:

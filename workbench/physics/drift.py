@@ -86,7 +86,7 @@ offset_jump = Law(
         *_when(),
     ),
     lambda at: at.value + at.p.amount * _passed(at),
-    states=lambda at: (State("clock", "s", 10.0, "time since the start", start_rms=1e-6),),
+    states=lambda at: (State("clock", "s", 120.0, "time since the start", start_rms=1e-6),),
     rates=lambda e: {"clock": 1.0 + 0.0 * e.x.clock},
     shapes=lambda at: [{"time": time} for time in _TIMES],
     source="an event: something slipped, came loose or was switched",

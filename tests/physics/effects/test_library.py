@@ -12,7 +12,7 @@ from workbench.model import Model
 from workbench.physics.braid_volume import flattened_ends
 from workbench.physics.heat_exchange import isothermal_gas
 from workbench.physics.hypothesis import Hypothesis
-from workbench.physics.library import library, look_alikes
+from workbench.physics.library import LAWS, library, look_alikes
 from workbench.plants.arm import arm
 from workbench.plants.arm.volume_effects import constant_volume
 from workbench.plants.cascaded_tanks import cascaded_tanks
@@ -189,6 +189,7 @@ def test_names_are_unique_and_look_alikes_exist(plant: str) -> None:
     names = [entry.name for entry in entries]
     assert len(set(names)) == len(names)
     everywhere = {n for m in PLANTS.values() for e in library(m) for n in (e.name, e.law)}
+    everywhere |= {law.name for law in LAWS.members().values()}
     nominal = {"spool_bandwidth"}
     for entry in entries:
         unknown = set(entry.effect.about.look_alikes) - everywhere - nominal

@@ -1,0 +1,134 @@
+"""Laws meet plants that nobody here prepared: a law from outside, a circuit, a heated tank."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.model import Input, Model, Output, Parameter, State
+from workbench.physics.friction import coulomb_friction, viscous_friction
+from workbench.physics.library import LAWS, library
+from workbench.physics.place import Survey, per
+from workbench.plants.servo_axis import servo_axis
+
+OWN_LAW = '''
+"""A magnet that pulls towards the middle."""
+
+from workbench.physics.law import Law, each, size
+
+magnet = Law(
+    "magnet",
+    "F = -pull x / (1 + x^2)",
+    each("force", needs=("coordinate",)),
+    lambda at: (size("pull", at.unit, 0.1 * at.scale, 0.01 * at.scale, at.scale, "pull"),),
+    lambda at: at.value - at.p.pull * at.signals.coordinate / (1.0 + at.signals.coordinate**2),
+    look_alikes=("linear_spring",),
+)
+'''
+
+
+def circuit() -> Model:
+    """A coil, a resistor and a capacitor, with no local signals declared."""
+
+    def equations(m):
+        rest = m.u.source - m.p.resistance * m.x.i - m.x.q / m.p.capacity
+        voltage = m.port("coil.voltage", rest, unit="V", scale=10.0)
+        return {"q": m.x.i, "i": voltage / m.p.inductance}, {"current": m.x.i}
+
+    return Model(
+        "circuit",
+        equations,
+        states=(State("q", "A s", 1e-3), State("i", "A", 0.1)),
+        inputs=(Input("source", "V", 10.0),),
+        outputs=(Output("current", "A", 0.1),),
+        parameters=(
+            Parameter("resistance", "V/A", value=10.0),
+            Parameter("capacity", "A s/V", value=1e-4),
+            Parameter("inductance", "V s/A", value=0.1),
+        ),
+    )
+
+
+def heated_tank() -> Model:
+    """A tank that a heater warms."""
+
+    def equations(m):
+        heat = m.port("tank.heat", m.u.heater, unit="W", scale=1000.0)
+        return {"warmth": heat / m.p.capacity}, {"reading": m.x.warmth}
+
+    return Model(
+        "heated tank",
+        equations,
+        states=(State("warmth", "K", 300.0, initial=293.0),),
+        inputs=(Input("heater", "W", 1000.0),),
+        outputs=(Output("reading", "K", 300.0),),
+        parameters=(Parameter("capacity", "J/K", value=1e4),),
+    )
+
+
+def test_a_law_from_outside_is_tried(tmp_path: Path) -> None:
+    (tmp_path / "my_physics.py").write_text(OWN_LAW)
+    law = LAWS.get("my_physics:magnet", folder=tmp_path)
+    found = {h.name: h for h in library(servo_axis(), extra=[law])}
+    assert found["magnet"].ports == ("axis.force",)
+    assert found["magnet"].unit == "N"
+    model = servo_axis().with_effect(found["magnet"].at_size(5.0))
+    change = model.rates([0.5, 0.0], [0.0]) - servo_axis().rates([0.5, 0.0], [0.0])
+    assert change[1] == pytest.approx(-5.0 * 0.5 / 1.25 / 95.0)
+
+
+def test_speed_and_coordinate_follow_from_structure() -> None:
+    place = Survey(circuit()).place("coil.voltage")
+    assert (place.role, place.speed.source, place.coordinate.source) == ("circuit", "i", "q")
+    names = {h.law for h in library(circuit())}
+    assert {"coulomb_friction", "cubic_stiffness", "bouc_wen_hysteresis", "offset"} <= names
+    damped = circuit().with_effect(viscous_friction("coil.voltage", coefficient=2.0))
+    assert damped.parameters[-1].unit == "V/A"
+    more = circuit().rates([0.0, 0.1], [0.0])[1] - 2.0 * 0.1 / 0.1
+    np.testing.assert_allclose(damped.rates([0.0, 0.1], [0.0])[1], more)
+
+
+def test_a_store_may_lose_what_it_holds() -> None:
+    loss = next(h for h in library(heated_tank()) if h.law == "linear_outflow")
+    assert loss.unit == "W/K"
+    model = heated_tank().with_effect(loss.at_size(3.0, {"outlet": 280.0}))
+    assert model.rates([300.0], [0.0])[0] == pytest.approx(-3.0 * 20.0 / 1e4)
+
+
+def test_an_effect_takes_its_unit_from_the_port_and_keeps_changed_values() -> None:
+    effect = coulomb_friction("axis.force", level=3.0).with_parameters({"level": 7.0})
+    attached = servo_axis().without("coulomb_friction").with_effect(effect)
+    assert attached.parameter("coulomb_friction.level").unit == "N"
+    assert attached.parameter("coulomb_friction.level").value == 7.0
+    assert attached.dry_effects == ("coulomb_friction",)
+    with pytest.raises(WorkbenchError, match=r"axis\.forces.*axis\.force"):
+        servo_axis().with_effect(coulomb_friction("axis.forces", name="more"))
+
+
+def test_a_plant_without_ports_is_offered_laws_where_it_can_have_them() -> None:
+    def equations(m):
+        pull = m.u.motor - 9.81 * m.x.swing
+        return {"swing": m.x.turning, "turning": pull}, {"reading": m.x.swing}
+
+    plain = Model(
+        "plain pendulum",
+        equations,
+        states=(State("swing", "rad"), State("turning", "rad/s")),
+        inputs=(Input("motor", "rad/s2"),),
+        outputs=(Output("reading", "rad"),),
+    )
+    assert [q.name for q in plain.ports] == ["motor.command", "turning.rate", "reading.reading"]
+    found = {h.name: h for h in library(plain)}
+    assert found["coulomb_friction"].ports == ("turning.rate",)
+    assert found["sensor_lag_reading"].ports == ("reading.reading",)
+    assert found["delay_motor_command"].ports == ("motor.command",)
+    slowed = plain.with_effect(viscous_friction("turning.rate", coefficient=0.5))
+    np.testing.assert_allclose(slowed.rates([0.1, 2.0], [3.0]), [2.0, 3.0 - 0.981 - 1.0])
+
+
+def test_units_divide() -> None:
+    assert per("V", "A") == "V/A"
+    assert per("N", "m/s", 2) == "N s2/m2"
