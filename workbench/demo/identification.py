@@ -1,4 +1,4 @@
-"""The isometric trial of the paper's Figure 7 and the force law identified from it."""
+"""The isometric experiment of the paper's Figure 7 and the force law identified from it."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from workbench.demo.figures.force_lines import force_lines
 from workbench.demo.part import Part
+from workbench.experiments import IsometricRecord, isometric_experiment, isometric_experiment_on_arm
 from workbench.physics.force_laws import PaperLaw
 from workbench.plants.arm import arm
 from workbench.plants.arm.static_identification import StaticForceFit, identify_static_force
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, interval, number
-from workbench.trials import IsometricRecord, isometric_trial, isometric_trial_on_arm
 
 CONFIDENCE = 0.99
 
@@ -35,7 +35,7 @@ def true_values(law: PaperLaw) -> dict[str, float]:
 
 
 def identification_part() -> Part:
-    """Run the isometric trial, on one muscle and on the arm, and identify the force law.
+    """Run the isometric experiment, on one muscle and on the arm, and identify the force law.
 
     Example:
         >>> part = identification_part()
@@ -43,9 +43,9 @@ def identification_part() -> Part:
         {'met': 14, 'missed': 0, 'open': 0}
     """
     law = PaperLaw()
-    alone = isometric_trial(law)
+    alone = isometric_experiment(law)
     fit = _fit(alone)
-    pressed = _fit(isometric_trial_on_arm(arm()))
+    pressed = _fit(isometric_experiment_on_arm(arm()))
     results = {
         "one muscle": _numbers(fit, law),
         "muscle 2 pressing the arm on its stop": _numbers(pressed, law),
@@ -102,13 +102,13 @@ def _section(
     )
     return Section(
         "identification",
-        "Static identification trial",
+        "Static identification experiment",
         (
             Words(
                 "The muscle is held at constant contraction while its pressure rises slowly from "
-                "0 to 6 bar: the trial of the paper's Figure 7. Every contraction gives a straight "
-                "line; the lines cut the pressure axis the farther from the origin the more the "
-                "muscle is contracted, which is what φ(q) describes. Fitting "
+                "0 to 6 bar: the experiment of the paper's Figure 7. Every contraction gives a "
+                "straight line; the lines cut the pressure axis the farther from the origin the "
+                "more the muscle is contracted, which is what φ(q) describes. Fitting "
                 "F = (D1 + D2 q + D3 q²) p + φ(q) to the noisy readings returns the numbers that "
                 "the plant was built with."
             ),

@@ -1,4 +1,4 @@
-"""The open-loop trial of the paper's Figure 8, and what it looks like without its physics."""
+"""The open-loop experiment of the paper's Figure 8, and what it looks like without its physics."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import numpy as np
 
 from workbench.demo.figures.open_loop import open_loop
 from workbench.demo.part import Part, judged
+from workbench.experiments.open_loop import OpenLoopExperiment, open_loop_experiment
 from workbench.model import Model
 from workbench.plants.arm import arm
 from workbench.plants.arm.volume_effects import constant_volume
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, number
-from workbench.trials.open_loop import OpenLoopTrial, open_loop_trial
 
 LOAD_KG = 3.0
 
@@ -37,15 +37,17 @@ def variants() -> dict[str, Model]:
 
 
 def open_loop_part() -> Part:
-    """Run the open-loop trial on the full plant and on its variants.
+    """Run the open-loop experiment on the full plant and on its variants.
 
     Example:
         >>> open_loop_part().marks
         {'met': 4, 'missed': 0, 'open': 0}
     """
-    trial = open_loop_trial(arm(LOAD_KG), duration=12.0)
-    others = {name: open_loop_trial(model, duration=12.0) for name, model in variants().items()}
-    run = trial.trajectory
+    experiment = open_loop_experiment(arm(LOAD_KG), duration=12.0)
+    others = {
+        name: open_loop_experiment(model, duration=12.0) for name, model in variants().items()
+    }
+    run = experiment.trajectory
     # One period is enough to see a transit each way, and large enough to see its ripple.
     seen = slice(int(np.searchsorted(run.time, 3.7)), int(np.searchsorted(run.time, 7.8)))
     figure = open_loop(
@@ -58,7 +60,7 @@ def open_loop_part() -> Part:
             for name, other in others.items()
         },
     )
-    results = {name: _numbers(t) for name, t in {"full plant": trial, **others}.items()}
+    results = {name: _numbers(t) for name, t in {"full plant": experiment, **others}.items()}
     header = ("figure", "must lie in", "full plant", *others)
     rows: list[tuple[Cell | str, ...]] = []
     for title, key, low, high, unit in BANDS:
@@ -73,25 +75,25 @@ def open_loop_part() -> Part:
         )
     section = Section(
         "open-loop",
-        "Open-loop trial",
+        "Open-loop experiment",
         (
             Words(
                 "A pulse train of 5 ± 0.9 V with a period of 4 s on the servovalve, 3 kg on the "
-                "arm, horizontal plane: the trial of the paper's Figure 8. The arm runs from stop "
-                "to stop, ripples in mid travel and touches the stops gently. With a valve whose "
-                "flow is proportional to its voltage, or with muscles whose gas volume does not "
-                "change, the ripple is gone and the arm hits the stops hard: the soft-overlap "
+                "arm, horizontal plane: the experiment of the paper's Figure 8. The arm runs from "
+                "stop to stop, ripples in mid travel and touches the stops gently. With a valve "
+                "whose flow is proportional to its voltage, or with muscles whose gas volume does "
+                "not change, the ripple is gone and the arm hits the stops hard: the soft-overlap "
                 "valve curve and the changing volume are both essential."
             ),
             Picture(
                 "open-loop",
                 figure,
-                "One period of the trial: valve voltage, angle and speed of the full plant, and of "
-                "plants that lack one piece of physics. Dotted: the stops.",
+                "One period of the experiment: valve voltage, angle and speed of the full plant, "
+                "and of plants that lack one piece of physics. Dotted: the stops.",
                 "pulses on the valve, the angle running between 0 and 60 degrees, and the speed",
             ),
             Table(
-                "Figures of the open-loop trial",
+                "Figures of the open-loop experiment",
                 header,
                 tuple(rows),
                 "The bands hold for the full plant; the variants are shown for comparison.",
@@ -121,13 +123,13 @@ def open_loop_part() -> Part:
     return Part(section, {"load_kg": LOAD_KG, **results})
 
 
-def _numbers(trial: OpenLoopTrial) -> dict[str, float]:
-    figures = trial.figures
+def _numbers(experiment: OpenLoopExperiment) -> dict[str, float]:
+    figures = experiment.figures
     return {
         "transit_time_s": figures.transit_time,
         "ripple_frequency_Hz": figures.ripple_frequency,
         "dips": figures.dips,
         "touch_speed_deg_s": math.degrees(figures.touch_speed),
-        "top_speed_deg_s": float(np.degrees(np.max(np.abs(trial.trajectory["speed"])))),
-        "difference_to_tighter_run": trial.trajectory.error,
+        "top_speed_deg_s": float(np.degrees(np.max(np.abs(experiment.trajectory["speed"])))),
+        "difference_to_tighter_run": experiment.trajectory.error,
     }

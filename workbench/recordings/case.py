@@ -297,8 +297,9 @@ def read_case(
         if isinstance(given, str):
             given = path / given
         name = str(entry.get("name", entry["file_name"]))
+        full = name if "recordings" in settings else f"{path.name}/{name}"
         recording = read_recording(
-            file, mapping=given, signals=signals, max_rows=max_rows, name=f"{path.name}/{name}"
+            file, mapping=given, signals=signals, max_rows=max_rows, name=full
         )
         if "name" in entry:
             name = _filled(name, recording)

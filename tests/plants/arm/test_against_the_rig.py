@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from workbench.evaluation.rig import fast, muscle, parameters, plant
+from workbench.experiments import pulse_train
 from workbench.model import Model
 from workbench.plants.arm import arm
 from workbench.simulation import simulate
-from workbench.trials import pulse_train
 
 GAMMA, GAS_CONSTANT = 1.4, 287.05
 INDEX = plant.INDEX

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
+from workbench.experiments import pulse_train
 from workbench.physics.heat_exchange import heat_exchange
 from workbench.plants.arm import arm, arm_joint
 from workbench.simulation import Trajectory, simulate
-from workbench.trials import pulse_train
 
 GAMMA, GAS_CONSTANT, AMBIENT = 1.4, 287.05, 293.15
 C_V = GAS_CONSTANT / (GAMMA - 1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from workbench.experiments import pulse_train
 from workbench.model import Effect, Model
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.physics.leakage import chamber_leakage
@@ -12,7 +13,6 @@ from workbench.physics.line import line, silencer
 from workbench.physics.supply import supply_droop
 from workbench.plants.arm import arm
 from workbench.simulation import Trajectory, simulate
-from workbench.trials import pulse_train
 
 VOLTAGE = pulse_train(duration=2.8, period=2.8)
 

@@ -1,4 +1,4 @@
-"""The paper's identification trial: slow pressure ramps at constant contraction."""
+"""The paper's identification experiment: slow pressure ramps at constant contraction."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from workbench.simulation import simulate
 Vector = npt.NDArray[np.float64]
 
 CONTRACTIONS = (0.0, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3, 18e-3, 22e-3, 26e-3, 30e-3)
-"""Contractions of the trial, m; close to each other where phi bends."""
+"""Contractions of the experiment, m; close to each other where phi bends."""
 
 STOP_ANGLES = tuple(math.radians(a) for a in (0, 6, 13, 20, 27, 34, 41, 48, 54, 57, 60))
 """Angles at which the lower stop is fastened in turn, rad: muscle 2 at 30 to 0 mm."""
@@ -42,7 +42,7 @@ class IsometricRecord:
         source: Where the record comes from.
 
     Example:
-        >>> record = isometric_trial(contractions=(0.0, 0.01), ramp_time=10.0, sample_time=0.5)
+        >>> record = isometric_experiment(contractions=(0.0, 0.01), ramp_time=10.0, sample_time=0.5)
         >>> len(record.force), int(record.ramp[-1])
         (42, 1)
     """
@@ -66,7 +66,7 @@ class IsometricRecord:
         return "\n".join(lines)
 
 
-def isometric_trial(
+def isometric_experiment(
     force_law: ForceLaw | None = None,
     *,
     contractions: Sequence[float] = CONTRACTIONS,
@@ -97,11 +97,11 @@ def isometric_trial(
         WorkbenchError: If an argument is outside its range.
 
     Source:
-        The paper's identification trial, Figure 7.
+        The paper's identification experiment, Figure 7.
 
     Example:
         >>> from workbench.plants.arm.static_identification import identify_static_force
-        >>> record = isometric_trial(sample_time=0.5)
+        >>> record = isometric_experiment(sample_time=0.5)
         >>> fit = identify_static_force(record.pressure, record.contraction, record.force)
         >>> fit.order, round(float(fit.values[0]), 0)
         (4, 280.0)
@@ -130,7 +130,7 @@ def isometric_trial(
     return _record(tables, rng, noise, "one muscle, filled at constant length")
 
 
-def isometric_trial_on_arm(
+def isometric_experiment_on_arm(
     model: Model,
     *,
     stop_angles: Sequence[float] = STOP_ANGLES,
@@ -163,11 +163,11 @@ def isometric_trial_on_arm(
         NumericalError: If the arm leaves the stop.
 
     Source:
-        The paper's identification trial: arm on the lower stop, load cell, geometric ratios.
+        The paper's identification experiment: arm on the lower stop, load cell, geometric ratios.
 
     Example:
         >>> from workbench.plants.arm import arm
-        >>> record = isometric_trial_on_arm(arm(), stop_angles=(0.5,), ramp_time=10.0)
+        >>> record = isometric_experiment_on_arm(arm(), stop_angles=(0.5,), ramp_time=10.0)
         >>> bool(record.force.max() > 300.0)
         True
     """
@@ -191,7 +191,7 @@ def isometric_trial_on_arm(
         angle = run["angle"]
         if np.max(angle) > stop + math.radians(0.5):
             raise NumericalError(
-                f"the arm leaves the stop at {math.degrees(stop):.1f} deg; the trial is isometric"
+                f"the arm leaves the stop at {math.degrees(stop):.1f} deg; it is isometric"
                 " only in the horizontal plane with muscle 1 vented"
             )
         lever = np.asarray(geometry.moment_arms(angle)[1], dtype=float)

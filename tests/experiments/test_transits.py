@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.trials import measure_transits
+from workbench.experiments import measure_transits
 
 STEP = 0.002
 

@@ -1,4 +1,4 @@
-"""The paper's open-loop trial: a pulse train on the valve, the arm runs from stop to stop."""
+"""The paper's open-loop experiment: a pulse train on the valve, the arm runs from stop to stop."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import check_range
+from workbench.experiments.transits import TransitFigures, measure_transits
 from workbench.model import Model
 from workbench.simulation import Trajectory, simulate
-from workbench.trials.transits import TransitFigures, measure_transits
 
 Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class OpenLoopTrial:
-    """A simulated open-loop trial with the figures measured from it.
+class OpenLoopExperiment:
+    """A simulated open-loop experiment with the figures measured from it.
 
     Args:
         trajectory: The run.
@@ -26,8 +26,8 @@ class OpenLoopTrial:
 
     Example:
         >>> from workbench.plants.arm import arm
-        >>> trial = open_loop_trial(arm(3.0), duration=8.0)
-        >>> 0.5 < trial.figures.transit_time < 1.4
+        >>> experiment = open_loop_experiment(arm(3.0), duration=8.0)
+        >>> 0.5 < experiment.figures.transit_time < 1.4
         True
     """
 
@@ -79,21 +79,21 @@ def pulse_train(
     return np.where((number // half) % 2 == 0, centre_V + amplitude_V, centre_V - amplitude_V)
 
 
-def open_loop_trial(
+def open_loop_experiment(
     model: Model,
     *,
     amplitude_V: float = 0.9,
     period: float = 4.0,
     duration: float = 20.0,
     sample_time: float = 0.002,
-) -> OpenLoopTrial:
-    """Run the open-loop trial of the paper's Figure 8 on a model of the arm.
+) -> OpenLoopExperiment:
+    """Run the open-loop experiment of the paper's Figure 8 on a model of the arm.
 
     Args:
         model: The arm, with the input ``valve`` and the state ``angle``.
         amplitude_V: Height of the pulses, in V.
         period: Period of the pulses, in s.
-        duration: Length of the trial, in s.
+        duration: Length of the experiment, in s.
         sample_time: Time between samples, in s.
 
     Returns:
@@ -108,7 +108,7 @@ def open_loop_trial(
 
     Example:
         >>> from workbench.plants.arm import arm
-        >>> open_loop_trial(arm(3.0), duration=8.0).figures.dips
+        >>> open_loop_experiment(arm(3.0), duration=8.0).figures.dips
         1
     """
     values = {q.name: q.value for q in model.parameters}
@@ -122,4 +122,4 @@ def open_loop_trial(
     run = simulate(model, voltage, sample_time=sample_time)
     stops = (values.get("lower_stop", 0.0), values.get("upper_stop", math.radians(60.0)))
     figures = measure_transits(run.time, run["angle"], stops=stops)
-    return OpenLoopTrial(run, figures)
+    return OpenLoopExperiment(run, figures)

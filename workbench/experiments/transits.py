@@ -1,4 +1,4 @@
-"""Figures of the open-loop trial, measured from angle and time: transit, ripple, stop touch."""
+"""Figures of the open-loop experiment, from angle and time: transit, ripple, stop touch."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ class Transit:
 
 @dataclass(frozen=True)
 class TransitFigures:
-    """What the transits of a trial have in common: the figures of the paper's Figure 8.
+    """What the transits of an experiment have in common: the figures of the paper's Figure 8.
 
     Args:
         transits: Every full transit, in the order of time.

@@ -1,4 +1,4 @@
-"""The identification trial end to end: the truth of the simulated rig is inside the intervals."""
+"""Identification end to end: the truth of the simulated rig is inside the intervals."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
+from workbench.experiments import IsometricRecord, isometric_experiment, isometric_experiment_on_arm
 from workbench.physics.force_laws import PaperLaw
 from workbench.plants.arm import arm
 from workbench.plants.arm.static_identification import StaticForceFit, identify_static_force
-from workbench.trials import IsometricRecord, isometric_trial, isometric_trial_on_arm
 
 TRUTH = PaperLaw()
 
 
 @pytest.fixture(scope="module")
 def muscle_record() -> IsometricRecord:
-    return isometric_trial(seed=5)
+    return isometric_experiment(seed=5)
 
 
 @pytest.fixture(scope="module")
 def arm_record() -> IsometricRecord:
-    return isometric_trial_on_arm(arm(3.0), seed=5)
+    return isometric_experiment_on_arm(arm(3.0), seed=5)
 
 
 def identify(record: IsometricRecord) -> StaticForceFit:
@@ -59,26 +59,26 @@ def test_the_record_is_isometric_and_spans_the_pressures(muscle_record: Isometri
 
 
 def test_without_noise_the_force_is_that_of_the_law() -> None:
-    record = isometric_trial(contractions=(0.0, 0.012), noise=0.0)
+    record = isometric_experiment(contractions=(0.0, 0.012), noise=0.0)
     force = TRUTH.force(record.contraction, record.pressure)
     assert record.force == pytest.approx(force, abs=1e-6)
 
 
 def test_the_load_cell_route_gives_the_force_of_the_muscle() -> None:
-    record = isometric_trial_on_arm(arm(3.0), stop_angles=(0.0, 0.6), noise=0.0)
+    record = isometric_experiment_on_arm(arm(3.0), stop_angles=(0.0, 0.6), noise=0.0)
     force = TRUTH.force(record.contraction, record.pressure)
     # What is left is the rounded slack clamp of the vented muscle 1, 0.5 N at most.
     assert record.force == pytest.approx(force, abs=0.5)
 
 
 def test_the_identified_law_drives_the_arm() -> None:
-    fit = identify(isometric_trial(seed=1))
+    fit = identify(isometric_experiment(seed=1))
     force = fit.law.force(0.01, 4e5)
     assert float(force) == pytest.approx(float(TRUTH.force(0.01, 4e5)), abs=0.5)
 
 
-def test_the_weight_of_the_arm_would_spoil_the_trial() -> None:
-    record = isometric_trial_on_arm(
+def test_the_weight_of_the_arm_would_spoil_the_experiment() -> None:
+    record = isometric_experiment_on_arm(
         arm(3.0, plane="vertical"), stop_angles=(0.0,), noise=0.0, ramp_time=10.0
     )
     force = TRUTH.force(record.contraction, record.pressure)
@@ -97,4 +97,4 @@ def test_the_weight_of_the_arm_would_spoil_the_trial() -> None:
 )
 def test_mistakes_are_clear(arguments: dict[str, object], text: str) -> None:
     with pytest.raises(WorkbenchError, match=text):
-        isometric_trial(**arguments)  # type: ignore[arg-type]
+        isometric_experiment(**arguments)  # type: ignore[arg-type]

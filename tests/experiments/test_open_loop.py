@@ -1,4 +1,4 @@
-"""The open-loop trial: the nominal arm inside the band, and what each part of the model does to it.
+"""The open-loop experiment: the nominal arm in the band, and what each part of the model does.
 
 The bands are those of the paper's Figure 8 and of the variants without one part each.
 """
@@ -11,19 +11,24 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
+from workbench.experiments import (
+    OpenLoopExperiment,
+    TransitFigures,
+    open_loop_experiment,
+    pulse_train,
+)
 from workbench.model import SMOOTH, Model
 from workbench.plants.arm import arm
 from workbench.plants.arm.volume_effects import constant_volume, printed_volume
 from workbench.simulation import simulate
-from workbench.trials import OpenLoopTrial, TransitFigures, open_loop_trial, pulse_train
 
 
-def run(model: Model) -> OpenLoopTrial:
-    return open_loop_trial(model, duration=20.0)
+def run(model: Model) -> OpenLoopExperiment:
+    return open_loop_experiment(model, duration=20.0)
 
 
 @pytest.fixture(scope="module")
-def nominal() -> OpenLoopTrial:
+def nominal() -> OpenLoopExperiment:
     return run(arm(3.0))
 
 
@@ -31,7 +36,7 @@ def touch_deg(figures: TransitFigures) -> float:
     return math.degrees(figures.touch_speed)
 
 
-def test_nominal_arm_is_inside_the_band(nominal: OpenLoopTrial) -> None:
+def test_nominal_arm_is_inside_the_band(nominal: OpenLoopExperiment) -> None:
     figures = nominal.figures
     assert len(figures.transits) == 9
     for transit in figures.transits:
@@ -43,7 +48,7 @@ def test_nominal_arm_is_inside_the_band(nominal: OpenLoopTrial) -> None:
     assert nominal.trajectory.error < 1e-3
 
 
-def test_nominal_figures_are_the_measured_ones(nominal: OpenLoopTrial) -> None:
+def test_nominal_figures_are_the_measured_ones(nominal: OpenLoopExperiment) -> None:
     # Measured on this plant; a change of its laws shows here before it leaves the wide band.
     figures = nominal.figures
     assert figures.transit_time == pytest.approx(0.61, abs=0.02)
@@ -52,7 +57,7 @@ def test_nominal_figures_are_the_measured_ones(nominal: OpenLoopTrial) -> None:
     assert touch_deg(figures) == pytest.approx(47.0, abs=3.0)
 
 
-def test_touch_speed_from_angles_is_the_speed_of_the_state(nominal: OpenLoopTrial) -> None:
+def test_touch_speed_from_angles_is_the_speed_of_the_state(nominal: OpenLoopExperiment) -> None:
     run = nominal.trajectory
     angle, speed = run["angle"], run["speed"]
     upper = np.radians(60.0)
@@ -81,21 +86,21 @@ def test_constant_volume_hits_the_stop_without_ripple() -> None:
 
 
 def test_printed_volume_never_reaches_the_stops() -> None:
-    trial = run(arm(3.0).with_effect(printed_volume()))
-    settled = np.degrees(trial.trajectory["angle"][2000:])
+    experiment = run(arm(3.0).with_effect(printed_volume()))
+    settled = np.degrees(experiment.trajectory["angle"][2000:])
     assert 0.5 < settled.min() < settled.max() < 59.5
-    assert math.isnan(trial.figures.touch_speed)
-    assert trial.figures.reason
+    assert math.isnan(experiment.figures.touch_speed)
+    assert experiment.figures.reason
 
 
 def test_everything_as_printed_simulates_and_does_not_touch_the_stops_either() -> None:
-    trial = run(arm(3.0, variant="as_printed"))
-    settled = np.degrees(trial.trajectory["angle"][5000:])
+    experiment = run(arm(3.0, variant="as_printed"))
+    settled = np.degrees(experiment.trajectory["angle"][5000:])
     assert 0.0 < settled.min() < settled.max() < 60.0
-    assert trial.trajectory.error < 1e-3
+    assert experiment.trajectory.error < 1e-3
 
 
-def test_flattening_alone_hardly_matters(nominal: OpenLoopTrial) -> None:
+def test_flattening_alone_hardly_matters(nominal: OpenLoopExperiment) -> None:
     without = run(arm(3.0).without("end_flattening")).figures
     assert without.ripple_frequency == pytest.approx(nominal.figures.ripple_frequency, abs=0.05)
     assert without.dips == nominal.figures.dips
@@ -109,7 +114,7 @@ def test_ripple_follows_the_load(load: float, dips: int) -> None:
         assert 5.0 <= figures.ripple_frequency <= 7.0  # the mode of the bare arm
 
 
-def test_smooth_face_stays_close_over_the_trial(nominal: OpenLoopTrial) -> None:
+def test_smooth_face_stays_close_over_the_experiment(nominal: OpenLoopExperiment) -> None:
     voltage = nominal.trajectory.inputs
     smooth = simulate(arm(3.0), voltage, sample_time=0.002, face=SMOOTH, check=False)
     apart = np.degrees(np.abs(smooth["angle"] - nominal.trajectory["angle"]))

@@ -1,0 +1,21 @@
+"""The paper's experiments on the arm: isometric ramps (Figure 7), open-loop pulses (Figure 8)."""
+
+from workbench.experiments.isometric import (
+    IsometricRecord,
+    isometric_experiment,
+    isometric_experiment_on_arm,
+)
+from workbench.experiments.open_loop import OpenLoopExperiment, open_loop_experiment, pulse_train
+from workbench.experiments.transits import Transit, TransitFigures, measure_transits
+
+__all__ = [
+    "IsometricRecord",
+    "OpenLoopExperiment",
+    "Transit",
+    "TransitFigures",
+    "isometric_experiment",
+    "isometric_experiment_on_arm",
+    "measure_transits",
+    "open_loop_experiment",
+    "pulse_train",
+]
