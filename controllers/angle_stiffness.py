@@ -174,6 +174,7 @@ class AngleStiffness:
         WorkbenchError: If a number is outside its range.
 
     Example:
+        >>> from controllers.pid import cascade_pid
         >>> both = AngleStiffness(cascade_pid(6e5, 2e6, 1e5, inner=2e-6))
         >>> at_rest = (0.5, 3e5, 3e5)
         >>> command, state, info = both.step(both.initial_state(at_rest), at_rest, (0.5, 3e5))
