@@ -48,7 +48,7 @@ STATES: dict[str, list[dict[str, float]]] = {
          "pressure_2": 1.6e5, "temperature_1": 295.0, "temperature_2": 290.0},
     ],
     "servo": [{"position": 0.19, "speed": 0.2}, {"position": -0.0062, "speed": -0.01}],
-    "tanks": [{"upper_level": 8.0, "lower_level": 4.017}, {"upper_level": 3.0, "lower_level": 9.513}],
+    "tanks": [{"upper_level": 8.0, "lower_level": 4.02}, {"upper_level": 3.0, "lower_level": 9.51}],
 }  # fmt: skip
 INPUTS = {"arm": [5.9], "servo": [150.0], "tanks": [4.0]}
 
