@@ -14,6 +14,7 @@ from workbench.diagnosis.estimation.refit_report import RefitTask
 from workbench.errors import WorkbenchError
 from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis
+from workbench.physics.law import LAWS, Law
 from workbench.physics.library import library
 from workbench.recordings.case import Case, RefitSettings
 from workbench.recordings.read import MappingLike, read_recording
@@ -171,8 +172,8 @@ def own_hypotheses(
 
     Args:
         model: The model that may lack them.
-        references: Each ``module:object``: an effect, a hypothesis, several of them, or a function
-            that returns them, called with the model if it takes an argument.
+        references: Each ``module:object``: a law, an effect, a hypothesis, several of them, or a
+            function that returns them, called with the model if it takes an argument.
         folder: Where the modules stand, beside the Python path.
 
     Raises:
@@ -180,14 +181,17 @@ def own_hypotheses(
     """
     if not references:
         return None
-    own = [h for name in references for h in _own(model, name, folder)]
+    found = [item for name in references for item in _own(model, name, folder)]
+    known = list(LAWS.members().values())
+    laws = [item for item in found if isinstance(item, Law) and item not in known]
+    own = [item for item in found if isinstance(item, Hypothesis)]
     names = {h.name for h in own}
-    return (*(h for h in library(model) if h.name not in names), *own)
+    return (*(h for h in library(model, extra=laws) if h.name not in names), *own)
 
 
-def _own(model: Model, reference: str, folder: Path | None) -> list[Hypothesis]:
+def _own(model: Model, reference: str, folder: Path | None) -> list[Hypothesis | Law]:
     found = load_object("effect", reference, folder=folder)
-    if callable(found) and not isinstance(found, (Effect, Hypothesis)):
+    if callable(found) and not isinstance(found, (Effect, Hypothesis, Law)):
         import inspect
 
         with user_code(f"effect {reference!r}"):
@@ -201,13 +205,13 @@ def _own(model: Model, reference: str, folder: Path | None) -> list[Hypothesis]:
     return [_hypothesis(item, reference) for item in several]
 
 
-def _hypothesis(item: object, reference: str) -> Hypothesis:
-    if isinstance(item, Hypothesis):
+def _hypothesis(item: object, reference: str) -> Hypothesis | Law:
+    if isinstance(item, (Hypothesis, Law)):
         return item
     if not isinstance(item, Effect) or not item.parameters:
         raise WorkbenchError(
             f"effect {reference!r} gave a {type(item).__name__}; it must be an Effect with a"
-            " parameter for its size, or a Hypothesis"
+            " parameter for its size, a Law or a Hypothesis"
         )
     size = item.parameters[0]
     largest = max(abs(size.lower), abs(size.upper))

@@ -15,6 +15,8 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Effect, Model
 from workbench.model.units import parse_unit, quantity, same_dimension, to_si
+from workbench.physics.law import Law
+from workbench.physics.place import Survey
 from workbench.registry import load_object, user_code
 
 Value = float | bool | str
@@ -227,7 +229,7 @@ class Plant:
         Args:
             model: The model that it will be attached to.
             name: The plant's own word, a name of the library, or ``module:object``; the object is
-                an effect, or a function without arguments that returns one.
+                a law, an effect, or a function without arguments that returns one.
             folder: Where the user's module may stand.
 
         Raises:
@@ -235,12 +237,14 @@ class Plant:
         """
         if ":" in name:
             found = load_object("effect", name, folder=folder)
+            if isinstance(found, Law):
+                return _placed(found, model)
             if callable(found) and not isinstance(found, Effect):
                 with user_code(f"effect {name!r}"):
                     found = found()
             if not isinstance(found, Effect):
                 raise WorkbenchError(
-                    f"effect {name!r} is a {type(found).__name__}; it must be an Effect, or a"
+                    f"effect {name!r} is a {type(found).__name__}; it must be an Effect, a Law or a"
                     " function that returns one"
                 )
             return found
@@ -265,6 +269,17 @@ class Plant:
         if self.effects:
             lines.append(f"  effects of its own: {', '.join(self.effects)}")
         return "\n".join(lines)
+
+
+def _placed(law: Law, model: Model) -> Effect:
+    places = list(law.hypotheses(Survey(model)))
+    if len(places) != 1:
+        where = ", ".join(port for h in places for port in h.ports) or "none"
+        raise WorkbenchError(
+            f"law {law.name!r} fits {len(places)} places of {model.name!r} ({where}); attach it"
+            " with a function of your own that returns the Effect at one of them"
+        )
+    return places[0].effect
 
 
 def parse_parameter(model: Model, text: str) -> tuple[str, float]:
