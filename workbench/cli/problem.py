@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 CaseName = Annotated[
     str | None,
     typer.Argument(
-        help="Folder of a case, name of a shipped case such as practice-08, or a machine: emps,"
-        " tanks, cylinder, pendulum.",
+        help="Folder of a case, or name of a shipped case such as practice-08 or of a machine such"
+        " as emps.",
         metavar="[CASE]",
     ),
 ]
