@@ -137,6 +137,7 @@ def _muscle(m: Scope) -> Equations:
         area * m.u.pressure * (a * (1.0 - strain) ** 2 - b),
         unit="N",
         scale=500.0,
+        role="muscle_tension",
         signals={"contraction": m.u.contraction, "gauge_pressure": m.u.pressure},
         disturbance=20.0,
     )
