@@ -225,6 +225,6 @@ def test_the_real_limit_is_below_what_the_controller_needs(tmp_path: Path) -> No
     study = replace(study, variations={"nominal": study.nominal()})
     outcome = run_study(study, tmp_path / "out")
     (step,) = outcome.distances.steps
-    # The move of the benchmark's plant takes a tenth of a second; no loop is faster than that.
+    # The move of this plant takes a tenth of a second; no loop is faster than that.
     assert 0.05 < step.limit.value < 0.2
     assert 1.0 < step.ratio.value < 10.0

@@ -10,15 +10,14 @@ import typer
 
 def controllers(
     out: Annotated[
-        Path, typer.Option(help="Folder for results.json, the pictures and report.html.")
+        Path, typer.Option(help="Folder for results.json, summary.md, junit.xml and report.html.")
     ],
     family: Annotated[
         list[str] | None,
         typer.Option(
             "--family",
             "-f",
-            help="cascade PID, sliding mode, linear MPC, nonlinear MPC, state feedback or"
-            " H-infinity; by default all.",
+            help="Name of a controller of the study; by default all.",
             metavar="NAME",
         ),
     ] = None,
@@ -27,7 +26,7 @@ def controllers(
     ] = True,
     seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
     seeds: Annotated[
-        int, typer.Option(help="Number of seeds; a figure is the worst of all.", min=1)
+        int, typer.Option(help="Number of seeds; the worst of all counts.", min=1)
     ] = 1,
     fresh: Annotated[
         bool,
@@ -42,75 +41,50 @@ def controllers(
 ) -> int:
     """Compare all families of controllers on the full plant, with what physics allows beside them.
 
-    Designs each family for 0, 3 and 8 kg horizontal and 3 kg vertical, and runs steps and sines on
-    the full plant with muscle hysteresis, another load, supply and valve. Exit status 1 if a goal
-    is missed.
+    Runs the shipped study 'controllers': each family designed for 0, 3 and 8 kg horizontal and 3 kg
+    vertical, steps and sines on the full plant with muscle hysteresis, another load, supply and
+    valve. Exit status 1 if a requirement is missed.
 
     Example: 'workbench controllers --out controllers'.
 
     Args:
         out: Folder for the results.
-        family: Families; all by default.
+        family: Controllers; all by default.
         limits: Whether the physical limits are computed.
         seed: Seed of the sensors' noise.
         seeds: Number of seeds, from ``seed`` on.
-        fresh: Whether fresh loads and variations are run.
+        fresh: Whether the optional plants and variations are run.
         jobs: Number of processes, or None for one per processor.
 
     Returns:
-        Exit status: 1 if a goal is missed.
-
-    Example:
-        >>> controllers(Path("never"), ["fuzzy"])
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: family of controllers is 'fuzzy'; it must be one of ...
+        Exit status: 1 if a requirement is missed.
     """
-    import time
+    import os
+    from dataclasses import replace
 
-    from tqdm import tqdm
+    from workbench.cli.counter import Counter
+    from workbench.reports.figures.limitations import limitation_tables, missed_table
+    from workbench.reports.study_files import write_study_files
+    from workbench.study.result import run_study
+    from workbench.study.schema import load_study
+    from workbench.study.shipped import shipped_study
+    from workbench.study.summary import plain_summary
 
-    from workbench.benchmark.designs import FAMILIES, available_families
-    from workbench.benchmark.obstacles import obstacles_table, plan_table
-    from workbench.benchmark.page import missed_table, write_comparison
-    from workbench.benchmark.run import compare_controllers
-    from workbench.benchmark.table import (
-        changes_table,
-        comparison_table,
-        courses_table,
-        fast_table,
-        margins_table,
-    )
-    from workbench.errors import check_choice
-
-    wanted = tuple(family) if family else available_families()
-    for name in wanted:
-        check_choice("family of controllers", name, FAMILIES)
-    begin = time.perf_counter()
-    with tqdm(desc="runs", unit="run", leave=False) as bar:
-
-        def progress(done: int, count: int, what: str) -> None:
-            bar.total = count
-            bar.set_postfix_str(what, refresh=False)
-            bar.update(done - bar.n)
-
-        found = compare_controllers(
-            families=wanted,
-            limits=limits,
-            seed=seed,
-            seeds=seeds,
-            fresh=fresh,
-            jobs=jobs,
-            progress=progress,
+    study = load_study(shipped_study("controllers"), optional=fresh).with_limit(limits)
+    if family:
+        study = study.only(family)
+    study = replace(study, seeds=tuple(range(seed, seed + seeds)))
+    typer.echo(str(study), err=True)
+    counter = Counter()
+    try:
+        result = run_study(
+            study, out, jobs=(os.cpu_count() or 1) if jobs is None else jobs, progress=counter
         )
-    for build in (comparison_table, courses_table):
-        for nominal in (True, False):
-            typer.echo(f"{build(found, nominal=nominal)}\n")
-    missed = missed_table(found)
-    evidence = (plan_table(found), obstacles_table(found), fast_table(found))
-    for table in (changes_table(found), margins_table(found), *evidence, missed):
+    finally:
+        counter.close()
+    for table in limitation_tables(result):
         typer.echo(f"{table}\n")
-    minutes = (time.perf_counter() - begin) / 60.0
-    page = write_comparison(found, out, minutes=minutes)
-    typer.echo(f"written to {out} in {minutes:.1f} min; open {page}")
-    return 1 if missed.rows else 0
+    written = write_study_files(result, out)
+    typer.echo(plain_summary(result))
+    typer.echo(f"written to {out}: {', '.join(path.name for path in written)}")
+    return 0 if result.passed and not missed_table(result).rows else 1

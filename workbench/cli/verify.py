@@ -127,7 +127,6 @@ def _design_model(chosen: Chosen, changes: Sequence[str]) -> LinearModel:
     """Linearise the nominal plant, without friction whose slope at rest is not that of a motion."""
     from workbench.linearisation import linearise
     from workbench.operating_point import operating_point
-    from workbench.study.designs import dry_effects
 
     options, at = dict(chosen.options), dict(chosen.plant.design_point)
     known = {n for o in chosen.plant.options for n in (o.name, o.keyword)}
@@ -138,7 +137,7 @@ def _design_model(chosen: Chosen, changes: Sequence[str]) -> LinearModel:
         else:
             at |= dict([value_at_rest(chosen.nominal, text)])
     model = chosen.plant.model(options, folder=Path.cwd())
-    return linearise(operating_point(model.without(*dry_effects(model)), at), verdict=False)
+    return linearise(operating_point(model.without(*model.dry_effects), at), verdict=False)
 
 
 def _scenario(

@@ -18,16 +18,11 @@ from controllers.protocol import Controller
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.angle_map import angle_map
-from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.simulation.compiled import compiled
 from workbench.study.plants import PlantRecipe
 
 Pairs = tuple[tuple[str, Any], ...]
-
-DRY = ("bearing_friction", "muscle_hysteresis")
-"""Left out of design models: at rest their slopes look like damping and stiffness that a moving arm
-does not have."""
 
 
 class Fastest(NamedTuple):
@@ -131,13 +126,21 @@ class ControllerRecipe:
         """
         design = self.kind()
         found = dict(self.specification if given is None else given)
+        if self.fastest is not None:
+            name, _, inner = self.fastest.key.partition(".")
+            if name not in found or (inner and inner not in found[name]):
+                # Not searched yet: the first speed stands for all.
+                found = _with(found, self.fastest.key, self.fastest.speeds[0])
         hints = _hints(design)
         for name, value in found.items():
             if isinstance(value, Mapping) and is_dataclass(hints.get(name)):
                 kind = cast(Any, hints[name])
                 for key in value:
                     check_choice(f"key of {name}", key, kind.__dataclass_fields__)
-                found[name] = kind(**value)
+                try:
+                    found[name] = kind(**value)
+                except TypeError as error:
+                    raise WorkbenchError(f"{name} of design {design.name!r}: {error}") from None
         return design.specified(found)
 
 
@@ -155,15 +158,10 @@ def _plain(hint: Any) -> Any:
     return kinds[0] if len(kinds) == 1 else None
 
 
-def dry_effects(model: Model) -> tuple[str, ...]:
-    """Return the effects of a model that design models leave out: dry friction and hysteresis."""
-    return tuple(e.name for e in model.effects if e.name in DRY)
-
-
 @lru_cache(maxsize=64)
 def _linear(plant: PlantRecipe, at: Pairs) -> LinearModel:
     model = plant.build()
-    return linearise(operating_point(model.without(*dry_effects(model)), dict(at)), verdict=False)
+    return linearise(operating_point(model.without(*model.dry_effects), dict(at)), verdict=False)
 
 
 @lru_cache(maxsize=16)
@@ -242,7 +240,7 @@ def _made(recipe: ControllerRecipe, given: Mapping[str, Any]) -> Controller:
         found = design.controller(_schedule(recipe), want, name=recipe.name)
     elif design.needs == "model":
         model = _heavier(recipe).build()
-        model = model.without(*dry_effects(model))
+        model = model.without(*model.dry_effects)
         if recipe.plan:
             given = {
                 **given,

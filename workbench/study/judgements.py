@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from workbench.study.feasible import can_have
 from workbench.study.study import Demand, Study
 from workbench.study.tasks import Record
 from workbench.verification import judge
-from workbench.verification.metrics import metric_of
+from workbench.verification.metrics import metric_of, worst
 
 LARGEST = 10.0
 """Score that counts in a mean where a requirement was missed by more, or could not be judged."""
@@ -73,6 +73,8 @@ class Judgement:
     def __str__(self) -> str:
         """Return one sentence."""
         metric = self.demand.requirement.metric
+        if self.demand.step is not None:
+            metric += f" of steps of {math.degrees(self.demand.step):g}°"
         return f"{self.controller}, {self.scenario}, {self.variation}: {metric} {self.excess()}"
 
 
@@ -120,22 +122,21 @@ def judge_records(study: Study, records: Iterable[Record]) -> tuple[Judgement, .
         >>> judge_records.__name__
         'judge_records'
     """
-    worst: dict[tuple[int, str, str, str], Judgement] = {}
+    most: dict[tuple[int, str, str, str], Judgement] = {}
     for record in records:
         for i, demand in enumerate(study.demands):
             if not _judged(study, demand, record):
                 continue
             found = _judgement(demand, record)
             key = (i, record.controller, record.variation, record.scenario)
-            if key not in worst or found.score > worst[key].score:
-                worst[key] = found
-    return tuple(worst[key] for key in sorted(worst, key=lambda key: key[0]))
+            if key not in most or found.score > most[key].score:
+                most[key] = found
+    return tuple(most[key] for key in sorted(most, key=lambda key: key[0]))
 
 
 def _judged(study: Study, demand: Demand, record: Record) -> bool:
     metric = demand.requirement.metric
-    variation = study.variations[record.variation]
-    if not demand.applies(record.controller, variation, record.scenario):
+    if not study.judges(demand, record.controller, record.variation, record.scenario):
         return False
     scenario = study.scenarios.get(record.scenario)
     if scenario is not None and not can_have(metric, scenario, study.metrics):
@@ -151,7 +152,14 @@ def _judgement(demand: Demand, record: Record) -> Judgement:
     identity = (demand, record.controller, record.variation, record.scenario, record.seed)
     if record.metrics is None:
         return Judgement(*identity, math.nan, math.inf, f"the run failed: {record.reason}")
-    verdict = judge(demand.requirement, record.metrics)
+    measured = record.metrics
+    if demand.step is not None:
+        found = worst(record.values_of_steps(demand.requirement.metric, demand.step))
+        metric = replace(
+            measured[demand.requirement.metric], value=found.value, reason=found.reason
+        )
+        measured = replace(measured, values=(metric,))
+    verdict = judge(demand.requirement, measured)
     return Judgement(*identity, verdict.value, verdict.score, verdict.reason)
 
 
@@ -187,6 +195,8 @@ def scores(study: Study, judgements: Sequence[Judgement]) -> tuple[Score, ...]:
     """
     found = []
     for name in study.controllers:
+        if not study.selection(name).judged:
+            continue
         own = [j for j in judgements if j.controller == name]
         hard = [j for j in own if j.hard]
         by_demand: dict[int, float] = {}
@@ -195,8 +205,8 @@ def scores(study: Study, judgements: Sequence[Judgement]) -> tuple[Score, ...]:
             by_demand[key] = max(by_demand.get(key, 0.0), min(j.score, LARGEST))
         weight = sum(study.demands[key].weight for key in by_demand)
         mean = sum(study.demands[key].weight * value for key, value in by_demand.items())
-        worst = max(hard, key=lambda j: j.score, default=None)
+        first = max(hard, key=lambda j: j.score, default=None)
         found.append(
-            Score(name, worst.score if worst else 0.0, mean / weight if weight else 0.0, worst)
+            Score(name, first.score if first else 0.0, mean / weight if weight else 0.0, first)
         )
     return tuple(found)

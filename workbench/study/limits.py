@@ -14,7 +14,6 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.study.designs import dry_effects
 from workbench.study.execution import Progress, parallel
 from workbench.study.plants import PlantRecipe
 from workbench.study.store import Store
@@ -119,6 +118,7 @@ class Distances:
         asked: Whether the study asked for it.
         steps: Every step on the nominal plant that was compared.
         worst: One entry per controller and scenario.
+        limits: Physical limits: name of the variation, move, and time in s.
 
     Example:
         >>> Distances().asked
@@ -128,6 +128,7 @@ class Distances:
     asked: bool = False
     steps: tuple[StepDistance, ...] = ()
     worst: tuple[Distance, ...] = field(default=())
+    limits: tuple[tuple[str, Move, Value], ...] = ()
 
     def of(self, controller: str, scenario: str, case: str = "") -> Distance | None:
         """Return the distance of a controller in a scenario, or None."""
@@ -154,6 +155,16 @@ class Distances:
                     "reason": s.ratio.reason,
                 }
                 for s in self.steps
+            ],
+            "limits": [
+                {
+                    "variation": name,
+                    "from": move.initial,
+                    "to": move.final,
+                    "limit_s": limit.value,
+                    "reason": limit.reason,
+                }
+                for name, move, limit in self.limits
             ],
             "worst": [
                 {
@@ -243,7 +254,7 @@ def find_limits(
         Move(variation.plant, output, initial, final)
         for variation in study.variations.values()
         if variation.nominal or variation.kind in study.report.limit_variations
-        for scenario in study.scenarios.values()
+        for scenario in study.cases[variation.case].scenarios.values()
         if not no_limit(scenario, variation.plant.build())
         for output, signal in scenario.references.items()
         for _, initial, final in signal.changes
@@ -293,9 +304,13 @@ def limit_of(move: Move) -> Value:
         >>> limit_of(Move(PlantRecipe(), "angle", 0.2, 0.2)).reason
         'the move from 0.2 to 0.2 goes nowhere'
     """
-    model = move.plant.build()
-    # The limit of the plant itself: effects of memory are no smooth equations.
-    model = model.without(*(e for e in dry_effects(model) if e in move.plant.effects))
+    try:
+        model = move.plant.build()
+    except WorkbenchError as error:
+        return Value(math.nan, str(error).split(";")[0])
+    # The limit of the plant itself: attached effects of memory are no smooth equations.
+    plain = {e.name for e in replace(move.plant, effects=(), parameters=()).build().effects}
+    model = model.without(*(e for e in model.dry_effects if e not in plain))
     try:
         found = physical_limit(
             model,
@@ -333,7 +348,7 @@ def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Val
     for case in study.cases.values():
         nominal = study.nominal(case.name)
         for controller in case.controllers:
-            for name, scenario in study.scenarios.items():
+            for name, scenario in case.scenarios.items():
                 asked = study.report.physical_limit
                 reason = no_limit(scenario, case.plant.build()) if asked else "not asked for"
                 if reason:
@@ -350,7 +365,9 @@ def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Val
                 failed = next((r.reason for r in own if r.failed), "")
                 found = _worst(controller, name, compared, failed)
                 worst.append(replace(found, case=case.name))
-    return Distances(study.report.physical_limit, tuple(steps), tuple(worst))
+    by_plant = {v.plant: v.name for v in reversed(list(study.variations.values()))}
+    every = tuple((by_plant[m.plant], m, v) for m, v in limits.items() if m.plant in by_plant)
+    return Distances(study.report.physical_limit, tuple(steps), tuple(worst), every)
 
 
 def _compared(

@@ -25,6 +25,7 @@ from controllers.protocol import Controller, Measurement
 from controllers.sensitivity import loop_matrices
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
+from workbench.registry import user_code
 from workbench.study.study import Study
 
 Vector = npt.NDArray[np.float64]
@@ -277,17 +278,11 @@ def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
     for recipe in study.controllers.values():
         for point in study.points:
             try:
-                found += analyse_loop(recipe.build(), recipe.linear(point), point)
+                with user_code("linear analysis"):
+                    found += analyse_loop(recipe.build(), recipe.linear(point), point)
             # Own controllers may have any state; what cannot be linearised is told, not fatal.
-            except (
-                WorkbenchError,
-                TypeError,
-                ValueError,
-                AttributeError,
-                LookupError,
-                np.linalg.LinAlgError,
-            ) as error:
-                reason = " ".join(str(error).split())
+            except WorkbenchError as error:
+                reason = " ".join(str(error).removeprefix("linear analysis failed: ").split())
                 nothing = (np.zeros(0), np.zeros(0, dtype=complex), False)
                 found.append(LoopAnalysis(recipe.name, point, "", *nothing, reason=reason))
     return tuple(found)

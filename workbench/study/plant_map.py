@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
 from workbench.linearisation.angle_map import angle_map
-from workbench.study.designs import dry_effects
 from workbench.study.study import Study
 
 Vector = npt.NDArray[np.float64]
@@ -66,7 +65,7 @@ def plant_map(study: Study) -> PlantMap | None:
         return None
     angles = np.linspace(grid[0], grid[-1], COUNT)
     try:
-        found = angle_map(model.without(*dry_effects(model)), angles, input="plant")
+        found = angle_map(model.without(*model.dry_effects), angles, input="plant")
     except WorkbenchError:
         return None
     gain = np.full(len(angles), np.nan)

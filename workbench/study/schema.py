@@ -9,6 +9,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,18 @@ from workbench.plants.registry import PLANTS
 from workbench.study.designs import ControllerRecipe, Fastest, Pairs
 from workbench.study.feasible import check_demand, check_demands
 from workbench.study.plants import PlantRecipe, checked_noise
-from workbench.study.study import NOMINAL, Box, Case, Demand, Limitations, Report, Study, Variation
+from workbench.study.study import (
+    NOMINAL,
+    Box,
+    Case,
+    Cause,
+    Demand,
+    Limitations,
+    Report,
+    Selection,
+    Study,
+    Variation,
+)
 from workbench.study.toml_tables import TomlTables, toml_lines
 from workbench.verification import (
     METRICS,
@@ -54,6 +66,7 @@ _KEYS = (
     "report",
 )
 _VARIED = ("parameters", "effects", "without", "noise")
+_SELECTION = ("seeds", "scenarios", "variations", "judged")
 _VARIATION = (
     *_VARIED,
     "scaled",
@@ -65,6 +78,8 @@ _VARIATION = (
     "plan_duration",
     "lead",
     "judged",
+    "like",
+    "optional",
 )
 _CONTROLLER = (
     "design",
@@ -73,8 +88,9 @@ _CONTROLLER = (
     "inertia_margin",
     "plan",
     "fastest",
-    "seeds",
     "plants",
+    "requires",
+    *_SELECTION,
     *_VARIED,
 )
 _MERGED = ("specification", "inertia_margin", "plan", "fastest", "parameters")
@@ -127,20 +143,37 @@ def read_study(path: str | Path) -> StudyFile:
     return StudyFile(place, table, file.lines)
 
 
-def resolve(file: StudyFile) -> Study:
+def resolve(file: StudyFile, *, optional: bool = False) -> Study:
     """Find and check everything that a study names.
 
     Keys, units, names of parameters, effects, designs, scenarios and metrics, ranges, and
     requirements that nothing can meet.
 
+    Args:
+        file: What `read_study` returned.
+        optional: Whether plants, variations and scenarios that are marked as optional count.
+
     Raises:
         WorkbenchError: With file and line of the first mistake.
     """
-    return _Resolver(file.path, file.table, file.lines).study()
+    table = dict(file.table)
+    for part in ("plants", "variations", "scenarios"):
+        rows = table.get(part)
+        if isinstance(rows, dict) and not optional:
+            table[part] = {
+                name: row
+                for name, row in rows.items()
+                if not (isinstance(row, dict) and row.get("optional") is True)
+            }
+    return _Resolver(file.path, table, file.lines).study()
 
 
-def load_study(path: str | Path) -> Study:
+def load_study(path: str | Path, *, optional: bool = False) -> Study:
     """Read and resolve a study file.
+
+    Args:
+        path: TOML file.
+        optional: Whether parts that are marked as optional count.
 
     Raises:
         WorkbenchError: With file and line of the first mistake.
@@ -150,7 +183,7 @@ def load_study(path: str | Path) -> Study:
         >>> list(load_study(shipped_study("arm")).controllers)
         ['cascade PID', 'sliding mode', 'linear MPC']
     """
-    return resolve(read_study(path))
+    return resolve(read_study(path), optional=optional)
 
 
 class _Resolver(TomlTables):
@@ -162,7 +195,7 @@ class _Resolver(TomlTables):
         top = self.table
         base, model = self.plant(top.get("plant", {}))
         plants = self.plants(base)
-        scenarios = {name: self.scenario(name, t, model) for name, t in self.tables("scenarios")}
+        scenarios = self.scenarios("", model)
         variations: dict[str, Variation] = {}
         for case, plant in plants.items():
             nominal = Variation(case or NOMINAL, plant, case)
@@ -170,21 +203,31 @@ class _Resolver(TomlTables):
             for name in dict.fromkeys([n for n, _ in self.tables("variations")]):
                 found = self.variation(name, case, plant, model, scenarios)
                 variations[found.name] = found
-        few: dict[str, int] = {}
+        self.check_selected(variations)
         cases = {
-            case: Case(case, plant, self.controllers(case, plant, model, variations, few))
+            case: Case(
+                case,
+                plant,
+                self.controllers(case, plant, model, variations),
+                self.scenarios(case, model),
+            )
             for case, plant in plants.items()
         }
+        with self.at("controllers"):
+            if not any(c.controllers for c in cases.values()):
+                raise WorkbenchError("no controller is left; see requires and plants")
         controllers: dict[str, ControllerRecipe] = {}
         for name, _ in self.tables("controllers"):
             owns = [c.controllers[name] for c in cases.values() if name in c.controllers]
             if owns:
                 controllers[name] = owns[0]
-        for name, table in self.tables("scenarios"):
-            self.few(few, name, table, "scenarios", name)
-        for variation in variations.values():
-            with self.at("variations", variation.kind, "controllers"):
-                _names("controllers", list(variation.controllers), controllers)
+        kinds = {v.kind for v in variations.values()}
+        selections = {
+            name: self.selection(table, controllers, scenarios, kinds, part, name)
+            for part in ("controllers", "scenarios")
+            for name, table in self.tables(part)
+            if set(table) & set(_SELECTION)
+        }
         controlled = tuple(dict.fromkeys(n for s in scenarios.values() for n in s.references))
         own = self.metrics(top.get("metrics", []))
         units = metric_units(model, controlled, own)
@@ -197,7 +240,7 @@ class _Resolver(TomlTables):
             scenarios=scenarios,
             demands=self.demands(units, scenarios, controllers, variations, cases, own),
             seeds=self.seeds(top.get("seeds", [1])),
-            few_seeds=few,
+            selections=selections,
             points=self.points(top.get("linear", {}), plants, controllers),
             box=self.box(top.get("robustness"), model, plants, scenarios, controllers),
             tolerances=self.tolerances(units, own),
@@ -205,6 +248,43 @@ class _Resolver(TomlTables):
             report=self.report(top.get("report", {}), scenarios, controllers, variations),
             own_metrics=tuple(n for n in top.get("metrics", []) if ":" in n),
         )
+
+    def scenarios(self, case: str, model: Model) -> dict[str, Scenario]:
+        own = self.table.get("plants", {}).get(case, {}).get("scenarios", {})
+        found = {}
+        for name, table in self.tables("scenarios"):
+            path: tuple[str | int, ...] = ("scenarios", name)
+            given = table
+            if name in own:
+                path, given = ("plants", case, *path), {**table, **own[name]}
+            found[name] = self.scenario(name, given, model, *path)
+        return found
+
+    def selection(
+        self,
+        table: Mapping[str, Any],
+        controllers: Mapping[str, Any],
+        scenarios: Mapping[str, Any],
+        variations: set[str],
+        *path: str | int,
+    ) -> Selection:
+        """Return which runs a controller or a scenario has."""
+        seeds = None
+        if "seeds" in table:
+            with self.at(*path, "seeds"):
+                seeds = int(check_range("number of seeds", table["seeds"], 1, 1000))
+        chosen = []
+        for key, known in (("scenarios", scenarios), ("variations", sorted(variations))):
+            with self.at(*path, key):
+                chosen.append(_names(key, table.get(key, []), known))
+        judged = self.flag(table, "judged", True, *path)
+        return Selection(seeds, chosen[0], chosen[1], judged)
+
+    def check_selected(self, variations: Mapping[str, Variation]) -> None:
+        names = [name for name, _ in self.tables("controllers")]
+        for variation in variations.values():
+            with self.at("variations", variation.kind, "controllers"):
+                _names("controllers", variation.controllers, names)
 
     def text(self, key: str, default: str) -> str:
         with self.at(key):
@@ -250,7 +330,7 @@ class _Resolver(TomlTables):
         """Return the plants that designs know, by the name of the case."""
         found = {}
         options = [o.name for o in base.plant().options]
-        known = (*options, *_VARIED, "controllers", "variations")
+        known = (*options, *_VARIED, "controllers", "variations", "scenarios", "optional")
         for name, given in self.tables("plants"):
             path = ("plants", name)
             table = self.keys(given, known, f"plant {name!r}", *path)
@@ -259,7 +339,7 @@ class _Resolver(TomlTables):
             found[name] = self.varied(own, changes, f"plant {name!r}", *path)
             with self.at(*path):
                 found[name].build()
-            for part in ("controllers", "variations"):
+            for part in ("controllers", "variations", "scenarios"):
                 known_names = [n for n, _ in self.tables(part)]
                 self.keys(table.get(part, {}), known_names, f"{part} of {name}", *path, part)
         return found or {"": base}
@@ -311,11 +391,7 @@ class _Resolver(TomlTables):
                 raise WorkbenchError(
                     f"variation {NOMINAL!r} is the plant itself; give another name"
                 )
-        table = self.keys(self.table["variations"][name], _VARIATION, f"variation {name!r}", *path)
-        own = self.table.get("plants", {}).get(case, {}).get("variations", {}).get(name, {})
-        if own:
-            path = ("plants", case, "variations", name)
-            table = {**table, **self.keys(own, _VARIATION, f"variation {name!r}", *path)}
+        table, path = self.variation_table(name, case)
         changes = {key: table[key] for key in _VARIED if key in table}
         varied = self.varied(plant, changes, f"variation {name!r}", *path)
         units = {p.name: p.unit for p in model.ports}
@@ -357,13 +433,29 @@ class _Resolver(TomlTables):
             **numbers,
         )
 
+    def variation_table(self, name: str, case: str) -> tuple[dict[str, Any], tuple[str | int, ...]]:
+        """Return what is said about a variation, with what it is like and what its case says."""
+        path: tuple[str | int, ...] = ("variations", name)
+        table = self.keys(self.table["variations"][name], _VARIATION, f"variation {name!r}", *path)
+        like = table.pop("like", NOMINAL)
+        with self.at(*path, "like"):
+            check_choice("variation", like, [NOMINAL, *self.table["variations"]])
+            if like == name:
+                raise WorkbenchError(f"variation {name!r} is like itself; name another one")
+        if like != NOMINAL:
+            table = {**self.variation_table(like, case)[0], **table}
+        own = self.table.get("plants", {}).get(case, {}).get("variations", {}).get(name, {})
+        if own:
+            path = ("plants", case, "variations", name)
+            table = {**table, **self.keys(own, _VARIATION, f"variation {name!r}", *path)}
+        return table, path
+
     def controllers(
         self,
         case: str,
         plant: PlantRecipe,
         model: Model,
         variations: Mapping[str, Variation],
-        few: dict[str, int],
     ) -> dict[str, ControllerRecipe]:
         found = {}
         cases = list(self.table.get("plants", {})) or [""]
@@ -372,8 +464,9 @@ class _Resolver(TomlTables):
             table = self.keys(given, _CONTROLLER, f"controller {name!r}", *path)
             with self.at(*path, "plants"):
                 allowed = _names("plants", table.get("plants", []), cases)
-            self.few(few, name, table, *path)
             if allowed and case not in allowed:
+                continue
+            if any(find_spec(str(package)) is None for package in table.get("requires", [])):
                 continue
             own = self.table.get("plants", {}).get(case, {}).get("controllers", {}).get(name, {})
             if own:
@@ -414,6 +507,13 @@ class _Resolver(TomlTables):
         specification = table.get("specification", {})
         if not isinstance(specification, dict):
             specification = self.keys(specification, (), "the specification", *path)
+        if "fastest" in table:
+            recipe = replace(
+                recipe,
+                fastest=self.fastest(
+                    table["fastest"], recipe, specification, case, variations, *path
+                ),
+            )
         for key, value in specification.items():
             with self.at(*path, "specification", key):
                 recipe.checked_specification({key: _hashable(value)})
@@ -437,10 +537,6 @@ class _Resolver(TomlTables):
                     "plan is for designs on the plant's model; others plan by their specification"
                 )
         recipe = replace(recipe, inertia_margin=tuple(more), plan=tuple(plan.items()))
-        if "fastest" in table:
-            recipe = replace(
-                recipe, fastest=self.fastest(table["fastest"], recipe, case, variations, *path)
-            )
         if design.needs == "linear":
             with self.at(*path, "at"):
                 recipe.linear()
@@ -450,6 +546,7 @@ class _Resolver(TomlTables):
         self,
         given: Any,
         recipe: ControllerRecipe,
+        specification: Mapping[str, Any],
         case: str,
         variations: Mapping[str, Variation],
         *path: str | int,
@@ -481,7 +578,7 @@ class _Resolver(TomlTables):
         with self.at(*path, "reduced"):
             reduced = table.get("reduced", "")
             if reduced:
-                check_choice("key that is reduced", reduced, dict(recipe.specification))
+                check_choice("key that is reduced", reduced, specification)
         with self.at(*path, "speeds"):
             speeds = table["speeds"]
             if not isinstance(speeds, list) or len(speeds) != 3 or not speeds[0] > speeds[1] > 0:
@@ -490,11 +587,6 @@ class _Resolver(TomlTables):
                 )
         entries = {k: _hashable(v) for k, v in table.items()}
         return Fastest(at=at, plants=plants, **entries)
-
-    def few(self, few: dict[str, int], name: str, given: Any, *path: str | int) -> None:
-        if isinstance(given, dict) and "seeds" in given:
-            with self.at(*path, "seeds"):
-                few[name] = int(check_range("number of seeds", given["seeds"], 1, 1000))
 
     def point(self, given: Any, model: Model, *path: str | int) -> Pairs:
         known = {q.name: q.unit for q in (*model.outputs, *model.states)}
@@ -521,12 +613,12 @@ class _Resolver(TomlTables):
                     entry[time] = quantity(time, entry[time], "s")
         return entry
 
-    def scenario(self, name: str, given: Any, model: Model) -> Scenario:
-        path = ("scenarios", name)
+    def scenario(self, name: str, given: Any, model: Model, *path: str | int) -> Scenario:
         times = ("duration", "sample_time", "settle", "rest_window", "count_from")
-        known = (*(f.name for f in fields(Scenario) if f.name != "name"), "seeds")
+        known = (*(f.name for f in fields(Scenario) if f.name != "name"), *_SELECTION, "optional")
         table = self.keys(given, known, f"scenario {name!r}", *path)
-        table.pop("seeds", None)
+        for key in (*_SELECTION, "optional"):
+            table.pop(key, None)
         for key in ("noise", "quantise"):
             self.flag(table, key, True, *path)
         for key in times:
@@ -597,7 +689,16 @@ class _Resolver(TomlTables):
         cases: Mapping[str, Case],
         own_metrics: tuple[Metric, ...],
     ) -> tuple[Demand, ...]:
-        known = (*Requirement.__dataclass_fields__, "weight", "controllers", "variations", "plants")
+        known = (
+            *Requirement.__dataclass_fields__,
+            "weight",
+            "controllers",
+            "variations",
+            "plants",
+            "step",
+        )
+        recipe = next(iter(controllers.values()))
+        outputs = {q.name: q.unit for q in recipe.plant.build().outputs}
         kinds = {v.kind: v for v in variations.values()} | dict(variations)
         rows = self.table["requirements"]
         with self.at("requirements"):
@@ -618,6 +719,13 @@ class _Resolver(TomlTables):
                 with self.at(*path, key):
                     chosen[key] = _names(key, table.pop(key, []), names)
             self.flag(table, "hard", True, *path)
+            step = None
+            if "step" in table:
+                with self.at(*path, "step"):
+                    if table.get("metric") not in ("settling_time", "overshoot"):
+                        raise WorkbenchError("step is for settling_time and overshoot only")
+                    output = recipe.plant.plant().controlled_outputs(recipe.plant.build())[0]
+                    step = quantity("step", table.pop("step"), outputs[output])
             with self.at(*path, "scenario"):
                 if table.get("scenario"):
                     check_choice("scenario of a requirement", table["scenario"], scenarios)
@@ -630,7 +738,7 @@ class _Resolver(TomlTables):
                     raise WorkbenchError(f"unit is {table['unit']!r}; give text such as 'deg'")
             with self.at(*path, "limit"):
                 requirement = requirement_from_table(table)
-            demand = Demand(requirement, weight, **chosen)
+            demand = Demand(requirement, weight, **chosen, step=step)
             with self.at(*path):
                 check_demand(demand, units, scenarios, controllers, own_metrics)
             found.append(demand)
@@ -740,27 +848,53 @@ class _Resolver(TomlTables):
             figures = _hashable(table.get("figures", []))
             if not isinstance(figures, tuple) or not all(":" in str(name) for name in figures):
                 raise WorkbenchError(f"figures is {figures!r}; give a list such as ['mine:fast']")
+        with self.at("report", "traced"):
+            traced = _names("variations", table.get("traced", []), kinds)
         limitations = None
         if "limitations" in table:
-            path = ("report", "limitations")
-            names = [f.name for f in fields(Limitations)]
-            rows = self.keys(table["limitations"], names, "limitations", *path)
-            with self.at(*path, "scenario"):
-                check_choice("scenario", str(rows.get("scenario", "")), scenarios)
-            with self.at(*path, "controllers"):
-                _names("controllers", rows.get("controllers", []), controllers)
-            for key in ("ladder", "unknown"):
-                with self.at(*path, key):
-                    named = [r[0] if key == "ladder" else r for r in rows.get(key, [])]
-                    _names("variations", named, kinds)
-            limitations = Limitations(**{k: _hashable(v) for k, v in rows.items()})
+            limitations = self.limitations(table["limitations"], scenarios, controllers, kinds)
         return Report(
             self.flag(table, "physical_limit", False, "report"),
             tuple(steps),  # type: ignore[arg-type]
             varied,
             limitations,
             figures,
+            traced,
         )
+
+    def limitations(
+        self,
+        given: Any,
+        scenarios: Mapping[str, Scenario],
+        controllers: Mapping[str, ControllerRecipe],
+        kinds: Mapping[str, Variation],
+    ) -> Limitations:
+        path = ("report", "limitations")
+        table = self.keys(given, [f.name for f in fields(Limitations)], "limitations", *path)
+        with self.at(*path, "scenario"):
+            check_choice("scenario", str(table.get("scenario", "")), scenarios)
+        for key in ("unknown", "neglected", "loop", "design"):
+            row = self.keys(table.get(key, {}), [f.name for f in fields(Cause)], key, *path, key)
+            with self.at(*path, key):
+                if "name" not in row:
+                    raise WorkbenchError(f"{key} has no name; add it")
+                if row.get("variation"):
+                    check_choice("variation", row["variation"], kinds)
+            table[key] = Cause(**row)
+        with self.at(*path, "controllers"):
+            known = [name for name, _ in self.tables("controllers")]
+            names = _names("controllers", table.get("controllers", []), known)
+            table["controllers"] = tuple(n for n in names if n in controllers)
+        rungs = table.get("ladder", [])
+        with self.at(*path, "ladder"):
+            if not all(isinstance(r, list) and len(r) == 2 for r in rungs):
+                raise WorkbenchError("ladder is a list of [variation, what the plant lacks]")
+            _names("variations", [r[0] for r in rungs], kinds)
+        for key in ("ratio", "overshoot"):
+            if key in table:
+                with self.at(*path, key):
+                    table[key] = quantity(key, table[key], "1")
+        return Limitations(**{k: _hashable(v) for k, v in table.items()})
 
     def tolerances(self, units: Mapping[str, str], own: tuple[Metric, ...]) -> dict[str, Tolerance]:
         found = {}

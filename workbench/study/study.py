@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from workbench.errors import check_choice
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
 from workbench.verification import METRICS, Disturbance, Metric, Requirement, Scenario, Tolerance
@@ -81,11 +83,30 @@ class Case:
         name: Name; empty if the study has one plant.
         plant: The plant that runs when nothing varies.
         controllers: Controllers by name, as designed for it.
+        scenarios: Scenarios by name, as it runs them.
     """
 
     name: str
     plant: PlantRecipe
     controllers: Mapping[str, ControllerRecipe]
+    scenarios: Mapping[str, Scenario]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which runs a controller does, where it does not do all.
+
+    Args:
+        seeds: Number of seeds; all if None.
+        scenarios: Names of scenarios; all if empty.
+        variations: Names of variations without their case; all if empty.
+        judged: Whether requirements apply to it; it is evidence if not.
+    """
+
+    seeds: int | None = None
+    scenarios: tuple[str, ...] = ()
+    variations: tuple[str, ...] = ()
+    judged: bool = True
 
 
 @dataclass(frozen=True)
@@ -98,6 +119,7 @@ class Demand:
         controllers: Names of the controllers it applies to; all if empty.
         variations: Names of the variations it applies to, with or without their case; all if empty.
         plants: Names of the cases it applies to; all if empty.
+        step: Size of the steps that are judged, in SI; all if None. For metrics of steps only.
 
     Example:
         >>> nominal = Variation("nominal", PlantRecipe())
@@ -110,6 +132,7 @@ class Demand:
     controllers: tuple[str, ...] = ()
     variations: tuple[str, ...] = ()
     plants: tuple[str, ...] = ()
+    step: float | None = None
 
     def applies(self, controller: str, variation: Variation, scenario: str) -> bool:
         """Tell whether a run is judged by this requirement."""
@@ -126,7 +149,8 @@ class Demand:
         wanted = self.requirement
         sign = "at most" if wanted.kind == "at_most" else "at least"
         unit = f" {wanted.unit}".replace(" deg", "°") if wanted.unit not in ("", "1") else ""
-        return f"{wanted.metric} {sign} {wanted.limit:g}{unit}"
+        step = "" if self.step is None else f" of steps of {math.degrees(self.step):g}°"
+        return f"{wanted.metric}{step} {sign} {wanted.limit:g}{unit}"
 
 
 @dataclass(frozen=True)
@@ -166,6 +190,7 @@ class Report:
         limit_variations: Variations whose physical limit is found too.
         limitations: How the section on performance limitations reads the evidence.
         figures: Figures of one's own on the page, each as ``module:object``.
+        traced: Variations whose trajectories are kept for pictures, beside the nominal one.
     """
 
     physical_limit: bool = False
@@ -173,6 +198,22 @@ class Report:
     limit_variations: tuple[str, ...] = ()
     limitations: Limitations | None = None
     figures: tuple[str, ...] = ()
+    traced: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What keeps controllers from a goal.
+
+    Args:
+        name: Name under which misses are listed.
+        text: What it is, for the page.
+        variation: Variation that shows it, if one does.
+    """
+
+    name: str
+    text: str = ""
+    variation: str = ""
 
 
 @dataclass(frozen=True)
@@ -180,23 +221,28 @@ class Limitations:
     """How the section on performance limitations reads the evidence.
 
     Args:
-        scenario: Scenario whose steps are compared.
-        controllers: Controllers whose steps are shown with one limitation less at a time.
-        ladder: Variations from the nominal one on, each with one limitation less, by name, and what
-            the plant has less.
-        causes: Name of the limitation that each rung shows.
-        unknown: Variation that no design knows, whose cost a faster plan shows.
+        scenario: Scenario whose steps are compared with the physical limit.
+        unknown: What no design knows and a plan must bear; its ``variation`` has it.
+        neglected: What the design models leave out; its ``variation`` is without it.
+        loop: What a loop of finite bandwidth adds.
+        design: Where another controller reaches the goal on the same plants.
+        ladder: Variations with one limitation less at a time, and what the plant lacks there.
+        controllers: Controllers whose steps are shown along the ladder.
         ratio: Wanted settling over physical limit, a ratio.
         overshoot: Overshoot that a faster plan may have, a fraction of the step.
+        notes: Further paragraphs.
     """
 
     scenario: str
-    controllers: tuple[str, ...]
-    ladder: tuple[tuple[str, str], ...]
-    causes: tuple[str, ...] = ()
-    unknown: tuple[str, ...] = ()
+    unknown: Cause
+    neglected: Cause
+    loop: Cause
+    design: Cause
+    ladder: tuple[tuple[str, str], ...] = ()
+    controllers: tuple[str, ...] = ()
     ratio: float = 2.0
     overshoot: float = 0.05
+    notes: tuple[str, ...] = ()
 
 
 def load_metrics(names: tuple[str, ...], folder: Path | None) -> tuple[Metric, ...]:
@@ -217,7 +263,7 @@ class Study:
         scenarios: Scenarios by name.
         demands: Requirements.
         seeds: Seeds of the sensors' noise.
-        few_seeds: Number of seeds of controllers and scenarios that have fewer, by name.
+        selections: Which runs controllers and scenarios have that do not have all, by name.
         points: Operating points of the linear analysis: given values by name, in SI.
         box: Parameter box, or None.
         tolerances: Rules of comparison that differ from the usual ones, by metric.
@@ -240,7 +286,7 @@ class Study:
     scenarios: Mapping[str, Scenario]
     demands: tuple[Demand, ...]
     seeds: tuple[int, ...] = (1,)
-    few_seeds: Mapping[str, int] = field(default_factory=dict)
+    selections: Mapping[str, Selection] = field(default_factory=dict)
     points: tuple[tuple[tuple[str, float], ...], ...] = ()
     box: Box | None = None
     tolerances: Mapping[str, Tolerance] = field(default_factory=dict)
@@ -289,21 +335,60 @@ class Study:
         """Return how a metric is compared with a baseline: the study's own rule, or the usual."""
         return self.tolerances.get(metric) or tolerance_of(metric, self.metrics)
 
-    def seeds_of(self, controller: str, scenario: str) -> tuple[int, ...]:
-        """Return the seeds of the runs of a controller in a scenario."""
-        few = [self.few_seeds[n] for n in (controller, scenario) if n in self.few_seeds]
-        return self.seeds[: min(few)] if few else self.seeds
+    def selection(self, name: str) -> Selection:
+        """Return which runs a controller or a scenario has."""
+        return self.selections.get(name, Selection())
+
+    def runs(self) -> Iterator[tuple[Variation, str, str, int]]:
+        """Yield variation, controller, scenario and seed of every run without the box.
+
+        Plant by plant, so that a process that took one run has what the next needs.
+        """
+        for variation in self.variations.values():
+            case = self.cases[variation.case]
+            for controller in case.controllers:
+                own = self.selection(controller)
+                for scenario in case.scenarios:
+                    asked = self.selection(scenario)
+                    if (
+                        variation.runs(controller, scenario)
+                        and scenario in (own.scenarios or (scenario,))
+                        and all(
+                            variation.kind in (s.variations or (variation.kind,))
+                            for s in (own, asked)
+                        )
+                    ):
+                        counts = [s.seeds for s in (own, asked) if s.seeds is not None]
+                        for seed in self.seeds[: min(counts, default=len(self.seeds))]:
+                            yield variation, controller, scenario, seed
+
+    def judges(self, demand: Demand, controller: str, variation: str, scenario: str) -> bool:
+        """Tell whether a run is judged by a requirement."""
+        return self.selection(controller).judged and demand.applies(
+            controller, self.variations[variation], scenario
+        )
+
+    def only(self, controllers: Sequence[str]) -> Study:
+        """Return the study with some of its controllers.
+
+        Raises:
+            WorkbenchError: If it has no controller of a name.
+        """
+        for name in controllers:
+            check_choice("controller", name, self.controllers)
+
+        def chosen(every: Mapping[str, ControllerRecipe]) -> dict[str, ControllerRecipe]:
+            return {n: c for n, c in every.items() if n in controllers}
+
+        cases = {n: replace(c, controllers=chosen(c.controllers)) for n, c in self.cases.items()}
+        return replace(self, cases=cases, controllers=chosen(self.controllers))
 
     def __str__(self) -> str:
         """Return what the study runs, in one line."""
-        runs = sum(
-            len(self.seeds_of(c, s))
-            for v in self.variations.values()
-            for c in self.cases[v.case].controllers
-            for s in self.scenarios
-            if v.runs(c, s)
-        )
+        plants = len(self.cases)
+        said = f"{plants} plants x " if plants > 1 else ""
         return (
-            f"study {self.name}: {len(self.controllers)} controllers x {len(self.variations)}"
-            f" variations x {len(self.scenarios)} scenarios x {len(self.seeds)} seeds = {runs} runs"
+            f"study {self.name}: {said}{len(self.controllers)} controllers x"
+            f" {len(self.variations) // plants} variations x {len(self.scenarios)} scenarios x"
+            f" {len(self.seeds)} seeds = {sum(1 for _ in self.runs())} runs"
         )

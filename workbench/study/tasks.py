@@ -19,6 +19,7 @@ from workbench.study.study import Study, Variation, load_metrics
 from workbench.verification import Metrics, MetricValue, Run, Scenario, metrics, verify
 from workbench.verification.each_event import EventResponse, response_to_each_event
 from workbench.verification.each_step import StepResponse, response_to_each_step
+from workbench.verification.responses import Value
 
 TRACE_POINTS = 600
 """Samples kept of a run for pictures."""
@@ -98,6 +99,15 @@ class Record:
     def failed(self) -> bool:
         """Whether the run gave no metrics."""
         return self.metrics is None
+
+    def values_of_steps(self, metric: str, size: float) -> list[Value]:
+        """Return the settling time or overshoot of every step of a size, in SI."""
+        own = [s for s in self.steps if math.isclose(abs(s.final - s.initial), size, rel_tol=1e-6)]
+        if not own:
+            return [Value(math.nan, "the reference has no step of that size")]
+        if metric == "overshoot":
+            return [Value(s.overshoot) for s in own]
+        return [s.settling for s in own]
 
     def table(self) -> dict[str, Any]:
         """Return the record as plain numbers and words."""
@@ -189,16 +199,13 @@ def tasks(study: Study) -> tuple[Task, ...]:
         Task(
             study.cases[variation.case].controllers[controller],
             variation,
-            replace(scenario, name=name),
+            replace(study.cases[variation.case].scenarios[scenario], name=scenario),
             seed,
             study.own_metrics,
-            traces=variation.nominal and seed == study.seeds[0],
+            traces=(variation.nominal or variation.kind in study.report.traced)
+            and seed == study.seeds[0],
         )
-        for variation in study.variations.values()
-        for controller in study.cases[variation.case].controllers
-        for name, scenario in study.scenarios.items()
-        if variation.runs(controller, name)
-        for seed in study.seeds_of(controller, name)
+        for variation, controller, scenario, seed in study.runs()
     )
 
 

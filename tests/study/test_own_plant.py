@@ -1,0 +1,127 @@
+"""A study on a plant, a design and a metric that stand beside the study file."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.reports.study_files import write_study_files
+from workbench.study.result import run_study
+from workbench.study.schema import load_study, read_study
+
+RIG = """
+from dataclasses import dataclass
+from workbench.model import Input, Model, Output, Parameter, State
+from workbench.verification import Metric
+
+def equations(m):
+    return {"level": (m.u.pump - m.x.level) / m.p.time_constant}, {"level": m.x.level}
+
+def tank():
+    return Model(
+        "tank",
+        equations,
+        states=(State("level", "m", 1.0),),
+        inputs=(Input("pump", "m", 1.0, lower=0.0, upper=2.0),),
+        outputs=(Output("level", "m", 1.0, noise_rms=1e-4),),
+        parameters=(Parameter("time_constant", "s", value=1.0, lower=0.1, upper=10.0),),
+    )
+
+@dataclass(frozen=True)
+class Proportional:
+    gain: float
+    name: str = "own"
+    sample_time: float = 0.01
+    sensors: tuple = ("level",)
+    follows: tuple = ("level",)
+    actuators: tuple = ("pump",)
+    preview: int = 0
+    def initial_state(self, measurement):
+        return 0.0
+    def step(self, state, measurement, reference):
+        error = reference[0] - measurement[0]
+        state = state + self.gain * self.sample_time * error
+        return (self.gain * error + state,), state, {}
+    def linear_command(self, command):
+        return command
+
+def design(linear, specification):
+    return Proportional(specification["gain"])
+
+PUMPED = Metric("pumped", lambda run: float(run["pump"].mean()), "mean command", unit="m")
+"""
+STUDY = """
+name = "tank"
+metrics = ["own_tank:PUMPED"]
+[plant]
+kind = "own_tank:tank"
+[variations.slow]
+parameters = { time_constant = "2 s" }
+[controllers.own]
+design = "own_tank:design"
+at = { level = 0.5 }
+specification = { gain = 10.0 }
+[scenarios.up]
+duration = "4 s"
+sample_time = "10 ms"
+[scenarios.up.references.level]
+kind = "steps"
+unit = "cm"
+times = [0.0, 0.5]
+values = [50, 60]
+[[requirements]]
+metric = "steady_error"
+limit = 1.0
+unit = "cm"
+[[requirements]]
+metric = "pumped"
+limit = 1.0
+"""
+
+
+@pytest.fixture
+def study_file(tmp_path: Path) -> Path:
+    (tmp_path / "own_tank.py").write_text(RIG, encoding="utf-8")
+    path = tmp_path / "tank.toml"
+    path.write_text(STUDY, encoding="utf-8")
+    return path
+
+
+def test_parsing_imports_nothing_and_leaves_the_path_alone(study_file: Path) -> None:
+    before = list(sys.path)
+    sys.modules.pop("own_tank", None)
+    read_study(study_file)
+    assert "own_tank" not in sys.modules and sys.path == before
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_it_runs_and_reports(study_file: Path, jobs: int) -> None:
+    before = list(sys.path)
+    study = load_study(study_file)
+    result = run_study(study, study_file.parent / "out", jobs=jobs)
+    assert [r.reason for r in result.records] == ["", ""]
+    assert {j.demand.requirement.metric for j in result.judgements} == {"steady_error", "pumped"}
+    assert result.passed, result.headline()
+    assert sys.path == before
+    page = write_study_files(result, study_file.parent / "out")[-1].read_text(encoding="utf-8")
+    assert "pumped" in page
+
+
+def test_a_mistake_in_ones_own_module_is_a_sentence_with_its_line(study_file: Path) -> None:
+    module = study_file.parent / "own_tank.py"
+    module.write_text(RIG + "\nimport nowhere_at_all\n", encoding="utf-8")
+    sys.modules.pop("own_tank", None)
+    with pytest.raises(WorkbenchError, match=r"line \d+: .*nowhere_at_all"):
+        load_study(study_file)
+
+
+def test_a_module_that_leaves_the_process_is_a_failed_run(study_file: Path) -> None:
+    module = study_file.parent / "own_tank.py"
+    leaves = RIG.replace("error = reference", "raise SystemExit(0)\n        error = reference")
+    module.write_text(leaves, encoding="utf-8")
+    sys.modules.pop("own_tank", None)
+    result = run_study(load_study(study_file), study_file.parent / "out")
+    assert not result.passed and "SystemExit" in result.records[0].reason
