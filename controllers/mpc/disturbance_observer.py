@@ -159,6 +159,7 @@ def design_disturbance_observer(
     scale = np.array([described[name].scale for name in linear.state_names])
     walk = np.array(list(disturbances.values()))
     size = np.concatenate([scale, walk])
+    _check_told_apart(A, E, C[:, :n], size, np.array(sensor_noise), tuple(disturbances))
     noise = np.concatenate([state_noise * scale, walk]) ** 2 * sample_time
     gain = _kalman_gain(F, C, noise, np.array(sensor_noise) ** 2, size)
     rest = np.array(linear.y0)[rows]
@@ -179,6 +180,30 @@ def continuous_matrices(
     for i, name in enumerate(disturbed):
         E[linear.state_names.index(name), i] = 1.0
     return np.asarray(linear.A, dtype=float), np.asarray(linear.B, dtype=float)[:, columns], E
+
+
+def _check_told_apart(
+    A: Matrix, E: Matrix, C: Matrix, size: Matrix, noise: Matrix, names: tuple[str, ...]
+) -> None:
+    """Refuse disturbances that constant measurements cannot tell apart.
+
+    A constant disturbance shows in the measurements at rest if and only if
+    ``rank [[A, E], [C, 0]] = n_x + n_w``. Whether a Riccati solver fails instead depends on
+    rounding.
+    """
+    n, w = E.shape
+    # Rates per scale and second, and measurements per standard deviation of their noise.
+    matrix = np.block([[A, E], [C, np.zeros((len(C), w))]]) * size[None, :]
+    matrix /= np.concatenate([size[:n], noise])[:, None]
+    largest = np.max(np.abs(matrix), axis=0, keepdims=True)
+    values = np.linalg.svd(matrix / np.where(largest > 0.0, largest, 1.0), compute_uv=False)
+    rank = int(np.count_nonzero(values > 1e-10 * values[0]))
+    if rank < n + w:
+        raise WorkbenchError(
+            f"{w} disturbances ({', '.join(names)}) cannot be told apart from {len(C)}"
+            f" measurements: only {rank - n} of them show; use at most one disturbance per sensor,"
+            " on states that the sensors see"
+        )
 
 
 def _kalman_gain(F: Matrix, C: Matrix, noise: Matrix, sensor: Matrix, size: Matrix) -> Matrix:
