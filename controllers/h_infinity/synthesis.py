@@ -35,6 +35,7 @@ import numpy.typing as npt
 
 from controllers.joint.model import JointModel
 from workbench.errors import NumericalError, WorkbenchError, check_range
+from workbench.linearisation.transfer import transfer_function
 
 Matrix = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
@@ -295,14 +296,8 @@ def closed_loop_norm(
     out = np.hstack([Cz + Dzu @ d @ Cy, Dzu @ c])
     direct = Dzw + Dzu @ d @ Dyw
     omega = weights.speed * np.geomspace(1e-4, 1e3, points)
-    response = _response((closed, entry, out, direct), omega)
+    response = transfer_function(closed, entry, out, direct, 1j * omega)
     return float(np.linalg.norm(response, ord=2, axis=(1, 2)).max())
-
-
-def _response(system: System, omega: Matrix) -> Complex:
-    A, B, C, D = system
-    s = 1j * omega[:, None, None]
-    return np.asarray(C @ np.linalg.solve(s * np.eye(len(A)) - A, B.astype(complex)) + D)
 
 
 def _first_order(b1: float, b0: float, a1: float, a0: float) -> System:

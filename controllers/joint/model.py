@@ -19,6 +19,7 @@ import numpy.typing as npt
 from controllers.joint.opening_input import opening_input
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import WorkbenchError, check_choice
+from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -153,13 +154,8 @@ def frequency_response(
     rows = [linear.output_names.index(output) for output in outputs]
     column = linear.input_names.index(actuator)
     w = 2 * np.pi * np.geomspace(*band_Hz, 60)
-    eye = np.eye(len(linear.A))
-    responses = [
-        (linear.C[rows] @ np.linalg.solve(1j * wi * eye - linear.A, linear.B[:, column]))
-        + linear.D[rows, column]
-        for wi in w
-    ]
-    return np.array(responses, dtype=complex).T, w
+    found = transfer_function(linear.A, linear.B, linear.C, linear.D, 1j * w)
+    return found[:, rows, column].T, w
 
 
 def _real_least_squares(left: Complex, *columns: Complex) -> list[float]:

@@ -11,6 +11,7 @@ from workbench.errors import WorkbenchError
 from workbench.reports.study_files import write_study_files
 from workbench.study.result import run_study
 from workbench.study.schema import load_study, read_study
+from workbench.study.store import code_digest
 
 RIG = """
 from dataclasses import dataclass
@@ -125,3 +126,21 @@ def test_a_module_that_leaves_the_process_is_a_failed_run(study_file: Path) -> N
     sys.modules.pop("own_tank", None)
     result = run_study(load_study(study_file), study_file.parent / "out")
     assert not result.passed and "SystemExit" in result.records[0].reason
+
+
+def test_gains_in_a_file_and_a_package_below_are_part_of_the_key(study_file: Path) -> None:
+    def digest() -> str:
+        code_digest.cache_clear()
+        return code_digest(str(study_file.parent))
+
+    package = study_file.parent / "designs"
+    package.mkdir()
+    (package / "__init__.py").write_text("GAIN = 1.0\n", encoding="utf-8")
+    first = digest()
+    (package / "__init__.py").write_text("GAIN = 2.0\n", encoding="utf-8")
+    second = digest()
+    (package / "gains.json").write_text("[3.0]", encoding="utf-8")
+    third = digest()
+    (study_file.parent / "out").mkdir()
+    (study_file.parent / "out" / "results.json").write_text("{}", encoding="utf-8")
+    assert len({first, second, third}) == 3 and digest() == third

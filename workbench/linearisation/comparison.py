@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation.linear_model import LinearModel
+from workbench.linearisation.transfer import transfer_function
 from workbench.model import Model, Output, Parameter, Scope
 from workbench.model.trace import Equations
 from workbench.operating_point import OperatingPoint
@@ -83,8 +84,7 @@ class Comparison:
             Output per input, in SI.
         """
         m = self.model
-        inner = np.linalg.solve(s * np.eye(len(m.A)) - m.A, m.B[:, 0])
-        return complex(m.C[self.index] @ inner + m.D[self.index, 0])
+        return complex(transfer_function(m.A, m.B, m.C, m.D, s)[self.index, 0])
 
     def linear(self, change: Vector) -> Vector:
         """Compute what the linear model answers.

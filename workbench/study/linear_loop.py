@@ -25,6 +25,7 @@ from controllers.protocol import Controller, Measurement
 from controllers.sensitivity import loop_matrices
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
+from workbench.linearisation.transfer import transfer_function
 from workbench.registry import user_code
 from workbench.study.study import Study
 
@@ -171,10 +172,8 @@ def analyse_loop(
     )
     found = []
     for opened, matrices in ((controller.sensors[0], sensor), (controller.actuators[0], command)):
-        a, b, c, _ = matrices
-        loop = -np.array(
-            [(c @ np.linalg.solve(zi * np.eye(n + m) - a, b))[0, 0] for zi in z], dtype=complex
-        )
+        a, b, c, d = matrices
+        loop = -transfer_function(a, b, c, d, z)[:, 0, 0]
         found.append(
             _margins(controller.name, point, opened, angle / (2 * np.pi * h), loop, stable)
         )

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
 from workbench.linearisation.angle_map import angle_map
+from workbench.linearisation.transfer import transfer_function
 from workbench.study.study import Study
 
 Vector = npt.NDArray[np.float64]
@@ -72,6 +73,6 @@ def plant_map(study: Study) -> PlantMap | None:
     s = 2j * math.pi * GAIN_HZ
     for (i, _, _), linear in found.models.items():
         row = linear.output_names.index("angle")
-        inner = np.linalg.solve(s * np.eye(len(linear.A)) - linear.A, linear.B[:, 0])
-        gain[i] = abs(linear.C[row] @ inner + linear.D[row, 0])
+        response = transfer_function(linear.A, linear.B, linear.C, linear.D, s)
+        gain[i] = abs(response[row, 0])
     return PlantMap(angles, found.frequency_hz[:, 0, 0], found.damping[:, 0, 0], gain)

@@ -6,11 +6,15 @@ import hashlib
 import json
 import re
 from functools import lru_cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from workbench.files import write_whole
 from workbench.study.tasks import Record, Task, record_from_table
+
+_OWN = (".py", ".json", ".csv", ".npz", ".npy", ".mat", ".parquet", ".yaml", ".toml", ".txt")
+"""Endings of files that a user's own code may read."""
 
 
 class Store:
@@ -109,6 +113,20 @@ class Store:
                 path.unlink(missing_ok=True)
 
 
+def _own_files(folder: Path) -> list[Path]:
+    """Return modules and data of a user's own: beside the study, and in packages below it.
+
+    Results and baselines of studies are no input of a run.
+    """
+    packages = {p.parent for p in folder.rglob("*.py")} | {folder}
+    found = (p for place in sorted(packages) for p in sorted(place.iterdir()) if p.is_file())
+    return [
+        p
+        for p in found
+        if p.suffix in _OWN and not p.name.endswith(("results.json", "baseline.json"))
+    ]
+
+
 @lru_cache(maxsize=4)
 def code_digest(*own: str) -> str:
     """Return a digest of the code that the numbers of a study depend on.
@@ -133,8 +151,9 @@ def code_digest(*own: str) -> str:
         for path in sorted(root.rglob("*.py"))
         if not {"reports", "cli", "demo", "speed", "_data"} & set(path.relative_to(root).parts)
     ]
-    paths += [path for folder in own for path in sorted(Path(folder).glob("*.py"))]
-    digest = hashlib.sha256(f"{ca.CasadiMeta.version()} {np.__version__}".encode())
+    paths += [path for folder in own for path in _own_files(Path(folder))]
+    versions = f"{ca.CasadiMeta.version()} {np.__version__} {version('scipy')}"
+    digest = hashlib.sha256(versions.encode())
     for path in paths:
         digest.update(path.name.encode())
         digest.update(path.read_bytes())

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from workbench.linearisation.transfer import transfer_function
 from workbench.model.units import parse_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.angle_course import angle_course
@@ -121,14 +122,8 @@ def plant_picture(study: Study) -> list[Picture]:
             return []
         frequency = np.geomspace(0.05, 50.0, 400)
         row = linear.output_names.index(controlled)
-        eye = np.eye(len(linear.A))
-        response = np.array(
-            [
-                (linear.C[row] @ np.linalg.solve(2j * np.pi * f * eye - linear.A, linear.B))[0]
-                + linear.D[row, 0]
-                for f in frequency
-            ]
-        )
+        s = 2j * np.pi * frequency
+        response = transfer_function(linear.A, linear.B, linear.C, linear.D, s)[:, row, 0]
         curves[point_text(study, point)] = response / parse_unit(quantity.display_unit).factor
     unit = f"{written(quantity.display_unit)}/{study.plant.build().inputs[0].unit}"
     return [

@@ -1,0 +1,32 @@
+"""The transfer function of a linear system."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Complex = npt.NDArray[np.complex128]
+
+
+def transfer_function(A: Any, B: Any, C: Any, D: Any, s: npt.ArrayLike) -> Complex:
+    """Return ``C (s I - A)^-1 B + D``.
+
+    Args:
+        A: State matrix, shape (n, n), in SI.
+        B: Input matrix, shape (n, m), in SI.
+        C: Output matrix, shape (p, n), in SI.
+        D: Feedthrough, shape (p, m), in SI.
+        s: Complex frequencies, any shape, in rad/s; z (dimensionless) of a sampled system.
+
+    Returns:
+        Responses, shape (*shape of s, p, m), in SI of the output per SI of the input.
+
+    Example:
+        >>> abs(transfer_function([[-1.0]], [[1.0]], [[1.0]], [[0.0]], 1j).item()).__round__(4)
+        0.7071
+    """
+    a, b = np.asarray(A, dtype=complex), np.asarray(B, dtype=complex)
+    inner = np.asarray(s, dtype=complex)[..., None, None] * np.eye(len(a)) - a
+    return np.asarray(np.asarray(C) @ np.linalg.solve(inner, b) + np.asarray(D), dtype=complex)
