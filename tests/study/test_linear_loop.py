@@ -73,7 +73,7 @@ def test_a_law_that_is_not_linear_at_rest_has_no_margins(tmp_path: Path) -> None
     designs = (
         'design = "pid"\nspecification = { bandwidth = 30.0 }',
         'design = "scheduled-sliding-mode"\nspecification = { kind = "super-twisting" }\n'
-        '[controllers.joint.schedule]\ndesign = "scheduled-pid"',
+        '[controllers.scheduled]\ndesign = "scheduled-pid"',
     )
     found = analyse_study(load_study(small_study(tmp_path, designs)))
     reasons = {a.controller: a.reason for a in found}
