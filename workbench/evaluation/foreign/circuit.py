@@ -28,6 +28,7 @@ def _rates(_: float, x: State, u: Sequence[float], p: Parameters) -> State:
 
 
 LOOP, SOURCE = ("coil.voltage",), ("source.voltage", "coil.voltage")
+"""A drop in series is the same at the source as at the coil."""
 
 CIRCUIT = Machine(
     "circuit",
@@ -41,8 +42,8 @@ CIRCUIT = Machine(
     (
         Concealed("core_saturation", "saturating_inductance", LOOP, (1.0, 3.0)),
         Concealed("capacitor_leak", "leakage", ("capacitor.current",), (5e-3, 2e-2)),
-        Concealed("contact_drop", "dry_friction", LOOP, (0.4, 1.5)),
-        Concealed("hot_wire", "growing_resistance", LOOP, (4.0, 15.0)),
+        Concealed("contact_drop", "dry_friction", SOURCE, (0.4, 1.5)),
+        Concealed("hot_wire", "growing_resistance", SOURCE, (4.0, 15.0)),
         Concealed(
             "ceramic", "varying_capacitance", ("capacitor.current", *LOOP), (2e-3, 8e-3)
         ),
