@@ -104,7 +104,6 @@ def design_angle_pd(
     """Return a PD law with gains given by hand.
 
     Args:
-        linear: Linear model with the angle.
         proportional: Kp, opening fraction per rad.
         derivative: Kd, opening fraction per rad/s.
         derivative_filter: Time constant of the derivative's filter, in s.

@@ -127,9 +127,6 @@ class Air:
                 dimensionless.
             arithmetic: Floats or CasADi symbols.
 
-        Returns:
-            Both weights, dimensionless.
-
         Source:
             ISO 6358-1.
         """

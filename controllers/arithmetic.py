@@ -25,13 +25,7 @@ class Arithmetic(Protocol):
     """
 
     def clip(self, x: Number, lower: Number, upper: Number) -> Number:
-        """Return x limited to [lower, upper].
-
-        Args:
-            x: The value.
-            lower: Lower limit.
-            upper: Upper limit.
-        """
+        """Return x limited to [lower, upper]."""
 
     def table(self, x: Number, points: tuple[float, ...], values: tuple[float, ...]) -> Number:
         """Interpolate by straight lines an odd table given for x >= 0, constant beyond its end.
@@ -46,7 +40,6 @@ class Arithmetic(Protocol):
         """Find x on an even grid.
 
         Args:
-            x: The value.
             first: First point of the grid, in the unit of x.
             spacing: Distance of two points, in the unit of x.
             count: Number of points, at least 2.
@@ -67,31 +60,18 @@ class Arithmetic(Protocol):
         """Return ``yes`` where the condition holds, else ``no``; both are computed.
 
         Args:
-            condition: The condition.
             yes: Value if it holds.
             no: Value if it does not.
         """
 
     def largest(self, *values: Number) -> Number:
-        """Return the largest value.
-
-        Args:
-            values: The values.
-        """
+        """Return the largest value."""
 
     def root(self, x: Number) -> Number:
-        """Return the square root of x >= 0.
-
-        Args:
-            x: The value.
-        """
+        """Return the square root of x >= 0."""
 
     def cube_root(self, x: Number) -> Number:
-        """Return the cube root of x >= 0.
-
-        Args:
-            x: The value.
-        """
+        """Return the cube root of x >= 0."""
 
 
 class _Floats:

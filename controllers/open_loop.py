@@ -39,11 +39,7 @@ class HeldCommand:
     def step(
         self, state: None, measurement: Measurement, reference: Reference
     ) -> tuple[Command, None, Info]:
-        """Return the command.
-
-        Returns:
-            The command in SI, no state, no information.
-        """
+        """Return the command."""
         return self.values, None, {}
 
     def linear_command(self, command: Command) -> Command:

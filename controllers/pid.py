@@ -281,7 +281,6 @@ def cascade_pid(
         difference_limit: Largest pressure difference asked for, in Pa.
         pressure_filter: Time constant of the pressures' filter, in s.
         sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
 
     Example:
         >>> cascade_pid(6e5, 2e6, 1e5, inner=2e-6).name
@@ -422,7 +421,6 @@ def design_scheduled_pid(
         compensation: Share of the unexplained acceleration that is compensated at once, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
 
     Raises:
         WorkbenchError: If a number is outside its range.

@@ -37,11 +37,6 @@ class Controller(Protocol):
         follows: Names of the outputs that have a reference.
         actuators: Names of the inputs that it commands.
         preview: Number of future samples of the reference that it wants.
-
-    Example:
-        >>> from controllers.open_loop import HeldCommand
-        >>> isinstance(HeldCommand((5.0,)), Controller)
-        True
     """
 
     @property

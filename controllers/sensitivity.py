@@ -50,9 +50,7 @@ def peaks_of(
     """Compute what `peak_sensitivities` does, ratios, from the matrices of a loop.
 
     Args:
-        loop_parts: The matrices.
         sample_time: Time between samples, in s.
-        points: Number of frequencies.
         late: Samples by which every command arrives late.
     """
     A, B, C, F, G, H, J = loop_parts

@@ -280,7 +280,6 @@ def design_scheduled_sliding_mode(
 
     Args:
         schedule: The joint over angle and mean pressure, for the known load.
-        kind: One of `KINDS`.
         slope: Decay of the error on the surface, in rad/s.
         unexplained_share: Bound on the jerk as a share of the open valve's, a ratio.
         layer_bandwidth: Pole inside the layer, in rad/s; below the spool's bandwidth.
@@ -291,7 +290,6 @@ def design_scheduled_sliding_mode(
         jerk_limit: Largest planned jerk, in rad/s3.
         lead: Time by which the opening of the feedforward leads the plan, in s.
         sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
 
     Raises:
         WorkbenchError: If a number is outside its range.

@@ -158,7 +158,6 @@ def design_state_feedback(
         lag: Lag of spool and sample that is a state of the design, in s; 0 for none.
         mean_pressure: Mean gauge pressure of the design, in Pa.
         sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
 
     Raises:
         WorkbenchError: If a number is outside its range.

@@ -16,9 +16,6 @@ def shipped_folder() -> Path:
 
     An installed package carries them inside itself, a checkout at its root.
 
-    Returns:
-        An existing folder.
-
     Raises:
         WorkbenchError: If neither place exists, which means an incomplete installation.
 
@@ -38,9 +35,6 @@ def shipped_folder() -> Path:
 def shipped_cases() -> tuple[str, ...]:
     """Return the names of the shipped cases, sorted.
 
-    Returns:
-        Names that `shipped_data` accepts.
-
     Raises:
         WorkbenchError: If the installation carries no recordings.
 
@@ -53,9 +47,6 @@ def shipped_cases() -> tuple[str, ...]:
 
 def shipped_data(name: str) -> Path:
     """Return the folder of a shipped case.
-
-    Args:
-        name: A name from `shipped_cases`.
 
     Returns:
         Folder with ``case.toml`` and the recordings as ``*.csv.gz``.
@@ -75,9 +66,6 @@ def data_folder(given: str | os.PathLike[str] | None = None) -> Path:
 
     Args:
         given: Folder from an option such as ``--data``; None reads ``WORKBENCH_DATA``.
-
-    Returns:
-        An existing folder, as an absolute path.
 
     Raises:
         WorkbenchError: If no folder is named or the named one is not a readable folder.
@@ -114,9 +102,6 @@ def external_data(relative: str, given: str | os.PathLike[str] | None = None) ->
     Args:
         relative: Path inside the data folder, with forward slashes.
         given: Data folder from an option; None reads ``WORKBENCH_DATA``.
-
-    Returns:
-        An existing path.
 
     Raises:
         WorkbenchError: If the data folder is missing or does not hold the path, or the path

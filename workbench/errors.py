@@ -38,7 +38,6 @@ def check_range(
         lower: Smallest valid value, in ``unit``.
         upper: Largest valid value, in ``unit``.
         unit: Unit printed behind the numbers.
-        fix: The usual fix, one clause.
 
     Returns:
         The same number, in ``unit``.
@@ -70,11 +69,6 @@ def check_choice(name: str, value: str, choices: Iterable[str]) -> str:
 
     Args:
         name: What the word is, as the user knows it.
-        value: The word given.
-        choices: The valid words.
-
-    Returns:
-        The same word.
 
     Raises:
         WorkbenchError: If the word is not one of the choices.

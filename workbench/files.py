@@ -32,13 +32,6 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> Path:
     The content goes into a temporary file in the same folder, which then takes the place of the
     target in one step. Missing folders are made.
 
-    Args:
-        path: File to write.
-        content: Text (written as UTF-8) or bytes.
-
-    Returns:
-        The path of the file.
-
     Raises:
         WorkbenchError: If the file cannot be written there.
 

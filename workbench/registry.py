@@ -85,7 +85,6 @@ class Registry(Generic[Member]):
         """Return a member by its name or as ``module:object`` of the user's own.
 
         Args:
-            name: Name, or module and object.
             folder: Where the user's module may stand, beside the Python path.
 
         Raises:
@@ -107,10 +106,6 @@ class Registry(Generic[Member]):
 
     def taken(self, found: object, reference: str) -> Member:
         """Return an object that a user named, as a member.
-
-        Args:
-            found: The object.
-            reference: How the user named it.
 
         Raises:
             WorkbenchError: If it cannot serve as a member.

@@ -150,7 +150,6 @@ def design_h_infinity(
             dimensionless.
         mean_pressure: Mean gauge pressure of the synthesis, in Pa.
         sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
 
     Raises:
         WorkbenchError: If slycot is not installed or a number is outside its range.

@@ -137,7 +137,6 @@ def synthesise(
 
     Args:
         joint: The joint at the angle of the design.
-        weights: The weights.
         inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
         delay: Delay of sample, converter and spool, in s.
         tolerance: How much larger the norm may become by the reduction, a fraction.
@@ -215,7 +214,6 @@ def joint_behind_pressure_loop(joint: JointModel, inner_bandwidth: float, delay:
     """Build the plant from (disturbing acceleration, command) to the angle.
 
     Args:
-        joint: The joint.
         inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
         delay: Delay, in s.
 

@@ -62,9 +62,6 @@ class HysteresisCompensation:
         Args:
             turn: Position z in the loop, -1..1.
             mean: Mean gauge pressure, in Pa.
-
-        Returns:
-            Pressure difference, in Pa.
         """
         force = 2.0 * (self.level + self.slope * mean) * turn
         return force * self.lever / self.torque_per_difference
@@ -101,7 +98,6 @@ def hysteresis_compensation(
         torque_per_difference: Torque per pressure difference, in N m/Pa: inertia times the ``b`` of
             the joint model.
         lever: Lever of the muscles, in m.
-        effect: Name of the effect.
 
     Raises:
         WorkbenchError: If a parameter is missing.

@@ -129,9 +129,6 @@ def frequency_response(
     """Compute responses from the command to some outputs on a logarithmic grid.
 
     Args:
-        linear: The linear model.
-        outputs: Names of the outputs.
-        actuator: Name of the command.
         band_Hz: First and last frequency, in Hz.
 
     Returns:

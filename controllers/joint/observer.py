@@ -111,7 +111,6 @@ class JointObserver:
         """Return the estimate of a joint at rest.
 
         Args:
-            joint: The model of the joint.
             angle: Measured angle, in rad.
             difference: Measured pressure difference, in Pa.
 
@@ -128,7 +127,6 @@ def design_joint_observer(
     """Design the observer by placing its three poles at ``exp(-bandwidth h)``.
 
     Args:
-        joint: Model of the joint.
         bandwidth: Speed of the observer's poles, in rad/s.
         sample_time: Time h between samples, in s.
 

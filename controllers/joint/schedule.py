@@ -144,9 +144,6 @@ class JointSchedule:
 
         Args:
             mean: Mean gauge pressure, in Pa.
-
-        Returns:
-            One model per angle, in SI.
         """
         found = []
         for angle in self.angles.tolist():
@@ -172,7 +169,6 @@ def joint_schedule(
         models: Linear models by indices of angle, load and mean pressure, as an angle map has them.
         angles: Angles of the map, shape (n,), evenly spaced, in rad.
         mean_pressures: Two mean gauge pressures of the map, shape (2,), in Pa.
-        load: Index of the load.
         valve: Valve curve whose slope at rest turns a voltage into an opening.
 
     Raises:

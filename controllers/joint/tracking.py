@@ -247,7 +247,6 @@ def joint_tracking(
     limit for light joints; the planned acceleration is what a reserve of pressure difference does.
 
     Args:
-        schedule: The joint over angle.
         jerk_share: Share of the valve's opening that a planned move may use, a ratio.
         jerk_limit: Largest planned jerk, in rad/s3, whatever the joint could do: what feedforward
             for a light joint gets wrong if its load is heavier than known must stay within what
@@ -304,7 +303,6 @@ def kalman_tracking(
     """Design planner and Kalman filter: `joint_tracking` with `kalman_correction`.
 
     Args:
-        schedule: The joint over angle.
         jerk_share: Share of the valve's opening that a planned move may use, a ratio.
         jerk_limit: Largest planned jerk, in rad/s3.
         lead: Time by which the opening of the feedforward leads the plan, in s.

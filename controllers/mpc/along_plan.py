@@ -224,8 +224,6 @@ class ScheduledMPC(ValveController):
         """Return the state after a step.
 
         Args:
-            state: State of the step before.
-            problem: What the quadratic program was asked.
             front: The next state of the front end.
             opening: Opening applied, a fraction.
             arithmetic: Floats or CasADi symbols.
@@ -401,7 +399,6 @@ def design_scheduled_mpc(
         softness: Cost of a pressure difference 0.1 bar out of its limits, dimensionless.
         mean_pressure: Mean gauge pressure of the design, in Pa.
         sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
 
     Raises:
         WorkbenchError: If a number is outside its range or a Riccati equation has no solution.

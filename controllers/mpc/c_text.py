@@ -44,15 +44,12 @@ def mpc_source(
     """Put a model-predictive controller together as C.
 
     Args:
-        name: Prefix of the functions.
         step: Name of the file beside this one that has its step.
-        valve: Valve curve that is inverted.
         size: Numbers of variables and of rows of the quadratic program.
         factor: Whether its matrices are factored at every step.
         defined: Sizes and numbers of the step, by name, in SI.
         tables: Tables of the step, by name, in SI.
         states: Names of the entries of the state.
-        generated: Functions that the step calls.
         work: Numbers of static memory beside the solver's.
         prepared: Multiplications of a step without active constraints.
     """

@@ -114,9 +114,6 @@ def design_disturbance_observer(
     """Design the observer as a stationary Kalman filter.
 
     Args:
-        linear: The linear model.
-        sensors: Names of the measured outputs.
-        actuators: Names of the inputs.
         disturbances: States whose rates are disturbed, each with the random walk of its
             disturbance: rms change over one second, in the state's SI unit per second.
         sensor_noise: Noise rms of each sensor, in SI.

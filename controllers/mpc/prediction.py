@@ -87,9 +87,6 @@ class Prediction:
         Args:
             estimate: Estimate (x, w), shape (n_z,), deviations in SI.
             reference: Reference as deviation, in rad.
-
-        Returns:
-            Opening as deviation, a fraction.
         """
         n = len(self.gain)
         at_rest = product(self.target, np.append(estimate[n:], reference))

@@ -232,7 +232,6 @@ def told(opening: float, solution: Solution, slack: float) -> dict[str, float | 
 
     Args:
         opening: Opening of the valve, a fraction.
-        solution: How the quadratic program ended.
         slack: Pressure out of its limits, in Pa.
     """
     return {

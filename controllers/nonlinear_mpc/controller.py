@@ -346,10 +346,8 @@ def design_nonlinear_mpc(
     Args:
         model: The prediction model, with a 5/3 valve and the states ``angle``, ``speed``,
             ``pressure_1`` and ``pressure_2``; leave out what the controller shall not know.
-        specification: What to reach.
         rest: States about which it starts, shape (n_states,), in SI; the model's initial state by
             default.
-        valve: Valve curve that is inverted.
         resting: States that are too fast for the prediction.
         compile_function: Makes machine code of a CasADi function; interpreted by default.
 

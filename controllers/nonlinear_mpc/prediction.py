@@ -99,7 +99,6 @@ def dynamics(
     """Write down the smooth rates of a model with its parameters put in.
 
     Args:
-        model: The prediction model.
         disturbed: Names of the states whose rates are disturbed; w is in scales per second.
         resting: Names of states that are replaced by the value at which they rest.
 
@@ -157,10 +156,7 @@ def discrete(rates: Dynamics, duration: float, steps: int, name: str) -> ca.Func
     """Build the map over one stage and its derivatives.
 
     Args:
-        rates: Rates with derivatives.
         duration: Length of the stage, in s.
-        steps: Number of Runge-Kutta steps.
-        name: Name of the function.
 
     Source:
         Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.1.

@@ -131,10 +131,8 @@ def solve(
     """Solve a factored problem.
 
     Args:
-        problem: The factored matrices.
         g: Gradient at x = 0, shape (n,), dimensionless.
         lower: Lower limits of A x, then of x, shape (m + n,), in their units; may be -inf.
-        upper: Upper limits, likewise; may be inf.
         limit: Number of iterations after which it is given up (dimensionless).
 
     Example:
@@ -282,10 +280,8 @@ class QuadraticProgram:
         """Solve a problem whose matrices were factored before.
 
         Args:
-            problem: The factored matrices.
             g: Gradient at x = 0, shape (n,), dimensionless.
             lower: Lower limits of A x, then of x, shape (m + n,), in their units.
-            upper: Upper limits, likewise.
         """
         if self._library is None:
             return solve(problem, g, lower, upper, limit=self.limit)

@@ -195,13 +195,8 @@ class Planner:
         """Return where the joint shall be a little later, if no jump comes.
 
         Args:
-            state: State after `plan`.
-            plan: What `plan` returned with it.
             time: How much later, in s.
             arithmetic: Floats or CasADi symbols.
-
-        Returns:
-            The plan then, in SI.
         """
         now = _offset(state, state.elapsed)
         jerk = plan.jerk - arithmetic.where(state.elapsed < state.duration, now[3], 0.0)

@@ -173,7 +173,9 @@ def check_function(
     taken_over = {
         name: text for base in bases for name, text in entries(base.get("Args", "")).items()
     }
-    yield from check_entries(taken_over | described, wanted)
+    # What is said of one number in the sentence itself need not stand in a list of one.
+    said = {} if described else dict.fromkeys(wanted, parts[""])
+    yield from check_entries(said | taken_over | described, wanted)
     for name in described.keys() - wanted.keys():
         yield f"Args names {name}, which is no parameter"
     results = [part.get("Returns") or part.get("Yields") or part[""] for part in [parts, *bases]]

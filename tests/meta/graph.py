@@ -95,6 +95,8 @@ def unused_names(texts: Mapping[Path, str], modules: Mapping[Path, str]) -> Iter
     for path, source in modules.items():
         body = ast.parse(source)
         own = [n.id for n in ast.walk(body) if isinstance(n, ast.Name)]
+        # What stands in `__all__` is meant for users.
+        own += re.findall(r'"(\w+)"', "".join(re.findall(r"__all__ = \[[^]]*\]", source)))
         for name in sorted(public_names(source)):
             if not where.get(name, set()) - {path} and own.count(name) == 0:
                 yield f"{path}: {name}"

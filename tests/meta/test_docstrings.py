@@ -60,7 +60,6 @@ def test_complete_docstring_passes() -> None:
         ("name: What", "title: What", "Args names title, which is no parameter"),
         ("Gauge pressure, Pa.", "Gauge pressure.", "Returns gives no unit"),
         ("    Returns:\n        Gauge pressure, Pa.\n", "", "Returns gives no unit"),
-        ("    Args:\n", "", "Args gives no unit for force"),
     ],
 )
 def test_a_gap_is_found(cut: str, put: str, problem: str) -> None:

@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 from workbench.model.face import EXACT, SMOOTH
 from workbench.physics.gas import (
     AIR,
-    chamber_mass,
     chamber_rates,
     port_enthalpy_flow,
     wall_heat,
@@ -23,6 +22,11 @@ V0 = 1e-4
 PERIOD = 1.0
 
 Inputs = Callable[[float, float, float], tuple[float, float, float]]
+
+
+def chamber_mass(pressure: float, temperature: float, volume: float) -> float:
+    """Mass of an ideal gas, equation (5) of the paper."""
+    return pressure * volume / (AIR.gas_constant * temperature)
 
 
 def breathing_volume(t: float) -> tuple[float, float]:

@@ -23,7 +23,6 @@ def bless(
 
     Args:
         results: Folder written by `compare`.
-        baseline: File to write.
 
     Returns:
         Exit status 0.

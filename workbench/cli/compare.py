@@ -53,7 +53,6 @@ def compare(
 
     Args:
         study: Study file, or the name of a shipped study.
-        out: Folder for the results.
         baseline: Stored results to compare with, or None.
         jobs: Number of processes, or None for one per core.
         dask: Address of a Dask scheduler, or None.
@@ -107,9 +106,6 @@ def study_file(given: Path) -> Path:
 
     Args:
         given: Path of a file, or a name without a folder or suffix.
-
-    Returns:
-        Path of the file.
 
     Raises:
         WorkbenchError: If no shipped study has that name.

@@ -48,10 +48,8 @@ def controllers(
     Example: 'workbench controllers --out controllers'.
 
     Args:
-        out: Folder for the results.
         family: Controllers; all by default.
         limits: Whether the physical limits are computed.
-        seed: Seed of the sensors' noise.
         seeds: Number of seeds, from ``seed`` on.
         fresh: Whether the optional plants and variations are run.
         jobs: Number of processes, or None for one per processor.

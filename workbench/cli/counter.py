@@ -20,14 +20,7 @@ class Counter:
         self._part = ""
 
     def __call__(self, part: str, done: int, total: int, what: str) -> None:
-        """Show what is finished.
-
-        Args:
-            part: Part of the study.
-            done: Number of finished runs.
-            total: Number of all runs.
-            what: What was finished last.
-        """
+        """Show what is finished."""
         from tqdm import tqdm
 
         from workbench.study.execution import FINISHED_BEFORE

@@ -28,7 +28,6 @@ def demo(
     recordings are needed.
 
     Args:
-        out: Folder for the results.
         data: Folder with recordings of real machines, or None.
 
     Returns:

@@ -196,11 +196,8 @@ def chosen_plant(
     """Build the plant that the options of a verb describe.
 
     Args:
-        name: Plant.
         options: Its options as ``NAME=VALUE``.
         parameters: Changed parameters as ``NAME=VALUE``.
-        without: Effects to leave out.
-        effects: Effects to attach.
         at: Values at rest as ``NAME=VALUE``.
         inputs: Steps of inputs as ``NAME=TIME:VALUE,...``.
         short: Words of the plant that were given as options of the verb, as ``NAME=VALUE``.

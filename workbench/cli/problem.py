@@ -99,14 +99,8 @@ def load_problem(
     """Read what options of a verb name.
 
     Args:
-        case: Folder or name of a case.
-        fit: Recordings to fit on.
-        hold_out: Recordings to judge on.
         plant: Plant, in place of that of the case.
-        mapping: Mapping of columns.
-        data: Folder with public recordings.
         settings: Options ``noise``, ``starts``, ``stages``, ``start_samples``.
-        changes: Further arguments of `chosen_plant`.
 
     Raises:
         WorkbenchError: If it is too little, too much, or cannot be read.

@@ -17,21 +17,13 @@ class Progress:
     """
 
     def __init__(self, steps: int) -> None:
-        """Start to count.
-
-        Args:
-            steps: Number of steps to come.
-        """
+        """Start to count."""
         self._steps = steps
         self._step = 0
         self._begin = 0.0
 
     def __call__(self, what: str) -> None:
-        """Say what is being done now.
-
-        Args:
-            what: The step, in a few words.
-        """
+        """Say what is being done now."""
         self.done()
         self._step += 1
         self._begin = time.perf_counter()

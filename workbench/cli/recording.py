@@ -24,7 +24,6 @@ def recording(
     Example: 'workbench recording run.csv --out run'.
 
     Args:
-        file: The recording.
         mapping: Mapping of its columns; None maps by name and unit.
         out: Folder to write to; None prints only.
 

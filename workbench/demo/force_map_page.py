@@ -132,9 +132,7 @@ def map_figure(study: MapStudy, pressures: Sequence[float], laws: Sequence[str])
     """Draw the points at some gauge pressures and fitted laws beside them.
 
     Args:
-        study: Laws fitted to the points.
         pressures: Gauge pressures, in Pa.
-        laws: Short names of the laws.
     """
     points = study.points
     scale = float(points.length.max()) / LAW_LENGTH

@@ -238,11 +238,7 @@ def study_map(
     of `FOLDS` random groups of pressures.
 
     Args:
-        points: The map.
-        name: Its name.
         families: The laws; by default `families_for` the strength of the muscle.
-        seed: Seed of the groups.
-        progress: Called with each law.
 
     Raises:
         WorkbenchError: If the muscle pulls at fewer than four lengths, or a fit does not end.

@@ -35,7 +35,6 @@ def judged(value: float, low: float, high: float, digits: int = 3, *, unit: str 
         value: The number, in ``unit``.
         low: Lower end of the band, in ``unit``.
         high: Upper end of the band, in ``unit``.
-        digits: Significant digits.
         unit: Unit written behind it.
 
     Returns:

@@ -80,7 +80,6 @@ def run_demo(
         out: Folder for ``report.html``, ``results.json`` and ``pictures/``; made if needed.
         data: Folder with recordings of real machines; by default that of the environment, if any.
         progress: Called with the name of each step before it begins.
-        parts: What to run, as in `PARTS`.
 
     Raises:
         WorkbenchError: If the folder cannot be written, or the data folder that is named does not

@@ -88,7 +88,6 @@ def isometric_experiment(
         ramp_time: Duration of a ramp, 5 to 600 s.
         sample_time: Time between samples, in s.
         noise: Noise and resolution of the sensors, as a ratio to those of the arm; 0 for none.
-        seed: Seed of the noise.
 
     Returns:
         The record.
@@ -147,13 +146,11 @@ def isometric_experiment_on_arm(
     the model has any, because it would fill muscle 1: the paper's authors removed the valve.
 
     Args:
-        model: The arm in the horizontal plane.
         stop_angles: Angles of the lower stop, in rad.
         command_V: Valve voltage that fills muscle 2, a little below the centre, in V.
         ramp_time: Duration of a ramp, in s.
         sample_time: Time between samples, in s.
         noise: Noise and resolution of the sensors, as a ratio to those of the arm; 0 for none.
-        seed: Seed of the noise.
 
     Returns:
         The record of muscle 2, its contraction computed from the angle that the encoder reads.

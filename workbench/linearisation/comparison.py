@@ -79,9 +79,6 @@ class Comparison:
 
         Args:
             s: Complex frequency, in rad/s.
-
-        Returns:
-            Output per input, in SI.
         """
         m = self.model
         return complex(transfer_function(m.A, m.B, m.C, m.D, s)[self.index, 0])
@@ -172,9 +169,6 @@ def _without_drift(op: OperatingPoint) -> Model:
 
 def horizon_of(linear: LinearModel) -> float:
     """Return two periods of the slowest oscillation, or three of the slowest time constants.
-
-    Args:
-        linear: The linear model.
 
     Returns:
         Length of a comparison, in s.

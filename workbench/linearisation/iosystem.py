@@ -19,10 +19,6 @@ def to_iosystem(model: Model, *, face: Face = EXACT) -> Any:
     python-control interpolates inputs linearly between samples, while a controller holds them: a
     sampled command arrives half a sample early there. `workbench.simulation.simulate` holds.
 
-    Args:
-        model: The plant.
-        face: Exact or smooth equations.
-
     Returns:
         System in SI with the model's inputs, outputs and states; `control.linearize` and
         `control.input_output_response` take it.

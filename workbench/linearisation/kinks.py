@@ -84,8 +84,6 @@ def find_kinks(
     """Find kinks across each state and input, at the point or up to 5 % of a scale away.
 
     Args:
-        at: The equations.
-        point: The operating point.
         build: Makes a linear model of derivatives, shape (n_x + n_y, n_x + n_u), in SI.
         matrix: Derivatives that the linear model uses, shape (n_x + n_y, n_x + n_u), in SI.
         jacobian: Derivatives at the point, same shape, in SI.

@@ -119,9 +119,6 @@ class LinearModel:
     def mode_of(self, state: str) -> Mode:
         """Return the oscillation that a state takes the largest part in.
 
-        Args:
-            state: Name of the state.
-
         Returns:
             The mode; where no mode oscillates, the one with the largest part of the state.
 
@@ -160,9 +157,6 @@ class LinearModel:
             rest: What the other states do: ``"follow"``, their rates are zero at all times
                 (right for fast ones, such as a spool), or ``"held"``, they stay at the operating
                 point (right for slow ones).
-
-        Returns:
-            The smaller model, without verdict.
 
         Raises:
             WorkbenchError: If a name is unknown, or states that should follow cannot because they
@@ -221,9 +215,6 @@ class LinearModel:
 
         Args:
             sample_time: Time between samples h, in s.
-
-        Returns:
-            Ad, Bd, Cd, Dd, in SI.
 
         Raises:
             WorkbenchError: If the sample time is outside its range.

@@ -30,7 +30,6 @@ def speeds(model: Model, jacobian: Vector) -> dict[str, float]:
     """Find the states that are the rate of another state, with their scales as amplitudes.
 
     Args:
-        model: The plant.
         jacobian: Derivatives of rates and readings, shape (n_x + n_y, n_x + n_u), in SI.
 
     Returns:
@@ -55,7 +54,6 @@ def check_amplitude(model: Model, amplitude: Mapping[str, float]) -> dict[str, f
     """Return amplitudes of states if they are sensible.
 
     Args:
-        model: The plant.
         amplitude: Amplitude by name of state, in SI.
 
     Returns:
@@ -90,11 +88,9 @@ def slope_over_swing(
     """Compute the describing function of rates and readings for a swing of one state.
 
     Args:
-        at: The equations.
         x: States, shape (n_x,), in SI.
         u: Inputs, shape (n_u,), in SI.
         p: Parameters, shape (n_p,), in SI.
-        index: Which state swings.
         amplitude: Amplitude of the swing, in SI.
         point: Derivatives by that state at the point, shape (n_x + n_y,), in SI.
 

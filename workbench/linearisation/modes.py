@@ -45,11 +45,7 @@ class Mode:
         return max(self.participation, key=lambda name: self.participation[name])
 
     def share(self, state: str) -> float:
-        """Return the share of a state in the mode, dimensionless.
-
-        Args:
-            state: Name of the state.
-        """
+        """Return the share of a state in the mode, dimensionless."""
         return self.participation.get(state, 0.0)
 
     def __str__(self) -> str:
@@ -73,7 +69,6 @@ def find_modes(A: Vector, names: tuple[str, ...]) -> tuple[Mode, ...]:
 
     Args:
         A: State matrix, shape (n, n), in SI.
-        names: Names of the n states.
 
     Returns:
         The modes; a pair of complex poles is one mode.

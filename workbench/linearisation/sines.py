@@ -87,12 +87,10 @@ def frequency_validity(
     the fundamental are fitted to both runs alike.
 
     Args:
-        linear: The linear model.
         output: Output to compare; the first by default.
         swing: Amplitude of the output, in SI; 5 % of its scale by default.
         gain_within: Gain error allowed, as a fraction.
         phase_within: Phase error allowed, in rad.
-        points: Number of frequencies.
 
     Returns:
         The band that agrees.

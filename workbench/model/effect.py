@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.face import Expression
 from workbench.model.quantities import Parameter, State
 from workbench.model.scope import EffectView, PortView
-
-if TYPE_CHECKING:
-    from workbench.model.model import Model
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ class Effect:
     start: Callable[[EffectView], Mapping[str, Expression]] | None = None
     about: About = field(default_factory=About)
     dry: bool = False
-    settle: Callable[[Effect, Model], Effect] | None = None
+    settle: Callable[[Effect, Any], Effect] | None = None
 
     def __post_init__(self) -> None:
         """Check that the effect is complete."""
@@ -118,9 +115,6 @@ class Effect:
 
     def renamed(self, name: str) -> Effect:
         """Return the same effect under another name, to attach it twice.
-
-        Args:
-            name: New name.
 
         Returns:
             A copy whose states and parameters appear as ``name.own_name``.

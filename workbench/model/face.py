@@ -24,9 +24,6 @@ def is_symbolic(*values: Expression) -> bool:
     Args:
         values: What to look at, in any unit and of any shape.
 
-    Returns:
-        Whether CasADi's functions are needed instead of NumPy's.
-
     Example:
         >>> is_symbolic(1.0), is_symbolic(ca.SX.sym("x"))
         (False, True)

@@ -100,9 +100,6 @@ class Model:
         Args:
             face: `EXACT`, `SMOOTH`, ``"exact"`` or ``"smooth"``.
 
-        Returns:
-            `exact` or `smooth`, written down on first use.
-
         Raises:
             WorkbenchError: If the face is unknown.
         """
@@ -131,9 +128,6 @@ class Model:
         Args:
             name: Name of the parameter; ``effect.name`` for one of an effect.
 
-        Returns:
-            The parameter with its value, bounds and unit.
-
         Raises:
             WorkbenchError: If there is no such parameter.
         """
@@ -141,12 +135,6 @@ class Model:
 
     def effect(self, name: str) -> Effect:
         """Return an attached effect by name.
-
-        Args:
-            name: Name of the effect.
-
-        Returns:
-            The effect as it was attached.
 
         Raises:
             WorkbenchError: If no effect of that name is attached.
@@ -156,9 +144,6 @@ class Model:
 
     def with_effect(self, *effects: Effect) -> Model:
         """Return a model with effects attached, acting after those that are there.
-
-        Args:
-            effects: The effects to attach.
 
         Returns:
             A copy with the effects' states and parameters behind those that are there.
@@ -195,9 +180,6 @@ class Model:
 
     def without(self, *names: str) -> Model:
         """Return a model with effects taken away.
-
-        Args:
-            names: Names of attached effects.
 
         Returns:
             A copy without the effects and without their states and parameters.
@@ -251,7 +233,6 @@ class Model:
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
-            face: Which face of the equations.
             values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
 
         Returns:
@@ -275,7 +256,6 @@ class Model:
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
-            face: Which face of the equations.
             values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
 
         Returns:
@@ -294,7 +274,6 @@ class Model:
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
-            face: Which face of the equations.
 
         Returns:
             Values in SI, by name of port or signal.
@@ -361,11 +340,7 @@ def index_of(kind: str, name: str, quantities: Sequence[Quantity]) -> int:
 
     Args:
         kind: What is looked for, for the message: ``"state"``, ``"parameter"``, ...
-        name: Name of the quantity.
         quantities: Where to look.
-
-    Returns:
-        Index from 0.
 
     Raises:
         WorkbenchError: If there is none of that name; names the nearest.

@@ -266,7 +266,6 @@ class Scope:
         """Name an internal signal, so that results can show it and effects can use it.
 
         Args:
-            name: Name of the signal.
             value: The signal, in ``unit``.
             unit: SI unit of the signal.
             lower: Smallest value for which the laws that use it hold, in ``unit``.

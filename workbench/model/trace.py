@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import casadi as ca
 
@@ -15,13 +15,42 @@ from workbench.model.face import Expression, Face
 from workbench.model.quantities import Quantity
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 
-if TYPE_CHECKING:
-    from workbench.model.model import Model
-
 Named = Mapping[str, Expression]
 
 Equations = tuple[Mapping[str, Expression], Mapping[str, Expression]]
 """Rate of every own state and reading of every output, by name."""
+
+
+class Written(Protocol):
+    """What a model says of its equations."""
+
+    @property
+    def name(self) -> str:
+        """Name of the plant."""
+
+    @property
+    def equations(self) -> Callable[[Scope], Equations]:
+        """The equations, written with the names of a `Scope`."""
+
+    @property
+    def states(self) -> tuple[Quantity, ...]:
+        """States, those of attached effects last."""
+
+    @property
+    def inputs(self) -> tuple[Quantity, ...]:
+        """What drives the model."""
+
+    @property
+    def outputs(self) -> tuple[Quantity, ...]:
+        """What the sensors measure."""
+
+    @property
+    def parameters(self) -> tuple[Quantity, ...]:
+        """Parameters, those of attached effects last."""
+
+    @property
+    def effects(self) -> tuple[Effect, ...]:
+        """Attached effects, in the order in which they act on a port."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +108,6 @@ class Trace:
         """Build a CasADi function of (states, inputs, parameters).
 
         Args:
-            name: Name of the function.
             expressions: What it returns, in this trace's symbols; any shape, in SI.
 
         Returns:
@@ -119,15 +147,8 @@ class Trace:
         )
 
 
-def trace(model: Model, face: Face) -> Trace:
+def trace(model: Written, face: Face) -> Trace:
     """Write the equations of a model down with CasADi symbols.
-
-    Args:
-        model: The model.
-        face: Exact or smooth functions.
-
-    Returns:
-        The equations as expressions and functions.
 
     Raises:
         WorkbenchError: If the equations forget a state or an output, return one that is not
@@ -256,7 +277,7 @@ def _opened(scope: Scope, q: Quantity, what: str, value: Expression) -> Expressi
     return scope.port(f"{q.name}.{what}", value, unit=unit, scale=q.scale)
 
 
-def _default_ports(model: Model, scope: Scope, rates: Named, outputs: Named) -> Equations:
+def _default_ports(model: Written, scope: Scope, rates: Named, outputs: Named) -> Equations:
     """Open a port at every rate that is not a state itself, and at every output."""
     states = [scope.x[q.name] for q in model.states]
     own = {q.name: q for q in model.states}
@@ -304,7 +325,7 @@ def _vector(symbols: Mapping[str, ca.SX]) -> ca.SX:
 
 
 def _stack(
-    model: Model, what: str, given: Mapping[str, Expression], declared: Sequence[Quantity]
+    model: Written, what: str, given: Mapping[str, Expression], declared: Sequence[Quantity]
 ) -> ca.SX:
     names = [q.name for q in declared]
     missing = [n for n in names if n not in given]

@@ -100,7 +100,6 @@ def bound_value(bound: Bound, parameters: Mapping[str, float]) -> float:
     """Return a bound as a number, in SI.
 
     Args:
-        bound: The bound.
         parameters: Parameters of the model by name, in SI.
     """
     if isinstance(bound, tuple):

@@ -74,13 +74,6 @@ class Derivatives:
 def derivatives_of(model: Model, face: Face) -> Derivatives:
     """Return the derivatives of a model, built once for the same equations.
 
-    Args:
-        model: The plant.
-        face: Exact or smooth equations.
-
-    Returns:
-        Functions that this thread may call.
-
     Example:
         >>> from workbench.model import EXACT
         >>> from workbench.plants.servo_axis import servo_axis

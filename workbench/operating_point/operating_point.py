@@ -129,7 +129,6 @@ def operating_point(
     holds both pressures.
 
     Args:
-        model: The plant.
         given: Values of readings, states or inputs by name, in SI, at most one per input (and one
             per drifting direction); readings are looked up first. By default the inputs at rest.
         drifting: Direction in which the rates may differ from zero, as weights of states by name,

@@ -22,7 +22,6 @@ def what_would_be_possible(problem: Problem, failed: Solution) -> str:
     Changes one of them at a time, over its range, and keeps the others as asked.
 
     Args:
-        problem: The trim that has no solution.
         failed: Where its search ended.
 
     Returns:

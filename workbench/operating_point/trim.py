@@ -98,7 +98,6 @@ def solve(problem: Problem, x: Vector, u: Vector, *, robust: bool = True) -> Sol
     """Solve a trim from a starting point.
 
     Args:
-        problem: What to solve.
         x: States to start from, shape (n_x,), in SI.
         u: Inputs to start from, shape (n_u,), in SI.
         robust: Whether to fall back to a bounded least-squares search where Newton's method ends
@@ -283,7 +282,6 @@ def conditions_of(
     """Turn given values into conditions; a name is looked up in readings, states, then inputs.
 
     Args:
-        model: The plant.
         given: Names and values, in SI.
         label: Label instead of the name.
 

@@ -29,7 +29,6 @@ def elastoplastic_rate(
         z: Deflection over break-away, -1..1, dimensionless.
         breakaway: Motion after which the element slips, in the unit of the motion.
         width: Speed within which the smooth face rounds the reversal, in the unit of ``v``.
-        face: Exact or smooth.
 
     Returns:
         Rate of ``z``, in 1/s.

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from workbench.model.face import EXACT, Expression, Face, maximum, minimum, sqrt, where
 
+__all__ = ["flow_function", "iso6358", "mass_flow_from_litres", "orifice_flow"]
+
 REFERENCE_DENSITY = 1.185
 """Density rho0 of air at the reference atmosphere (ANR), kg/m^3."""
 
@@ -167,49 +169,3 @@ def mass_flow_from_litres(volume_flow_l_min: float) -> float:
         0.0138
     """
     return volume_flow_l_min / 60e3 * REFERENCE_DENSITY
-
-
-def litres_from_mass_flow(mass_flow: float) -> float:
-    """Return the volume flow, l/min of the reference atmosphere (ANR), of a mass flow.
-
-    Args:
-        mass_flow: Mass flow, kg/s.
-
-    Returns:
-        Volume flow, l/min ANR.
-
-    Source:
-        ISO 8778 reference atmosphere with 1.185 kg/m^3.
-
-    Example:
-        >>> round(litres_from_mass_flow(0.013825))
-        700
-    """
-    return mass_flow * 60e3 / REFERENCE_DENSITY
-
-
-def conductance_from_rating(
-    volume_flow_l_min: float, gauge_pressure_up: float, gauge_pressure_down: float, *, b: float
-) -> float:
-    """Return the sonic conductance that gives a rated flow between two gauge pressures.
-
-    Args:
-        volume_flow_l_min: Rated flow, l/min ANR.
-        gauge_pressure_up: Upstream gauge pressure, Pa.
-        gauge_pressure_down: Downstream gauge pressure, Pa.
-        b: Critical pressure ratio.
-
-    Returns:
-        Sonic conductance C, m^3/(s Pa), at 293.15 K.
-
-    Source:
-        ISO 6358-1; the manufacturer rates the MPYE-5-1/8-HF at 700 l/min from 6 to 5 bar.
-
-    Example:
-        >>> conductance = conductance_from_rating(700.0, 6e5, 5e5, b=0.23)
-        >>> round(1e8 * conductance, 2)
-        2.87
-    """
-    p_up, p_down = gauge_pressure_up + 101_325.0, gauge_pressure_down + 101_325.0
-    per_conductance = iso6358(p_up, p_down, REFERENCE_TEMPERATURE, 1.0, b)
-    return float(mass_flow_from_litres(volume_flow_l_min) / per_conductance)

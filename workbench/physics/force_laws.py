@@ -98,7 +98,6 @@ def validity(
     Args:
         contraction: Contraction q, m; number or array of any shape.
         gauge_pressure: Gauge pressure, Pa; number or array of any shape.
-        law_range: The range to check against.
 
     Returns:
         One sentence per quantity that leaves its range, with the worst value; empty if none does.
@@ -175,7 +174,6 @@ class ForceLaw(ABC):
         Args:
             contraction: Contraction q, m; number, array or expression.
             gauge_pressure: Gauge pressure p, Pa; of a shape that fits ``contraction``.
-            face: Exact or smooth.
 
         Returns:
             Force, N, positive.
@@ -224,9 +222,6 @@ class PaperLaw(ForceLaw):
             name: ``corrected``; ``as_printed`` (switch at 1.6 mm, absolute pressure); or
                 ``rounded_text`` (corrected, with the rounded phi of the paper's text).
 
-        Returns:
-            The law.
-
         Raises:
             WorkbenchError: If the name is none of these.
 
@@ -246,9 +241,6 @@ class PaperLaw(ForceLaw):
 
         Args:
             contraction: Contraction q, m; any shape.
-
-        Returns:
-            Gain, N/Pa.
         """
         return pressure_gain(contraction, self.gain_bar_mm)
 
@@ -257,7 +249,6 @@ class PaperLaw(ForceLaw):
 
         Args:
             contraction: Contraction q, m; any shape.
-            face: Exact or smooth.
 
         Returns:
             Tension, N.
@@ -341,9 +332,6 @@ class TonduLopez(ForceLaw):
 
         The fit runs over 0..30 mm and 1..6 bar where equation (4) pulls; it leaves 106 N rms.
 
-        Returns:
-            The law.
-
         Example:
             >>> TonduLopez.constant_k().k_constant
             1.1032
@@ -355,9 +343,6 @@ class TonduLopez(ForceLaw):
         """Return equation (2) with ``k = 13.234 exp(-p) + 0.8566``, fitted to equation (4).
 
         The fit runs over 0..30 mm and 1..6 bar where equation (4) pulls; it leaves 39 N rms.
-
-        Returns:
-            The law.
 
         Example:
             >>> law = TonduLopez.pressure_dependent_k()
@@ -371,9 +356,6 @@ class TonduLopez(ForceLaw):
 
         Args:
             gauge_pressure: Gauge pressure p, Pa; any shape.
-
-        Returns:
-            k, dimensionless.
         """
         scaled = gauge_pressure / BAR
         decay = ca.exp(-scaled) if is_symbolic(scaled) else np.exp(-scaled)

@@ -81,7 +81,6 @@ def phi(
         coefficients: Polynomial, N/mm^i, from i = 0.
         floor: Value before the switch, N.
         switch: Contraction of the switch, m; the printed 1.6 mm makes phi jump by 5.88 N.
-        face: Exact or smooth.
 
     Returns:
         phi, N, of the shape of ``contraction``.

@@ -153,7 +153,6 @@ def free_form(
         loop: Name of the local signal whose value is the rate of the loop's coordinate, the unit
             of that coordinate, and the distance over which the loop is closed, in that unit; no
             loop by default.
-        name: Name of the effect.
 
     Returns:
         Effect with one parameter per knot, all zero unless given: absent.

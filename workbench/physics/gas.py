@@ -49,30 +49,6 @@ AIR = Gas()
 """Dry air."""
 
 
-def chamber_mass(
-    pressure: Expression, temperature: Expression, volume: Expression, *, gas: Gas = AIR
-) -> Expression:
-    """Return the mass of gas in a chamber, ``m = p V / (R T)``.
-
-    Args:
-        pressure: Absolute pressure p, Pa; any shape.
-        temperature: Temperature T, K.
-        volume: Volume V, m^3.
-        gas: Constants of the gas.
-
-    Returns:
-        Mass, kg.
-
-    Source:
-        Equation (5) of the paper.
-
-    Example:
-        >>> round(1e3 * chamber_mass(4e5, 293.15, 1e-4), 3)
-        0.475
-    """
-    return pressure * volume / (gas.gas_constant * temperature)
-
-
 def chamber_rates(
     pressure: Expression,
     temperature: Expression,
@@ -102,8 +78,6 @@ def chamber_rates(
         mass_flow: Net mass flow into the chamber, kg/s.
         enthalpy_flow: Sum of each inward mass flow times its temperature, kg K/s.
         heat: Heat flow Q into the gas, W.
-        gas: Constants of the gas.
-        printed_work_sign: True for the sign as printed.
 
     Returns:
         dp/dt in Pa/s and dT/dt in K/s.
@@ -147,7 +121,6 @@ def port_enthalpy_flow(
         mass_flow: Mass flow into the chamber, kg/s; any shape.
         outside_temperature: Temperature of the entering gas, K.
         chamber_temperature: Temperature of the leaving gas, K.
-        face: Exact or smooth.
 
     Returns:
         Enthalpy flow divided by c_p, kg K/s.

@@ -109,7 +109,6 @@ def isothermal_gas(
     Args:
         ports: Ports of the heat flow into chambers, with the local signals ``pressure``,
             ``enthalpy_flow`` and ``volume_rate``.
-        name: Name of the effect.
     """
     about = About(_ISOTHERMAL, "simplification; isothermal change of state")
     return Effect(name, ports, lambda at: -_power(at), about=about)

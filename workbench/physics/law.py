@@ -41,7 +41,7 @@ class Own:
         unit: SI unit.
         value: Value unless another is given, in ``unit``.
         lower: Smallest plausible value, in ``unit``; a multiple of the value if ``relative``.
-        upper: Largest plausible value, likewise.
+        upper: Largest plausible value, in ``unit`` or as such a multiple.
         text: What it is, in a few words.
         scale: Typical magnitude, in ``unit``; the value's by default.
         source: Where the number comes from.
@@ -111,7 +111,6 @@ def size(
     """State the parameter of a law whose zero is the law's absence.
 
     Args:
-        name: Short name.
         unit: SI unit.
         typical: Usual magnitude, in ``unit``: a first guess from the port's scale.
         least: Magnitude below which it is not worth naming, in ``unit``.
@@ -130,7 +129,11 @@ def size(
 
 
 def share(text: str, *, least: float = 0.5) -> Own:
-    """State the share of a law that is either there (1) or not (0)."""
+    """State the share of a law that is either there (1) or not (0).
+
+    Args:
+        least: Share below which it is not worth naming, dimensionless.
+    """
     return Own("share", "1", 0.0, 0.0, 1.0, text, 1.0, "", False, typical=1.0, least=least)
 
 
@@ -150,11 +153,10 @@ def shape(
     """State another parameter of a law.
 
     Args:
-        name: Short name.
         unit: SI unit.
         value: Usual value, in ``unit``.
         text: What it is, in a few words.
-        around: Bounds as multiples of the value.
+        around: Bounds as multiples of the value, dimensionless.
         between: Bounds in ``unit``, where the value does not give them (``around=None``).
         scale: Scale of a fit, in ``unit``; the value's by default.
         source: Where the number comes from.
@@ -420,9 +422,7 @@ def each(
     """Let a law act at every port of some roles, one by one.
 
     Args:
-        roles: Roles of the ports.
         needs: Signals that must be had there.
-        only: Further condition on a place.
         label: What the effect's name gets; nothing by default where there is one port only, else
             the name of the port's component.
     """

@@ -21,12 +21,8 @@ def library(
     model.
 
     Args:
-        model: The model that may lack physics.
         outputs: Names of the outputs that are recorded, for the effects of sensors; all by default.
         extra: Laws of your own that stand in no registry.
-
-    Returns:
-        Hypotheses with different names, process before sensors.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis

@@ -120,7 +120,6 @@ class BraidedCylinder:
 
         Args:
             fibre_length: Fibre length s, m; any shape.
-            face: Exact or smooth.
 
         Returns:
             Height, m.
@@ -135,7 +134,6 @@ class BraidedCylinder:
 
         Args:
             fibre_length: Fibre length s, m; any shape.
-            face: Exact or smooth.
 
         Returns:
             Volume, m^3.
@@ -165,9 +163,6 @@ class BraidedCylinder:
             fibre_length: Fibre length s, m; any shape.
             face: Exact or smooth; they differ within 0.02 mm of the nominal length.
 
-        Returns:
-            Volume, m^3, to be added to `cylinder_volume`.
-
         Source:
             Lines [8] to [10] of the paper's Figure 3.
 
@@ -185,7 +180,6 @@ class BraidedCylinder:
 
         Args:
             fibre_length: Fibre length s, m; any shape.
-            face: Exact or smooth.
 
         Returns:
             Volume, m^3, without fittings and line.
@@ -222,7 +216,6 @@ class BraidedCylinder:
 
         Args:
             fibre_length: Fibre length s, m; any shape.
-            face: Exact or smooth.
 
         Returns:
             dV/ds, m^2; negative, because a muscle fills as it shortens.

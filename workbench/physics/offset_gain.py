@@ -33,7 +33,7 @@ def _amount(typical: float, least: float, largest: float) -> Callable[[Place], t
 
 
 def sensor_error(at: Place) -> float:
-    """Return the usual zero error of a sensor over its scale: of its range, a pressure's is large.
+    """Return the usual zero error of a sensor as a fraction of its scale: a pressure's is large.
 
     Example:
         >>> from workbench.physics.place import unknown_place

@@ -1,4 +1,4 @@
-"""Opening of a proportional servovalve against its spool voltage, and the inverse.
+"""Opening of a proportional servovalve against its spool voltage.
 
 A 5/3 valve has four metering edges. A spool voltage above the centre opens supply to chamber 1 and
 chamber 2 to exhaust; below the centre, the other two. The curve is that of one edge against the
@@ -65,7 +65,6 @@ def opening(
     Args:
         voltage_from_centre: Spool voltage minus the centre voltage, V; any shape. Negative
             voltages keep the edge shut, voltages beyond the curve's end leave it fully open.
-        curve: Curve of one edge.
         face: Exact, or smooth with corners rounded within 0.04 V.
 
     Returns:
@@ -79,89 +78,3 @@ def opening(
         (0.056, 0.0)
     """
     return face.table(voltage_from_centre, curve.voltage, curve.fraction, VOLTAGE_WIDTH)
-
-
-def signed_opening(
-    voltage_from_centre: Expression, *, curve: ValveCurve = MPYE, face: Face = EXACT
-) -> Expression:
-    """Return the opening with the sign of the voltage: positive fills chamber 1.
-
-    Args:
-        voltage_from_centre: Spool voltage minus the centre voltage, V; any shape.
-        curve: Curve of one edge.
-        face: Exact or smooth.
-
-    Returns:
-        Signed fraction of the full conductance, -1..1, without leakage.
-
-    Source:
-        Manufacturer's flow curve, the same on both sides of the centre.
-
-    Example:
-        >>> round(float(signed_opening(-0.9)), 3)
-        -0.056
-    """
-    return opening(voltage_from_centre, curve=curve, face=face) - opening(
-        -voltage_from_centre, curve=curve, face=face
-    )
-
-
-def edge_openings(
-    spool_V: Expression,
-    leakage: Expression = LEAKAGE,
-    *,
-    curve: ValveCurve = MPYE,
-    face: Face = EXACT,
-) -> tuple[Expression, Expression, Expression, Expression]:
-    """Return the openings of the four metering edges.
-
-    Args:
-        spool_V: Spool position as a voltage from the centre, V; any shape.
-        leakage: Fraction of the full conductance added to every edge.
-        curve: Curve of one edge.
-        face: Exact or smooth.
-
-    Returns:
-        Fractions of the full conductance of the edges supply to 1, 1 to exhaust, supply to 2 and
-        2 to exhaust. A positive spool opens the first and the last.
-
-    Source:
-        5/3 servovalve, manufacturer's flow curve and leakage.
-
-    Example:
-        >>> [round(float(o), 3) for o in edge_openings(0.9)]
-        [0.06, 0.004, 0.004, 0.06]
-    """
-    positive = opening(spool_V, curve=curve, face=face) + leakage
-    negative = opening(-spool_V, curve=curve, face=face) + leakage
-    return positive, negative, negative, positive
-
-
-def inverse_opening(
-    fraction: Expression, *, curve: ValveCurve = MPYE, face: Face = EXACT
-) -> Expression:
-    """Return the voltage from the centre that gives a signed opening.
-
-    Monotone, odd and continuous. A controller that decides the opening and then inverts the curve
-    sees a plant without the flat place at the centre. Openings beyond 1 give the full voltage.
-
-    Args:
-        fraction: Signed fraction of the full conductance without leakage, -1..1; any shape.
-        curve: Curve of one edge.
-        face: Exact, or smooth with corners rounded within 0.4 of the closest spacing of fractions.
-
-    Returns:
-        Voltage from the centre, V.
-
-    Source:
-        Inverse of the manufacturer's flow curve.
-
-    Example:
-        >>> round(float(inverse_opening(0.056)), 3), round(float(inverse_opening(-2.0)), 3)
-        (0.9, -5.0)
-    """
-    spacing = min(b - a for a, b in zip(curve.fraction[:-1], curve.fraction[1:], strict=True))
-    width = 0.4 * spacing
-    return face.table(fraction, curve.fraction, curve.voltage, width) - face.table(
-        -fraction, curve.fraction, curve.voltage, width
-    )

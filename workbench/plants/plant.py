@@ -202,7 +202,6 @@ class Plant:
         Args:
             options: Values by name; text with or without unit, bare numbers in the option's unit.
             effects: Effects to attach, by name or as ``module:object``.
-            without: Effects to leave out.
             parameters: Changed parameters as ``NAME=VALUE``.
             folder: Where modules of the user may stand, beside the Python path.
 

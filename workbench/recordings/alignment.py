@@ -29,8 +29,6 @@ def clock_shift(
     largest three values gives the fraction of a sample.
 
     Args:
-        first: Recording with increasing time.
-        second: Recording with increasing time.
         signal: Name of the common signal in ``first``.
         other: Its name in ``second``; by default the same.
 
@@ -87,7 +85,6 @@ def align(
     """Add the signals of a second recording to a first one, on the first one's time base.
 
     Args:
-        first: Recording whose time base is kept.
         second: Recording of the same trial by another logger.
         signal: Name in ``first`` of a signal that both contain.
         other: Its name in ``second``; by default the same.

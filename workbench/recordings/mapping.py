@@ -157,7 +157,6 @@ def rules_from(
     Args:
         content: Tables ``signals``, ``time`` and ``metadata``, and ``columns``,
             ``sample_time_s``, ``format``, ``rows``, ``times_s``.
-        path: Name of the file, for messages.
         folder: Where the module of a format may stand.
 
     Raises:

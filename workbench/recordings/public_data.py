@@ -35,9 +35,6 @@ def public_data_sets() -> tuple[str, ...]:
 def public_files(data_set: str) -> tuple[str, ...]:
     """Return the names of the files of a public data set.
 
-    Args:
-        data_set: A name from `public_data_sets`.
-
     Raises:
         WorkbenchError: If there is no such data set.
     """
@@ -77,10 +74,6 @@ def public_file(name: str, *, data: str | os.PathLike[str] | None = None) -> Pat
 
 def fetch(data_set: str, file: str) -> Path:
     """Fetch a file of a public data set from its publisher, or return the copy kept before.
-
-    Args:
-        data_set: A name from `public_data_sets`.
-        file: A name from `public_files`.
 
     Raises:
         WorkbenchError: If the file has no address, cannot be fetched or is not the one expected.

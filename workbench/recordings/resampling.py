@@ -78,12 +78,8 @@ def resample(
     low-passed at 0.4 of the new rate before, so that nothing folds down.
 
     Args:
-        recording: Recording with increasing time.
         rate_Hz: Rate of a uniform time base that starts at the first sample.
         times: Instants wanted, shape (m,), in s, inside the recording; instead of ``rate_Hz``.
-
-    Returns:
-        The recording at the new instants, with a note.
 
     Raises:
         WorkbenchError: If the time does not increase, or the instants lie outside the recording.
@@ -132,7 +128,6 @@ def decimate(recording: Recording, factor: int) -> Recording:
     """Return every ``factor``-th sample; measurements are low-passed first.
 
     Args:
-        recording: Recording with increasing, uniform time.
         factor: Number of samples that become one, 1 or more.
 
     Returns:

@@ -66,7 +66,6 @@ def write_recording(recording: Recording, path: str | Path) -> Path:
     written whole or not at all.
 
     Args:
-        recording: The recording.
         path: File to write; a name ending in ``.gz`` is compressed.
 
     Raises:

@@ -178,7 +178,6 @@ def group_sentence(told: Isolability | None, ports: tuple[str, ...]) -> str:
 
     Args:
         told: What the recorded outputs can tell apart; None if that is not known.
-        ports: Ports at which something was located.
 
     Example:
         >>> from workbench.diagnosis.location.isolability import isolability

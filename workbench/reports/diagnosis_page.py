@@ -58,10 +58,7 @@ def diagnosis_page(
     """Build the page of a diagnosis.
 
     Args:
-        diagnosis: A finished diagnosis.
-        proof: What `workbench.diagnosis.comparison.proof_of` computed for it.
         name: What was diagnosed, such as the name of a case.
-        commands: Command lines that reproduce it.
 
     Returns:
         The page: verdict, held-out recordings, place and form of what is missing, numbers,

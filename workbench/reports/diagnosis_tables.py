@@ -223,9 +223,6 @@ def scores_table(
     """Build the table of scores, refits and confusion with the best effect.
 
     Args:
-        title: What the table lists.
-        scores: Scores of the library.
-        candidates: Effects that were refitted.
         taken_back: Why effects were taken back after they had been accepted, by name.
     """
     names = [score.entry.name for score in scores.scores]
@@ -353,7 +350,6 @@ def isolability_table(found: Isolability, located: Sequence[str] = ()) -> Table:
     """Build the table of groups of ports that the recorded outputs can tell apart.
 
     Args:
-        found: What structure and transfers say.
         located: Ports at which something was located; their groups come first.
 
     Returns:

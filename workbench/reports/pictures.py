@@ -126,7 +126,6 @@ def save(picture: Picture, folder: Path) -> tuple[Path, Path]:
     """Write a picture as PNG and SVG files.
 
     Args:
-        picture: The picture.
         folder: Where to write ``NAME.png`` and ``NAME.svg``.
 
     Raises:

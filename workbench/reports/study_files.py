@@ -55,7 +55,6 @@ def write_pictures(page: Page, folder: str | Path) -> int:
     """Write every picture of a page as PNG and SVG.
 
     Args:
-        page: The page.
         folder: Where to write ``pictures/NAME.png`` and ``pictures/NAME.svg``.
 
     Raises:

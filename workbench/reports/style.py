@@ -190,7 +190,6 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str 
     """Write the labels of a panel, with their units.
 
     Args:
-        axes: The panel.
         x: Quantity and unit of the horizontal axis; None leaves it to the panel below.
         y: Quantity and unit of the vertical axis.
         title: What the panel shows, in a few words.
@@ -207,7 +206,6 @@ def key(axes: Axes, *, columns: int = 3, handles: list[Line2D] | None = None) ->
     """Write the legend above a panel, where it covers no curve.
 
     Args:
-        axes: The panel.
         columns: Entries side by side.
         handles: Lines to name; those of the panel that have a label by default.
     """

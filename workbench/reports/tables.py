@@ -90,7 +90,6 @@ def number(value: float, digits: int = 3, *, unit: str = "") -> str:
 
     Args:
         value: The number, in ``unit``.
-        digits: Significant digits.
         unit: Unit written behind it.
 
     Returns:
@@ -125,7 +124,6 @@ def interval(low: float, high: float, digits: int = 3, *, unit: str = "") -> str
     Args:
         low: Lower end, in ``unit``.
         high: Upper end, in ``unit``.
-        digits: Significant digits.
         unit: Unit written behind it.
 
     Example:

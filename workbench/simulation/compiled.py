@@ -84,9 +84,6 @@ def cache_folder() -> Path:
     ``WORKBENCH_CACHE`` names another folder; by default it is in the user's cache folder, or in
     the folder for temporary files where that cannot be written.
 
-    Returns:
-        An existing folder that can be written.
-
     Example:
         >>> cache_folder().is_dir()
         True

@@ -37,7 +37,6 @@ def simulate(
     The integrator is restarted at every sample, so that no step crosses a jump of the inputs.
 
     Args:
-        model: The plant.
         inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI; row k is held from
             sample k to sample k + 1.
         sample_time: Time between samples, in s.
@@ -45,7 +44,6 @@ def simulate(
         tolerance: Local error allowed in a step, relative to the scales of the states.
         method: ``"erk"``, ``"rosenbrock"`` for stiff models, or ``"auto"``: the first, and the
             second where the first gives up.
-        face: Exact or smooth equations.
         values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
         check: Also make a ten times tighter run and report the difference.
 
@@ -103,7 +101,6 @@ def check_inputs(model: Model, inputs: npt.ArrayLike) -> Vector:
     """Return inputs as a finite table with one column per input of the model.
 
     Args:
-        model: The plant.
         inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI.
 
     Returns:

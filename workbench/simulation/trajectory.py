@@ -136,10 +136,8 @@ def read_outputs(
     """Compute what the sensors would read along a run, without noise and quantisation.
 
     Args:
-        model: The plant.
         states: States, shape (n, n_states), in SI.
         inputs: Inputs, shape (n, n_inputs), in SI.
-        face: Exact or smooth equations.
         values: Parameter values, shape (n_parameters,), in SI.
 
     Returns:
@@ -160,11 +158,9 @@ def find_violations(
     """Find where a run left the range within which a law of the model holds.
 
     Args:
-        model: The plant.
         time: Sample times, shape (n,), in s.
         states: States, shape (n, n_states), in SI.
         inputs: Inputs, shape (n, n_inputs), in SI.
-        face: Exact or smooth equations.
         values: Parameter values, shape (n_parameters,), in SI.
 
     Returns:

@@ -175,10 +175,6 @@ def run_benchmarks(*, progress: Callable[[str], None] = lambda text: None) -> Be
 
     Returns:
         The table; times are processor time, so that other work on the machine counts little.
-
-    Example:
-        >>> run_benchmarks.__name__
-        'run_benchmarks'
     """
     plant = arm(load_kg=3)
     found: list[Timing] = []

@@ -79,7 +79,10 @@ class PlantRecipe:
         noise: float = 1.0,
         scaled: Iterable[tuple[str, float]] = (),
     ) -> PlantRecipe:
-        """Return the recipe with more changes; what is named again takes the new value."""
+        """Return the recipe with more changes; what is named again takes the new value.
+
+        Numbers are in SI; ``noise`` is a factor.
+        """
         without = tuple(without)
         # What an effect brought goes with it.
         gone = tuple(f"{name}." for name in without)

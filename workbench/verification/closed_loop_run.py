@@ -46,10 +46,6 @@ class Run:
         tolerance: Tolerance of the integrator, relative to the scales of the states.
         state_names: Names of the columns of ``states``.
         surface_layer: Boundary layer of a sliding controller, in the unit of its surface.
-
-    Example:
-        >>> "measured" in Run.__dataclass_fields__
-        True
     """
 
     controller: str
@@ -95,9 +91,6 @@ class Run:
     def measurement(self, name: str) -> Vector:
         """Return what one of the controller's sensors read.
 
-        Args:
-            name: Name of the sensor.
-
         Returns:
             Readings, shape (n,), in SI.
 
@@ -109,9 +102,6 @@ class Run:
 
     def info(self, name: str) -> Vector:
         """Return a number that the steps told, NaN where a step did not tell it.
-
-        Args:
-            name: Name of the entry.
 
         Returns:
             Values, shape (n,), in the entry's own unit.

@@ -114,7 +114,6 @@ def step_responses(
     """Return how every step of a trajectory was followed.
 
     Args:
-        output: Name of the controlled output.
         time: Sample times, shape (n,), in s.
         course: The output, shape (n,), in any unit.
         changes: Time in s, value before and value after of every step, in the unit of the output.

@@ -48,8 +48,6 @@ def verify(
             opening meets the same command as the plant. One by the voltage receives
             ``controller.linear_command``, neither clipped nor quantised, so that a compensated
             valve curve does not count twice.
-        scenario: What is asked.
-        seed: Seed of the sensors' noise.
         tolerance: Local error allowed in a step of the plant, relative to its scales.
         method: ``"erk"``, ``"rosenbrock"`` for stiff plants, or ``"auto"``: the first, and the
             second where the first gives up.

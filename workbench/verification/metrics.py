@@ -209,7 +209,6 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
     Of several steps the worst counts. Metrics of an output use the plant's output without noise.
 
     Args:
-        run: The run.
         own: Metrics of a user's own, beside those of `METRICS`.
 
     Example:

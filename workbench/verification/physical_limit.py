@@ -76,10 +76,6 @@ class PhysicalLimit:
         end_error_rad: Distance of the position at the end on the exact plant from that in
             ``states``, in rad.
         end_speed: Speed left at the end on the exact plant, in rad/s.
-
-    Example:
-        >>> round(PhysicalLimit.__dataclass_fields__["seconds"].name == "seconds")
-        1
     """
 
     seconds: float
@@ -132,7 +128,6 @@ def physical_limit(
     The result is kept on disk, by the content of the equations, the parameters and the arguments.
 
     Args:
-        model: The plant.
         from_rad: Position at rest before the move, in rad (in the unit of the coordinate).
         to_rad: Wanted position, in rad.
         until: ``"rest"``, at rest within the band, or ``"band"``, within the band for good.
@@ -140,7 +135,6 @@ def physical_limit(
         mean_pressure: Mean gauge pressure at the start, in Pa; by default that of the equilibrium.
         intervals: Number of intervals of the move; the stay of ``"band"`` has a quarter as many.
         degree: Radau points per interval, 2 to 5.
-        coordinate: Name of the state that moves.
         velocity: Name of the state that is its speed.
         cached: Whether a result on disk may be taken.
 

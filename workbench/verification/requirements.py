@@ -96,10 +96,6 @@ class RequirementResult:
 def judge(requirement: Requirement, measured: Metrics) -> RequirementResult:
     """Judge one requirement on the metrics of a run.
 
-    Args:
-        requirement: The requirement.
-        measured: The metrics.
-
     Returns:
         The verdict; a metric that is NaN is never met.
 
@@ -134,7 +130,6 @@ def score(
     """Judge requirements on runs and return the worst score.
 
     Args:
-        requirements: The requirements.
         measured: Metrics of runs; a requirement with a scenario applies to that one only.
 
     Returns:
@@ -172,9 +167,6 @@ def score(
 
 def requirement_from_table(table: Mapping[str, Any]) -> Requirement:
     """Build a requirement from a table of a study file.
-
-    Args:
-        table: The fields of `Requirement`.
 
     Raises:
         WorkbenchError: If a key is unknown or missing, or a value is invalid.

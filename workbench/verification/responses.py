@@ -126,9 +126,6 @@ def steady_error(time: Vector, error: Vector, *, window: float = 1.0) -> Value:
         error: Reference minus output, shape (n,), in any unit; the reference is constant.
         window: Length of the end that is averaged, in s; at most the last half is used.
 
-    Returns:
-        Magnitude in the unit of the error.
-
     Example:
         >>> t = np.linspace(0.0, 4.0, 401)
         >>> round(steady_error(t, -0.1 + np.exp(-10 * t)).value, 3)
@@ -174,9 +171,6 @@ def rms(error: Vector) -> Value:
     Args:
         error: Values, shape (n,), in any unit.
 
-    Returns:
-        In the unit of the values.
-
     Example:
         >>> rms(np.array([3.0, -3.0])).value
         3.0
@@ -191,9 +185,6 @@ def integral_absolute_error(time: Vector, error: Vector) -> Value:
         time: Equidistant times, shape (n,), in s.
         error: Values, shape (n,), in any unit.
 
-    Returns:
-        In the unit of the error times s.
-
     Example:
         >>> integral_absolute_error(np.array([0.0, 0.5]), np.array([1.0, -2.0])).value
         1.5
@@ -207,9 +198,6 @@ def variation_rate(time: Vector, command: Vector) -> Value:
     Args:
         time: Equidistant times, shape (n,), in s.
         command: Command, shape (n,), in any unit.
-
-    Returns:
-        In the unit of the command per s.
 
     Source:
         Total variation as a measure of input usage; Skogestad, Journal of Process Control 13, 2003.

@@ -81,7 +81,6 @@ class FullPlant:
         """Change a parameter from now on.
 
         Args:
-            name: Name of the parameter.
             value: New value, in its SI unit.
 
         Raises:
@@ -153,10 +152,6 @@ class LinearPlant:
     Source:
         Zero-order-hold equivalent; Åström and Wittenmark, Computer-Controlled Systems, 1997,
         section 2.3.
-
-    Example:
-        >>> LinearPlant.__name__
-        'LinearPlant'
     """
 
     def __init__(

@@ -142,7 +142,7 @@ class Scenario:
         return round(self.duration / self.sample_time)
 
     def start_values(self) -> dict[str, float]:
-        """Return what is given at rest before the run: ``start``, or the references at t = 0."""
+        """Return what is given at rest before the run: ``start``, or the references at t = 0; in SI."""
         if self.start is not None:
             return dict(self.start)
         return {name: float(s.sample(0.0)) for name, s in self.references.items()}
@@ -164,8 +164,6 @@ def step_scenario(
     """Build a step between two angles, and back if wanted.
 
     Args:
-        from_deg: Angle before the step.
-        to_deg: Angle after the step.
         back: Whether a step back follows.
         hold: Time that each step is held, in s.
         sample_time: Time between samples, in s.
@@ -198,13 +196,9 @@ def scenario_from_table(
     """Build a scenario from a table of a study file.
 
     Args:
-        name: Name of the scenario.
         table: The fields of `Scenario`; ``references`` maps an output to a signal's table,
             ``changes`` and ``disturbances`` are lists of tables.
         folder: Where signals of one's own are found.
-
-    Returns:
-        The scenario.
 
     Raises:
         WorkbenchError: If a key is unknown or missing, or a value outside its range.

@@ -29,9 +29,6 @@ def force_map(
         pressures: Gauge pressure of each panel, shape (panels,), in Pa.
         fine: Contractions along which the laws are drawn, shape (n,), in m.
         laws: Force of each law, one row of shape (n,) per panel, in N.
-
-    Returns:
-        The figure: force in N over contraction in mm.
     """
     from matplotlib.lines import Line2D
 
@@ -70,7 +67,6 @@ def law_errors(
     """Draw how far each force law is from the measurement, on a logarithmic axis.
 
     Args:
-        names: Names of the laws.
         fitted_on: Rms error on the points fitted on, shape (laws,), in N.
         held_out: Rms error on the points held out, shape (laws,), in N.
         nominal: Rms error with the published coefficients, shape (laws,), in N; NaN if none.

@@ -27,6 +27,7 @@ from workbench.plants.arm.opening import ONE_VALVE
 from workbench.plants.arm.servovalve import COMMAND, ValveFlows, valve
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
 from workbench.plants.arm.servovalve import STATES as VALVE_STATES
+from workbench.plants.arm.volume_effects import printed_volume
 from workbench.plants.plant import Option, Plant
 
 Variant = Literal["corrected", "as_printed"]
@@ -137,10 +138,6 @@ class ArmEquations:
         body: Masses of arm and plates.
         curve: Opening over spool voltage.
         valves: Writes down the valve or valves, like `valve`.
-
-    Example:
-        >>> ArmEquations.__name__
-        'ArmEquations'
     """
 
     laws: MuscleLaws
@@ -303,7 +300,7 @@ ARM = Plant(
         "angle": tuple(math.radians(1.0 + 58.0 * i / 12) for i in range(13)),
         "mean_pressure": (2.8e5, 3.6e5),
     },
-    effects={"hysteresis": muscle_hysteresis},
+    effects={"hysteresis": muscle_hysteresis, "printed_volume": printed_volume},
     step=(math.radians(15.0), math.radians(45.0)),
     # Half a second at 500 Hz, over which temperatures show.
     start_samples=251,

@@ -122,11 +122,6 @@ def joint(
     Args:
         m: Scope with the names of `STATES` and `PARAMETERS`.
         forces: Pulling forces of muscle 1 and 2, in N.
-        geometry: Lever arms.
-        body: Masses of arm and plates.
-
-    Returns:
-        Rates and the load cell's force.
 
     Source:
         The paper's Figure 4 and its description of arm, plates and stops.
@@ -201,7 +196,6 @@ def gravity(plane: Plane, body: ArmBody | None = None, *, name: str = "gravity")
     Args:
         plane: ``"vertical"`` or ``"horizontal"``.
         body: Masses of arm and plates; the paper's by default.
-        name: Name of the effect.
 
     Returns:
         Effect on ``joint.torque``.

@@ -64,9 +64,6 @@ def muscle_states(suffix: str = "") -> tuple[State, State]:
     Args:
         suffix: Ending of the names, ``"_1"`` for muscle 1.
 
-    Returns:
-        Absolute pressure in Pa and temperature in K.
-
     Example:
         >>> [state.name for state in muscle_states("_1")]
         ['pressure_1', 'temperature_1']
@@ -148,10 +145,6 @@ def muscle(
             for the arm's angle, m for a length).
         coordinate_speed: Its rate, in that unit per second.
         flow: Mass flow from the valve, in kg/s.
-        laws: Force law and braid geometry.
-
-    Returns:
-        Force and rates.
 
     Source:
         The paper's Figure 3, lines [1] to [15], with the corrections of its misprints.
@@ -283,8 +276,6 @@ def muscle_laws(
     ports of both muscles.
 
     Args:
-        force_law: Static force law.
-        volume: Geometry of the braid.
         printed_work_sign: The sign of the gas work as printed in the paper.
 
     Returns:
@@ -317,10 +308,6 @@ def force_correction(
     Args:
         law: The law whose phi(q) it is; the paper's identified one by default.
         ports: Ports of muscle tensions, with the local signal ``contraction``.
-        name: Name of the effect.
-
-    Returns:
-        Effect adding phi(q).
 
     Example:
         >>> force_correction().name
@@ -363,7 +350,6 @@ def end_flattening(
     Args:
         braid: Geometry of the braid; that of the DMSP-20-200N by default.
         ports: Ports of braid volumes, with the local signal ``fibre_length``.
-        name: Name of the effect.
 
     Returns:
         Effect adding the volume of both ends, which is negative.

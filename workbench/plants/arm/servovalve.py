@@ -131,10 +131,6 @@ def valve(
         m: Scope with the names of `STATES`, `COMMAND` and `PARAMETERS`.
         pressures: Absolute pressures in the lines to muscle 1 and 2, in Pa.
         temperatures: Temperatures of the gas in the lines, in K.
-        curve: Opening over spool voltage.
-
-    Returns:
-        The flows and the spool's rates.
 
     Source:
         The paper's description of the valve; manufacturer's flow curve and bandwidth.
@@ -186,10 +182,6 @@ def spool_position(m: Scope, suffix: str = "") -> tuple[Expression, dict[str, Ex
 
     Source:
         Manufacturer's bandwidth.
-
-    Example:
-        >>> spool_position.__name__
-        'spool_position'
     """
     p = m.p
     position, speed = m.x[f"spool{suffix}"], m.x[f"spool_speed{suffix}"]
@@ -219,15 +211,8 @@ def spool_position(m: Scope, suffix: str = "") -> tuple[Expression, dict[str, Ex
 def inlet_pressure(m: Scope) -> Expression:
     """Write down the pressure of the supply.
 
-    Args:
-        m: Scope with the names of `PARAMETERS`.
-
     Returns:
         Absolute pressure at the valves' inlet, in Pa.
-
-    Example:
-        >>> inlet_pressure.__name__
-        'inlet_pressure'
     """
     return m.port(
         "supply.pressure",
@@ -253,8 +238,6 @@ def metered_flows(
     """Write down the two metering edges of one chamber, as ISO 6358 restrictions.
 
     Args:
-        m: Scope with the names of `PARAMETERS`.
-        number: Number of the chamber.
         openings: Openings from supply and to exhaust, as fractions of full conductance.
         spool: Position of the spool, as a voltage from the centre, in V.
         supply: Absolute pressure at the inlet, in Pa.
@@ -266,10 +249,6 @@ def metered_flows(
 
     Source:
         ISO 6358-1; manufacturer's flow curve.
-
-    Example:
-        >>> metered_flows.__name__
-        'metered_flows'
     """
     p = m.p
     ambient = p.ambient_temperature

@@ -61,17 +61,9 @@ def two_valves(
             those of both valves.
         pressures: Absolute pressures in the lines to muscle 1 and 2, in Pa.
         temperatures: Temperatures of the gas in the lines, in K.
-        curve: Opening over spool voltage.
-
-    Returns:
-        The flows and the rates of both spools.
 
     Source:
         Manufacturer's flow curve and bandwidth.
-
-    Example:
-        >>> two_valves.__name__
-        'two_valves'
     """
     supply = inlet_pressure(m)
     rates: dict[str, Expression] = {}

@@ -24,11 +24,6 @@ def constant_volume(
     Args:
         volume: Volume inside one braid, in m3; by default that of the DMSP-20-200N in the
             middle of the arm's travel, at 15 mm of contraction.
-        ports: Ports of braid volumes.
-        name: Name of the effect.
-
-    Returns:
-        Effect replacing the volume.
 
     Raises:
         WorkbenchError: If the volume is outside its bounds.
@@ -70,10 +65,6 @@ def printed_volume(
 
     Args:
         ports: Ports of braid volumes, with the local signal ``fibre_length``.
-        name: Name of the effect.
-
-    Returns:
-        Effect replacing the volume, end flattening included.
 
     Example:
         >>> printed_volume().ports

@@ -51,14 +51,8 @@ def response_correlation(
     of the command, and what is left comes from the reference.
 
     Args:
-        recording: Uniformly sampled recording.
-        command: Name of the command.
-        response: Name of the response.
         max_delay: Longest lag, in s; 10 samples at least, 200 at most.
         closed_loop: Whether the command answers to measurements.
-
-    Returns:
-        Correlation at lags 0, 1, 2, ... samples.
     """
     lags = int(np.clip(round(max_delay / recording.sample_time), 10, 200))
     moving = tuple(m for m in recording.measurements if np.ptp(recording[m]) > 0)

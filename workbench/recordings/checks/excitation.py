@@ -58,7 +58,6 @@ def occupancy(signal: Signal, limits: tuple[float, float] | None = None) -> Occu
     """Return where a signal has been, in twenty bins.
 
     Args:
-        signal: The signal.
         limits: Ends of the range of the machine, in SI; by default those of the signal.
     """
     low, high = limits or (float(signal.values.min()), float(signal.values.max()))
@@ -73,7 +72,6 @@ def directions(signal: Signal, sample_time: float) -> Directions:
     """Return how a motion divides between forward, backward and rest.
 
     Args:
-        signal: An angle or position.
         sample_time: Step, in s.
     """
     from scipy.ndimage import gaussian_filter1d

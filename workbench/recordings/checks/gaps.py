@@ -25,10 +25,7 @@ def filled(recording: Recording, name: str, bad: npt.NDArray[np.bool_], reason: 
     """Replace samples of a signal by its neighbours and exclude them from judgement.
 
     Args:
-        recording: The recording.
-        name: Name of the signal.
         bad: Samples to replace, shape (n,).
-        reason: Why.
 
     Returns:
         The recording; commands are held, measurements interpolated by straight lines.

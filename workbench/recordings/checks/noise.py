@@ -67,7 +67,6 @@ def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0
 
     Args:
         values: Uniformly sampled values, shape (n,), any unit.
-        order: Order of the difference.
         quantile: Which of the moving blocks counts, as a fraction; a low one leaves fast motion
             out.
 
@@ -94,7 +93,6 @@ def rest_mask(recording: Recording, window: int) -> npt.NDArray[np.bool_]:
     """Return which windows show no motion: command held, and no drift above the scatter.
 
     Args:
-        recording: Uniformly sampled recording.
         window: Samples per window.
     """
     count = len(recording) // window
@@ -137,8 +135,6 @@ def noise_of(
 
     Args:
         recording: Recording as it was sampled; interpolation would smooth the noise.
-        name: Name of the signal.
-        rest: Which windows show no motion.
         window: Samples per window.
     """
     values = recording[name]

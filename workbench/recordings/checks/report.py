@@ -136,7 +136,6 @@ def check_recording(
     gaps, a required measurement that is constant) ends them.
 
     Args:
-        recording: The recording as it was read.
         model: Model whose inputs and outputs are required, with their limits; None without.
         required: Names of the signals that must be fit; by default those of the model, else those
             whose column states a unit or stands in a mapping file.

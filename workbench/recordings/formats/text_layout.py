@@ -50,7 +50,6 @@ def split_line(line: str, separator: str | None) -> list[str]:
     """Split a line into cells, quotes removed.
 
     Args:
-        line: The line.
         separator: One character, or None for runs of blanks.
 
     Example:
@@ -77,7 +76,6 @@ def is_number(cell: str, decimal: str = ".") -> bool:
     """Tell whether a cell holds a number.
 
     Args:
-        cell: The cell.
         decimal: ``.`` or ``,``.
     """
     return bool((_POINT if decimal == "." else _COMMA).match(cell))

@@ -30,9 +30,6 @@ def angle_course(
         damping: Damping ratio, shape (n,), dimensionless.
         gain: Gain, shape (n,), in °/V.
         marked_deg: Operating angles that are marked, in °.
-
-    Returns:
-        The figure: three panels over the angle, from zero.
     """
     figure, panels = new_figure([1.15, 1.15, 1.15])
     names = ("frequency in Hz", "damping ratio", "gain in °/V")

@@ -36,7 +36,6 @@ def titled(name: str, unit: str) -> str:
     """Write a quantity with its readable unit as the label of an axis.
 
     Args:
-        name: Name in the model.
         unit: SI unit.
     """
     shown = readable(unit)[0]

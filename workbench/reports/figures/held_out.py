@@ -32,9 +32,6 @@ def held_out(
         measured: Measurements, shape (n, outputs), in those units.
         nominal: Free run of the nominal model, of the same shape and units.
         refitted: Free run of the refitted model, of the same shape and units.
-
-    Returns:
-        The figure: outputs and errors over time in s.
     """
     from matplotlib.lines import Line2D
 

@@ -98,7 +98,7 @@ class Evidence:
         return worst(found) if found else NONE
 
     def of_size(self, controller: str, kind: str, name: str, size: float) -> Value:
-        """Return settling time (s) or overshoot (a fraction) of the steps of a size, the worst."""
+        """Return settling time (s) or overshoot (a fraction) of the steps of a size (SI), worst."""
         found = [v for r in self._records(controller, kind) for v in r.values_of_steps(name, size)]
         return worst(found) if found else NONE
 
@@ -394,9 +394,6 @@ def cause_of_miss(
     """Say what keeps a metric from its limit, with the numbers that show it.
 
     Args:
-        result: The result of the study.
-        e: The evidence of the case.
-        controller: Name of the controller.
         own: How the requirement is met, by variation.
     """
     demand = next(iter(own.values())).demand

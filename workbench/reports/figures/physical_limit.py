@@ -135,11 +135,7 @@ def _worse(a: float, b: float) -> float:
 
 
 def step_text(result: StudyResult, move: Move) -> str:
-    """Write a step as people read it.
-
-    Returns:
-        Both references with their unit.
-    """
+    """Write a step as people read it."""
     quantity = next(q for q in result.study.plant.build().outputs if q.name == move.output)
     unit = quantity.display_unit or quantity.unit
     ends = (float(from_si(v, unit)) for v in (move.initial, move.final))

@@ -33,8 +33,6 @@ def phase_portrait(
         error: Reference minus output, shape (n,), in ``unit``.
         rate: Its rate where the reference rests, minus the speed, shape (n,), in ``unit`` per s.
         slope: Slope lambda of the surface, in 1/s.
-        shade: Colour of the controller.
-        name: Name of the controller.
         unit: Unit of the output as written.
     """
     figure, (axes,) = new_figure([3.0])
@@ -64,7 +62,6 @@ def surface(time: npt.ArrayLike, value: npt.ArrayLike, *, shade: Colour) -> Draw
     Args:
         time: Times, shape (n,), in s.
         value: s over the half width of the layer, shape (n,), dimensionless.
-        shade: Colour of the controller.
 
     Returns:
         The figure: s over layer, over time in s, with the layer at ±1.

@@ -49,7 +49,6 @@ def closed_loop_steps(
     Args:
         time: Sample times of the reference, shape (n,), in s.
         reference: Reference angle, shape (n,), in rad.
-        runs: What each controller did.
         error_limit_deg: Steady error allowed, drawn as lines about zero error.
 
     Returns:

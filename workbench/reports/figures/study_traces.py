@@ -48,7 +48,6 @@ def point_text(study: Study, point: tuple[tuple[str, float], ...]) -> str:
     """Write where a controller was designed, each value in its display unit.
 
     Args:
-        study: The study.
         point: Names and values in SI.
     """
     known = {q.name: q.display_unit for q in study.plant.build().outputs}

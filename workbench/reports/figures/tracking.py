@@ -56,8 +56,6 @@ def tracking(
     Args:
         time: Times of the reference, shape (n,), in s.
         reference: Reference, shape (n,), in ``unit``.
-        trajectories: What each controller did.
-        quantity: The controlled output, in a word.
         unit: Its unit as written.
         command: The command and its unit.
         error_limit: Steady error allowed, in ``unit``, drawn as lines about zero error.
