@@ -19,7 +19,7 @@ Bound = float | tuple[str, ...]
 class DriftingSum:
     """A sum of outputs that no input holds, but that an operating point may prescribe.
 
-    The mean pressure of two chambers behind one 5/3 valve is one: it drifts to where leakage holds
+    The mean of two stores that one valve fills and empties is one: it drifts to where leakage holds
     it, and any other mean can be passed through.
 
     Args:

@@ -142,7 +142,7 @@ class Scenario:
         return round(self.duration / self.sample_time)
 
     def start_values(self) -> dict[str, float]:
-        """Return what is given at rest before the run: ``start``, or the references at t = 0; in SI."""
+        """Return what is given at rest before the run, in SI: ``start``, or references at t = 0."""
         if self.start is not None:
             return dict(self.start)
         return {name: float(s.sample(0.0)) for name, s in self.references.items()}
