@@ -16,11 +16,16 @@ Source: P. R. Dahl 1968 (law); Vo-Minh, Tjahjowidodo, Ramon and Van Brussel, Mec
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
 
 from controllers.arithmetic import Arithmetic, Number
 from workbench.errors import WorkbenchError, check_range
+from workbench.model import Model
 
 
 @dataclass(frozen=True)
@@ -117,3 +122,42 @@ def hysteresis_compensation(
         )
     level, slope, breakaway = (float(fitted[name]) for name in names)
     return HysteresisCompensation(level, slope, breakaway, lever, torque_per_difference)
+
+
+def with_compensation(law: Any, model: Model) -> Any:
+    """Return a controller that also compensates the hysteresis that a model's muscles have.
+
+    Elements that slip after d_i are replaced by Dahl's law of the same half width which, after a
+    turn, loses the same work: its breakaway is the mean of the d_i. A controller without planned
+    moves of a joint, or for muscles without hysteresis, is returned as it is.
+    """
+    values = {q.name: q.value for q in model.parameters}
+    names = {effect.name for effect in model.effects}
+    if "maxwell_slip_hysteresis" in names and "muscle_hysteresis" not in names:
+        values = _as_dahl(values)
+    elif "muscle_hysteresis" not in names:
+        return law
+    if not hasattr(law, "tracking"):
+        return law
+    schedule = law.tracking.schedule
+    middle = {"angle": math.radians(30.0)}
+    inertia = model.signals(model.initial_state(middle), model.nominal_input)["joint.inertia"]
+    b = schedule.at(middle["angle"], 0.5 * (schedule.mean_low + schedule.mean_high)).b
+    own = hysteresis_compensation(values, torque_per_difference=float(inertia * b))
+    return replace(law, tracking=replace(law.tracking, hysteresis=own))
+
+
+def _as_dahl(values: Mapping[str, float]) -> dict[str, float]:
+    own = {
+        name.removeprefix("maxwell_slip_hysteresis."): value
+        for name, value in values.items()
+        if name.startswith("maxwell_slip_hysteresis.")
+    }
+    count = 1 + sum(name.startswith("weight_") for name in own)
+    weights = np.array([1.0, *(own[f"weight_{i + 1}"] for i in range(1, count))])
+    slips = own["breakaway"] * own.get("spread", 1.0) ** np.arange(count)
+    return {
+        "muscle_hysteresis.level": own["level"],
+        "muscle_hysteresis.level_per_pressure": own["level"] * own["growth"],
+        "muscle_hysteresis.breakaway": float(weights @ slips / weights.sum()),
+    }

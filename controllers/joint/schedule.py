@@ -17,7 +17,6 @@ Source: Rugh and Shamma, Research on gain scheduling, Automatica 36, 2000, secti
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -30,7 +29,7 @@ from controllers.valve_inverse import ValveInverse
 from workbench.errors import WorkbenchError
 
 if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
+    from workbench.linearisation.operating_map import OperatingMap
 
 NAMES = ("b", "a1", "a0", "g", "e", "d", "difference")
 """Numbers of the joint model that are scheduled."""
@@ -153,11 +152,8 @@ class JointSchedule:
 
 
 def joint_schedule(
-    models: Mapping[tuple[int, int, int], LinearModel],
-    angles: Sequence[float] | npt.NDArray[np.float64],
-    mean_pressures: Sequence[float] | npt.NDArray[np.float64],
+    found: OperatingMap,
     *,
-    load: int = 0,
     valve: ValveInverse | None = None,
 ) -> JointSchedule:
     """Build the schedule from a map of linear models.
@@ -166,9 +162,7 @@ def joint_schedule(
     neighbours in angle.
 
     Args:
-        models: Linear models by indices of angle, load and mean pressure, as an angle map has them.
-        angles: Angles of the map, shape (n,), evenly spaced, in rad.
-        mean_pressures: Two mean gauge pressures of the map, shape (2,), in Pa.
+        found: Map over evenly spaced angles, in rad, and two mean gauge pressures, in Pa.
         valve: Valve curve whose slope at rest turns a voltage into an opening.
 
     Raises:
@@ -176,14 +170,19 @@ def joint_schedule(
             fewer than two operating points at one of them.
 
     Example:
-        >>> from workbench.linearisation.angle_map import angle_map
+        >>> from workbench.linearisation.operating_map import operating_map
         >>> from workbench.plants.arm import arm
-        >>> found = angle_map(arm(3), [0.3, 0.5, 0.7], mean_pressures=[2.8e5, 3.6e5])
-        >>> schedule = joint_schedule(found.models, found.angles, found.mean_pressures)
+        >>> axes = {"angle": [0.3, 0.5, 0.7], "mean_pressure": [2.8e5, 3.6e5]}
+        >>> schedule = joint_schedule(operating_map(arm(3), axes))
         >>> abs(schedule.at(0.5236, 4.2e5).difference) < 1e3
         True
     """
-    theta = np.asarray(angles, dtype=float)
+    if tuple(found.axes) != ("angle", "mean_pressure"):
+        raise WorkbenchError(
+            f"the map is over {', '.join(found.axes)}; a schedule needs one over angle and"
+            " mean_pressure"
+        )
+    theta, mean_pressures = found.axes["angle"], found.axes["mean_pressure"]
     steps = np.diff(theta)
     if len(theta) < 2 or not np.allclose(steps, steps[0], rtol=1e-6):
         raise WorkbenchError(
@@ -193,14 +192,14 @@ def joint_schedule(
     if len(mean_pressures) != 2:
         raise WorkbenchError(
             f"a schedule needs two mean pressures, not {len(mean_pressures)}; make the map with"
-            " mean_pressures=[2.8e5, 3.6e5]"
+            " mean_pressure = 2.8e5 and 3.6e5 Pa"
         )
     tables = []
     for k in range(2):
         table = np.full((len(NAMES), len(theta)), np.nan)
         for i in range(len(theta)):
-            if (i, load, k) in models:
-                joint = joint_model(models[i, load, k], valve=valve)
+            if (i, k) in found.models:
+                joint = joint_model(found.models[i, k], valve=valve)
                 table[:, i] = [getattr(joint, name) for name in NAMES]
         tables.append(_filled(theta, table, float(mean_pressures[k])))
     return JointSchedule(

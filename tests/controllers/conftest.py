@@ -12,7 +12,7 @@ import pytest
 
 from controllers.joint.schedule import JointSchedule, joint_schedule
 from workbench.linearisation import LinearModel, linearise
-from workbench.linearisation.angle_map import angle_map
+from workbench.linearisation.operating_map import operating_map
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.physics.hysteresis import muscle_hysteresis
@@ -44,8 +44,9 @@ def linear_by_opening(plant: Model) -> LinearModel:
 @pytest.fixture(scope="session")
 def schedule() -> JointSchedule:
     angles = np.radians(np.linspace(1.0, 59.0, 7))
-    found = angle_map(arm(load_kg=3), angles, mean_pressures=[2.8e5, 3.6e5])
-    return joint_schedule(found.models, found.angles, found.mean_pressures)
+    return joint_schedule(
+        operating_map(arm(load_kg=3), {"angle": angles, "mean_pressure": [2.8e5, 3.6e5]})
+    )
 
 
 @dataclass(frozen=True)

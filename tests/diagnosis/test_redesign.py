@@ -11,22 +11,17 @@ import math
 import numpy as np
 import pytest
 
-from controllers.joint.schedule import JointSchedule
-from controllers.pid import CascadePID, design_scheduled_pid
-from controllers.state_feedback import design_state_feedback
 from tests.diagnosis.practice_08 import diagnosed, rig, sine
-from workbench.diagnosis.redesign import WITHOUT_SLOPE, redesign, study_plant, without_dry_laws
+from workbench.diagnosis.redesign import redesign
 from workbench.evaluation.rig.closed_loop import follow
 from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
-from workbench.physics.friction import coulomb_friction
 from workbench.physics.hysteresis import muscle_hysteresis
-from workbench.physics.library import library
-from workbench.physics.maxwell_slip import maxwell_slip_hysteresis, muscle_slip
+from workbench.physics.maxwell_slip import muscle_slip
 from workbench.physics.tilt import tilt_gravity
-from workbench.plants.arm import arm
-from workbench.study.plants import PlantRecipe
+from workbench.plants.arm.arm import ARM, arm
+from workbench.plants.registry import PLANTS
 from workbench.verification import Scenario, Sine, verify
 
 BETTER = 0.5
@@ -40,10 +35,6 @@ def models() -> dict[str, Model]:
     return {"nominal": arm(3.0), "refitted": found.base.model, "improved": found.verdict.model}
 
 
-def design(schedule: JointSchedule) -> CascadePID:
-    return design_scheduled_pid(schedule)
-
-
 @pytest.mark.system
 @pytest.mark.parametrize("frequency_hz", [0.25, 0.5])
 def test_the_redesigned_controller_tracks_better_on_the_rig(
@@ -52,7 +43,7 @@ def test_the_redesigned_controller_tracks_better_on_the_rig(
     parameters, state = rig()
     errors = {
         name: follow(
-            redesign(model, design), parameters, state, sine(frequency_hz), 6.0
+            redesign(model, ARM, "scheduled-pid"), parameters, state, sine(frequency_hz), 6.0
         ).rms_error_deg(after=2.0)
         for name, model in models.items()
     }
@@ -76,28 +67,15 @@ def test_the_verdicts_model_goes_straight_into_design(models: dict[str, Model]) 
     wave = Scenario("sine", {"angle": Sine(math.radians(30), math.radians(15), 0.5)}, 4.0)
     errors = []
     for model in (models["refitted"], improved):
-        run = verify(redesign(model, design), improved, wave)
+        run = verify(redesign(model, ARM, "scheduled-pid"), improved, wave)
         late = run.time > 2.0
         errors.append(np.sqrt(np.mean((run.references["angle"] - run["angle"])[late] ** 2)))
     assert errors[1] < BETTER * errors[0]
 
 
-@pytest.mark.system
-def test_the_verdicts_model_goes_into_studies(models: dict[str, Model]) -> None:
-    improved = models["improved"]
-    again = study_plant(improved, models["nominal"], load=3.0).build()
-    x = improved.initial_state({"angle": 0.6, "speed": 0.4})
-    np.testing.assert_allclose(again.rates(x, [5.4]), improved.rates(x, [5.4]), rtol=1e-12)
-
-
-def test_a_recipe_holds_nothing_that_did_not_change() -> None:
-    nominal = arm(3.0)
-    assert study_plant(nominal, nominal, load=3.0) == PlantRecipe("arm", (("load", 3.0),))
-
-
 def test_gravity_of_a_tilt_enters_the_feedforward() -> None:
     level, tilted = (
-        redesign(m, design).tracking.schedule
+        redesign(m, ARM, "scheduled-pid").tracking.schedule
         for m in (arm(3.0), arm(3.0).with_effect(tilt_gravity(tilt=0.1)))
     )
     # 9.81 * 1.30 kg m * sin(0.1 rad) * cos(30 deg) = 1.1 N m, at 12 N m per bar of difference.
@@ -115,17 +93,16 @@ def test_gravity_of_a_tilt_enters_the_feedforward() -> None:
     assert change * level.at(angle, 3.2e5).b * inertia == pytest.approx(weight, rel=0.01)
 
 
-def test_laws_without_slope_stay_out_of_linear_models() -> None:
-    rough = arm(3.0).with_effect(muscle_hysteresis(), maxwell_slip_hysteresis(), coulomb_friction())
-    assert not {e.name for e in without_dry_laws(rough).effects} & set(WITHOUT_SLOPE)
-    known = {e.name for e in library(arm(3.0).without("bearing_friction"))} | {"bearing_friction"}
-    assert set(WITHOUT_SLOPE) <= known
+def test_any_plant_takes_any_design_that_fits_it() -> None:
+    plant = PLANTS.get("tests.outside.outside_rig:hoist")
+    law = redesign(plant.model(), plant, "tests.outside.outside_rig:DESIGN", {"bandwidth": 5.0})
+    assert law.gain == pytest.approx(4.0 * 25.0)
 
 
 def test_both_laws_of_hysteresis_ask_for_the_same_difference() -> None:
     # The same half width: 10 N and 7 N/bar in each muscle.
     laws = [
-        redesign(arm(3.0).with_effect(effect), design_state_feedback).tracking.hysteresis
+        redesign(arm(3.0).with_effect(effect), ARM, "scheduled-state-feedback").tracking.hysteresis
         for effect in (
             muscle_hysteresis(level=10.0, level_per_pressure=7e-5, breakaway=1e-3),
             muscle_slip(1)(level=10.0, growth=7e-6, breakaway=1e-3),

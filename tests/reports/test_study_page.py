@@ -95,7 +95,7 @@ def test_every_part_is_there(outcome: StudyResult, page: Page) -> None:
                      "solver", "linear", "robustness", "requirements", "how"]  # fmt: skip
     pictures = {picture.name for picture in page.pictures}
     assert {"tracking-1", "outputs-1", "portrait-2", "surface-2", "solver", "plant-bode",
-            "angle-map", "physical-limit", "bode-1", "nyquist-3",
+            "plant-map", "physical-limit", "bode-1", "nyquist-3",
             "box-scores"} <= pictures  # fmt: skip
     text = html(page)
     assert "ZeroDivisionError: gain is zero" in text and "✗" in text

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from workbench.demo.part import Part, judged
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
-from workbench.linearisation.angle_map import angle_map
+from workbench.linearisation.operating_map import operating_map
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.reports.figures.bode import bode
@@ -43,11 +43,9 @@ def linear_models() -> dict[tuple[int, int], LinearModel]:
         >>> round(linear_models()[3, 30].mode_of("angle").frequency_hz, 1)
         2.1
     """
-    found = angle_map(
-        lambda load: arm(load).without("bearing_friction"),
-        np.radians(ANGLES_DEG),
-        loads=LOADS_KG,
-        mean_pressures=[MEAN_PRESSURE],
+    found = operating_map(
+        arm().without("bearing_friction"),
+        {"angle": np.radians(ANGLES_DEG), "load": LOADS_KG, "mean_pressure": [MEAN_PRESSURE]},
     )
     if found.reasons:
         raise WorkbenchError(next(iter(found.reasons.values())))

@@ -1,6 +1,5 @@
 """Linear models with names, an operating point and a verdict on how far they hold."""
 
-from workbench.linearisation.angle_map import AngleMap, angle_map
 from workbench.linearisation.iosystem import to_iosystem
 from workbench.linearisation.kinks import Kink
 from workbench.linearisation.linear_model import LinearModel
@@ -12,7 +11,6 @@ from workbench.linearisation.validity import Swing, Validity
 
 __all__ = [
     "AmplitudeValidity",
-    "AngleMap",
     "FrequencyValidity",
     "Kink",
     "LinearModel",
@@ -20,7 +18,6 @@ __all__ = [
     "Swing",
     "Validity",
     "amplitude_validity",
-    "angle_map",
     "find_modes",
     "frequency_validity",
     "linearise",

@@ -13,7 +13,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from workbench.linearisation import angle_map, linearise
+from workbench.linearisation import linearise
+from workbench.linearisation.operating_map import operating_map
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
@@ -205,7 +206,7 @@ def _linear_models(plant: Model) -> Sequence[Timing]:
     angles = np.radians(np.arange(61.0))
 
     def batch() -> object:
-        return angle_map(plant, angles, loads=[3.0], mean_pressures=[3e5])
+        return operating_map(plant, {"angle": angles, "load": [3.0], "mean_pressure": [3e5]})
 
     batch()
     return (

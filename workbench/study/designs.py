@@ -17,7 +17,7 @@ from controllers.largest_bandwidth import MarginedDesign, largest_bandwidth
 from controllers.protocol import Controller
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel, linearise
-from workbench.linearisation.angle_map import angle_map
+from workbench.linearisation.operating_map import operating_map
 from workbench.operating_point import operating_point
 from workbench.simulation.compiled import compiled
 from workbench.study.plants import PlantRecipe
@@ -167,13 +167,12 @@ def _linear(plant: PlantRecipe, at: Pairs) -> LinearModel:
 @lru_cache(maxsize=16)
 def _map(plant: PlantRecipe) -> JointSchedule:
     grid = plant.plant().design_map
-    if set(grid) != {"angle", "mean_pressure"}:
+    if not grid:
         raise WorkbenchError(
-            f"plant {plant.kind!r} declares no map over angle and mean pressure, which a scheduled"
-            " design needs; give its Plant a design_map, or use another design"
+            f"plant {plant.kind!r} declares no map of operating points, which a scheduled design"
+            " needs; give its Plant a design_map, or use another design"
         )
-    found = angle_map(plant.build(), grid["angle"], mean_pressures=grid["mean_pressure"])
-    return joint_schedule(found.models, found.angles, found.mean_pressures)
+    return joint_schedule(operating_map(plant.build(), grid))
 
 
 def _heavier(recipe: ControllerRecipe) -> PlantRecipe:

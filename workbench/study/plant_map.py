@@ -1,4 +1,4 @@
-"""The nominal plant of a study over its whole range of angles: how it swings, how far it moves."""
+"""The nominal plant of a study over the range of its output: oscillation and gain."""
 
 from __future__ import annotations
 
@@ -9,70 +9,64 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
-from workbench.linearisation.angle_map import angle_map
+from workbench.linearisation.operating_map import operating_map
 from workbench.linearisation.transfer import transfer_function
 from workbench.study.study import Study
 
 Vector = npt.NDArray[np.float64]
 
 GAIN_HZ = 0.5
-"""Frequency of the gain: above the creep of the leakage, below the swing of the arm, Hz."""
+"""Frequency of the gain, in Hz: above slow drifts, below the oscillation of most machines."""
 
 COUNT = 30
 
 
 @dataclass(frozen=True)
 class PlantMap:
-    """Linear models of a plant over its angles, in three numbers each.
+    """Linear models of a plant over one of its outputs, in three numbers each.
 
     Args:
-        angles: Angles, shape (n,), in rad.
-        frequency_hz: Frequency of the arm's swing, shape (n,), in Hz; NaN where it cannot rest.
-        damping: Damping ratio of the swing, shape (n,), dimensionless.
-        gain: Angle per volt at `GAIN_HZ`, shape (n,), in rad/V.
-
-    Example:
-        >>> list(PlantMap.__dataclass_fields__)[0]
-        'angles'
+        output: Name of the output.
+        values: Its values at rest, shape (n,), in SI.
+        frequency_hz: Frequency of the oscillation, shape (n,), in Hz; NaN where it cannot rest.
+        damping: Damping ratio of the oscillation, shape (n,), dimensionless.
+        gain: Output per command at `GAIN_HZ`, shape (n,), in SI.
     """
 
-    angles: Vector
+    output: str
+    values: Vector
     frequency_hz: Vector
     damping: Vector
     gain: Vector
 
 
 def plant_map(study: Study) -> PlantMap | None:
-    """Linearise the nominal plant over its angles.
-
-    Args:
-        study: The study.
+    """Linearise the nominal plant over the first axis of the map that it declares.
 
     Returns:
-        The map; None if the plant has no angle, no voltage as its only input, or rests nowhere.
+        The map; None if that is no output, the plant has several inputs, or it rests nowhere.
 
     Example:
         >>> from workbench.study.schema import load_study
         >>> from workbench.study.shipped import shipped_study
         >>> found = plant_map(load_study(shipped_study("arm")))
-        >>> found is not None and len(found.angles)
+        >>> found is not None and len(found.values)
         30
     """
     model = study.plant.build()
-    if "angle" not in [q.name for q in model.outputs] or [q.unit for q in model.inputs] != ["V"]:
+    output, grid = next(iter(study.plant.plant().design_map.items()), ("", ()))
+    if output not in [q.name for q in model.outputs] or len(model.inputs) != 1:
         return None
-    grid = study.plant.plant().design_map.get("angle")
-    if not grid:
-        return None
-    angles = np.linspace(grid[0], grid[-1], COUNT)
+    values = np.linspace(grid[0], grid[-1], COUNT)
     try:
-        found = angle_map(model.without(*model.dry_effects), angles, input="plant")
+        smooth = model.without(*model.dry_effects)
+        found = operating_map(smooth, {output: values}, input="plant")
     except WorkbenchError:
         return None
-    gain = np.full(len(angles), np.nan)
+    gain = np.full(len(values), np.nan)
     s = 2j * math.pi * GAIN_HZ
-    for (i, _, _), linear in found.models.items():
-        row = linear.output_names.index("angle")
+    for (i,), linear in found.models.items():
+        row = linear.output_names.index(output)
         response = transfer_function(linear.A, linear.B, linear.C, linear.D, s)
         gain[i] = abs(response[row, 0])
-    return PlantMap(angles, found.frequency_hz[:, 0, 0], found.damping[:, 0, 0], gain)
+    return PlantMap(output, values, found.frequency_hz, found.damping, gain)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -13,7 +14,7 @@ from controllers.joint.model import joint_model
 from controllers.joint.schedule import JointSchedule, joint_schedule
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linearise
-from workbench.linearisation.angle_map import angle_map
+from workbench.linearisation.operating_map import operating_map
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
@@ -56,16 +57,19 @@ def test_missing_points_continue_and_inertia_moves_only_what_it_should(
     schedule: JointSchedule,
 ) -> None:
     angles = np.radians(np.linspace(1.0, 59.0, 7))
-    heavier = angle_map(arm(load_kg=4), angles, mean_pressures=[2.8e5, 3.6e5])
-    other = joint_schedule(heavier.models, heavier.angles, heavier.mean_pressures)
+    heavier = operating_map(arm(load_kg=4), {"angle": angles, "mean_pressure": [2.8e5, 3.6e5]})
+    other = joint_schedule(heavier)
     both = schedule.with_inertia_of(other).at(0.5, 3.5e5)
     own, far = schedule.at(0.5, 3.5e5), other.at(0.5, 3.5e5)
     assert (both.b, both.a0) == (far.b, far.a0)
     assert (both.g, both.difference) == (own.g, own.difference)
-    models = {key: value for key, value in heavier.models.items() if key != (6, 0, 1)}
-    filled = joint_schedule(models, heavier.angles, heavier.mean_pressures)
+    models = {key: value for key, value in heavier.models.items() if key != (6, 1)}
+    filled = joint_schedule(replace(heavier, models=models))
     assert filled.high[-1][6] == pytest.approx(other.high[-1][6], rel=0.2)
     with pytest.raises(WorkbenchError, match="two mean pressures"):
-        joint_schedule(models, heavier.angles, [3e5])
+        joint_schedule(replace(heavier, axes={"angle": angles, "mean_pressure": np.array([3e5])}))
     with pytest.raises(WorkbenchError, match="evenly spaced"):
-        joint_schedule(models, [0.1, 0.2, 0.5], [2.8e5, 3.6e5])
+        uneven = {"angle": np.array([0.1, 0.2, 0.5]), "mean_pressure": np.array([2.8e5, 3.6e5])}
+        joint_schedule(replace(heavier, axes=uneven))
+    with pytest.raises(WorkbenchError, match="over angle and"):
+        joint_schedule(replace(heavier, axes={"angle": angles}))

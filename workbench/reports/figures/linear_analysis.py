@@ -9,9 +9,9 @@ import numpy as np
 from workbench.linearisation.transfer import transfer_function
 from workbench.model.units import parse_unit
 from workbench.reports.figure import Figure
-from workbench.reports.figures.angle_course import angle_course
 from workbench.reports.figures.bode import bode
 from workbench.reports.figures.nyquist import nyquist
+from workbench.reports.figures.plant_map import draw_plant_map
 from workbench.reports.figures.study_traces import output_of, point_text, written
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
@@ -137,24 +137,29 @@ def plant_picture(study: Study) -> list[Picture]:
 
 
 def map_picture(study: Study) -> list[Picture]:
-    """Draw how the nominal plant changes over its angles."""
+    """Draw how the nominal plant changes over the range of its output."""
     found = plant_map(study)
     if found is None:
         return []
-    marked = [math.degrees(v) for point in study.points for n, v in point if n == "angle"]
-    figure = angle_course(
-        np.degrees(found.angles),
+    display = output_of(study, found.output).display_unit
+    factor, unit = parse_unit(display).factor, written(display)
+    figure = draw_plant_map(
+        found.values / factor,
         found.frequency_hz,
         found.damping,
-        np.degrees(found.gain),
-        marked_deg=marked,
+        found.gain / factor,
+        name=found.output,
+        unit=unit,
+        gain_unit=f"{unit}/{study.plant.build().inputs[0].unit}",
+        marked=[v / factor for point in study.points for n, v in point if n == found.output],
     )
+    name = found.output.replace("_", " ")
     caption = (
-        "The plant alone over its angles: frequency and damping of its oscillation, and the gain "
-        f"from the command to the angle at {GAIN_HZ:g} Hz, with jumps where a law of the plant has "
-        "a corner. Dotted: the operating points."
+        f"The plant alone over its {name}: frequency and damping of its oscillation, and the gain "
+        f"from the command to the {name} at {GAIN_HZ:g} Hz, with jumps where a law of the plant "
+        "has a corner. Dotted: the operating points."
     )
-    return [Picture("angle-map", figure, caption, "frequency, damping and gain over the angle")]
+    return [Picture("plant-map", figure, caption, f"frequency, damping and gain over the {name}")]
 
 
 def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:

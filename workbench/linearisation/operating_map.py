@@ -1,0 +1,151 @@
+"""Linear models on a grid of operating points and parameters, in one call."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import WorkbenchError, check_choice, check_finite
+from workbench.linearisation.linear_model import LinearModel
+from workbench.linearisation.linearise import linearise
+from workbench.model import Model
+from workbench.operating_point import OperatingPoint, operating_point
+
+Vector = npt.NDArray[np.float64]
+Index = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class OperatingMap:
+    """Linear models on a grid.
+
+    Args:
+        axes: Values of each axis by name, in SI.
+        state: State whose oscillation `frequency_hz` and `damping` describe.
+        models: Linear models by their indices on the axes.
+        reasons: Why there is no operating point, by the same indices.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axes = {"position": [0.0, 0.1], "mass": [50.0, 90.0, 95.0]}
+        >>> found = operating_map(servo_axis(), axes)
+        >>> found.table(lambda linear: linear.A).shape
+        (2, 3, 2, 2)
+    """
+
+    axes: Mapping[str, Vector]
+    state: str
+    models: Mapping[Index, LinearModel]
+    reasons: Mapping[Index, str]
+
+    def table(self, of: Callable[[LinearModel], npt.ArrayLike]) -> Vector:
+        """Return something of every linear model, NaN where there is no operating point.
+
+        Returns:
+            Array of the lengths of the axes, followed by the shape of what is asked for.
+        """
+        first = np.shape(of(next(iter(self.models.values()))))
+        result = np.full((*(len(v) for v in self.axes.values()), *first), np.nan)
+        for index, linear in self.models.items():
+            result[index] = of(linear)
+        return result
+
+    @property
+    def frequency_hz(self) -> Vector:
+        """Natural frequency of the oscillation, in Hz, over the axes."""
+        return self.table(lambda linear: linear.mode_of(self.state).frequency_hz)
+
+    @property
+    def damping(self) -> Vector:
+        """Damping ratio of the oscillation, dimensionless, over the axes."""
+        return self.table(lambda linear: linear.mode_of(self.state).damping)
+
+    def __str__(self) -> str:
+        """Return a short aligned table: range of frequency and damping along the first axis."""
+        (first, along), *rest = self.axes.items()
+        frequency, damping = self.frequency_hz, self.damping
+        head = "".join(f"{name:>16}" for name, _ in rest)
+        lines = [
+            f"map over {first}, {along.min():.3g} to {along.max():.3g}",
+            f"{head}  frequency Hz     damping        points",
+        ]
+        for index in itertools.product(*(range(len(v)) for _, v in rest)):
+            f, z = (np.moveaxis(table, 0, -1)[index] for table in (frequency, damping))
+            count = int(np.isfinite(f).sum())
+            at = "".join(f"{v[i]:>16.6g}" for i, (_, v) in zip(index, rest, strict=True))
+            if not count:
+                lines.append(f"{at}  no operating point")
+                continue
+            lines.append(
+                f"{at}  {np.nanmin(f):5.2f} to {np.nanmax(f):5.2f}"
+                f"  {np.nanmin(z):5.3f} to {np.nanmax(z):5.3f}  {count} of {len(f)}"
+            )
+        return "\n".join(lines)
+
+
+def operating_map(
+    model: Model,
+    axes: Mapping[str, npt.ArrayLike],
+    *,
+    state: str = "",
+    input: str = "",  # noqa: A002 -- The word of the field.
+    amplitude: Mapping[str, float] | None = None,
+) -> OperatingMap:
+    """Linearise a model at every point of a grid.
+
+    Each point starts from its neighbour on the first axis.
+
+    Args:
+        axes: Values in SI, by the name of a parameter, or of what `operating_point` takes: an
+            output, a state, an input, or a sum that the plant declares.
+        state: State whose oscillation the map describes; the first axis that is one by default.
+        input: Name of the input, as for `linearise`; by default that of a curve that a controller
+            inverts, where the plant declares one.
+        amplitude: Amplitudes of states by name, in SI, as for `linearise`.
+
+    Raises:
+        WorkbenchError: If a value is not finite, a name unknown, or there is no operating point.
+
+    Example:
+        >>> import math
+        >>> from workbench.plants.arm import arm
+        >>> print(operating_map(arm(8), {"angle": [math.pi / 6], "mean_pressure": [3e5]}))
+        map over angle, 0.524 to 0.524
+           mean_pressure  frequency Hz     damping        points
+                  300000   1.29 to  1.29  0.077 to 0.077  1 of 1
+    """
+    grid = {name: np.atleast_1d(check_finite(name, values)) for name, values in axes.items()}
+    if not grid or any(values.ndim != 1 for values in grid.values()):
+        raise WorkbenchError("a map needs one or more axes, each a list of numbers")
+    curves = [curve.name for curve in model.traits.curves] if model.traits else []
+    input = input or (curves[0] if curves else "plant")  # noqa: A001
+    states = [q.name for q in model.states]
+    state = state or next((name for name in grid if name in states), states[0])
+    check_choice("state", state, states)
+    parameters = {q.name for q in model.parameters}
+    first, *rest = grid
+    models: dict[Index, LinearModel] = {}
+    reasons: dict[Index, str] = {}
+    for index in itertools.product(*(range(len(grid[name])) for name in rest)):
+        near: OperatingPoint | None = None
+        fixed = {name: float(grid[name][i]) for name, i in zip(rest, index, strict=True)}
+        for i, value in enumerate(grid[first].tolist()):
+            given = {first: value, **fixed}
+            own = {name: v for name, v in given.items() if name in parameters}
+            given = {name: v for name, v in given.items() if name not in parameters}
+            changed = model.with_parameters(own) if own else model
+            try:
+                near = operating_point(changed, given, near=near)
+                models[i, *index] = linearise(near, input=input, amplitude=amplitude, verdict=False)
+            except WorkbenchError as error:
+                reasons[i, *index] = str(error)
+    if not models:
+        raise WorkbenchError(
+            "there is no operating point anywhere on the map; the first:"
+            f" {next(iter(reasons.values()))}"
+        )
+    return OperatingMap(grid, state, models, reasons)
