@@ -6,8 +6,9 @@ import math
 from collections.abc import Mapping, Sequence
 
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.selection.held_out import explained, held_out_errors
-from workbench.diagnosis.selection.rules import IMPERFECT
+from workbench.diagnosis.selection.rules import IMPERFECT, NEAR_NOISE
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
@@ -64,6 +65,8 @@ def conclude_early(diagnosis: Diagnosis, step: str) -> Verdict:
             parameters=_own(diagnosis.extended, candidate.entry.effect.name),
             gain=candidate.gain,
             held_out=candidate.held_out,
+            belief="likely" if candidate.doubts else "sure",
+            doubts=candidate.doubts,
         )
         for candidate, alike in diagnosis.accepted
     )
@@ -120,7 +123,7 @@ def _refused(diagnosis: Diagnosis) -> tuple[Mapping[str, object], ...]:
     rows: dict[str, Mapping[str, object]] = {}
     for _, candidates in diagnosis.rounds:
         for c in candidates:
-            if c.refused and c.rule:
+            if c.refused and c.rule and c.entry.name not in rows:
                 rows[c.entry.name] = {
                     "effect": c.entry.name,
                     "rule": c.rule,
@@ -155,7 +158,8 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
     size = parameters.get(entry.size_parameter)
     about = entry.effect.about
     text = (
-        f"Missing: {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
+        f"{'Likely missing' if candidate.doubts else 'Missing'}:"
+        f" {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
         + (
             f", {entry.size_parameter} {size.value:.3g} +- {size.std:.2g} {size.unit}"
             if size
@@ -164,6 +168,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
         + "."
+        + (f" Only likely: {'; '.join(candidate.doubts)}." if candidate.doubts else "")
     )
     return Finding(
         where=entry.ports,
@@ -175,6 +180,8 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
         gain=candidate.gain,
         held_out=candidate.held_out,
         p_value=_by_chance(candidate.held_out),
+        belief="likely" if candidate.doubts else "sure",
+        doubts=candidate.doubts,
     )
 
 
@@ -182,9 +189,9 @@ def _without_name(
     diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]
 ) -> tuple[Finding, ...]:
     """Say where something is left out that no effect of the library explains."""
-    if diagnosis.base.noise_scale <= IMPERFECT.value:
-        return ()
     term = diagnosis.nonparametric
+    if diagnosis.complete or (_wrong_values(diagnosis) and not (term and term.accepted)):
+        return ()
     if term is not None and term.accepted:
         over = " and ".join(a.name for a in term.arguments)
         return (
@@ -218,34 +225,56 @@ def _by_chance(held_out: tuple[float, float, float]) -> float:
     return 0.5 * math.erfc(gain / deviation / math.sqrt(2))
 
 
+def _wrong_values(diagnosis: Diagnosis) -> list[Estimate]:
+    """Return estimates on a bound of a model whose equations are complete otherwise."""
+    base = diagnosis.base
+    if base.noise_scale > IMPERFECT.value:
+        return []
+    return [e for e in base.refit.estimates if e.on_bound]
+
+
+def _far(diagnosis: Diagnosis) -> str:
+    """Say how far the runs of the refitted nominal model are from the noise."""
+    scored = diagnosis.scored
+    if scored is None or scored.farthest[1] <= NEAR_NOISE.value:
+        return ""
+    output, ratio = scored.farthest
+    return (
+        f" On the held-out recordings the error of {output.replace('_', ' ')} is {ratio:.3g} times"
+        " what noise and the uncertainty of the parameters would leave."
+    )
+
+
 def _kind(diagnosis: Diagnosis, findings: Sequence[Finding]) -> tuple[Kind, str]:
-    base, extended = diagnosis.base, diagnosis.extended
+    extended, far = diagnosis.extended, _far(diagnosis)
     if findings and not diagnosis.accepted:
         if findings[0].effect is not None:
             return "located_unnamed", findings[0].sentence
         return (
             "unexplained",
             f"{findings[0].sentence} No effect of the library explains it on the held-out"
-            " recordings.",
+            f" recordings.{far}",
         )
     if findings:
         sentence = " ".join(f.sentence for f in findings)
         if extended.noise_scale > IMPERFECT.value:
             sentence += " Something else is still left out."
+        if all(f.belief == "likely" for f in findings):
+            return "likely", sentence
         if any(len(f.alike) > 1 for f in findings):
             return "named_class", sentence
         sensor = all(c.entry.group == "sensor" for c, _ in diagnosis.accepted)
         return ("sensor" if sensor else "named"), sentence
-    if base.noise_scale <= IMPERFECT.value:
-        bound = [e for e in base.refit.estimates if e.on_bound]
-        if bound:
-            names = ", ".join(f"{e.name} at {e.value:.3g} {e.unit}" for e in bound)
-            return (
-                "parameter",
-                "No physics is missing that these recordings can show, but a value is wrong: the"
-                f" refit ends on its bound with {names}. Check it, and what the notes say of values"
-                " that go with it, such as a load.",
-            )
+    bound = _wrong_values(diagnosis)
+    if bound:
+        names = ", ".join(f"{e.name} at {e.value:.3g} {e.unit}" for e in bound)
+        return (
+            "parameter",
+            "No physics is missing that these recordings can show, but a value is wrong: the"
+            f" refit ends on its bound with {names}. Check it, and what the notes say of values"
+            f" that go with it.{far}",
+        )
+    if diagnosis.complete:
         return (
             "nothing_missing",
             "Nothing is missing that these recordings can show: with refitted parameters the model"
@@ -254,5 +283,5 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding]) -> tuple[Kind, str]
     return (
         "unexplained",
         "Something is left out, but neither a place nor an effect of the library explains it on the"
-        " held-out recordings.",
+        f" held-out recordings.{far}",
     )

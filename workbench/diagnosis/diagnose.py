@@ -9,20 +9,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from workbench.diagnosis.conclude import conclude
 from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertainty
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import Prior, default_priors
-from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
 from workbench.diagnosis.experiment.next_experiment import next_experiment
-from workbench.diagnosis.location.locate import locate
+from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
+from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import settled_run
-from workbench.diagnosis.selection.rules import IMPERFECT
-from workbench.diagnosis.selection.search import Task, score, search
+from workbench.diagnosis.selection.search import Task, likely, score, search
 from workbench.diagnosis.selection.selected import Scored, Selected
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
 from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
+from workbench.diagnosis.verdict import Verdict
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.physics.library import Hypothesis, library
@@ -126,12 +129,20 @@ def stages(
     yield found
 
     say("refitting the nominal model")
-    fitted = files.reached(Fitted, lambda: fit(model, prepared))
+    try:
+        fitted = files.reached(Fitted, lambda: fit(model, prepared))
+    except NumericalError as error:
+        why = f"The nominal model cannot follow the recordings at all: {error}."
+        yield replace(
+            found,
+            verdict=Verdict("unexplained", why, model, data=prepared.data, seconds=files.seconds),
+        )
+        return
     found = replace(found, fitted=fitted, seconds=files.seconds)
     yield found
 
     say("locating the mismatch")
-    located = files.reached(Located, lambda: Located(locate(fitted.base.model, prepared.fitting)))
+    located = files.reached(Located, lambda: where(fitted.base, prepared))
     found = replace(found, located=located, seconds=files.seconds)
     yield found
 
@@ -142,6 +153,7 @@ def stages(
         prepared.fitting,
         prepared.judging,
         known,
+        located.location,
         None if entries is None else offered,
         jobs,
         say,
@@ -155,7 +167,7 @@ def stages(
         found = replace(found, selected=begun, seconds=files.seconds)
     else:
         for selected in search(task, scored, begun):
-            if selected.finished and not selected.accepted:
+            if selected.finished and not selected.accepted and not scored.near_noise(fitted.base):
                 selected = _without_name(found, selected, say)  # noqa: PLW2901
             files.write(selected)
             found = replace(found, selected=selected, seconds=files.seconds)
@@ -240,19 +252,29 @@ def fit(model: Model, prepared: Prepared) -> Fitted:
     return Fitted(with_fixed_uncertainty(base, prepared.fitting))
 
 
+def where(base: ProcessNoiseFit, prepared: Prepared) -> Located:
+    """Locate what the refitted nominal model lacks."""
+    try:
+        return Located(locate(base.model, prepared.fitting))
+    except (NumericalError, np.linalg.LinAlgError) as error:
+        return Located(Location({}, {}, 0.0), f"it could not be located, because {error}")
+
+
 def _without_name(found: Diagnosis, selected: Selected, say: Progress) -> Selected:
     """Fit a term without a name where nothing of the library explains the recordings."""
     base, prepared = found.base, found.prepared
     ports = found.before.ports(found.nominal) if found.before else ()
-    if not ports or base.noise_scale <= IMPERFECT.value:
-        return selected
+    if not ports:
+        return likely(selected)
     say(f"fitting a law without a name at {', '.join(ports)}")
     try:
         term = nonparametric_term(base, prepared.fitting, prepared.judging, ports, prepared.priors)
-    except NumericalError:
-        return selected
-    extended = term.fit if term.accepted else selected.extended
-    return replace(selected, nonparametric=term, extended=extended)
+    except Exception as error:  # noqa: BLE001
+        # What was found until here must not be lost.
+        term = NonparametricTerm(base, ports, reason=f"it could not be tried, because {error}")
+    if term.accepted:
+        return replace(selected, nonparametric=term, extended=term.fit)
+    return likely(replace(selected, nonparametric=term))
 
 
 def validate(found: Diagnosis, *, advise: bool = True, say: Progress) -> Validated:
@@ -266,7 +288,7 @@ def validate(found: Diagnosis, *, advise: bool = True, say: Progress) -> Validat
         )
         extended = with_fixed_uncertainty(extended, started)
         say("locating what is left")
-        location = locate(extended.model, started)
+        location = where(extended, replace(prepared, fitting=tuple(started))).location
     say("running the models freely on the held-out recordings")
     models = {"nominal": found.nominal, "refitted": found.base.model, "extended": extended.model}
     runs = {
@@ -278,5 +300,10 @@ def validate(found: Diagnosis, *, advise: bool = True, say: Progress) -> Validat
     if advise:
         say("choosing what to record next")
         found = replace(found, validated=validated)
-        validated = replace(validated, advice=next_experiment(found, prepared.fitting))
+        try:
+            advice = next_experiment(found, prepared.fitting)
+        except Exception as error:  # noqa: BLE001
+            # Advice that fails must not cost the verdict.
+            advice = {"reason": f"it could not be worked out, because {error}"}
+        validated = replace(validated, advice=advice)
     return validated

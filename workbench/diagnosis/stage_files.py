@@ -37,7 +37,14 @@ from workbench.diagnosis.nonparametric.result import (
 )
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.score import Score, Scores
-from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected, Withdrawn
+from workbench.diagnosis.selection.selected import (
+    Accepted,
+    Aside,
+    Round,
+    Scored,
+    Selected,
+    Withdrawn,
+)
 from workbench.diagnosis.stages import Fitted, Located, Prepared, Validated
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
@@ -54,7 +61,18 @@ FOLDER = "stages"
 _CLASSES: dict[str, Any] = {
     cls.__name__: cls
     for cls in (
-        *(Prepared, Fitted, Located, Scored, Selected, Validated, Round, Accepted, Withdrawn),
+        *(
+            Prepared,
+            Fitted,
+            Located,
+            Scored,
+            Selected,
+            Validated,
+            Round,
+            Accepted,
+            Aside,
+            Withdrawn,
+        ),
         *(Observed, Prior, Estimate, Refit, ProcessNoiseFit, FreeRun, Location, Score, Scores),
         *(Candidate, NonparametricTerm, Law, Argument, Bins, Term, Curve),
     )

@@ -17,6 +17,7 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import Runs
+from workbench.diagnosis.selection.rules import IMPERFECT
 from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected, Withdrawn
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import WorkbenchError
@@ -51,9 +52,10 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Located:
-    """Where the refitted nominal model lacks something."""
+    """Where the refitted nominal model lacks something; or why that cannot be told."""
 
     location: Location
+    failure: str = ""
 
 
 @dataclass(frozen=True)
@@ -123,6 +125,13 @@ class Diagnosis:
         return bool(self.accepted) or (term is not None and term.accepted)
 
     @property
+    def complete(self) -> bool:
+        """Whether the refitted nominal model predicts nearly to the noise: nothing is missing."""
+        if self.scored is None:
+            return self.base.noise_scale <= IMPERFECT.value
+        return self.scored.near_noise(self.base)
+
+    @property
     def accepted(self) -> tuple[Accepted, ...]:
         """What was found, in the order of finding."""
         return self.selected.accepted if self.selected is not None else ()
@@ -150,7 +159,8 @@ class Diagnosis:
     @property
     def before(self) -> Location | None:
         """Where the refitted nominal model lacks something."""
-        return self.located.location if self.located is not None else None
+        location = self.located.location if self.located is not None else None
+        return location if location is not None and location.alone else None
 
     @property
     def after(self) -> Location | None:

@@ -19,12 +19,16 @@ Kind = Literal[
     "data_unfit",
     "nothing_missing",
     "parameter",
+    "likely",
     "sensor",
     "named",
     "named_class",
     "located_unnamed",
     "unexplained",
 ]
+
+
+Belief = Literal["sure", "likely"]
 
 
 @dataclass(frozen=True)
@@ -35,10 +39,6 @@ class Value:
         value: The number, in ``unit``.
         unit: SI unit.
         std: Standard deviation, in ``unit``.
-
-    Example:
-        >>> Value(1.2, "N m", 0.05).unit
-        'N m'
     """
 
     value: float
@@ -62,10 +62,8 @@ class Finding:
         p_value: Probability of such a gain on held-out recordings by chance.
         held_out: Log likelihood gained on held-out recordings with its 99 % interval,
             dimensionless.
-
-    Example:
-        >>> Finding(("joint.torque",), "tilt_gravity", ("tilt_gravity",), "tilted").effect
-        'tilt_gravity'
+        belief: Whether every rule agrees with it, or only the recordings do.
+        doubts: Rules that speak against it, in words.
     """
 
     where: tuple[str, ...]
@@ -77,6 +75,8 @@ class Finding:
     gain: float = math.nan
     p_value: float = math.nan
     held_out: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    belief: Belief = "sure"
+    doubts: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,7 @@ class Verdict:
         parameters: Parameters of the refitted nominal model.
         improved: Parameters of the improved model; empty where nothing was found.
         not_testable: Effects that these data could not have shown, with the reason.
-        refused: Effects that were followed and refused or taken back, with rule and reason.
+        refused: Effects that were refused, taken back or could not be tried, with rule and reason.
         next_experiment: What to do next, with the predicted separation.
         data: Checks of the recordings.
         location: Log likelihood gained by an unknown input at each group of ports, before and
@@ -101,12 +101,6 @@ class Verdict:
         seconds: Time that the diagnosis took, in s.
         interrupted: Whether the diagnosis was ended early.
         model: The improved model; the refitted nominal one where nothing was found.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> verdict = Verdict("nothing_missing", "Nothing is missing.", model=servo_axis())
-        >>> print(verdict)
-        nothing_missing: Nothing is missing.
     """
 
     kind: Kind
@@ -137,6 +131,8 @@ class Verdict:
                         "where": list(f.where),
                         "effect": f.effect,
                         "class": list(f.alike),
+                        "belief": f.belief,
+                        "doubts": list(f.doubts),
                         "sentence": f.sentence,
                         "parameters": {
                             k: {"value": v.value, "unit": v.unit, "std": v.std}
@@ -203,7 +199,7 @@ def upgraded(data: Mapping[str, Any], source: str = "the verdict") -> dict[str, 
     Example:
         >>> old = {"schema": "workbench.verdict/1", "verdict": "located_unnamed"}
         >>> upgraded(old | {"findings": [{"effect": "free_form"}]})["findings"]
-        [{'effect': 'nonparametric'}]
+        [{'belief': 'sure', 'effect': 'nonparametric'}]
     """
     schema = data.get("schema")
     if schema not in (SCHEMA, _SCHEMA_1) or not isinstance(data.get("verdict"), str):
@@ -214,7 +210,7 @@ def upgraded(data: Mapping[str, Any], source: str = "the verdict") -> dict[str, 
         return dict(data)
     words = {"share_of_excess_explained": "excess_explained"}
     findings = [
-        {words.get(key, key): value for key, value in finding.items()}
+        {"belief": "sure"} | {words.get(key, key): value for key, value in finding.items()}
         for finding in data.get("findings") or ()
     ]
     for finding in findings:

@@ -43,6 +43,7 @@ VERDICTS: dict[str, str] = {
     "data_unfit": "the recordings are unfit to judge",
     "nothing_missing": "nothing is missing",
     "parameter": "a value was wrong",
+    "likely": "likely found",
     "sensor": "a sensor is wrong",
     "named": "found and named",
     "named_class": "found, named up to look-alikes",

@@ -31,6 +31,7 @@ LADDER = (30.0, 3.0, 1.0, 0.3, 0.03)
 """Process-noise scales that are tried, from a poor model to a perfect one."""
 
 _BLOCK_S = 0.5
+_BLOCK_SAMPLES = 20
 
 
 @dataclass(frozen=True)
@@ -207,7 +208,7 @@ def blocks_of_cost(
 
 def _blocks(part: Innovations, sample_time: float, block: float) -> Vector:
     costs = np.nan_to_num(0.5 * part.whitened**2 + part.log_deviation).sum(axis=1)
-    size = max(1, round(block / sample_time))
+    size = max(_BLOCK_SAMPLES, round(block / sample_time))
     return np.asarray(np.add.reduceat(costs, np.arange(0, len(costs), size)))
 
 

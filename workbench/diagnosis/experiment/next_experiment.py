@@ -18,7 +18,6 @@ from workbench.diagnosis.experiment.separation import (
     visible,
 )
 from workbench.diagnosis.location.isolability import isolability
-from workbench.diagnosis.selection.rules import IMPERFECT
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.model import Model
 from workbench.physics.library import Hypothesis
@@ -150,7 +149,7 @@ def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dic
             if len(left) > 1:
                 return _deciding(left, recordings, nominal)
         return _sharpening(diagnosis, recordings)
-    if diagnosis.base.noise_scale > IMPERFECT.value:
+    if not diagnosis.complete:
         return _locating(diagnosis, recordings[0].used)
     if not diagnosis.rounds:
         return {}

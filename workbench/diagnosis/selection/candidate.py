@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
 
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.physics.library import Hypothesis
+
+Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -22,6 +28,11 @@ class Candidate:
         followed: Whether it was refitted to the end; else fit and gain are those of a first refit
             on the beginning of the recordings.
         rule: Name of the rule that it breaks; empty if none.
+        doubts: Rules that do not refuse it but lower the belief in it, in words.
+        shift: Largest change of an output that the effect makes in a free run on held-out
+            recordings, root mean square over the noise, dimensionless; NaN if unknown.
+        blocks: Cost on the fitting and on the held-out recordings by block of time, shape (n,)
+            each, dimensionless; empty if it was not followed.
     """
 
     entry: Hypothesis
@@ -31,6 +42,9 @@ class Candidate:
     refused: str = ""
     followed: bool = True
     rule: str = ""
+    doubts: tuple[str, ...] = ()
+    shift: float = math.nan
+    blocks: tuple[Vector, ...] = field(default=(), compare=False)
 
     @property
     def size(self) -> Estimate | None:

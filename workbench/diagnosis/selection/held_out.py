@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
-from workbench.diagnosis.estimation.prediction_error import Observed
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.process_noise import (
     LADDER,
     ProcessNoiseFit,
@@ -19,7 +19,9 @@ from workbench.diagnosis.estimation.process_noise import (
     gain_interval,
 )
 from workbench.diagnosis.estimation.start import fitted_start
+from workbench.errors import NumericalError
 from workbench.model import Model
+from workbench.model.model import index_of
 
 Vector = npt.NDArray[np.float64]
 
@@ -27,7 +29,11 @@ Runs = Mapping[str, FreeRun]
 """Free runs by recording."""
 
 _START_S = 0.5
+_START_SAMPLES = 10
 _BLOCK_S = 0.5
+_BLOCK_SAMPLES = 20
+_WINDOWS = 20
+_WINDOW_SAMPLES = 25
 
 
 def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
@@ -52,13 +58,122 @@ def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
         True
     """
     begun = extended_start(observed, nominal, model)
-    samples = min(len(begun.outputs), max(2, round(_START_S / begun.sample_time)))
+    wanted = max(_START_SAMPLES, round(_START_S / begun.sample_time))
+    samples = min(len(begun.outputs), wanted)
     return free_run(model, fitted_start(model, begun, samples=samples))
+
+
+def drifts(model: Model, observed: Observed) -> bool:
+    """Say whether a model integrates or is unstable, so that its free run drifts off.
+
+    An eigenvalue of the linearised equations, somewhere along the recording, forgets nothing over
+    its length.
+    """
+    slope = model.exact.jacobian_function
+    start = extended_start(observed, model, model).start
+    rates = np.asarray(slope(start, observed.inputs[len(observed.inputs) // 2], model.values)[0])
+    length = observed.sample_time * len(observed.outputs)
+    if not np.isfinite(rates).all():
+        return False
+    return bool(np.max(np.linalg.eigvals(rates).real, initial=-np.inf) > -1.0 / length)
+
+
+def windowed_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> FreeRun:
+    """Run a model freely over window after window of a recording.
+
+    Each window starts from the state that the filter has there. That judges models whose free run
+    drifts off over the whole recording whatever they contain.
+    """
+    model = fit.model
+    begun = extended_start(observed, nominal, model)
+    count = len(begun.outputs)
+    size = min(count, max(_WINDOW_SAMPLES, count // _WINDOWS))
+    rms = disturbances(model, max(fit.noise_scale, LADDER[-2]))
+    filter_ = PredictionError(model, begun.sample_time, begun.used, (), rms)
+    states = filter_.run(begun, model.values).states
+    parts = []
+    for k in range(0, count, size):
+        rows = slice(k, min(k + size, count))
+        start = begun.start if k == 0 else states[k]
+        part = replace(begun, inputs=begun.inputs[rows], outputs=begun.outputs[rows], start=start)
+        parts.append(free_run(model, part))
+    failure = next((part.failure for part in parts if part.failure), "")
+    return FreeRun(
+        observed.name,
+        begun.used,
+        parts[0].units,
+        begun.sample_time * np.arange(count, dtype=np.float64),
+        begun.outputs,
+        np.concatenate([part.simulated for part in parts]),
+        failure,
+    )
+
+
+def judged_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> FreeRun:
+    """Run a fitted model along a recording: freely, or in windows where that would drift off."""
+    try:
+        if drifts(nominal, observed):
+            return windowed_run(fit, nominal, observed)
+        return settled_run(fit.model, nominal, observed)
+    except (NumericalError, np.linalg.LinAlgError) as error:
+        nothing = np.full_like(observed.outputs, np.nan)
+        time = observed.sample_time * np.arange(len(nothing), dtype=np.float64)
+        units = tuple(nominal.outputs[i].unit for i in _rows(nominal, observed))
+        return FreeRun(
+            observed.name, observed.used, units, time, observed.outputs, nothing, str(error)
+        )
+
+
+def _rows(model: Model, observed: Observed) -> list[int]:
+    return [index_of("output", name, model.outputs) for name in observed.used]
+
+
+def over_floor(
+    fit: ProcessNoiseFit, nominal: Model, judging: Sequence[Observed], *, draws: int = 4
+) -> dict[str, float]:
+    """Return how far the runs of a fitted model on held-out recordings are from the noise.
+
+    The floor is what the same runs would be off by if the model were right: they are repeated on
+    readings that the model itself gives, with the noise of the sensors, for parameters drawn from
+    the distribution of their estimates.
+
+    Returns:
+        Root mean square error over that floor, by output, dimensionless; infinite where a run
+        failed.
+    """
+    rng = np.random.default_rng(0)
+    names = [e.name for e in fit.refit.estimates]
+    low = np.array([e.prior.lower for e in fit.refit.estimates])
+    high = np.array([e.prior.upper for e in fit.refit.estimates])
+    middle = np.array([e.value for e in fit.refit.estimates])
+    eigenvalues, vectors = np.linalg.eigh(fit.refit.covariance)
+    root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
+    errors, floors = [], []
+    for observed in judging:
+        errors.append(judged_run(fit, nominal, observed).rmse)
+        own = free_run(fit.model, extended_start(observed, nominal, fit.model))
+        squares = []
+        for _ in range(draws if own.finite else 0):
+            drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
+            noise = observed.noise_rms * rng.normal(size=own.simulated.shape)
+            made = replace(observed, outputs=own.simulated + noise)
+            values = dict(zip(names, drawn.tolist(), strict=True))
+            other = replace(fit, refit=replace(fit.refit, model=fit.model.with_parameters(values)))
+            run = judged_run(other, nominal, made)
+            if run.finite:
+                squares.append([value**2 for value in run.rmse.values()])
+        floors.append(np.mean(squares, axis=0) if squares else observed.noise_rms**2)
+    used = judging[0].used
+    total = np.sqrt(np.mean(floors, axis=0))
+    return {
+        name: _rms([error[name] for error in errors]) / max(float(total[i]), 1e-300)
+        for i, name in enumerate(used)
+    }
 
 
 def held_out_gain(
     before: Vector, fit: ProcessNoiseFit, judged: Sequence[Observed]
-) -> tuple[float, float, float]:
+) -> tuple[tuple[float, float, float], Vector]:
     """Return the gain of log likelihood on held-out recordings, with its 99 % interval.
 
     Args:
@@ -67,9 +182,9 @@ def held_out_gain(
         judged: Held-out recordings, with a start for its model.
 
     Returns:
-        The gain and the ends of its interval, dimensionless. Where the interval includes zero, the
-        model is judged with a little less trust in it, if that gains more: a few moments that its
-        law does not cover, such as impacts, must not hide the rest.
+        The gain and the ends of its interval, dimensionless, and the cost by block. Where the
+        interval includes zero, the model is judged with a little less trust in it, if that gains
+        more: a few moments that its law does not cover, such as impacts, must not hide the rest.
 
     Raises:
         NumericalError: If the filter leaves the finite numbers.
@@ -85,12 +200,29 @@ def held_out_gain(
         >>> held_out_gain(blocks_of_cost(fit, [seen]), fit, [seen])[0]
         0.0
     """
-    held_out = gain_interval(before, blocks_of_cost(fit, judged))
+    blocks = blocks_of_cost(fit, judged)
+    held_out = gain_interval(before, blocks)
     milder = [scale for scale in LADDER if scale > fit.noise_scale]
     if held_out[1] > 0.0 or not milder:
-        return held_out
-    other = gain_interval(before, blocks_of_cost(replace(fit, noise_scale=milder[-1]), judged))
-    return other if other[0] > held_out[0] else held_out
+        return held_out, blocks
+    mild = blocks_of_cost(replace(fit, noise_scale=milder[-1]), judged)
+    other = gain_interval(before, mild)
+    return (other, mild) if other[0] > held_out[0] else (held_out, blocks)
+
+
+def told_apart(one: Sequence[Vector], other: Sequence[Vector]) -> bool:
+    """Say whether recordings prefer one law over another beyond chance.
+
+    Args:
+        one: Costs under the one by block of time, fitting and held-out recordings, dimensionless.
+        other: The same under the other.
+
+    Returns:
+        Whether the 99 % interval of the difference excludes zero on either.
+    """
+    pairs = [(b, a) for a, b in zip(one, other, strict=False) if len(a) == len(b)]
+    intervals = [gain_interval(b, a) for b, a in pairs]
+    return any(low > 0.0 or high < 0.0 for _, low, high in intervals)
 
 
 def runs_closer(base: ProcessNoiseFit, fit: ProcessNoiseFit, hold_out: Sequence[Observed]) -> bool:
@@ -131,7 +263,7 @@ def runs_closer(base: ProcessNoiseFit, fit: ProcessNoiseFit, hold_out: Sequence[
 
 def _blocks(run: FreeRun, scale: Vector) -> Vector:
     relative = np.nan_to_num(run.error**2 / scale).sum(axis=1)
-    size = max(1, round(_BLOCK_S / (run.time[1] - run.time[0])))
+    size = max(_BLOCK_SAMPLES, round(_BLOCK_S / (run.time[1] - run.time[0])))
     return np.asarray(np.add.reduceat(relative, np.arange(0, len(relative), size)))
 
 

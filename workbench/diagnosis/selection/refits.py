@@ -10,6 +10,7 @@ import joblib
 import numpy as np
 import numpy.typing as npt
 
+from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
@@ -20,20 +21,30 @@ from workbench.diagnosis.estimation.process_noise import (
     start_values,
 )
 from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.held_out import held_out_gain, runs_closer
-from workbench.diagnosis.selection.rules import HELD_OUT, SURPASSED, Limits, broken_rule
+from workbench.diagnosis.selection.held_out import held_out_gain, runs_closer, told_apart
+from workbench.diagnosis.selection.rules import HELD_OUT, SURPASSED, UNTRIED, Limits, judged
 from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.errors import NumericalError
 from workbench.model import Model
+from workbench.physics.library import Hypothesis
 
 Vector = npt.NDArray[np.float64]
 
 _FINALISTS = 4
 _MOST_SENSORS = 2
 
-_HEAD_S = 10.0
-"""Length of each recording that the first refit of a hypothesis uses, s."""
+_FIELD = 12
+"""How many hypotheses are refitted on a longer part of the recordings."""
+
+_BY_SCORE = 4
+"""How many of them are there for their score, whatever they gain in a first short refit."""
+
+_HEADS = (1500, 5000)
+"""Samples of each recording that the first refits of a hypothesis use, one after the other."""
+
+_FAR = 50.0
+"""A step that gains less log likelihood than this ends a short refit."""
 
 _NEAR = 10.0
 """A step that gains less log likelihood than this ends the first refit of a hypothesis."""
@@ -46,6 +57,13 @@ _STEEP = (3.0, 0.3, 0.03)
 
 _SIZES = (0.3, 1.0, 3.0)
 """Multiples of the usual size from which a refit may start."""
+
+_STEP, _STEPS = 3.0, 6
+"""Factor between sizes that are tried from there on as long as the recordings become likelier, and
+how many: the usual size may be wrong by a hundred."""
+
+_WIDER, _WIDENINGS = 5.0, 4
+"""Factor by which a bound is widened that a solution sits on, and how often."""
 
 Progress = Callable[[str], None]
 
@@ -96,45 +114,87 @@ def refit_candidates(
         >>> best.entry.name == scores.scores[0].entry.name, best.gain > 20.0
         (True, True)
     """
-    if progress and chosen:
-        progress("refitting with " + ", ".join(s.entry.name for s in chosen))
-    given = (tuple(priors), tuple(fit_on))
-    heads = [_head(r) for r in fit_on]
-    # Minus the logarithm of the priors is in the cost of a refit too.
-    known = base.cost - float(blocks_of_cost(base, fit_on).sum()) if chosen else 0.0
-    cost = known + float(blocks_of_cost(base, heads).sum()) if chosen else 0.0
+    given = tuple(priors)
     with joblib.Parallel(n_jobs=jobs if len(chosen) > 1 else 1) as parallel:
-        first = parallel(
-            joblib.delayed(_first)(base, cost, score, tuple(priors), heads) for score in chosen
-        )
+        field = list(chosen)
+        longest = max(len(r.outputs) for r in fit_on)
+        if len(field) > _FIELD and longest > 2 * _HEADS[0]:
+            if progress:
+                progress(f"racing {len(field)} effects on the beginning of the recordings")
+            raced = _first_refits(parallel, base, field, given, fit_on, _HEADS[0], _FAR)
+            order = sorted(range(len(field)), key=lambda i: (i >= _BY_SCORE, -raced[i].gain))
+            ahead, behind = order[:_FIELD], order[_FIELD:]
+            lost = [raced[i] for i in behind]
+            field = [chosen[i] for i in ahead]
+        else:
+            lost = []
+        if progress and field:
+            progress("refitting with " + ", ".join(s.entry.name for s in field))
+        first = _first_refits(parallel, base, field, given, fit_on, _HEADS[1], _NEAR)
         # Only the leaders are followed down the ladder: a hypothesis that cannot compete with the
         # equations as imperfect as they were does not overtake with more trust in them.
         leaders = _leaders(first)
         if progress and leaders:
-            progress("comparing " + " and ".join(chosen[i].entry.name for i in leaders))
+            progress("comparing " + " and ".join(field[i].entry.name for i in leaders))
         before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
         finals = parallel(
-            joblib.delayed(_followed)(base, first[i], chosen[i], *given, tuple(hold_out), before)
+            joblib.delayed(_followed)(
+                base, first[i], field[i], given, tuple(fit_on), tuple(hold_out), before
+            )
             for i in leaders
         )
     for i, final in zip(leaders, finals, strict=True):
         first[i] = final
-    judged = sorted((_judged(c, limits) for c in first), key=lambda c: -c.gain)
-    for i, candidate in enumerate(judged):
+    found = sorted((judged(c, limits) for c in (*first, *lost)), key=lambda c: -c.gain)
+    for i, candidate in enumerate(found):
         if not candidate.refused:
             break
         if _runs_closer(base, candidate, hold_out):
-            judged[i] = replace(candidate, refused="", rule="")
+            found[i] = replace(candidate, refused="", rule="")
             break
-    best = next((c for c in judged if not c.refused), None)
-    return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in judged)
+    passing = [c for c in found if not c.refused]
+    best = passing[0] if passing else None
+    if best is not None and best.doubts:
+        # Of two that the data cannot tell apart, the one without a doubt.
+        sure = (c for c in passing if not c.doubts and not told_apart(best.blocks, c.blocks))
+        best = next(sure, best)
+    return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
 
 
-def _judged(candidate: Candidate, limits: Limits) -> Candidate:
-    if candidate.refused:
-        return candidate
-    rule, said = broken_rule(candidate, limits)
-    return replace(candidate, refused=said, rule=rule)
+def _first_refits(
+    parallel: joblib.Parallel,
+    base: ProcessNoiseFit,
+    field: Sequence[Score],
+    priors: tuple[Prior, ...],
+    fit_on: Sequence[Observed],
+    samples: int,
+    enough: float,
+) -> list[Candidate]:
+    """Refit hypotheses on the beginning of each recording."""
+    if not field:
+        return []
+    heads = [replace(r, inputs=r.inputs[:samples], outputs=r.outputs[:samples]) for r in fit_on]
+    # Minus the logarithm of the priors is in the cost of a refit too.
+    known = base.cost - float(blocks_of_cost(base, fit_on).sum())
+    cost = known + float(blocks_of_cost(base, heads).sum())
+    found: list[Candidate] = parallel(
+        joblib.delayed(_first)(base, cost, score, priors, heads, enough) for score in field
+    )
+    return found
+
+
+def untried(entry: Hypothesis, why: Exception | str) -> Candidate:
+    """Return a candidate that could not be tried: a line, not the end of a diagnosis."""
+    text = str(why).strip().split("\n")[0] or type(why).__name__
+    return Candidate(
+        entry,
+        None,
+        -math.inf,
+        (0.0, -math.inf, math.inf),
+        f"it could not be tried, because {text}",
+        followed=False,
+        rule=UNTRIED,
+    )
 
 
 def _runs_closer(base: ProcessNoiseFit, candidate: Candidate, hold_out: Sequence[Observed]) -> bool:
@@ -210,9 +270,71 @@ def entry_priors(score: Score) -> tuple[tuple[Prior, ...], dict[str, float]]:
     return tuple(priors), start
 
 
-def _head(observed: Observed) -> Observed:
-    count = max(1, round(_HEAD_S / observed.sample_time))
-    return replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])
+def widened(entry: Hypothesis, fit: ProcessNoiseFit) -> Hypothesis | None:
+    """Return an effect with wider bounds where a refit ended on them; None if it did on none.
+
+    What is bounded by nature keeps its bound: zero, all of a whole.
+    """
+    effect = entry.effect
+    values = {e.name: e for e in fit.refit.estimates}
+    wider = []
+    for q in effect.parameters:
+        estimate = values.get(f"{effect.name}.{q.name}")
+        if estimate is not None and estimate.on_bound and not entry.whole:
+            at_upper = q.upper - estimate.value < estimate.value - q.lower
+            if at_upper and not (q.unit == "1" and q.upper == 1.0):
+                upper = q.upper * _WIDER if q.upper > 0.0 else q.upper / _WIDER
+                q = replace(q, upper=upper)  # noqa: PLW2901
+            elif not at_upper and q.lower != 0.0:
+                lower = q.lower * _WIDER if q.lower < 0.0 else q.lower / _WIDER
+                q = replace(q, lower=lower)  # noqa: PLW2901
+        wider.append(q)
+    if tuple(wider) == effect.parameters:
+        return None
+    return replace(entry, effect=replace(effect, parameters=tuple(wider)))
+
+
+def _refitted(
+    base: ProcessNoiseFit,
+    score: Score,
+    priors: tuple[Prior, ...],
+    fit_on: Sequence[Observed],
+    way: tuple[Mapping[str, float], tuple[float, ...]],
+    enough: float,
+) -> tuple[Score, ProcessNoiseFit]:
+    """Refit one hypothesis from one start, widening the bounds that it ends on."""
+    known, ladder = way
+    begin: dict[str, float] | None = None
+    best: tuple[Score, ProcessNoiseFit] | None = None
+    for _ in range(_WIDENINGS + 1):
+        entry = score.entry
+        effect = entry.at_size(1.0) if entry.replaces else entry.at_size(0.0, score.shape)
+        model = base.model.with_effect(effect)
+        own, start = entry_priors(score)
+        started = [extended_start(r, base.model, model) for r in fit_on]
+        if begin is None:
+            starts = _starts(score, {**start, **known}, shapes=ladder is _STEEP)
+            name = "" if entry.replaces else f"{entry.name}.{entry.size_parameter}"
+            begin = _best_start(model, started, (*priors, *own), starts, name, ladder[0])
+        fit = fit_with_process_noise(
+            model,
+            started,
+            (*priors, *own),
+            start=begin,
+            noise_scale=ladder[0],
+            ladder=ladder,
+            enough=enough,
+        )
+        if best is not None and fit.cost > best[1].cost - enough:
+            break
+        best = score, fit
+        wider = widened(entry, fit)
+        if wider is None:
+            break
+        score = replace(score, entry=wider)
+        begin = {e.name: e.value for e in fit.refit.estimates}
+    assert best is not None
+    return best
 
 
 def _first(
@@ -221,49 +343,30 @@ def _first(
     score: Score,
     priors: tuple[Prior, ...],
     fit_on: Sequence[Observed],
+    enough: float,
 ) -> Candidate:
     """Refit a hypothesis, the equations trusted as much as without it."""
-    entry = score.entry
-    effect = entry.at_size(1.0) if entry.replaces else entry.at_size(0.0, score.shape)
-    model = base.model.with_effect(effect)
-    own, start = entry_priors(score)
-    all_priors = (*priors, *own)
-    fit_on_ = [extended_start(r, base.model, model) for r in fit_on]
-    fits: list[ProcessNoiseFit] = []
-    why = ""
-    ways: list[tuple[dict[str, float], tuple[float, ...]]] = [
+    ways: list[tuple[Mapping[str, float], tuple[float, ...]]] = [
         (start_values(base.refit, priors), (base.noise_scale,))
     ]
-    if entry.far:
+    if score.entry.far or any(e.on_bound for e in base.refit.estimates):
         # Without the effect, the free parameters have gone where they imitate it best, from where
         # one that is far may not be found.
         ways.append(({q.name: q.mean for q in priors}, _STEEP))
-    for known, ladder in ways:
+    fits: list[tuple[Score, ProcessNoiseFit]] = []
+    failed: Exception | None = None
+    for way in ways:
         try:
-            fits.append(
-                fit_with_process_noise(
-                    model,
-                    fit_on_,
-                    all_priors,
-                    start=_best_start(
-                        model,
-                        fit_on_,
-                        all_priors,
-                        _starts(score, {**start, **known}, shapes=ladder is _STEEP),
-                        ladder[0],
-                    ),
-                    noise_scale=ladder[0],
-                    ladder=ladder,
-                    enough=_NEAR,
-                )
-            )
-        except NumericalError as error:
-            why = str(error)
-    unknown = (0.0, -math.inf, math.inf)
+            fits.append(_refitted(base, score, priors, fit_on, way, enough))
+        except Exception as error:  # noqa: BLE001
+            # Whatever a law does, its failure must not end the diagnosis.
+            failed = error
     if not fits:
-        return Candidate(entry, None, -math.inf, unknown, why, followed=False)
-    fit = min(fits, key=lambda one: one.cost)
-    return Candidate(entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
+        assert failed is not None
+        return untried(score.entry, failed)
+    found, fit = min(fits, key=lambda pair: pair[1].cost)
+    unknown = (0.0, -math.inf, math.inf)
+    return Candidate(found.entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
 
 
 def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[dict[str, float]]:
@@ -277,8 +380,12 @@ def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[d
         ordered = sorted(entry.shapes, key=lambda shape: shape != score.shape)
         return [dict(start) | {f"{entry.name}.{k}": v for k, v in s.items()} for s in ordered]
     name = f"{entry.name}.{entry.size_parameter}"
-    sign = math.copysign(1.0, start[name]) if start[name] else 1.0
-    sizes = [start[name], *(sign * k * entry.typical_size for k in _SIZES)]
+    signs: tuple[float, ...] = (1.0,)
+    if start[name]:
+        signs = (math.copysign(1.0, start[name]),)
+    elif entry.signed:
+        signs = (1.0, -1.0)
+    sizes = [start[name], *(s * k * entry.typical_size for s in signs for k in _SIZES)]
     low, high = entry.size.lower, entry.size.upper
     usual = {f"{entry.name}.{k}": v for k, v in score.shape.items()}
     tried = [usual]
@@ -296,9 +403,15 @@ def _best_start(
     fit_on: Sequence[Observed],
     priors: Sequence[Prior],
     starts: Sequence[dict[str, float]],
+    size: str,
     noise_scale: float,
 ) -> dict[str, float]:
-    """Return the start under which the first recording is most likely."""
+    """Return the start under which the first recording is most likely.
+
+    From the best of the given starts the size goes on in steps as long as that gains.
+    """
+    if len(starts) < 2:
+        return dict(starts[0])
     filter_ = PredictionError(
         model,
         fit_on[0].sample_time,
@@ -313,7 +426,22 @@ def _best_start(
         except NumericalError:
             return math.inf
 
-    return min(starts, key=cost) if len(starts) > 1 else starts[0]
+    least, best = min(((cost(start), start) for start in starts), key=lambda pair: pair[0])
+    if not size or best[size] == 0.0:
+        return dict(best)
+    bounds = next(p for p in priors if p.name == size)
+    for factor in (_STEP, 1.0 / _STEP):
+        moved = False
+        for _ in range(_STEPS):
+            value = float(np.clip(factor * best[size], bounds.lower, bounds.upper))
+            trial = dict(best) | {size: value}
+            now = cost(trial) if value != best[size] else math.inf
+            if not now < least:
+                break
+            least, best, moved = now, trial, True
+        if moved:
+            break
+    return dict(best)
 
 
 def _followed(
@@ -327,21 +455,57 @@ def _followed(
 ) -> Candidate:
     """Go on from a first refit with more trust in the equations, and judge on held-out data."""
     assert first.fit is not None
-    entry, model = first.entry, first.fit.model
-    own, _ = entry_priors(score)
-    held_out = (0.0, -math.inf, math.inf)
     try:
+        return _judged_on(base, first, score, priors, fit_on, hold_out, before)
+    except Exception as error:  # noqa: BLE001
+        # Whatever a law does, its failure must not end the diagnosis.
+        return replace(untried(first.entry, error), followed=True)
+
+
+def _judged_on(
+    base: ProcessNoiseFit,
+    first: Candidate,
+    score: Score,
+    priors: tuple[Prior, ...],
+    fit_on: tuple[Observed, ...],
+    hold_out: tuple[Observed, ...],
+    before: Vector | None,
+) -> Candidate:
+    assert first.fit is not None
+    entry, fit = first.entry, first.fit
+    for _ in range(_WIDENINGS + 1):
+        effect = entry.at_size(1.0) if entry.replaces else entry.at_size(0.0, score.shape)
+        model = base.model.with_effect(effect)
+        started = [extended_start(r, base.model, model) for r in fit_on]
+        own, _start = entry_priors(replace(score, entry=entry))
         fit = fit_with_process_noise(
             model,
-            [extended_start(r, base.model, model) for r in fit_on],
+            started,
             (*priors, *own),
-            start={e.name: e.value for e in first.fit.refit.estimates},
-            noise_scale=first.fit.noise_scale,
+            start={e.name: e.value for e in fit.refit.estimates},
+            noise_scale=fit.noise_scale,
             enough=_NEARER,
         )
-        if before is not None:
-            judged = [extended_start(r, base.model, model) for r in hold_out]
-            held_out = held_out_gain(before, fit, judged)
-    except NumericalError as error:
-        return Candidate(entry, None, -math.inf, held_out, str(error))
-    return Candidate(entry, fit, base.cost - fit.cost, held_out)
+        wider = widened(entry, fit)
+        if wider is None:
+            break
+        entry = wider
+    held_out, blocks, shift = (0.0, -math.inf, math.inf), [blocks_of_cost(fit, started)], math.nan
+    if before is not None:
+        judging = [extended_start(r, base.model, model) for r in hold_out]
+        held_out, own_blocks = held_out_gain(before, fit, judging)
+        blocks.append(own_blocks)
+        shift = _shift(entry, fit, judging[0])
+    return Candidate(entry, fit, base.cost - fit.cost, held_out, shift=shift, blocks=tuple(blocks))
+
+
+def _shift(entry: Hypothesis, fit: ProcessNoiseFit, observed: Observed) -> float:
+    """Return how far the effect moves an output in a free run, over the noise."""
+    if entry.replaces:
+        return math.nan
+    absent = fit.model.with_parameters({f"{entry.name}.{entry.size_parameter}": 0.0})
+    runs = free_run(fit.model, observed), free_run(absent, observed)
+    if not all(run.finite for run in runs):
+        return math.inf
+    moved = np.sqrt(np.nanmean((runs[0].simulated - runs[1].simulated) ** 2, axis=0))
+    return float(np.max(moved / observed.noise_rms))

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from workbench.diagnosis.selection.candidate import Candidate
+
+UNTRIED = "could not be tried"
+"""Name of the rule that a candidate breaks whose refit failed."""
 
 SURPASSED = "another effect explains the recordings better"
 """Why an effect that passed every rule, or was not followed, is not taken."""
@@ -24,10 +27,12 @@ class Limits:
         penalty: Log likelihood that an effect must gain for its parameters and for the size of the
             library, dimensionless.
         least_gain: Log likelihood that it must gain to explain enough of the excess, dimensionless.
+        near_noise: Whether the model without it predicts nearly to the noise.
     """
 
     penalty: float
     least_gain: float = 0.0
+    near_noise: bool = False
 
 
 class Question(NamedTuple):
@@ -107,25 +112,18 @@ def _sigma(q: Question) -> str:
     return f"its size is within {q.threshold:g} standard deviations of zero"
 
 
-def _least(q: Question) -> str:
-    size, least = q.candidate.size, q.threshold * q.candidate.entry.least_size
-    if size is None or abs(size.value) >= least:
+def _seen(q: Question) -> str:
+    shift = q.candidate.shift
+    if not shift < q.threshold:
         return ""
-    return f"its size is below the smallest worth naming, {least:g} {size.unit}"
+    return f"it moves no measurement by more than {shift:.2g} of the noise"
 
 
 def _bound(q: Question) -> str:
     size, entry = q.candidate.size, q.candidate.entry
     if size is None or entry.whole or abs(size.value) <= q.threshold * entry.largest_size:
         return ""
-    return "its size is on its bound"
-
-
-def _usual(q: Question) -> str:
-    size, entry = q.candidate.size, q.candidate.entry
-    if size is None or abs(size.value) <= q.threshold * entry.typical_size:
-        return ""
-    return f"its size is beyond {q.threshold:g} times the usual, {entry.typical_size:g} {size.unit}"
+    return f"its size is on its bound, {entry.largest_size:g} {size.unit}, however wide"
 
 
 def _penalty(q: Question) -> str:
@@ -149,14 +147,18 @@ def _held_out(q: Question) -> str:
 RULES = (
     Rule("refit", 0.0, "A refit that failed or did not converge says nothing.", _refit),
     Rule("size beyond its uncertainty", 3.0, "Zero must be excluded.", _sigma),
-    Rule("size worth naming", 1.0, "A tiny size is the wrong shape of something else.", _least),
-    Rule("size off its bound", 0.999, "A solution on a bound is not a solution.", _bound),
-    Rule("usual size", 5.0, "An absurd size stands for something else.", _usual),
     Rule("selection penalty", 1.0, "Among many effects one gains by chance.", _penalty),
     Rule("share of the excess", 1.0, "Less may be the wrong shape of another effect.", _share),
     Rule("held-out gain", 0.0, "Only what predicts unseen recordings is physics.", _held_out),
 )
-"""In the order in which they are asked."""
+"""What refuses an effect, in the order in which it is asked."""
+
+DOUBTS = (
+    Rule("seen in the measurements", 0.3, "What moves nothing is not worth naming.", _seen),
+    Rule("size off its bound", 0.999, "A solution on a bound is not a solution.", _bound),
+)
+"""What lowers the belief in an effect. Where the model without it predicts to the noise, nothing
+calls for an effect, and a doubt refuses it."""
 
 HELD_OUT = RULES[-1]
 
@@ -194,6 +196,12 @@ LEAST_EXPLAINED = Threshold(
     0.3,
     "Share of the held-out free-run error beyond the noise that everything found must remove.",
 )
+NEAR_NOISE = Threshold(
+    "near the noise",
+    3.0,
+    "Held-out error over what noise and the uncertainty of the parameters leave, up to which"
+    " nothing is missing.",
+)
 SAME = Threshold(
     "same explanation",
     15.0,
@@ -201,10 +209,17 @@ SAME = Threshold(
 )
 
 
-def broken_rule(candidate: Candidate, limits: Limits) -> tuple[str, str]:
-    """Return name and words of the first rule that an effect breaks; empty if it breaks none."""
+def judged(candidate: Candidate, limits: Limits) -> Candidate:
+    """Return a candidate with the first rule that refuses it and all that lower the belief."""
+    if candidate.refused:
+        return candidate
     for rule in RULES:
         said = rule.broken(Question(candidate, limits, rule.threshold))
         if said:
-            return rule.name, said
-    return "", ""
+            return replace(candidate, refused=said, rule=rule.name)
+    doubts = {r.name: r.broken(Question(candidate, limits, r.threshold)) for r in DOUBTS}
+    doubts = {name: said for name, said in doubts.items() if said}
+    if doubts and limits.near_noise:
+        name, said = next(iter(doubts.items()))
+        return replace(candidate, refused=said, rule=name)
+    return replace(candidate, doubts=tuple(doubts.values()))

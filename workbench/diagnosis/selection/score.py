@@ -30,6 +30,7 @@ COLLINEAR = 0.99
 """Collinearity above which an effect cannot be told from other parameter values."""
 
 _BLOCK_S = 0.5
+_BLOCK_SAMPLES = 20
 _SIGMA = 4.0
 
 
@@ -76,11 +77,13 @@ class Scores:
         confusion: Absolute cosine between the projected signatures, shape (n, n), in the order of
             ``scores``.
         noise_scale: Process-noise scale at which the score was taken, dimensionless.
+        failed: Effects that could not be scored, each with the reason.
     """
 
     scores: tuple[Score, ...]
     confusion: Vector
     noise_scale: float
+    failed: tuple[tuple[str, str], ...] = ()
 
     def look_alikes(self, name: str, *, above: float = 0.95) -> tuple[str, ...]:
         """Return the effects whose signature resembles that of one effect.
@@ -144,18 +147,56 @@ def score_library(
         >>> scores.scores[0].entry.law
         'coulomb_friction'
     """
-    variants = [variant for entry in entries for variant in _variants(entry)]
+    failed: dict[str, str] = {}
+    variants = []
+    for entry in entries:
+        try:
+            variants += _variants(entry)
+        except Exception as error:  # noqa: BLE001
+            # One law that cannot be built must not end the scoring of all others.
+            failed[entry.name] = _told(error)
     names = tuple(p.name for p in priors)
     # Stiff effects would force short steps on all others, so they have a filter of their own.
     groups = [group for stiff in (False, True) if (group := _of(variants, stiff=stiff))]
-    filters = [_Attached(model, recordings[0], names, group, noise_scale) for group in groups]
-    totals = _Totals(len(names), len(variants))
-    for observed in recordings:
-        totals.add([attached.run(observed) for attached in filters], observed.sample_time)
-    ordered = [variant for group in groups for variant in group]
-    scale = np.concatenate([filters[0].scale_of_free, *(f.scale_of_sizes for f in filters)])
+    attached: list[_Attached] = []
+    for group in groups:
+        attached += _attached(model, recordings, names, group, noise_scale, failed)
+    if not attached:
+        return Scores((), np.zeros((0, 0)), noise_scale, tuple(failed.items()))
+    ordered = [variant for one in attached for variant in one.variants]
+    totals = _Totals(len(names), len(ordered))
+    for number, observed in enumerate(recordings):
+        totals.add([one.parts[number] for one in attached], observed.sample_time)
+    scale = np.concatenate([attached[0].scale_of_free, *(a.scale_of_sizes for a in attached)])
     std = np.array([p.std for p in priors])
-    return _scores(totals, ordered, scale, std, noise_scale)
+    return replace(_scores(totals, ordered, scale, std, noise_scale), failed=tuple(failed.items()))
+
+
+def _attached(
+    model: Model,
+    recordings: Sequence[Observed],
+    names: tuple[str, ...],
+    variants: Sequence[_Variant],
+    noise_scale: float,
+    failed: dict[str, str],
+) -> list[_Attached]:
+    """Run the filter with effects attached; where that fails, look for the one that is to blame."""
+    try:
+        return [_Attached(model, recordings, names, variants, noise_scale)]
+    except Exception as error:  # noqa: BLE001
+        if len(variants) == 1:
+            failed.setdefault(variants[0].entry.name, _told(error))
+            return []
+    half = len(variants) // 2
+    return [
+        one
+        for part in (variants[:half], variants[half:])
+        for one in _attached(model, recordings, names, part, noise_scale, failed)
+    ]
+
+
+def _told(error: Exception) -> str:
+    return str(error).strip().split("\n")[0] or type(error).__name__
 
 
 @dataclass(frozen=True)
@@ -182,34 +223,33 @@ def _of(variants: Sequence[_Variant], *, stiff: bool) -> list[_Variant]:
 
 
 class _Attached:
-    """A filter with effects attached at size zero."""
+    """What a filter with effects attached at size zero predicts along recordings."""
 
     def __init__(
         self,
         model: Model,
-        first: Observed,
+        recordings: Sequence[Observed],
         names: tuple[str, ...],
         variants: Sequence[_Variant],
         noise_scale: float,
     ) -> None:
-        self._model = model
-        self._extended = model.with_effect(*(variant.effect for variant in variants))
+        extended = model.with_effect(*(variant.effect for variant in variants))
         sizes = (f"{v.effect.name}.{v.entry.size_parameter}" for v in variants)
         own = {q.name for q in model.states}
-        self._filter = PredictionError(
-            self._extended,
-            first.sample_time,
-            first.used,
+        filter_ = PredictionError(
+            extended,
+            recordings[0].sample_time,
+            recordings[0].used,
             (*names, *sizes),
-            disturbances(self._extended, noise_scale),
-            certain=tuple(q.name for q in self._extended.states if q.name not in own),
+            disturbances(extended, noise_scale),
+            certain=tuple(q.name for q in extended.states if q.name not in own),
         )
-        self.scale_of_free = self._filter.free_scale[: len(names)]
-        self.scale_of_sizes = self._filter.free_scale[len(names) :]
-
-    def run(self, observed: Observed) -> Innovations:
-        widened = extended_start(observed, self._model, self._extended)
-        return self._filter.run(widened, self._extended.values)
+        self.variants = tuple(variants)
+        self.scale_of_free = filter_.free_scale[: len(names)]
+        self.scale_of_sizes = filter_.free_scale[len(names) :]
+        self.parts = [
+            filter_.run(extended_start(r, model, extended), extended.values) for r in recordings
+        ]
 
 
 class _Totals:
@@ -231,7 +271,7 @@ class _Totals:
         self.information += rows.T @ rows
         products = np.einsum("kyf,ky->kf", jacobian, errors)
         self.gradient += products.sum(axis=0)
-        size = max(1, round(_BLOCK_S / sample_time))
+        size = max(_BLOCK_SAMPLES, round(_BLOCK_S / sample_time))
         self.blocks.append(np.add.reduceat(products, np.arange(0, len(products), size), axis=0))
 
 

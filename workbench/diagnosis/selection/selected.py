@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import Runs
+from workbench.diagnosis.selection.rules import IMPERFECT, NEAR_NOISE
 from workbench.diagnosis.selection.score import Scores
 
 
@@ -22,11 +24,26 @@ class Scored:
         scores: Scores of the effects.
         perfect: Cost to be expected of a model that leaves nothing out, dimensionless.
         excess: Log likelihood that the refitted nominal model lacks, dimensionless.
+        over_floor: Error of the runs of the refitted nominal model on held-out recordings over what
+            noise and the uncertainty of its parameters would leave, by output, dimensionless.
     """
 
     scores: Scores
     perfect: float
     excess: float
+    over_floor: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def farthest(self) -> tuple[str, float]:
+        """The output whose error is farthest beyond the noise, and how far, dimensionless."""
+        far = {k: v if v == v else math.inf for k, v in self.over_floor.items()}
+        name = max(far, key=far.__getitem__, default="")
+        return name, far.get(name, 0.0)
+
+    def near_noise(self, base: ProcessNoiseFit) -> bool:
+        """Whether the refitted nominal model predicts nearly to the noise."""
+        complete = base.noise_scale <= IMPERFECT.value
+        return complete and self.farthest[1] <= NEAR_NOISE.value
 
 
 class Round(NamedTuple):
@@ -41,6 +58,15 @@ class Accepted(NamedTuple):
 
     candidate: Candidate
     alike: tuple[str, ...]
+
+
+class Aside(NamedTuple):
+    """What was withdrawn by a rule on how much it explains, with the model that it gave."""
+
+    candidate: Candidate
+    alike: tuple[str, ...]
+    extended: ProcessNoiseFit
+    reason: str
 
 
 class Withdrawn(NamedTuple):
@@ -61,6 +87,7 @@ class Selected:
         accepted: What was found, in the order of finding.
         fits: The refitted nominal model and the model after each effect that was found.
         withdrawn: What was found and taken back.
+        aside: The first effect of each search that was withdrawn as a whole.
         failed: Effects with which searches began that came to nothing.
         began: Effect with which the present search began; empty if none.
         penalty: Log likelihood that an effect of the last round had to gain, dimensionless.
@@ -76,6 +103,7 @@ class Selected:
     accepted: tuple[Accepted, ...] = ()
     fits: tuple[ProcessNoiseFit, ...] = ()
     withdrawn: tuple[Withdrawn, ...] = ()
+    aside: tuple[Aside, ...] = ()
     failed: tuple[str, ...] = ()
     began: str = ""
     penalty: float = 0.0
