@@ -27,9 +27,10 @@ from workbench.model import Model
 
 Vector = npt.NDArray[np.float64]
 
-LADDER = (30.0, 3.0, 1.0, 0.3, 0.03)
+LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03)
 """Process-noise scales that are tried, from a poor model to a perfect one."""
 
+_USUAL = 3.0
 _BLOCK_S = 0.5
 _BLOCK_SAMPLES = 20
 
@@ -105,7 +106,7 @@ def fit_with_process_noise(
     priors: Sequence[Prior],
     *,
     start: Mapping[str, float] | None = None,
-    noise_scale: float = 3.0,
+    noise_scale: float | None = None,
     follow: bool = True,
     ladder: Sequence[float] = LADDER,
     enough: float = ENOUGH,
@@ -118,7 +119,8 @@ def fit_with_process_noise(
         recordings: Recordings as `observe` returns them, for this model.
         priors: The free parameters.
         start: Where to start some parameters, by name, in SI.
-        noise_scale: Share to begin with, dimensionless.
+        noise_scale: Scale to begin with, dimensionless; by default the one under which the
+            recordings are most likely before the fit, 3 or more.
         follow: Whether to go on to smaller scales.
         ladder: Shares that are tried, falling, dimensionless.
         enough: A step that gains less log likelihood than this ends a refit, dimensionless.
@@ -142,6 +144,8 @@ def fit_with_process_noise(
     """
     best: ProcessNoiseFit | None = None
     values = dict(start or {})
+    if noise_scale is None:
+        noise_scale = _first_scale(model, recordings, {p.name: p.mean for p in priors} | values)
     first = int(np.argmin(np.abs(np.log(np.array(ladder) / noise_scale))))
     for level in ladder[first:] if follow else ladder[first : first + 1]:
         try:
@@ -164,6 +168,31 @@ def fit_with_process_noise(
         best = ProcessNoiseFit(trial, level, best and replace(best, passed=None))
         values = {e.name: e.value for e in trial.estimates}
     assert best is not None
+    return best
+
+
+def _first_scale(
+    model: Model, recordings: Sequence[Observed], values: Mapping[str, float]
+) -> float:
+    """Return where to begin: the disturbance that a plant declares may be wrong by a hundred.
+
+    A filter that trusts the equations far more than they deserve has no slope that leads a refit
+    to better values.
+    """
+    first = recordings[0]
+    p = model.with_parameters(values).values
+    least, best = np.inf, _USUAL
+    for scale in (s for s in reversed(LADDER) if s >= _USUAL):
+        filter_ = PredictionError(
+            model, first.sample_time, first.used, (), disturbances(model, scale)
+        )
+        try:
+            cost = filter_.run(first, p).cost
+        except NumericalError:
+            continue
+        if cost > least:
+            break
+        least, best = cost, scale
     return best
 
 

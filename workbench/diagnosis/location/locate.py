@@ -18,7 +18,7 @@ from workbench.model import Model
 
 Vector = npt.NDArray[np.float64]
 
-LEVELS = (1.0, 3.0, 10.0)
+LEVELS = (1.0, 3.0, 10.0, 100.0, 1000.0)
 """Process-noise scales that are tried at a group."""
 
 TRUSTED = (0.03, 0.3)

@@ -147,7 +147,8 @@ def refit_candidates(
         first[i] = final
     found = sorted((judged(c, limits) for c in (*first, *lost)), key=lambda c: -c.gain)
     for i, candidate in enumerate(found):
-        if not candidate.refused:
+        if not candidate.refused or limits.near_noise:
+            # Near the noise free runs cannot be closer but by chance.
             break
         if _runs_closer(base, candidate, hold_out):
             found[i] = replace(candidate, refused="", rule="")

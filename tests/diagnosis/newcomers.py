@@ -1,0 +1,161 @@
+"""Plants as a newcomer would write them, with guesses for scales, and data from SciPy.
+
+Nothing of the workbench's simulation takes part in the data: the truth is integrated by SciPy in
+plain numbers, and read with noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+import numpy.typing as npt
+from scipy.integrate import solve_ivp
+
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.stages import Diagnosis
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.recordings.recording import Recording, Signal
+
+Vector = npt.NDArray[np.float64]
+Law = Callable[[float, float], float]
+
+
+def oscillator(*, scale: float = 1.0) -> Model:
+    """A damped oscillator driven by a force; the guess of the port's scale may be far off."""
+
+    def equations(m: Scope) -> Equations:
+        force = m.port(
+            "mass.force",
+            m.u.drive - m.p.stiffness * m.x.position - m.p.damping * m.x.speed,
+            unit="N",
+            scale=scale,
+            signals={"position": m.x.position, "speed": m.x.speed},
+            disturbance=0.02 * scale,
+        )
+        return (
+            {"position": m.x.speed, "speed": force / m.p.mass},
+            {"position": m.port("position.reading", m.x.position, unit="m")},
+        )
+
+    return Model(
+        "oscillator",
+        equations,
+        states=(State("position", "m", 1.0), State("speed", "m/s", 5.0)),
+        inputs=(Input("drive", "N", 1.0),),
+        outputs=(Output("position", "m", 1.0, noise_rms=1e-3),),
+        parameters=(
+            Parameter("mass", "kg", value=1.1, lower=0.3, upper=3.0, fitted=True),
+            Parameter("stiffness", "N/m", value=28.0, lower=5.0, upper=90.0, fitted=True),
+            Parameter("damping", "N s/m", value=0.5, lower=0.01, upper=3.0, fitted=True),
+        ),
+    )
+
+
+def carriage() -> Model:
+    """A carriage driven by a force: an integrator, run in open loop."""
+
+    def equations(m: Scope) -> Equations:
+        force = m.port(
+            "carriage.force",
+            m.u.drive - m.p.damping * m.x.speed,
+            unit="N",
+            scale=50.0,
+            signals={"position": m.x.position, "speed": m.x.speed},
+            disturbance=1.0,
+        )
+        return (
+            {"position": m.x.speed, "speed": force / m.p.mass},
+            {"position": m.port("position.reading", m.x.position, unit="m")},
+        )
+
+    return Model(
+        "carriage",
+        equations,
+        states=(State("position", "m", 0.5), State("speed", "m/s", 0.2)),
+        inputs=(Input("drive", "N", 50.0),),
+        outputs=(Output("position", "m", 0.5, noise_rms=2e-5),),
+        parameters=(
+            Parameter("mass", "kg", value=18.0, lower=5.0, upper=60.0, fitted=True),
+            Parameter("damping", "N s/m", value=60.0, lower=0.0, upper=400.0, fitted=True),
+        ),
+    )
+
+
+def recorded(
+    mass: float,
+    force: Law,
+    drive: Vector,
+    step: float,
+    noise: float,
+    *,
+    seed: int,
+    name: str,
+    unread: Vector | None = None,
+) -> Recording:
+    """Integrate ``mass a = drive + force(x, v)`` sample by sample and read the position."""
+    rng = np.random.default_rng(seed)
+    x = np.zeros(2)
+    seen = np.empty(len(drive))
+    extra = np.zeros(len(drive)) if unread is None else unread
+    for k, u in enumerate(drive):
+        seen[k] = x[0]
+        total = u + extra[k]
+        run = solve_ivp(
+            lambda t, s, total=total: [s[1], (total + force(s[0], s[1])) / mass],
+            (0.0, step),
+            x,
+            rtol=1e-7,
+            atol=1e-9,
+        )
+        x = run.y[:, -1]
+    time = step * np.arange(len(drive))
+    return Recording(
+        name,
+        time,
+        (
+            Signal("drive", drive, "N", role="command"),
+            Signal("position", seen + noise * rng.normal(size=len(seen)), "m"),
+        ),
+    )
+
+
+def levels(count: int, seed: int, largest: float, shortest: int, longest: int) -> Vector:
+    """Random levels, each held for a random number of samples."""
+    rng = np.random.default_rng(seed)
+    drive: list[float] = []
+    while len(drive) < count:
+        drive += [rng.uniform(-largest, largest)] * int(rng.integers(shortest, longest))
+    return np.array(drive[:count])
+
+
+def oscillations(force: Law, *, unread: bool = False) -> list[Recording]:
+    """Three recordings of an oscillator of 1 kg."""
+    runs = []
+    for seed in (1, 2, 3):
+        drive = levels(700, seed, 30.0, 20, 80)
+        extra = levels(700, 50 + seed, 12.0, 5, 25) if unread else None
+        runs.append(
+            recorded(1.0, force, drive, 0.02, 1e-3, seed=seed, name=f"run {seed}", unread=extra)
+        )
+    return runs
+
+
+@lru_cache(maxsize=1)
+def hardening(scale: float) -> Diagnosis:
+    """An oscillator whose spring hardens by 40 N/m3, told with a guess of the port's scale."""
+    runs = oscillations(lambda x, v: -30.0 * x - 0.6 * v - 40.0 * x**3)
+    return diagnose(oscillator(scale=scale), runs[:2], runs[2:], jobs=1, advise=False)
+
+
+@lru_cache(maxsize=1)
+def rubbing() -> Diagnosis:
+    """A carriage of 20 kg with dry friction of 15 N and an offset of the drive of 2 N."""
+    runs = []
+    for seed in (1, 2, 3):
+        drive = levels(900, seed, 60.0, 15, 70)
+        law: Law = lambda x, v: -80.0 * v - 15.0 * np.tanh(v / 1e-3)  # noqa: E731
+        runs.append(recorded(20.0, law, drive, 0.01, 2e-5, seed=seed, name=f"run {seed}"))
+    return diagnose(carriage(), runs[:2], runs[2:], jobs=1, advise=False)
