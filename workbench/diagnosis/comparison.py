@@ -27,10 +27,6 @@ class ErrorRow:
         spread: Standard deviation of the readings, in ``unit``.
         noise: Noise of the sensor, in ``unit``.
         rmse: Root mean square error by model, in ``unit``.
-
-    Example:
-        >>> ErrorRow("angle", "rad", 0.2, 1e-4, {"refitted": 0.01}).over_noise("refitted")
-        100.0
     """
 
     output: str
@@ -40,19 +36,11 @@ class ErrorRow:
     rmse: Mapping[str, float]
 
     def normalised(self, label: str) -> float:
-        """Return the error of a model over the spread of the readings, dimensionless.
-
-        Args:
-            label: The model: ``nominal``, ``refitted`` or ``extended``.
-        """
+        """Return the error of a model over the spread of the readings, dimensionless."""
         return self.rmse[label] / self.spread if self.spread > 0 else math.nan
 
     def over_noise(self, label: str) -> float:
-        """Return the error of a model over the noise of the sensor, dimensionless.
-
-        Args:
-            label: The model: ``nominal``, ``refitted`` or ``extended``.
-        """
+        """Return the error of a model over the noise of the sensor, dimensionless."""
         return self.rmse[label] / self.noise if self.noise > 0 else math.nan
 
 
@@ -67,10 +55,6 @@ class Proof:
         note: Why there is no located signal; empty if there is one.
         isolability: What the recorded outputs can tell apart at all; None if nothing was run.
         ports: Ports of all findings, or of the located group.
-
-    Example:
-        >>> Proof((), (), "nothing is missing").located
-        ()
     """
 
     located: tuple[Located, ...]
@@ -85,12 +69,6 @@ def proof_of(diagnosis: Diagnosis) -> Proof:
 
     The located signal is estimated from the held-out recordings; the law beside it was fitted to
     the others.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> found, _ = example_diagnosis()
-        >>> [located.argument for located in proof_of(found).located]
-        ['speed']
     """
     if not diagnosis.runs:
         return Proof((), (), "the diagnosis did not get as far as the held-out recordings")
@@ -110,18 +88,9 @@ def proof_of(diagnosis: Diagnosis) -> Proof:
 def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
     """Return the ports at which the unknown input is shown.
 
-    Args:
-        diagnosis: A finished diagnosis.
-
     Returns:
         Ports of the first finding, with or without a name; else those of the located group, if
         something is missing at all.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> found, hold_out = example_diagnosis()
-        >>> located_ports(found)
-        ('axis.force',)
     """
     if diagnosis.accepted:
         return diagnosis.accepted[0][0].entry.ports
@@ -136,17 +105,7 @@ def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
 
 
 def error_rows(diagnosis: Diagnosis) -> tuple[ErrorRow, ...]:
-    """Return the free-run errors over all held-out recordings, output by output.
-
-    Args:
-        diagnosis: A finished diagnosis.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> found, hold_out = example_diagnosis()
-        >>> [row.output for row in error_rows(found)]
-        ['position']
-    """
+    """Return the free-run errors over all held-out recordings, output by output."""
     verdict = diagnosis.verdict
     noise = verdict.fit.get("noise_floor", {}) if verdict else {}
     labels = [label for label, runs in diagnosis.runs.items() if runs]

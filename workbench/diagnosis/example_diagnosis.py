@@ -14,16 +14,7 @@ from workbench.recordings.recording import Recording
 
 @cache
 def example_diagnosis() -> tuple[Diagnosis, tuple[Recording, ...]]:
-    """Diagnose an axis without dry friction on recordings of one that has it.
-
-    Returns:
-        The diagnosis, and the held-out recordings.
-
-    Example:
-        >>> found, hold_out = example_diagnosis()
-        >>> found.verdict.findings[0].where, len(hold_out)
-        (('axis.force',), 1)
-    """
+    """Diagnose an axis without dry friction on recordings of one that has it."""
     truth = servo_axis()
     model = truth.without("coulomb_friction")
     runs = [

@@ -118,13 +118,6 @@ def problem_of_files(
 ) -> Problem:
     """Read recordings of a model.
 
-    Args:
-        model: The nominal model.
-        fit: Recordings to fit on.
-        hold_out: Recordings to judge on.
-        mapping: Mapping of their columns.
-        refit: How to estimate.
-
     Raises:
         WorkbenchError: If there are none of one kind, one is given twice, or cannot be read.
     """

@@ -23,20 +23,10 @@ enlarged so that they count as this many."""
 
 
 class FilterCall:
-    """A function called on its own memory, without converting arguments and results.
-
-    Example:
-        >>> x = ca.SX.sym("x", 2)
-        >>> FilterCall(ca.Function("twice", [x], [2 * x]))([[1.0], [2.0]])[0].ravel()
-        array([2., 4.])
-    """
+    """A function called on its own memory, without converting arguments and results."""
 
     def __init__(self, function: ca.Function) -> None:
-        """Set the memory aside.
-
-        Args:
-            function: The function.
-        """
+        """Set the memory aside."""
         self._buffer, self._call = function.buffer()
         # CasADi stores matrices by columns.
         self.arguments = [np.zeros(function.size_in(i), order="F") for i in range(function.n_in())]
@@ -64,14 +54,6 @@ def substeps_of(model: Model, sample_time: float) -> int:
     Args:
         model: The plant.
         sample_time: Time between samples, in s.
-
-    Returns:
-        Steps per sample, 1 to 50.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> substeps_of(servo_axis(), 0.002)
-        2
     """
     fastest = 0.0
     for face in ("exact", "smooth"):
@@ -123,16 +105,6 @@ def filter_function(
         that is constant and a part relative to its square, shape (n_ports, 2). It returns z, P and
         G after each sample, whitened errors, their derivatives, the logarithms of their standard
         deviations and the filtered z.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis().exact
-        >>> one, both, first = (1.0,), (0, 1), (0,)
-        >>> size = (0.1, 0.1)
-        >>> filter_function(
-        ...     axis, size, one, first, first, both, one, first, 0.01, 1, 5
-        ... ).size_in(3)
-        (1, 5)
     """
     sx, sy, sp = np.array(state_scale), np.array(output_scale), np.array(free_scale)
     z, u, p = ca.SX.sym("z", len(sx)), traced.u, traced.p

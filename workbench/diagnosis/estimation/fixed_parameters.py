@@ -31,16 +31,6 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
 
     Returns:
         The same refit with wider intervals; unchanged where its model holds nothing of that kind.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
-        >>> fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
-        >>> with_fixed_uncertainty(fit, [seen]) is fit
-        True
     """
     model = fit.model
     estimates = {e.name: e.value for e in fit.refit.estimates}

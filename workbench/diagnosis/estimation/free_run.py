@@ -31,11 +31,6 @@ class FreeRun:
         measured: Readings, shape (n, n_used), in SI; NaN where there is none.
         simulated: What the model would read, shape (n, n_used), in SI; NaN if the run failed.
         failure: Why the run failed; empty if it did not.
-
-    Example:
-        >>> one = np.zeros((2, 1))
-        >>> FreeRun("trial", ("angle",), ("rad",), np.arange(2.0), one, one + 0.1).rmse
-        {'angle': 0.1}
     """
 
     name: str
@@ -99,15 +94,6 @@ def free_run(
 
     Raises:
         WorkbenchError: If the recording was observed with another model or a value is unknown.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> zero = np.zeros((50, 1))
-        >>> rest = Observed(
-        ...     "rest", 0.01, zero, zero, ("position",), zero[0], np.zeros(2), np.zeros(2)
-        ... )
-        >>> free_run(servo_axis(), rest).rmse
-        {'position': 0.0}
     """
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     units = tuple(model.outputs[i].unit for i in rows)

@@ -74,15 +74,8 @@ def made_up_recording(
         seed: Seed of the noise.
         name: Name of the recording.
 
-    Returns:
-        The recording.
-
     Raises:
         WorkbenchError: If a parameter is unknown or the inputs do not fit.
-
-    Example:
-        >>> len(made_up_recording(servo_axis(), np.full(50, 100.0), sample_time=0.01))
-        50
     """
     true = model.with_parameters(dict(values or {}))
     run = simulate(true, inputs, sample_time=sample_time, check=False)
@@ -110,10 +103,6 @@ def pushes(samples: int, *, largest: float, hold: int = 40, seed: int = 0) -> Ve
 
     Returns:
         Levels, shape (samples,), in the unit of the input.
-
-    Example:
-        >>> pushes(3, largest=100.0).shape
-        (3,)
     """
     levels = np.random.default_rng(seed).uniform(-largest, largest, samples // hold + 1)
     return np.repeat(levels, hold)[:samples]
@@ -126,13 +115,6 @@ def made_up_axis(seed: int = 0, *, samples: int = 800, name: str = "made up") ->
         seed: Seed of forces and noise.
         samples: Number of samples, 10 ms apart.
         name: Name of the recording.
-
-    Returns:
-        The recording as `observe` returns it.
-
-    Example:
-        >>> made_up_axis(1).used
-        ('position',)
     """
     forces = pushes(samples, largest=200.0, seed=seed)
     return made_up(

@@ -36,15 +36,6 @@ def observe(
 
     Raises:
         WorkbenchError: If an input is missing, no output was recorded, or the time is not uniform.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> from workbench.recordings.recording import Signal
-        >>> time = 0.01 * np.arange(50)
-        >>> signals = Signal("force", 0 * time, "N"), Signal("position", 0 * time + 0.1, "m")
-        >>> seen = observe(servo_axis(), Recording("rest", time, signals))
-        >>> seen.used, seen.start.round(3).tolist()
-        (('position',), [0.1, 0.0])
     """
     missing = [q.name for q in model.inputs if q.name not in recording]
     if missing:

@@ -149,9 +149,6 @@ class PredictionError:
             observed: The recording.
             values: Parameter values, shape (n_parameters,), in SI.
 
-        Returns:
-            Innovations and their derivatives.
-
         Raises:
             NumericalError: If the filter leaves the finite numbers.
         """
@@ -228,11 +225,6 @@ def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
 
     Returns:
         Root mean square by name of port, in each port's SI unit.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> disturbances(servo_axis(), 0.5)
-        {'axis.force': 1.0}
     """
     return {
         q.name: noise_scale * q.disturbance for q in model.ports if noise_scale * q.disturbance > 0
@@ -242,18 +234,9 @@ def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
 def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:
     """Stack the innovations of several recordings for least squares.
 
-    Args:
-        parts: Innovations of each recording.
-
     Returns:
         Whitened errors, shape (m,), and their derivatives, shape (m, n_free); samples without a
         reading are left out.
-
-    Example:
-        >>> pair = np.ones((2, 1))
-        >>> one = Innovations(pair, np.ones((2, 1, 3)), pair, pair)
-        >>> [array.shape for array in stack([one, one])]
-        [(4,), (4, 3)]
     """
     errors = np.concatenate([part.whitened.ravel() for part in parts])
     rows = np.concatenate([part.jacobian.reshape(errors_of(part), -1) for part in parts])
@@ -262,15 +245,5 @@ def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:
 
 
 def errors_of(part: Innovations) -> int:
-    """Return how many prediction errors a recording has, samples times outputs.
-
-    Args:
-        part: Innovations of a recording.
-
-    Example:
-        >>> errors_of(
-        ...     Innovations(np.ones((2, 3)), np.ones((2, 3, 1)), np.ones((2, 3)), np.ones((2, 1)))
-        ... )
-        6
-    """
+    """Return how many prediction errors a recording has, samples times outputs."""
     return int(part.whitened.size)

@@ -22,10 +22,6 @@ class Prior:
         std: Standard deviation, in the parameter's SI unit.
         lower: Smallest value, in the parameter's SI unit.
         upper: Largest value, in the parameter's SI unit.
-
-    Example:
-        >>> Prior("load", 3.0, 0.1, 0.0, 8.0).mean
-        3.0
     """
 
     name: str
@@ -42,16 +38,8 @@ def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Pr
         model: The plant.
         names: Names of the free parameters; all that a refit may change by default.
 
-    Returns:
-        One prior per free parameter.
-
     Raises:
         WorkbenchError: If a name is unknown or a parameter has no bounds.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> [prior.name for prior in default_priors(servo_axis())][:2]
-        ['mass', 'offset']
     """
     chosen = [q.name for q in model.parameters if q.fitted] if names is None else list(names)
     priors = []
@@ -67,19 +55,7 @@ def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Pr
 
 
 def without_prior(priors: Sequence[Prior], *names: str) -> tuple[Prior, ...]:
-    """Return priors without those of some parameters, which then stay fixed.
-
-    Args:
-        priors: Priors of the free parameters.
-        names: Names of the parameters to fix.
-
-    Returns:
-        The other priors.
-
-    Example:
-        >>> without_prior([Prior("a", 0, 1, -1, 1), Prior("b", 0, 1, -1, 1)], "a")[0].name
-        'b'
-    """
+    """Return priors without those of some parameters, which then stay fixed."""
     return tuple(p for p in priors if p.name not in names)
 
 
@@ -89,12 +65,5 @@ def widened(prior: Prior, factor: float) -> Prior:
     Args:
         prior: The prior.
         factor: Factor on the standard deviation, dimensionless.
-
-    Returns:
-        The widened prior; its bounds stay.
-
-    Example:
-        >>> widened(Prior("a", 0.0, 1.0, -9.0, 9.0), 3.0).std
-        3.0
     """
     return replace(prior, std=prior.std * factor)

@@ -71,16 +71,6 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
 
     Returns:
         The recording with the states of the effects where the effects put them.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.physics.lugre import lugre_friction
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(50, largest=200.0), sample_time=0.01)
-        >>> bristles = lugre_friction("axis.force")
-        >>> len(extended_start(seen, axis, axis.with_effect(bristles)).start)
-        3
     """
     if len(extended.states) == len(observed.start):
         return observed
@@ -131,16 +121,6 @@ def fit_with_process_noise(
 
     Raises:
         NumericalError: If the first refit could not be evaluated.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
-        >>> fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
-        >>> abs(fit.refit.estimate("mass").value - 95.0) < 1.0
-        True
     """
     best: ProcessNoiseFit | None = None
     values = dict(start or {})
@@ -211,16 +191,6 @@ def blocks_of_cost(
 
     Raises:
         NumericalError: If the filter leaves the finite numbers.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
-        >>> fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
-        >>> blocks_of_cost(fit, [seen]).shape
-        (4,)
     """
     filter_ = PredictionError(
         fit.model,
@@ -257,13 +227,6 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
 
     Raises:
         NumericalError: If the model leaves the finite numbers.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> perfect_cost(axis, [made_up(axis, pushes(50, largest=200.0), sample_time=0.01)]) < 0.0
-        True
     """
     first = recordings[0]
     tight, blind = (
@@ -314,22 +277,8 @@ def gain_interval(
 def start_values(fit: Refit, priors: Sequence[Prior]) -> dict[str, float]:
     """Return where to start the next refit: estimates, but priors for those on a bound.
 
-    Args:
-        fit: A refit.
-        priors: Priors of the free parameters.
-
     Returns:
         Values in SI, by name.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
-        >>> priors = default_priors(axis, ["mass"])
-        >>> list(start_values(fit_with_process_noise(axis, [seen], priors).refit, priors))
-        ['mass']
     """
     means = {p.name: p.mean for p in priors}
     return {e.name: means.get(e.name, e.value) if e.on_bound else e.value for e in fit.estimates}

@@ -71,9 +71,6 @@ def refit(
         enough: A step that gains less log likelihood than this ends the last pass, dimensionless.
         progress: Called with a line of text before each pass.
 
-    Returns:
-        Estimates with intervals, of the best start.
-
     Raises:
         WorkbenchError: If there is no recording, or recordings do not fit together.
         NumericalError: If no start could be evaluated.

@@ -59,11 +59,6 @@ class RefitTask:
         published: Values that others identified, by parameter, in SI.
         published_from: Who did.
         notes: What to know when reading the result.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> RefitTask("axis", "servo axis", servo_axis(), (), ()).starts
-        1
     """
 
     name: str
@@ -96,11 +91,6 @@ class HeldOut:
         limited: Error that noise alone would leave: that of the readings and what the uncertainty
             of the parameters makes of it, in ``unit``.
         noise: Noise of the readings, in ``unit``.
-
-    Example:
-        >>> row = HeldOut("validate", "angle", "deg", 10.0, 1.0, 0.02, 0.015, 0.01)
-        >>> row.at_floor
-        True
     """
 
     recording: str
@@ -162,10 +152,6 @@ class RefitReport:
 
     def row(self, recording: str, output: str) -> HeldOut:
         """Return the errors of one output on one held-out recording.
-
-        Args:
-            recording: Name of the recording.
-            output: Name of the output.
 
         Raises:
             WorkbenchError: If there is none of that recording and output.
@@ -229,15 +215,6 @@ def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None)
     Raises:
         WorkbenchError: If there is no recording to fit on.
         NumericalError: If no start could be evaluated.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> seen, unseen = made_up_axis(0), made_up_axis(1, name="test")
-        >>> report = run_refit(RefitTask("axis", "servo axis", servo_axis(), (seen,), (unseen,)))
-        >>> row = report.row("test", "position")
-        >>> row.refitted < 0.1 * row.nominal
-        True
     """
     if not task.fit:
         raise WorkbenchError(f"{task.title} has no recording to fit on; give at least one")
@@ -310,13 +287,6 @@ def noise_limited(
 
     Raises:
         WorkbenchError: If the recording was observed with another model.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> found = refit(servo_axis(), [made_up_axis(0)])
-        >>> list(noise_limited(found, made_up_axis(1), draws=2))
-        ['position']
     """
     rng = np.random.default_rng(seed)
     middle = np.array([e.value for e in found.estimates])

@@ -34,11 +34,6 @@ class Estimate:
         std: Standard deviation of the estimate, in ``unit``.
         prior: What was known before.
         on_bound: Whether the estimate sits on one of its bounds.
-
-    Example:
-        >>> prior = Prior("load", 3.0, 0.1, 0.0, 8.0)
-        >>> print(Estimate("load", "kg", 3.02, 0.01, prior, False))
-        load                                 3.02 +- 0.01       kg             prior 3 +- 0.1
     """
 
     name: str
@@ -100,9 +95,6 @@ class Refit:
     def estimate(self, name: str) -> Estimate:
         """Return the estimate of a parameter.
 
-        Args:
-            name: Name of the parameter.
-
         Raises:
             WorkbenchError: If the parameter was not free.
         """
@@ -116,9 +108,6 @@ class Refit:
 
     def inflation(self, name: str) -> float:
         """Return by how much correlated errors enlarge the standard deviation of an estimate.
-
-        Args:
-            name: Name of the parameter.
 
         Returns:
             Factor, 1 or more, dimensionless.
@@ -173,21 +162,8 @@ def summarise(
 ) -> Refit:
     """Turn the end of a search into estimates with intervals.
 
-    Args:
-        model: The plant.
-        recordings: The recordings.
-        priors: Priors of the free parameters.
-        outcome: Where the search ended.
-
     Returns:
         Estimates, their covariance, and what to know when reading them.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.diagnosis.estimation.refit import refit
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> print(refit(servo_axis(), [made_up_axis()]).estimate("mass"))
-        mass ... kg ...
     """
     names = [p.name for p in priors]
     quantities = [model.parameters[index_of("parameter", n, model.parameters)] for n in names]

@@ -37,22 +37,6 @@ def fitted_start(
 
     Raises:
         WorkbenchError: If the number of samples is outside its range.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> still = np.zeros((50, 1))
-        >>> seen = Observed(
-        ...     "rest",
-        ...     0.01,
-        ...     still,
-        ...     still + 0.1,
-        ...     ("position",),
-        ...     np.array([1e-4]),
-        ...     np.zeros(2),
-        ...     np.ones(2),
-        ... )
-        >>> fitted_start(servo_axis(), seen, samples=20).start.round(3).tolist()
-        [0.1, 0.0]
     """
     count = round(check_range("samples", samples, 2, len(observed.outputs)))
     first = replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])

@@ -47,10 +47,6 @@ class Experiment:
         inputs: Inputs held from each sample to the next, shape (n, n_inputs), in SI.
         settings: Parameters that are set to another value for it, in SI, by name.
         planned: The model that planned it and what that would read, shape (n, n_outputs), in SI.
-
-    Example:
-        >>> Experiment("rest", 0.1, np.zeros((11, 1))).duration
-        1.0
     """
 
     text: str
@@ -90,11 +86,7 @@ class Experiment:
         return run.outputs
 
     def on(self, model: Model) -> Model:
-        """Return a model as it is set for the experiment.
-
-        Args:
-            model: The plant.
-        """
+        """Return a model as it is set for the experiment."""
         return model.with_parameters(self.settings) if self.settings else model
 
 
@@ -109,17 +101,8 @@ def menu(model: Model, recordings: Sequence[Observed]) -> tuple[Experiment, ...]
         model: The plant that predicts where an input leads.
         recordings: Recordings as `observe` returns them; their sample time is that of the menu.
 
-    Returns:
-        Experiments at the settings of the model.
-
     Raises:
         WorkbenchError: If there are no recordings.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> print(menu(servo_axis(), [made_up_axis()])[0].text)
-        a pulse train of 0.625 Hz of force, +-174 N, for 8 s
     """
     if not recordings:
         raise WorkbenchError("experiments are planned from recordings, and there are none")
@@ -142,11 +125,6 @@ def other_settings(
 
     Returns:
         Words, and the changed value in SI by name.
-
-    Example:
-        >>> from workbench.plants.arm import arm
-        >>> other_settings(arm(load_kg=0))[0]
-        ('at 2 kg load', {'load': 2.0})
     """
     found = []
     for q in model.parameters:
@@ -167,11 +145,6 @@ def with_setting(experiment: Experiment, words: str, values: Mapping[str, float]
         experiment: The experiment.
         words: The setting in words.
         values: Changed parameters, in SI, by name.
-
-    Example:
-        >>> rest = Experiment("rest", 0.1, np.zeros((11, 1)))
-        >>> with_setting(rest, "at 5 kg load", {"load": 5.0}).text
-        'rest, at 5 kg load'
     """
     return replace(
         experiment, text=f"{experiment.text}, {words}", settings=dict(values), planned=None

@@ -56,9 +56,6 @@ def separate(
         experiments: What to choose from; by default a menu within what the recordings show, the
             best of it also at other settings of load and supply.
 
-    Returns:
-        Experiments with the predicted separation, best first.
-
     Raises:
         WorkbenchError: If there are no recordings.
 
@@ -121,14 +118,6 @@ def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dic
 
     Raises:
         WorkbenchError: If there are no recordings.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> from workbench.diagnosis.estimation.observe import observe
-        >>> found, hold_out = example_diagnosis()
-        >>> step = next_experiment(found, [observe(found.nominal, r) for r in hold_out])
-        >>> sorted(step) in ([], ["experiment", "sentence", "separation_sigma"])
-        True
     """
     nominal = diagnosis.nominal
     if diagnosis.accepted:

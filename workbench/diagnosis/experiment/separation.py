@@ -43,10 +43,6 @@ class Explanation:
         name: The explanation in words.
         fit: Its fit.
         size: Name of the parameter that is the size of the effect; empty for none.
-
-    Example:
-        >>> Explanation.__name__
-        'Explanation'
     """
 
     name: str
@@ -94,10 +90,6 @@ class Separator:
 
     def played(self, truth: Explanation, experiment: Experiment) -> Observed | None:
         """Return what the sensors would read if an explanation is true.
-
-        Args:
-            truth: The explanation.
-            experiment: The experiment.
 
         Returns:
             A recording without noise; None if the model does not reach the end.
@@ -153,10 +145,6 @@ class Separation:
         experiment: The experiment.
         sigma: Standard deviations by which it separates the explanations, dimensionless.
         gain: Log likelihood that the true one would gain over the refitted other, dimensionless.
-
-    Example:
-        >>> Separation(Experiment("rest", 0.1, np.zeros((11, 1))), 2.0, 2.0).sigma
-        2.0
     """
 
     experiment: Experiment
@@ -183,10 +171,6 @@ def separation(
 
     Returns:
         The predicted separation; none at all if a model leaves the finite numbers.
-
-    Example:
-        >>> separation.__name__
-        'separation'
     """
     noise_scale = min(truth.fit.noise_scale, other.fit.noise_scale)
     seen = separator.played(truth, experiment)
@@ -223,12 +207,6 @@ def reduced(part: Innovations, information: Vector) -> float:
 
     Returns:
         ``min_d (|e + J d|^2 + d' information d) / 2``, dimensionless.
-
-    Example:
-        >>> e = np.array([[1.0], [1.0]])
-        >>> j = np.array([[[1.0]], [[1.0]]])
-        >>> round(reduced(Innovations(e, j, e, e), np.array([[1e-9]])), 6)
-        0.0
     """
     errors, rows = stack([part])
     gradient = rows.T @ errors
@@ -241,18 +219,9 @@ def spread_after(
 ) -> tuple[float, float]:
     """Predict the standard deviation of an effect's size now and after an experiment.
 
-    Args:
-        separator: The filters.
-        explanation: The explanation with its effect.
-        experiment: The experiment.
-
     Returns:
         Standard deviation now and then, in the unit of the size; the same twice if the model does
         not reach the end.
-
-    Example:
-        >>> spread_after.__name__
-        'spread_after'
     """
     now = explanation.fit.refit.estimate(explanation.size).std
     seen = separator.played(explanation, experiment)
@@ -278,10 +247,6 @@ class Sight:
         then: The same with the experiment, in the same unit.
         collinearity: Share of its signature that the free parameters can then imitate, 0 to 1,
             dimensionless.
-
-    Example:
-        >>> Sight.__name__
-        'Sight'
     """
 
     experiment: Experiment
@@ -309,13 +274,6 @@ def visible(
         entries: The effects, at size zero.
         recordings: The present recordings, observed with the separator's model.
         experiments: The experiments.
-
-    Returns:
-        One per experiment and effect.
-
-    Example:
-        >>> visible.__name__
-        'visible'
     """
     base = explanation.fit.model
     model = base.with_effect(*(e.effect for e in entries))
@@ -381,10 +339,6 @@ def sensors(
     Returns:
         Names of ports and published signals, with standard deviations, dimensionless, the best
         first.
-
-    Example:
-        >>> sensors.__name__
-        'sensors'
     """
     seen = separator.played(truth, experiment)
     if seen is None:

@@ -35,10 +35,6 @@ class Sensor:
         before: Whether to read what enters the port rather than what leaves it, so on the other
             side of what may be missing there.
         splits: For each group that it would split, the parts.
-
-    Example:
-        >>> print(Sensor("valve.flow", False, ((("valve.opening",), ("tank.leak",)),)))
-        valve.flow splits valve.opening | tank.leak
     """
 
     signal: str
@@ -75,11 +71,6 @@ class Isolability:
         structure: The structure that the groups follow from.
         readable: Unknowns in each signal that could be read.
         transfers: How each port moves the readings.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> isolability(servo_axis()).told_apart("axis.force", "position.reading")
-        False
     """
 
     model: str
@@ -94,9 +85,6 @@ class Isolability:
     def group_of(self, port: str) -> tuple[str, ...]:
         """Return the ports that cannot be told from one, itself among them.
 
-        Args:
-            port: Name of the port.
-
         Returns:
             The group; the port alone if nothing can be seen there.
 
@@ -108,10 +96,6 @@ class Isolability:
 
     def told_apart(self, one: str, other: str) -> bool:
         """Say whether some recording could tell two ports apart.
-
-        Args:
-            one: Name of a port.
-            other: Name of another port.
 
         Raises:
             WorkbenchError: If there is no such port.

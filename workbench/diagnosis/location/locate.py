@@ -36,10 +36,6 @@ class Location:
         alone: Gain of an input at this group only, by group of ports, dimensionless.
         needed: Loss when this group is the only one without, by group, dimensionless.
         together: Gain of an input at all groups, dimensionless.
-
-    Example:
-        >>> Location({"joint": 90.0, "valve": 2.0}, {"joint": 88.0, "valve": 1.0}, 91.0).best
-        'joint'
     """
 
     alone: dict[str, float]
@@ -53,9 +49,6 @@ class Location:
 
     def ports(self, model: Model) -> tuple[str, ...]:
         """Return where the mismatch is, as far as an unknown input tells.
-
-        Args:
-            model: The model that was located in.
 
         Returns:
             The ports of the best group, with those of its twins that gain at least half as much:
@@ -85,16 +78,8 @@ class Location:
 def groups_of(model: Model) -> dict[str, tuple[str, ...]]:
     """Return the ports at which the equations may leave something out, by group.
 
-    Args:
-        model: The plant.
-
     Returns:
         Names of ports by the part of the name before the dot.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> groups_of(servo_axis())
-        {'axis': ('axis.force',)}
     """
     groups: dict[str, tuple[str, ...]] = {}
     for port in model.ports:
@@ -105,13 +90,6 @@ def groups_of(model: Model) -> dict[str, tuple[str, ...]]:
 
 def locate(model: Model, recordings: Sequence[Observed]) -> Location:
     """Find the group of ports that needs another signal.
-
-    Args:
-        model: The refitted model.
-        recordings: Recordings as `observe` returns them.
-
-    Returns:
-        Gains of log likelihood by group.
 
     Example:
         >>> from workbench.diagnosis.estimation.made_up import made_up, pushes

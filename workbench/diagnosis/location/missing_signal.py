@@ -46,11 +46,6 @@ class Located:
             readings determine it, dimensionless; NaN without law.
         recordings: Names of the recordings.
         law_name: What the law is, in plain words.
-
-    Example:
-        >>> one = np.ones(2)
-        >>> Located("axis.force", "N", one, one, one, one, "speed", "m/s", one).law is None
-        False
     """
 
     port: str
@@ -94,14 +89,6 @@ def located_signal(
 
     Raises:
         NumericalError: If the model without the effect cannot follow the recordings at all.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> from workbench.diagnosis.estimation.observe import observe
-        >>> found, hold_out = example_diagnosis()
-        >>> seen = [observe(found.nominal, recording) for recording in hold_out]
-        >>> located_signal(found, seen, ["axis.force"])[0].explained > 0.5
-        True
     """
     model, extended = diagnosis.base.model, diagnosis.extended.model
     taken_out = _taken_out(diagnosis)
@@ -208,16 +195,6 @@ def added_at_ports(
 
     Raises:
         NumericalError: If the filter cannot follow the recording.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis, seen = servo_axis(), made_up_axis(samples=50)
-        >>> bare = axis.without("coulomb_friction")
-        >>> missing = unknown_input(bare, seen, ["axis.force"])
-        >>> gone = {"coulomb_friction.level": 0.0}
-        >>> added_at_ports(axis, gone, seen, bare, missing).shape
-        (50, 1)
     """
     rms = {q.name: q.disturbance for q in extended.ports if q.disturbance > 0}
     filter_ = PredictionError(extended, observed.sample_time, observed.used, (), rms)
@@ -265,18 +242,6 @@ def told_apart(model: Model, ports: Sequence[str], observed: Observed) -> tuple[
     Returns:
         The ports; or, if all of them act on the rates as another port does at which something may
         be left out, that port alone.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.observe import observe
-        >>> from workbench.data_folder import shipped_data
-        >>> from workbench.plants.arm import arm
-        >>> from workbench.recordings.case import read_case
-        >>> run = read_case(shipped_data("practice-07")).fit["identify_open"]
-        >>> seen = observe(arm(3), run)
-        >>> told_apart(arm(3), ("muscle_1.force", "muscle_2.force"), seen)
-        ('joint.torque',)
-        >>> told_apart(arm(3), ("chamber_1.flow", "chamber_2.flow"), seen)
-        ('chamber_1.flow', 'chamber_2.flow')
     """
     if len(ports) < 2:
         return tuple(ports)
@@ -360,11 +325,6 @@ def correlation_ratio(signal: Vector, argument: Vector, *, bins: int = BINS) -> 
 
     Returns:
         0 for no dependence to 1 for a function, dimensionless.
-
-    Example:
-        >>> x = np.linspace(-1.0, 1.0, 1000)
-        >>> round(correlation_ratio(np.sign(x), x), 2), correlation_ratio(x, np.ones(1000))
-        (1.0, 0.0)
     """
     variance = float(np.var(signal))
     edges = np.unique(np.quantile(argument, np.linspace(0, 1, bins + 1)[1:-1]))

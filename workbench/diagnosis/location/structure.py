@@ -34,11 +34,6 @@ class Structure:
         equations: Names of the equations.
         unknowns: Names of the unknowns.
         suspects: Rows that may be wrong, by name of the port.
-
-    Example:
-        >>> twice = Structure(np.array([[True], [True]]), ("read", "law"), ("level",), {"law": 1})
-        >>> twice.checkable()
-        array([ True,  True])
     """
 
     holds: Matrix
@@ -126,9 +121,6 @@ class Structure:
         Args:
             holds: Names of the unknowns in what it reads.
 
-        Returns:
-            A copy with one more equation.
-
         Raises:
             WorkbenchError: If there is no such unknown.
         """
@@ -158,11 +150,6 @@ class Cut:
         outputs: Readings, shape (n_outputs, 1), in SI.
         signals: What else could be read, by name: what enters a port under its name with
             `` before``, published signals, readings that are not recorded; in SI.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> cut(servo_axis()).rates
-        SX([speed, (axis.force/mass)])
     """
 
     model: Model
@@ -182,19 +169,7 @@ class Cut:
 
 
 def cut(model: Model) -> Cut:
-    """Cut a model at its ports.
-
-    Args:
-        model: The plant.
-
-    Returns:
-        The equations between the ports.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> cut(servo_axis()).symbols
-        SX([axis.force, position.reading])
-    """
+    """Cut a model at its ports."""
     entering: dict[str, ca.SX] = {}
     symbols: dict[str, ca.SX] = {}
 
@@ -236,11 +211,6 @@ def structure_of(
 
     Raises:
         WorkbenchError: If there is no such output.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> structure_of(cut(servo_axis()), ["position"])[0].unknowns[:3]
-        ('state position', 'state speed', 'before axis.force')
     """
     model = parts.model
     names = [q.name for q in model.outputs]

@@ -31,11 +31,6 @@ class Transfers:
             (n, n_outputs, n_p): n pairs of an operating point and a frequency.
         signals: The same to each further signal that could be read, not scaled, shape (n, n_p), by
             name.
-
-    Example:
-        >>> one = Transfers(("a", "b"), np.array([[[1.0, 2j]]]), {})
-        >>> one.sines().round(6).tolist()
-        [[0.0, 0.0], [0.0, 0.0]]
     """
 
     ports: tuple[str, ...]
@@ -43,11 +38,7 @@ class Transfers:
     signals: Mapping[str, Complex]
 
     def rows(self, ports: Sequence[str]) -> list[int]:
-        """Return the places of some ports.
-
-        Args:
-            ports: Their names.
-        """
+        """Return the places of some ports."""
         return [self.ports.index(port) for port in ports]
 
     def sines(self, sensor: str | None = None) -> Vector:
@@ -84,12 +75,6 @@ def transfers(parts: Cut, outputs: Sequence[str]) -> Transfers:
 
     Returns:
         ``G = C (jw - A)^-1 B + D`` from the ports.
-
-    Example:
-        >>> from workbench.diagnosis.location.structure import cut
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> transfers(cut(servo_axis()), ["position"]).readings.shape
-        (20, 1, 2)
     """
     model, traced = parts.model, parts.model.exact
     chosen = [[q.name for q in model.outputs].index(o) for o in outputs]

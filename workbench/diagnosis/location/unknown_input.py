@@ -49,11 +49,6 @@ class UnknownInput:
         std: Its standard deviation, shape (n, n_ports), each in its unit.
         states: Smoothed states, shape (n, n_states), in SI.
         inputs: Inputs of the model, shape (n, n_inputs), in SI.
-
-    Example:
-        >>> one = np.ones((2, 1))
-        >>> UnknownInput("trial", ("axis.force",), ("N",), np.arange(2.0), one, one, one, one).rms
-        array([1.])
     """
 
     name: str
@@ -82,9 +77,6 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
         model: The model whose equations leave something out.
         observed: A recording, with a start for this model.
         ports: Names of the ports that may add an unknown signal.
-
-    Returns:
-        The unknown input with its uncertainty.
 
     Raises:
         WorkbenchError: If a port does not exist.

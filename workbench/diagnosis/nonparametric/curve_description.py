@@ -26,10 +26,6 @@ class Term:
         name: The term, such as ``"x^3"`` or ``"sin(20.1 x)"``; that of a frequency stands for the
             sine and cosine.
         frequency: Share of the drawn curves in whose description it is, 0 to 1, dimensionless.
-
-    Example:
-        >>> print(Term("x^3", 0.97))
-        x^3 (97 %)
     """
 
     name: str

@@ -215,13 +215,6 @@ def spread(values: Vector, argument: str, unit: str, most: int, *, centred: bool
         unit: Its unit.
         most: Number of knots.
         centred: Whether the curve is zero on average over the values.
-
-    Returns:
-        The curve.
-
-    Example:
-        >>> np.round(spread(np.linspace(0.0, 1.0, 500), "angle", "rad", 3).knots, 2).tolist()
-        [0.0, 0.5, 1.0]
     """
     low, high = np.quantile(values, [0.002, 0.998])
     knots = np.linspace(low, high, most)
@@ -256,16 +249,6 @@ def partial(
     Returns:
         Values of the argument, in its unit, what the curve has to follow, in the unit of the curve,
         and weights, dimensionless; each of shape (n_ports n,).
-
-    Example:
-        >>> from workbench.diagnosis.nonparametric.evidence import gather
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = gather(axis, [made_up_axis()], ["axis.force"], default_priors(axis))
-        >>> [v.shape for v in partial(seen, seen.sites[0], False, "speed", seen.signal)]
-        [(800,), (800,), (800,)]
     """
     n, located, _ = site.effect.shape
     effect = site.effect * site.value[:, None, :] if relative else site.effect
@@ -295,11 +278,6 @@ def loop_along(x: Vector, recording: npt.NDArray[np.int_], distance: float) -> V
 
     Returns:
         The memory, shape (n, n_ports), -1 to 1, dimensionless.
-
-    Example:
-        >>> there = np.array([[0.0], [5.0], [0.0]])
-        >>> loop_along(there, np.zeros(3, dtype=int), 1.0).round(2).ravel().tolist()
-        [0.0, 0.99, -0.99]
     """
     memory = np.zeros_like(x)
     for k in range(1, len(x)):
@@ -311,18 +289,7 @@ def loop_along(x: Vector, recording: npt.NDArray[np.int_], distance: float) -> V
 
 
 def rate_of(argument: str, site: Site) -> str | None:
-    """Return the local signal that is the rate of another one; None if there is none.
-
-    Args:
-        argument: Name of the local signal.
-        site: Where it is seen.
-
-    Example:
-        >>> none = np.zeros((1, 1))
-        >>> both = {"angle": none, "speed": none}
-        >>> rate_of("angle", Site(("joint.torque",), "N m", both, {}, none, none[None]))
-        'speed'
-    """
+    """Return the local signal that is the rate of another one; None if there is none."""
     name = _SPEEDS.get(argument)
     return name if name in site.signals else None
 

@@ -41,21 +41,9 @@ def gather(
         ports: One port, or ports that share a law, such as those of both muscles.
         priors: Priors of the free parameters.
 
-    Returns:
-        The signals with the candidates beside them.
-
     Raises:
         WorkbenchError: If a port does not exist.
         NumericalError: If the filter cannot follow a recording.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = gather(axis, [made_up_axis()], ["axis.force"], default_priors(axis))
-        >>> list(seen.sites[0].signals)
-        ['position', 'speed']
     """
     parts = [unknown_input(model, observed, ports) for observed in recordings]
     every = max(1, sum(len(part.time) for part in parts) // _ROWS)

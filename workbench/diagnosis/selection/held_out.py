@@ -45,17 +45,6 @@ def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
         model: The model, with effects attached or not.
         nominal: The model that the recording was observed with.
         observed: The recording.
-
-    Returns:
-        The run beside the readings.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(100, largest=200.0), sample_time=0.01)
-        >>> settled_run(axis, axis, seen).finite
-        True
     """
     begun = extended_start(observed, nominal, model)
     wanted = max(_START_SAMPLES, round(_START_S / begun.sample_time))
@@ -188,17 +177,6 @@ def held_out_gain(
 
     Raises:
         NumericalError: If the filter leaves the finite numbers.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
-        >>> fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
-        >>> held_out_gain(blocks_of_cost(fit, [seen]), fit, [seen])[0]
-        0.0
     """
     blocks = blocks_of_cost(fit, judged)
     held_out = gain_interval(before, blocks)
@@ -238,17 +216,6 @@ def runs_closer(base: ProcessNoiseFit, fit: ProcessNoiseFit, hold_out: Sequence[
 
     Returns:
         Whether it does; not if a run fails.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
-        >>> fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
-        >>> runs_closer(fit, fit, [seen])
-        False
     """
     pairs = [
         [settled_run(one.model, base.model, observed) for one in (base, fit)]
@@ -272,10 +239,6 @@ def held_out_errors(
 ) -> dict[str, dict[str, float]]:
     """Return the errors of free runs on all held-out recordings together.
 
-    Args:
-        runs: Free runs by model and recording.
-        judging: Held-out recordings.
-
     Returns:
         Root mean square error by model and output, and the noise of the sensors as
         ``noise_floor``, in SI.
@@ -296,12 +259,6 @@ def explained(fit: Mapping[str, Mapping[str, float]]) -> float:
 
     Returns:
         The share, the mean over the outputs, 0 to 1, dimensionless; NaN if a run failed.
-
-    Example:
-        >>> explained(
-        ...     {"refitted": {"y": 5.0}, "extended": {"y": 3.0}, "noise_floor": {"y": 3.0}}
-        ... )
-        1.0
     """
     shares = []
     for output, noise in fit["noise_floor"].items():

@@ -93,26 +93,6 @@ def refit_candidates(
 
     Returns:
         Candidates by falling gain, each accepted or refused with the reason.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
-        >>> from workbench.diagnosis.selection.score import score_library
-        >>> from workbench.physics.library import library
-        >>> axis = axis.without("coulomb_friction")
-        >>> priors = default_priors(axis, ["mass"])
-        >>> fit = fit_with_process_noise(axis, [seen], priors)
-        >>> tried = [e for e in library(axis) if not e.stiff]
-        >>> scores = score_library(fit.model, [seen], priors, tried, noise_scale=fit.noise_scale)
-        >>> from workbench.diagnosis.selection.shortlist import shortlist
-        >>> best = refit_candidates(
-        ...     fit, shortlist(scores, most=1), priors, [seen], [seen], limits=Limits(20.0), jobs=1
-        ... )[0]
-        >>> best.entry.name == scores.scores[0].entry.name, best.gain > 20.0
-        (True, True)
     """
     given = tuple(priors)
     with joblib.Parallel(n_jobs=jobs if len(chosen) > 1 else 1) as parallel:
@@ -232,30 +212,10 @@ def _leaders(first: Sequence[Candidate]) -> list[int]:
 def entry_priors(score: Score) -> tuple[tuple[Prior, ...], dict[str, float]]:
     """Return the priors of an effect's own parameters and where to start them.
 
-    Args:
-        score: Score of the effect.
-
     Returns:
         Priors of the size and of the shape parameters that a refit may change, and starting
         values by name, in SI: the expected size, and the library's shape. The size of a law that
         is either there or not is held.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
-        >>> from workbench.diagnosis.selection.score import score_library
-        >>> from workbench.physics.library import library
-        >>> axis = axis.without("coulomb_friction")
-        >>> priors = default_priors(axis, ["mass"])
-        >>> fit = fit_with_process_noise(axis, [seen], priors)
-        >>> tried = [e for e in library(axis) if not e.stiff]
-        >>> scores = score_library(fit.model, [seen], priors, tried, noise_scale=fit.noise_scale)
-        >>> own, start = entry_priors(scores.scores[0])
-        >>> {prior.name for prior in own} == set(start)
-        True
     """
     entry = score.entry
     priors, start = [], {}

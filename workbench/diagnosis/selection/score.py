@@ -91,9 +91,6 @@ class Scores:
         Args:
             name: Name of the effect.
             above: Least absolute cosine, 0 to 1, dimensionless.
-
-        Returns:
-            Names of the others, most alike first.
         """
         names = [score.entry.name for score in self.scores]
         row = self.confusion[names.index(name)]
@@ -127,9 +124,6 @@ def score_library(
         priors: Priors of the free parameters, which may imitate an effect.
         entries: The effects, at size zero.
         noise_scale: Process-noise scale that the filter allows, dimensionless.
-
-    Returns:
-        One score per effect, best first.
 
     Example:
         >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
@@ -321,18 +315,7 @@ def _scores(
 
 
 def by_name(scores: Scores) -> Mapping[str, Score]:
-    """Return scores by the name of the effect.
-
-    Args:
-        scores: Scores of a library.
-
-    Returns:
-        The same scores, by name.
-
-    Example:
-        >>> dict(by_name(Scores((), np.zeros((0, 0)), 1.0)))
-        {}
-    """
+    """Return scores by the name of the effect."""
     return {score.entry.name: score for score in scores.scores}
 
 

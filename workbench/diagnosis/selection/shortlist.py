@@ -26,26 +26,6 @@ def shortlist(scores: Scores, *, most: int = 18, least: float = LEAST_SCORE) -> 
         scores: Scores of the library.
         most: How many at the most.
         least: Expected gain of log likelihood below which an effect is left out, dimensionless.
-
-    Returns:
-        Scores to refit, best first.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> seen = made_up(axis, pushes(200, largest=200.0), sample_time=0.01)
-        >>> from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
-        >>> from workbench.diagnosis.selection.score import score_library
-        >>> from workbench.physics.library import library
-        >>> axis = axis.without("coulomb_friction")
-        >>> priors = default_priors(axis, ["mass"])
-        >>> fit = fit_with_process_noise(axis, [seen], priors)
-        >>> tried = [e for e in library(axis) if not e.stiff]
-        >>> scores = score_library(fit.model, [seen], priors, tried, noise_scale=fit.noise_scale)
-        >>> 1 <= len(shortlist(scores, most=3)) <= 3
-        True
     """
     worthy = [
         s
@@ -79,15 +59,7 @@ def _plain(score: Score) -> bool:
 def where(entry: Hypothesis) -> tuple[str, ...]:
     """Return the components on whose ports an effect acts, which location cannot split.
 
-    Args:
-        entry: The effect in the library.
-
     Returns:
         Parts of the ports' names before the dot, each once.
-
-    Example:
-        >>> from workbench.physics.friction import coulomb_friction
-        >>> where(Hypothesis(coulomb_friction("joint.torque", level=0.0), "level", 0.5, 0.05))
-        ('joint',)
     """
     return tuple(dict.fromkeys(port.split(".")[0] for port in entry.ports))
