@@ -26,7 +26,7 @@ from workbench.diagnosis.selection.rules import HELD_OUT, SURPASSED, UNTRIED, Li
 from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.errors import NumericalError
-from workbench.model import Model
+from workbench.model import Model, Parameter
 from workbench.physics.library import Hypothesis
 
 Vector = npt.NDArray[np.float64]
@@ -61,6 +61,9 @@ _SIZES = (0.3, 1.0, 3.0)
 _STEP, _STEPS = 3.0, 6
 """Factor between sizes that are tried from there on as long as the recordings become likelier, and
 how many: the usual size may be wrong by a hundred."""
+
+_WIDE = 100.0
+"""Ratio of the bounds of a parameter beyond which its usual value is a guess only."""
 
 _WIDER, _WIDENINGS = 5.0, 4
 """Factor by which a bound is widened that a solution sits on, and how often."""
@@ -265,18 +268,19 @@ def _refitted(
 ) -> tuple[Score, ProcessNoiseFit]:
     """Refit one hypothesis from one start, widening the bounds that it ends on."""
     known, ladder = way
+    score = replace(
+        score, entry=_valued(score.entry, score.shape), shape=_of_fitted(score.entry, score.shape)
+    )
     begin: dict[str, float] | None = None
     best: tuple[Score, ProcessNoiseFit] | None = None
     for _ in range(_WIDENINGS + 1):
         entry = score.entry
-        effect = entry.at_size(1.0) if entry.replaces else entry.at_size(0.0, score.shape)
-        model = base.model.with_effect(effect)
+        model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
         own, start = entry_priors(score)
         started = [extended_start(r, base.model, model) for r in fit_on]
         if begin is None:
             starts = _starts(score, {**start, **known}, shapes=ladder is _STEEP)
-            name = "" if entry.replaces else f"{entry.name}.{entry.size_parameter}"
-            begin = _best_start(model, started, (*priors, *own), starts, name, ladder[0])
+            begin = _best_start(model, started, (*priors, *own), starts, entry, ladder[0])
         fit = fit_with_process_noise(
             model,
             started,
@@ -289,8 +293,8 @@ def _refitted(
         if best is not None and fit.cost > best[1].cost - enough:
             break
         best = score, fit
-        wider = widened(entry, fit)
-        if wider is None:
+        wider = _tuned(widened(entry, fit) or entry, fit, started)
+        if wider is entry:
             break
         score = replace(score, entry=wider)
         begin = {e.name: e.value for e in fit.refit.estimates}
@@ -364,15 +368,14 @@ def _best_start(
     fit_on: Sequence[Observed],
     priors: Sequence[Prior],
     starts: Sequence[dict[str, float]],
-    size: str,
+    entry: Hypothesis,
     noise_scale: float,
 ) -> dict[str, float]:
     """Return the start under which the first recording is most likely.
 
-    From the best of the given starts the size goes on in steps as long as that gains.
+    From the best of the given starts the size, and then what no refit changes, such as the width of
+    a rounded step, goes on in steps as long as that gains.
     """
-    if len(starts) < 2:
-        return dict(starts[0])
     filter_ = PredictionError(
         model,
         fit_on[0].sample_time,
@@ -388,21 +391,71 @@ def _best_start(
             return math.inf
 
     least, best = min(((cost(start), start) for start in starts), key=lambda pair: pair[0])
-    if not size or best[size] == 0.0:
+    if entry.replaces or best[f"{entry.name}.{entry.size_parameter}"] == 0.0:
         return dict(best)
-    bounds = next(p for p in priors if p.name == size)
-    for factor in (_STEP, 1.0 / _STEP):
-        moved = False
-        for _ in range(_STEPS):
-            value = float(np.clip(factor * best[size], bounds.lower, bounds.upper))
-            trial = dict(best) | {size: value}
-            now = cost(trial) if value != best[size] else math.inf
-            if not now < least:
+    name, q = f"{entry.name}.{entry.size_parameter}", entry.size
+    value = _stepped(lambda v: cost(dict(best) | {name: v}), best[name], q, least)
+    return dict(best) | {name: value}
+
+
+def _stepped(cost: Callable[[float], float], here: float, q: Parameter, least: float) -> float:
+    """Go on from a value in steps, up or down, as long as that gains."""
+    for step in (_STEP, math.sqrt(_STEP), _STEP**0.25):
+        for factor in (step, 1.0 / step):
+            moved = False
+            for _ in range(_STEPS):
+                value = float(np.clip(factor * here, q.lower, q.upper))
+                now = cost(value) if value != here else math.inf
+                if not now < least:
+                    break
+                least, here, moved = now, value, True
+            if moved:
                 break
-            least, best, moved = now, trial, True
-        if moved:
-            break
-    return dict(best)
+    return here
+
+
+def _tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) -> Hypothesis:
+    """Improve what no refit changes and whose usual value is a guess, such as a rounded step.
+
+    Returns:
+        The effect with better values; itself where there are none.
+    """
+    model = fit.model
+    guessed = [
+        q
+        for q in entry.effect.parameters
+        if not q.fitted and q.name != entry.size_parameter and 0.0 < q.lower <= q.upper / _WIDE
+    ]
+    if not guessed:
+        return entry
+    rms = disturbances(model, fit.noise_scale)
+    filter_ = PredictionError(model, fit_on[0].sample_time, fit_on[0].used, (), rms)
+    better: dict[str, float] = {}
+
+    def cost(name: str, value: float) -> float:
+        try:
+            values = model.with_parameters({f"{entry.name}.{name}": value}).values
+            return filter_.run(fit_on[0], values).cost
+        except NumericalError:
+            return math.inf
+
+    for q in guessed:
+        here = model.parameter(f"{entry.name}.{q.name}").value
+        least = cost(q.name, here) - 1.0
+        value = _stepped(lambda v, name=q.name: cost(name, v), here, q, least)  # type: ignore[misc]
+        if value != here:
+            better[q.name] = value
+    return _valued(entry, better) if better else entry
+
+
+def _valued(entry: Hypothesis, values: Mapping[str, float]) -> Hypothesis:
+    return replace(entry, effect=entry.effect.with_parameters(dict(values)))
+
+
+def _of_fitted(entry: Hypothesis, shape: Mapping[str, float]) -> dict[str, float]:
+    """Return the part of a shape that a refit may change."""
+    fitted = {q.name for q in entry.effect.parameters if q.fitted}
+    return {name: value for name, value in shape.items() if name in fitted}
 
 
 def _followed(
@@ -435,8 +488,7 @@ def _judged_on(
     assert first.fit is not None
     entry, fit = first.entry, first.fit
     for _ in range(_WIDENINGS + 1):
-        effect = entry.at_size(1.0) if entry.replaces else entry.at_size(0.0, score.shape)
-        model = base.model.with_effect(effect)
+        model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
         started = [extended_start(r, base.model, model) for r in fit_on]
         own, _start = entry_priors(replace(score, entry=entry))
         fit = fit_with_process_noise(
@@ -447,8 +499,8 @@ def _judged_on(
             noise_scale=fit.noise_scale,
             enough=_NEARER,
         )
-        wider = widened(entry, fit)
-        if wider is None:
+        wider = _tuned(widened(entry, fit) or entry, fit, started)
+        if wider is entry:
             break
         entry = wider
     held_out, blocks, shift = (0.0, -math.inf, math.inf), [blocks_of_cost(fit, started)], math.nan

@@ -20,6 +20,7 @@ from workbench.diagnosis.estimation.process_noise import (
     blocks_of_cost,
     extended_start,
     fit_with_process_noise,
+    gain_interval,
     perfect_cost,
     start_values,
 )
@@ -405,10 +406,17 @@ def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> 
     for c in candidates:
         if c is best or not c.followed or c.fit is None or c.gain <= 0:
             continue
-        within = _passed(c) and c.blocks and not told_apart(best.blocks, c.blocks)
-        if within or best.gain - c.gain < SAME.value:
+        apart = not c.blocks or told_apart(best.blocks, c.blocks)
+        if (_passed(c) and not apart) or (best.gain - c.gain < SAME.value and not _worse(c, best)):
             same.append(c.entry.name)
     names = {s.entry.name for s in scores.scores if s.testable}
     known = {s.entry.name for s in scores.scores}
     equal = [n for n in best.entry.same_as if n in known and n not in same]
     return (best.entry.name, *[n for n in same if n in names], *equal)
+
+
+def _worse(one: Candidate, best: Candidate) -> bool:
+    """Whether the held-out recordings clearly prefer the accepted effect."""
+    if len(one.blocks) < 2 or len(best.blocks) < 2:
+        return False
+    return gain_interval(one.blocks[1], best.blocks[1])[1] > 0.0
