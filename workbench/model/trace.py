@@ -74,6 +74,7 @@ class Trace:
             (n_ports, 1), in the ports' SI units; zero in ``rates`` and ``outputs``.
         pushed_rates: Rates of the states with that added, shape (n_states, 1), in SI per second.
         pushed_outputs: Named with that added, shape (n_outputs, 1), in SI.
+        local_signals: Local signals of each port, in its order, shape (n_local, 1), in SI.
     """
 
     x: ca.SX
@@ -90,6 +91,7 @@ class Trace:
     push: ca.SX
     pushed_rates: ca.SX
     pushed_outputs: ca.SX
+    local_signals: tuple[ca.SX, ...]
 
     @cached_property
     def rates_by_port(self) -> ca.SX:
@@ -219,7 +221,8 @@ def trace(model: Written, face: Face) -> Trace:
             {q.name: _opened(scope, q, "command", symbols["input"][q.name]) for q in model.inputs},
         )
         rates, outputs = model.equations(scope)
-        rates, outputs = _default_ports(model, scope, rates, outputs)
+        rates = _default_rates(model, scope, rates)
+    outputs = _default_readings(model, scope, outputs)
     rates = dict(rates)
     starts: dict[str, Expression] = {}
     values = Names("signal", scope.values)
@@ -242,8 +245,11 @@ def trace(model: Written, face: Face) -> Trace:
     pushed_outputs = _stack(model, "reading of output", outputs, model.outputs)
     push = _vector(pushes)
     sources = {**scope.values, **symbols["parameter"], **known}
+    own_signals = [ca.vcat([ca.SX(v) for v in local[q.name].values()]) for q in scope.ports]
     still = ca.substitute(
-        [pushed_rates, pushed_outputs, start, signals], [push], [ca.SX.zeros(push.numel())]
+        [pushed_rates, pushed_outputs, start, signals, *own_signals],
+        [push],
+        [ca.SX.zeros(push.numel())],
     )
     return Trace(
         x=_vector(symbols["state"]),
@@ -262,6 +268,7 @@ def trace(model: Written, face: Face) -> Trace:
         push=push,
         pushed_rates=pushed_rates,
         pushed_outputs=pushed_outputs,
+        local_signals=tuple(still[4:]),
     )
 
 
@@ -277,27 +284,37 @@ def _opened(scope: Scope, q: Quantity, what: str, value: Expression) -> Expressi
     return scope.port(f"{q.name}.{what}", value, unit=unit, scale=q.scale)
 
 
-def _default_ports(model: Written, scope: Scope, rates: Named, outputs: Named) -> Equations:
-    """Open a port at every rate that is not a state itself, and at every output."""
+def _default_rates(model: Written, scope: Scope, rates: Named) -> Named:
+    """Open a port at every rate that is not a state itself."""
     states = [scope.x[q.name] for q in model.states]
     own = {q.name: q for q in model.states}
-    read = {q.name: q for q in model.outputs}
 
     def defined(rate: Expression) -> bool:
         return any(ca.is_equal(ca.SX(rate), x, 2) for x in states)
 
-    return (
-        {
-            name: rate
-            if defined(rate) or name not in own
-            else _opened(scope, own[name], "rate", rate)
-            for name, rate in rates.items()
-        },
-        {
-            name: _opened(scope, read[name], "reading", value) if name in read else value
-            for name, value in outputs.items()
-        },
-    )
+    return {
+        name: rate if defined(rate) or name not in own else _opened(scope, own[name], "rate", rate)
+        for name, rate in rates.items()
+    }
+
+
+def _default_readings(model: Written, scope: Scope, outputs: Named) -> Named:
+    """Open a port at every output that passes through no port of a sensor."""
+    read = {q.name: q for q in model.outputs}
+    sensors = {q.name for q in scope.ports if q.role == "measurement"}
+    sensors |= {q.name for q in scope.ports if q.name.endswith(".reading")}
+
+    def sensed(name: str, value: Expression) -> bool:
+        return f"{name}.reading" in scope.values or any(
+            ca.is_equal(ca.SX(value), ca.SX(scope.values[port]), 2) for port in sensors
+        )
+
+    return {
+        name: _opened(scope, read[name], "reading", value)
+        if name in read and not sensed(name, value)
+        else value
+        for name, value in outputs.items()
+    }
 
 
 def _origins(signals: Names, values: Mapping[str, Expression]) -> tuple[str, ...]:

@@ -368,11 +368,7 @@ class Law:
         def seen(at: PortView) -> PortView:
             number, index, place = sites_of[at.port]
             own = dict(at.signals)
-            found = {
-                alias: own[local.source] if local.source in own else at.known[local.source]
-                for alias, local in place.signals.items()
-                if alias not in own
-            }
+            found = {alias: q.value(own, at.known) for alias, q in place.signals.items()}
             return replace(
                 at,
                 index=index,

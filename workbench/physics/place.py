@@ -8,17 +8,21 @@ level. No name of a state or signal is needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from workbench.errors import check_choice
 from workbench.model import Model, Output, Port, State
+from workbench.model.face import Expression
 from workbench.model.quantities import Quantity
 from workbench.model.units import same_dimension
+
+Vector = npt.NDArray[np.float64]
 
 EFFORTS = ("force", "acceleration", "circuit")
 """Roles of ports that drive a speed: of a body, or the current of a circuit."""
@@ -77,6 +81,8 @@ class Local:
         lower: Lower end of its range, in ``unit``; minus infinity if it is not known.
         upper: Upper end of its range, in ``unit``.
         start: Usual value at the start of a run, in ``unit``.
+        minus: Name of a state that is subtracted: the place or speed of one body over another.
+        sign: 1, or -1 where the signal of the port counts the other way.
     """
 
     source: str
@@ -85,6 +91,27 @@ class Local:
     lower: float = -math.inf
     upper: float = math.inf
     start: float = 0.0
+    minus: str = ""
+    sign: float = 1.0
+
+    def turned(self, sign: float) -> Local:
+        """Return the signal as it is counted the other way, if the sign is negative."""
+        if sign >= 0.0:
+            return self
+        return replace(
+            self, sign=-self.sign, lower=-self.upper, upper=-self.lower, start=-self.start
+        )
+
+    def value(self, own: Mapping[str, Expression], known: Mapping[str, Expression]) -> Expression:
+        """Return the signal, in ``unit``.
+
+        Args:
+            own: Local signals of the port, by name, in SI.
+            known: States and inputs of the model, by name, in SI.
+        """
+        value = own[self.source] if self.source in own else known[self.source]
+        value = value - known[self.minus] if self.minus else value
+        return value if self.sign == 1.0 else self.sign * value
 
 
 @dataclass(frozen=True)
@@ -95,19 +122,33 @@ class Place:
         port: The port.
         role: What its signal does.
         signals: The signals that a law may use, by the name that laws give them: the port's own,
-            ``speed`` and ``coordinate`` of what an effort drives, ``level`` of what a flow fills,
-            ``bearing_load_1``... of what loads a contact, ``measured`` of what a sensor reads.
+            ``speed`` and ``coordinate`` of what an effort drives, positive where more of the
+            signal raises the speed, ``level`` of what a flow fills, ``bearing_load_1``... of what
+            loads a contact, ``contraction`` and ``gauge_pressure`` of a muscle, ``measured`` of
+            what a sensor reads.
         driven: Whether an input of the model reaches the signal at once.
+        commanded: Whether it follows from inputs alone.
+        whole: Whether the rate of what it drives or fills is proportional to the signal.
+        elastic: Whether the signal is a straight line over the coordinate.
+        directed: Whether it is known which way the signal counts beside the speed.
         output: The output of a measurement.
         others: The further ports on which the same effect acts.
+        duration: Length of the recordings, in s; 0 if it is not known.
+        sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
     """
 
     port: Port
     role: str
     signals: Mapping[str, Local] = field(default_factory=dict)
     driven: bool = False
+    commanded: bool = False
+    whole: bool = False
+    elastic: bool = False
+    directed: bool = True
     output: Output | None = None
     others: tuple[Place, ...] = ()
+    duration: float = 0.0
+    sample_time: float = 0.0
 
     @property
     def name(self) -> str:
@@ -162,6 +203,8 @@ class Survey:
     Args:
         model: The model.
         outputs: Names of the outputs that are recorded; all by default.
+        duration: Length of the recordings, in s; 0 if it is not known.
+        sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -170,8 +213,16 @@ class Survey:
         ('force', 'm/s', 'position')
     """
 
-    def __init__(self, model: Model, outputs: tuple[str, ...] | None = None) -> None:
+    def __init__(
+        self,
+        model: Model,
+        outputs: tuple[str, ...] | None = None,
+        *,
+        duration: float = 0.0,
+        sample_time: float = 0.0,
+    ) -> None:
         self.model, self.trace = model, model.exact
+        self.duration, self.sample_time = duration, sample_time
         self._recorded = [q for q in model.outputs if outputs is None or q.name in outputs]
         self._known: dict[str, Quantity] = {
             q.name: q for q in (*model.parameters, *model.inputs, *model.states)
@@ -210,15 +261,25 @@ class Survey:
         signals = {
             s: self._local(port, s, o) for s, o in zip(port.signals, port.origins, strict=True)
         }
+        directed = elastic = True
         if role in EFFORTS:
-            signals |= self._motion(port, index, signals) | _bearing_loads(signals)
+            motion, directed = self._directed(index, self._motion(port, index, signals))
+            signals |= motion | _bearing_loads(signals)
+            if role == "force":
+                signals |= self._muscle(port, index)
+            elastic = "coordinate" in motion and self._elastic(index, motion["coordinate"])
         elif role in FLOWS:
             stores = self._filled[index]
             if len(stores) == 1:
-                signals.setdefault("level", self._of(stores[0].name))
+                signals["level"] = self._of(stores[0].name)
         if output is not None and output.name in self._measured:
             signals.setdefault("measured", self._of(self._measured[output.name]))
-        return Place(port, role, signals, self._reached[index], output)
+        return Place(
+            port, role, signals, self._reached[index],
+            commanded=self._reached[index] and not self._depends(index, self.trace.x),
+            whole=self._whole(index), elastic=role in EFFORTS and elastic, directed=directed,
+            output=output, duration=self.duration, sample_time=self.sample_time,
+        )  # fmt: skip
 
     def _role(self, port: Port, index: int) -> str:
         if port.role:
@@ -234,7 +295,8 @@ class Survey:
                 return "circuit" if circuit else role
         for state in self._moved[index]:
             if same_dimension(port.unit, per(state.unit, "s")):
-                return "acceleration" if state.name in self._integral else "flow"
+                fast = state.name in self._integral or state.unit.endswith("/s")
+                return "acceleration" if fast else "flow"
         return "flow" if port.name.endswith(".flow") else ""
 
     def _motion(self, port: Port, index: int, own: Mapping[str, Local]) -> dict[str, Local]:
@@ -250,16 +312,188 @@ class Survey:
         if speeds:
             found["speed"] = self._local(port, speeds[0], origins[speeds[0]], f"{unit}/s")
             place = self._integral.get(origins[speeds[0]], "")
+        elif own and (pair := self._own_motion(port, index, own)):
+            found |= pair
         elif moved:
-            found["speed"] = self._of(moved[0])
-            place = self._integral.get(moved[0], "")
+            found["speed"] = self._between(index, moved)
+            place = "" if found["speed"].minus else self._integral.get(moved[0], "")
         named = [s for s in origins if s in ("coordinate", "angle", "position")]
         named += [s for s, o in origins.items() if place and o == place]
         if named:
             found["coordinate"] = self._local(port, named[0], origins[named[0]], unit)
         elif place:
             found["coordinate"] = self._of(place)
+        elif "speed" in found and (where := self._integral_of(index, found["speed"], own)):
+            found["coordinate"] = where
         return found
+
+    def _between(self, index: int, moved: list[str]) -> Local:
+        """Return the speed that an effort raises: of one body, or of one over another."""
+        first = self._of(moved[0])
+        raised = self._raised(index)
+        at = [q.name for q in self.model.states]
+        for name in moved[1:]:
+            pair = [np.nanmedian(raised[:, at.index(n)]) for n in (moved[0], name)]
+            if self._known[name].unit == first.unit and pair[0] * pair[1] < 0.0:
+                ahead, behind = (name, moved[0]) if pair[0] < 0.0 else (moved[0], name)
+                return replace(self._of(ahead), minus=behind, start=0.0)
+        return first
+
+    def _own_motion(
+        self, port: Port, index: int, own: Mapping[str, Local]
+    ) -> dict[str, Local] | None:
+        """Find a coordinate and its rate among a port's signals, or a signal that it drives."""
+        for name, local in own.items():
+            rate = self._rate(index, local)
+            for other, speed in own.items():
+                if other != name and _same(rate, self._values(index, speed)):
+                    return {"coordinate": local, "speed": speed}
+        driven = [q for q in own.values() if np.nanmax(np.abs(self._push_rate(index, q))) > 0.0]
+        ends = [q for q in driven if any(self._is_rate(q.unit, u.unit) for u in own.values())]
+        ends += [q for q in driven if not port.role and q.unit.endswith("/s")]
+        return {"speed": ends[0]} if ends else None
+
+    @staticmethod
+    def _is_rate(unit: str, of: str) -> bool:
+        return same_dimension(unit, per(of, "s"))
+
+    def _integral_of(self, index: int, speed: Local, own: Mapping[str, Local]) -> Local | None:
+        """Find the signal, state or difference of two states whose rate is a speed."""
+        moving = self._values(index, speed)
+        if not np.any(np.nan_to_num(moving)):
+            return None
+        states = [q for q in self.model.states if "." not in q.name]
+        single = [*own.values(), *(self._of(q.name) for q in states)]
+        pairs = (
+            replace(self._of(a.name), minus=b.name, start=0.0)
+            for i, a in enumerate(states)
+            for b in states[i + 1 :]
+            if a.unit == b.unit
+        )
+        for local in (*single, *pairs):
+            rate = self._rate(index, local)
+            for sign in (1.0, -1.0):
+                if _same(sign * rate, moving):
+                    return local.turned(sign)
+        return None
+
+    def _directed(self, index: int, motion: dict[str, Local]) -> tuple[dict[str, Local], bool]:
+        """Turn speed and coordinate so that more of the signal raises them.
+
+        Where the signal drives nothing, as the force that a rig measures, it is taken to resist.
+        """
+        if not motion:
+            return motion, True
+        signs: list[float] = []
+        if "speed" in motion:
+            signs.append(_sign(self._push_rate(index, motion["speed"])))
+        if not any(signs):
+            signs += [
+                -_sign(self._slope(index, motion[q]))
+                for q in ("speed", "coordinate")
+                if q in motion
+            ]
+        sign = next((q for q in signs if q), 0.0)
+        return {k: q.turned(sign) for k, q in motion.items()}, bool(sign)
+
+    def _muscle(self, port: Port, index: int) -> dict[str, Local]:
+        """Find pressure and length of a force whose slope over the one depends on the other."""
+        own = {s: self._local(port, s, o) for s, o in zip(port.signals, port.origins, strict=True)}
+        known = {k: q for k, q in own.items() if self._symbol(index, q) is not None}
+        for pressure in (q for q in known.values() if same_dimension(q.unit, "Pa")):
+            for length in (q for q in known.values() if same_dimension(q.unit, "m")):
+                value = self._port_value(index)
+                slope = ca.jacobian(value, self._symbol(index, pressure))
+                if not ca.jacobian(slope, self._symbol(index, length)).is_zero():
+                    return {"contraction": length, "gauge_pressure": pressure}
+        return {}
+
+    def _elastic(self, index: int, at: Local) -> bool:
+        symbol = self._symbol(index, at)
+        if symbol is None:
+            return False
+        slope = ca.jacobian(self._port_value(index), symbol)
+        return not slope.is_zero() and not ca.which_depends(slope, symbol, 1, True)[0]
+
+    def _symbol(self, index: int, local: Local) -> ca.SX | None:
+        expression = self._expression(index, local) * local.sign
+        if not local.minus:
+            return expression if expression.is_symbolic() else None
+        return self._expression(index, self._of(local.source)) if not self._own(index) else None
+
+    def _port_value(self, index: int) -> ca.SX:
+        return self.trace.signals[self.trace.signal_names.index(self.trace.ports[index].name)]
+
+    def _depends(self, index: int, on: ca.SX) -> bool:
+        return on.numel() > 0 and not ca.jacobian(self._port_value(index), on).is_zero()
+
+    def _own(self, index: int) -> dict[str, ca.SX]:
+        port, values = self.trace.ports[index], self.trace.local_signals[index]
+        return {name: values[i] for i, name in enumerate(port.signals)}
+
+    def _expression(self, index: int, local: Local) -> ca.SX:
+        return ca.SX(local.value(self._own(index), self._symbols))
+
+    @cached_property
+    def _symbols(self) -> dict[str, ca.SX]:
+        t, m = self.trace, self.model
+        inputs = {q.name: t.u[i] for i, q in enumerate(m.inputs)}
+        return inputs | {q.name: t.x[i] for i, q in enumerate(m.states)}
+
+    def _values(self, index: int, local: Local) -> Vector:
+        return self._sampled(self._expression(index, local))
+
+    def _rate(self, index: int, local: Local) -> Vector:
+        return self._sampled(
+            ca.jtimes(self._expression(index, local), self.trace.x, self.trace.rates)
+        )
+
+    def _push_rate(self, index: int, local: Local) -> Vector:
+        raised = self.trace.rates_by_port[:, index]
+        return self._sampled(ca.jtimes(self._expression(index, local), self.trace.x, raised))
+
+    def _slope(self, index: int, local: Local) -> Vector:
+        symbol = self._expression(index, local)
+        if not (symbol.is_symbolic() or (-symbol).is_symbolic()):
+            return np.zeros(1)
+        sign = 1.0 if symbol.is_symbolic() else -1.0
+        return sign * self._sampled(ca.jacobian(self._port_value(index), sign * symbol))
+
+    def _raised(self, index: int) -> Vector:
+        return self._sampled(self.trace.rates_by_port[:, index])
+
+    def _whole(self, index: int) -> bool:
+        """Tell whether the rates that a port drives are proportional to its signal."""
+        moved = self._moved[index]
+        if len(moved) != 1:
+            return False
+        i = [q.name for q in self.model.states].index(moved[0].name)
+        share = self.trace.rates_by_port[i, index] * self._port_value(index)
+        return _same(self._sampled(share), self._sampled(self.trace.rates[i]))
+
+    def _sampled(self, expression: ca.SX) -> Vector:
+        """Evaluate an expression at some points, shape (n_points, n)."""
+        function = self.trace.function("sampled", ca.SX(expression))
+        return np.array([np.asarray(function(*at)).ravel() for at in self._points])
+
+    @cached_property
+    def _points(self) -> list[tuple[Vector, Vector, Vector]]:
+        """Some states, inputs and parameters about the usual ones, by a fixed rule."""
+        m, rng = self.model, np.random.default_rng(1)
+        x = np.array([q.initial for q in m.states], dtype=float)
+
+        def around(quantities: Sequence[Quantity], usual: Vector) -> Vector:
+            scales = np.array([q.scale for q in quantities], dtype=float)
+            return np.asarray(usual + scales * rng.uniform(0.2, 0.8, usual.size))
+
+        return [
+            (
+                around(m.states, x),
+                around(m.inputs, m.nominal_input),
+                m.values * rng.uniform(0.9, 1.1, m.values.size),
+            )
+            for _ in range(3)
+        ]
 
     def _is_current(self, state: State) -> bool:
         # A motor without inductance: its voltage is a torque, which has a port of its own.
@@ -339,6 +573,19 @@ class Survey:
             return ()
         slope = ca.jacobian(self.trace.signals[index], self.trace.u)
         return tuple(not slope[i, :].is_zero() for i in range(len(index)))
+
+
+def _same(a: Vector, b: Vector) -> bool:
+    """Tell whether two samples agree wherever both are numbers, and are not nothing."""
+    known = np.isfinite(a) & np.isfinite(b)
+    size = np.max(np.abs(b[known]), initial=0.0)
+    return bool(known.any() and size > 0.0 and np.all(np.abs(a - b)[known] <= 1e-9 * size))
+
+
+def _sign(values: Vector) -> float:
+    """Return the sign that all values have, or 0."""
+    signs = set(np.sign(values[np.isfinite(values)]).tolist())
+    return float(signs.pop()) if len(signs) == 1 else 0.0
 
 
 def _bearing_loads(signals: Mapping[str, Local]) -> dict[str, Local]:
