@@ -2,7 +2,7 @@
 
 from controllers.angle_pd import AnglePD
 from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
-from controllers.open_loop import HeldCommand
+from controllers.open_loop import ConstantCommand
 from controllers.pid import CascadePID, PIDSpecification, cascade_pid, design_pid
 from controllers.protocol import Controller
 from controllers.sliding_mode import SlidingMode, SlidingModeSpecification, design_sliding_mode
@@ -11,8 +11,8 @@ from controllers.valve_inverse import ValveInverse
 __all__ = [
     "AnglePD",
     "CascadePID",
+    "ConstantCommand",
     "Controller",
-    "HeldCommand",
     "LinearMPC",
     "MPCSpecification",
     "PIDSpecification",

@@ -2,7 +2,8 @@
 
 The torque follows from the difference of the two pressures, the stiffness from their mean. The
 outer loop of the cascaded PID decides the difference; the mean is a second reference. Sample k,
-with the PID's wanted difference u, the wanted mean m and the filtered pressures p_i:
+with the references u of the difference, from the PID, and m of the mean, and the filtered
+pressures p_i:
 
     f[k]   = m[k] passed through two lags of speed omega_m
     f[k]   is clipped so that f +- u / 2 lie in [p_min, p_max]
@@ -157,13 +158,13 @@ class AngleStiffness:
     Args:
         outer: Cascaded PID of the angle; its inner gain sets that of both pressures.
         air: What is known of flows and volumes.
-        mean_speed: Speed omega_m of the lags on the wanted mean, in rad/s.
+        mean_speed: Speed omega_m of the lags on the reference of the mean, in rad/s.
         mean_gain: Gain G on the error of the mean, relative to that on the difference.
-        pressure_limits: Lowest and highest wanted gauge pressure, in Pa.
+        pressure_limits: Lowest and highest reference of a gauge pressure, in Pa.
         pressure_filter: Time constant of the pressures' filter, in s.
         name: Name under which results are reported.
         sensors: Names of the angle and the two pressures.
-        follows: Names of the angle and the mean pressure.
+        controlled: Names of the angle and the mean pressure.
         actuators: Names of the two commands.
         preview: No future references are used.
 
@@ -187,7 +188,7 @@ class AngleStiffness:
     pressure_filter: float = 0.002
     name: str = "angle and stiffness"
     sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
-    follows: tuple[str, ...] = ("angle", "mean_pressure")
+    controlled: tuple[str, ...] = ("angle", "mean_pressure")
     actuators: tuple[str, ...] = ("valve_1", "valve_2")
     preview: int = 0
 
@@ -219,8 +220,8 @@ class AngleStiffness:
         """Compute both voltages of one sample.
 
         Returns:
-            Voltages in V, next state, and both openings (fractions), the wanted difference and
-            the wanted mean that the limits left (Pa).
+            Voltages in V, next state, and both openings (fractions), and the references of the
+            difference and of the mean that the limits left (Pa).
         """
         return self.law(state, measurement, reference, FLOATS)
 
@@ -238,7 +239,7 @@ class AngleStiffness:
         fresh = self.mean_speed * self.sample_time
         filtered = filtered + fresh * (reference[1] - filtered)
         mean = mean + fresh * (filtered - mean)
-        # Both wanted pressures inside the limits: the mean gives way, not the difference.
+        # Both references of pressures inside the limits: the mean gives way, not the difference.
         low, high = self.pressure_limits
         size = arithmetic.clip(half, 0.0, 1e12) - arithmetic.clip(half, -1e12, 0.0)
         kept = arithmetic.clip(mean, low + size, high - size)
@@ -247,8 +248,8 @@ class AngleStiffness:
         p2 = p2 + share * (measurement[2] - p2)
         aim = kept + (self.mean_gain - 1.0) * (kept - 0.5 * (p1 + p2))
         openings = [
-            self._opening(wanted - p, p, measurement[0], side, arithmetic)
-            for wanted, p, side in ((aim + half, p1, 1.0), (aim - half, p2, -1.0))
+            self._opening(reference - p, p, measurement[0], side, arithmetic)
+            for reference, p, side in ((aim + half, p1, 1.0), (aim - half, p2, -1.0))
         ]
         sizes = [arithmetic.clip(o, 0.0, 1e12) - arithmetic.clip(o, -1e12, 0.0) for o in openings]
         largest = sizes[0] + arithmetic.clip(sizes[1] - sizes[0], 0.0, 1e12)
@@ -313,8 +314,8 @@ def design_angle_stiffness(
     Args:
         linear: Linear model from the voltages ``valve_1`` and ``valve_2`` to the sensors.
         specification: What the angle's loop is to reach; `SPECIFICATION` by default.
-        mean_speed: Speed of the lags on the wanted mean, in rad/s.
-        pressure_limits: Lowest and highest wanted gauge pressure, in Pa.
+        mean_speed: Speed of the lags on the reference of the mean, in rad/s.
+        pressure_limits: Lowest and highest reference of a gauge pressure, in Pa.
 
     Raises:
         WorkbenchError: If the linear model lacks a signal, or no bandwidth meets the limits.

@@ -113,7 +113,7 @@ def export_c(controller: Controller, folder: str | Path, *, name: str = "control
 def closed_form(controller: Any, name: str) -> CSource:
     """Write a law in closed form as C: traced once with symbols, from its own text."""
     m = ca.SX.sym("measurement", len(controller.sensors))
-    r = ca.SX.sym("reference", len(controller.follows) * (1 + controller.preview))
+    r = ca.SX.sym("reference", len(controller.controlled) * (1 + controller.preview))
     measured = tuple(ca.vertsplit(m))
     begin = controller.initial_state(measured, SYMBOLS)
     entries = flat(begin)
@@ -150,7 +150,7 @@ def _header(controller: Controller, name: str, found: CSource) -> str:
     states, notes, reports = found.states, found.notes, found.reports
     guard = f"{name.upper()}_H"
     indent = " " * (len(name) + 10)
-    references = len(controller.follows) * (1 + controller.preview)
+    references = len(controller.controlled) * (1 + controller.preview)
 
     def listed(title: str, entries: tuple[str, ...]) -> list[str]:
         return [f" * {title}:"] + [
@@ -161,7 +161,7 @@ def _header(controller: Controller, name: str, found: CSource) -> str:
     wanted = tuple(
         f"wanted {output}" + (f" in {k} samples" if k else " now") + f", {UNITS.get(output, 'SI')}"
         for k in range(min(2, 1 + controller.preview))
-        for output in controller.follows
+        for output in controller.controlled
     )
     if controller.preview > 1:
         wanted = (*wanted, f"and so on up to {controller.preview} samples ahead")

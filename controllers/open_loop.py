@@ -8,7 +8,7 @@ from controllers.protocol import Command, Info, Measurement, Reference
 
 
 @dataclass(frozen=True)
-class HeldCommand:
+class ConstantCommand:
     """A controller that always gives the same command.
 
     Args:
@@ -16,12 +16,12 @@ class HeldCommand:
         sample_time: Time between steps, in s.
         name: Name under which results are reported.
         sensors: Names of the outputs that are read, and not used.
-        follows: Names of the outputs that have a reference, which is not followed.
+        controlled: Names of the outputs that have a reference, which is not followed.
         actuators: Names of the inputs that are commanded.
         preview: No future references are used.
 
     Example:
-        >>> HeldCommand((5.0,)).step(None, (), ())
+        >>> ConstantCommand((5.0,)).step(None, (), ())
         ((5.0,), None, {})
     """
 
@@ -29,7 +29,7 @@ class HeldCommand:
     sample_time: float = 0.002
     name: str = "held command"
     sensors: tuple[str, ...] = ()
-    follows: tuple[str, ...] = ()
+    controlled: tuple[str, ...] = ()
     actuators: tuple[str, ...] = ("valve",)
     preview: int = 0
 

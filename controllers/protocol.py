@@ -9,7 +9,7 @@ Measurement = tuple[float, ...]
 """Readings of the controller's `Controller.sensors`, in their order, in SI."""
 
 Reference = tuple[float, ...]
-"""Wanted values of the followed outputs now, then those of each previewed sample, in SI."""
+"""References of the controlled outputs now, then those of each previewed sample, in SI."""
 
 Command = tuple[float, ...]
 """Values for the controller's actuators, in their order, in SI."""
@@ -34,7 +34,7 @@ class Controller(Protocol):
         name: Name under which results are reported.
         sample_time: Time h between steps, in s.
         sensors: Names of the outputs that it reads.
-        follows: Names of the outputs that have a reference.
+        controlled: Names of the outputs that have a reference.
         actuators: Names of the inputs that it commands.
         preview: Number of future samples of the reference that it wants.
     """
@@ -52,7 +52,7 @@ class Controller(Protocol):
         """Names of the outputs that it reads."""
 
     @property
-    def follows(self) -> tuple[str, ...]:
+    def controlled(self) -> tuple[str, ...]:
         """Names of the outputs that have a reference."""
 
     @property

@@ -104,7 +104,7 @@ def loop_matrices(controller: Controller, linear: LinearModel) -> LoopMatrices:
     Raises:
         WorkbenchError: If the linear model lacks a sensor or an actuator.
     """
-    for name in (*controller.sensors, *controller.follows):
+    for name in (*controller.sensors, *controller.controlled):
         check_choice("output of the linear model", name, linear.output_names)
     rows = [linear.output_names.index(name) for name in controller.sensors]
     A, B, C, _ = linear.discretise(controller.sample_time)
@@ -117,6 +117,6 @@ def loop_matrices(controller: Controller, linear: LinearModel) -> LoopMatrices:
         B = B[:, [linear.input_names.index(name) for name in controller.actuators]]
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     at_rest = tuple(values[name] for name in controller.sensors)
-    reference = tuple(values[name] for name in controller.follows)
+    reference = tuple(values[name] for name in controller.controlled)
     law = linear_law(controller, at_rest, reference * (1 + controller.preview))
     return LoopMatrices(A, B, C[rows], *law)

@@ -124,7 +124,7 @@ class ValveController(ThroughValve):
         sample_time: Time between steps, in s.
         valve: Valve curve that is inverted.
         sensors: Names of the angle and the two pressures.
-        follows: Name of the controlled output.
+        controlled: Name of the controlled output.
         actuators: Name of the command.
         preview: Number of future reference samples used.
     """
@@ -132,7 +132,7 @@ class ValveController(ThroughValve):
     sample_time: float = 0.002
     valve: ValveInverse = ValveInverse()
     sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
-    follows: tuple[str, ...] = ("angle",)
+    controlled: tuple[str, ...] = ("angle",)
     actuators: tuple[str, ...] = ("valve",)
     preview: int = 0
 

@@ -6,7 +6,7 @@ lose at the joint, with the lever r and the mean pressure pm,
     tau = 2 r (level + slope pm) z,      dz/dt = (v - |v| z) / breakaway,      v = r omega_r
 
 z follows the *planned* speed omega_r, which has no noise and turns when the plan turns: the loss is
-known before it is felt. It is added to the wanted pressure difference, and taken from the
+known before it is felt. It is added to the reference of the pressure difference, and taken from the
 acceleration that the observer expects, so that nothing is compensated twice. What the fit gets
 wrong stays for the feedback. The numbers are those of a fitted effect, never of the plant.
 

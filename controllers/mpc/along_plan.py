@@ -12,9 +12,9 @@ controller minimises over blocked moves u (deviations of the opening from o_r) a
 
 P is the cost to go of the unconstrained regulator. One valve commands the difference only, and the
 mean drifts while the difference moves; the last condition holds for any mean. The integral in the
-followed output leads to the reference without offset, whatever the plant does at rest. The matrices
-are condensed at every angle of the schedule and interpolated between them. If the solver fails, the
-unconstrained regulator u = -K z, clipped, takes its place (fallback "regulator"). A reading or
+controlled output leads to the reference without offset, whatever the plant does at rest. The
+matrices are condensed at every angle of the schedule and interpolated between them. If the solver
+fails, the unconstrained regulator u = -K z, clipped, takes its place (fallback "regulator"). A reading or
 reference that is no number leaves the state as it was and shuts the valve for the sample (fallback
 "shut").
 

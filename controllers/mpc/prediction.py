@@ -127,7 +127,7 @@ def condense(
         softness: Cost of a violation by 1e4 SI units, dimensionless.
 
     Raises:
-        WorkbenchError: If the regulator's Riccati equation has no solution or the followed output
+        WorkbenchError: If the regulator's Riccati equation has no solution or the controlled output
             cannot be led to a reference.
 
     Source:
@@ -235,7 +235,7 @@ def _target(A: Matrix, B: Matrix, E: Matrix, C: Matrix) -> Matrix:
     columns = np.max(np.abs(matrix), axis=0)
     if np.linalg.matrix_rank(matrix / columns) < n + 1:
         raise WorkbenchError(
-            "the followed output of the linear model cannot be led to a reference by its input;"
+            "the controlled output of the linear model cannot be led to a reference by its input;"
             " follow another output, or check the operating point"
         )
     return np.asarray(np.linalg.solve(matrix / columns, right) / columns[:, None])

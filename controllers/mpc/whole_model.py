@@ -4,7 +4,7 @@ Without preview, the reference passes two lags of speed omega_r, and the same la
 the horizon (the reference trajectory r_j); with preview, r_j is the reference itself.
 
 At each sample a `DisturbanceObserver` estimates states x and disturbances w. The target at rest
-(xs, us) solves A xs + B us + E w = 0 with the followed output at its reference. Then, over N
+(xs, us) solves A xs + B us + E w = 0 with the controlled output at its reference. Then, over N
 prediction samples of time T, the controller minimises over blocked moves u and a slack eps
 
     sum_j q (y_j - r_j)^2 + R (u_j - us)^2 + S (u_j - u_{j-1})^2 + |x_N - xs|^2_P
@@ -122,14 +122,14 @@ class LinearMPC(ValveController):
         estimate = self.observer.correct(state.predicted, measurement)
         if self.preview:
             filtered = target = reference[0]
-            wanted = np.array([reference[i] for i in p.preview_index]) - self.observer.rest[0]
+            path = np.array([reference[i] for i in p.preview_index]) - self.observer.rest[0]
         else:
             filtered, target = lagged(
                 state.filtered, state.target, reference[0], self.reference_speed * self.sample_time
             )
-            wanted = product(self.path, (reference[0], filtered, target)) - self.observer.rest[0]
+            path = product(self.path, (reference[0], filtered, target)) - self.observer.rest[0]
         before = state.opening - self.rest_opening
-        gradient = product(p.g_estimate, estimate) + product(p.g_reference, wanted)
+        gradient = product(p.g_estimate, estimate) + product(p.g_reference, path)
         gradient += p.g_before * before
         pressures = product(p.rows_estimate, estimate)
         lower = np.concatenate([p.lower_a - pressures, p.lower_x])
@@ -140,7 +140,7 @@ class LinearMPC(ValveController):
         if solution.solved:
             move, slack = float(solution.x[0]), float(solution.x[-1]) * p.slack_scale
         else:
-            move, slack = p.regulator(estimate, float(wanted[-1])), float("nan")
+            move, slack = p.regulator(estimate, float(path[-1])), float("nan")
         move = min(max(move, float(p.lower_x[0])), float(p.upper_x[0]))
         opening = min(max(move + self.rest_opening, -1.0), 1.0)
         predicted = self.observer.predict(estimate, np.array([opening - self.rest_opening]))
@@ -413,7 +413,7 @@ def design_mpc(
         sample_time=want.sample_time,
         valve=valve,
         sensors=sensors,
-        follows=(sensors[0],),
+        controlled=(sensors[0],),
         actuators=(actuator,),
         preview=prediction.preview_index[-1] if want.preview else 0,
     )

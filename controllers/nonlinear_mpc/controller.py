@@ -115,7 +115,7 @@ class NonlinearMPC(ThroughValve):
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
         sensors: Names of the angle and the two pressures.
-        follows: Name of the followed output.
+        controlled: Name of the controlled output.
         actuators: Name of the command.
     """
 
@@ -128,7 +128,7 @@ class NonlinearMPC(ThroughValve):
     valve: ValveInverse = field(default_factory=ValveInverse)
     name: str = "nonlinear MPC"
     sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
-    follows: tuple[str, ...] = ("angle",)
+    controlled: tuple[str, ...] = ("angle",)
     actuators: tuple[str, ...] = ("valve",)
 
     not_in_c = (

@@ -52,7 +52,7 @@ class Integral:
     sample_time: float = 0.002
     name: str = "integral"
     sensors: tuple = ("tapped",)
-    follows: tuple = ("tapped",)
+    controlled: tuple = ("tapped",)
     actuators: tuple = ("source",)
     preview: int = 0
 

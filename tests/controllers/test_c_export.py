@@ -348,7 +348,7 @@ def test_stated_memory_is_what_the_compiler_reserves(
 
 def test_refusals(linear: LinearModel, schedule: JointSchedule, tmp_path: Path) -> None:
     class Unwritten:
-        name, sensors, follows, actuators = "rule of thumb", ("angle",), ("angle",), ("valve",)
+        name, sensors, controlled, actuators = "rule of thumb", ("angle",), ("angle",), ("valve",)
         sample_time, preview = 0.002, 0
 
     with pytest.raises(WorkbenchError, match="'rule of thumb' cannot be written as C"):

@@ -65,7 +65,7 @@ def test_a_law_without_symbols_is_differenced() -> None:
     pid = cascade_pid(6e5, 2e6, 1e5, inner=2e-6)
 
     class Own:
-        sensors, follows, actuators = pid.sensors, pid.follows, pid.actuators
+        sensors, controlled, actuators = pid.sensors, pid.controlled, pid.actuators
         name, sample_time, preview = "own", pid.sample_time, 0
         initial_state, step, linear_command = pid.initial_state, pid.step, pid.linear_command
 

@@ -82,7 +82,7 @@ class HoistController:
     name: str = "outside PD"
     sample_time: float = 0.01
     sensors: tuple[str, ...] = ("height",)
-    follows: tuple[str, ...] = ("height",)
+    controlled: tuple[str, ...] = ("height",)
     actuators: tuple[str, ...] = ("pull",)
     preview: int = 0
 

@@ -26,7 +26,7 @@ class Proportional:
     sample_time: float = 0.002
     name: str = "proportional"
     sensors: tuple = ("position",)
-    follows: tuple = ("position",)
+    controlled: tuple = ("position",)
     actuators: tuple = ("force",)
     preview: int = 0
 

@@ -15,7 +15,7 @@ class Fails:
     sample_time: float = 0.002
     name: str = "fails"
     sensors: tuple[str, ...] = ("angle",)
-    follows: tuple[str, ...] = ("angle",)
+    controlled: tuple[str, ...] = ("angle",)
     actuators: tuple[str, ...] = ("valve",)
     preview: int = 0
 

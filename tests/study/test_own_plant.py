@@ -37,7 +37,7 @@ class Proportional:
     name: str = "own"
     sample_time: float = 0.01
     sensors: tuple = ("level",)
-    follows: tuple = ("level",)
+    controlled: tuple = ("level",)
     actuators: tuple = ("pump",)
     preview: int = 0
     def initial_state(self, measurement):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers import HeldCommand, design_pid
+from controllers import ConstantCommand, design_pid
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.linearisation import linearise
 from workbench.model import Effect, Model
@@ -26,7 +26,7 @@ class Scripted:
 
     commands: tuple[float, ...]
     sensors: tuple[str, ...]
-    follows: tuple[str, ...]
+    controlled: tuple[str, ...]
     actuators: tuple[str, ...]
     preview: int = 0
     sample_time: float = 0.002
@@ -92,7 +92,7 @@ def test_commands_are_clipped_and_quantised(plant: Model) -> None:
 
 
 def test_sensors_are_noisy_quantised_and_clipped(plant: Model) -> None:
-    held = HeldCommand((5.0,), sensors=("angle", "pressure_1"), follows=("angle",))
+    held = ConstantCommand((5.0,), sensors=("angle", "pressure_1"), controlled=("angle",))
     run = verify(held, plant, at_30(duration=8.0))
     counts = run.measurement("angle") / (2 * math.pi / 180_000)
     np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
@@ -131,7 +131,7 @@ def test_linear_plant_has_no_half_sample_shift() -> None:
 
 
 def test_parameter_changes_at_its_sample(plant: Model) -> None:
-    held = HeldCommand((5.5,), follows=("angle",))
+    held = ConstantCommand((5.5,), controlled=("angle",))
     still = verify(held, plant, at_30())
     changed = verify(held, plant, at_30(changes=(Change(0.2, "load", 5.0),)))
     load = [q.name for q in plant.parameters].index("load")
@@ -145,7 +145,7 @@ def test_parameter_changes_at_its_sample(plant: Model) -> None:
 def test_disturbance_accelerates_the_joint(plant: Model) -> None:
     free = plant.without("damper", "bearing_friction")
     scenario = at_30(disturbances=(Disturbance(0.1, "joint.torque", 2.0, until=0.104),))
-    run = verify(HeldCommand((5.0,), follows=("angle",)), free, scenario)
+    run = verify(ConstantCommand((5.0,), controlled=("angle",)), free, scenario)
     speed = run["speed"]
     assert abs(speed[50]) < 1e-9
     # 2 N m for 4 ms on 0.466 kg m2; the stiffness has taken away 0.1 % by then.
@@ -174,7 +174,7 @@ def test_settling_before_the_record_is_not_recorded(plant: Model) -> None:
     [
         ({"sample_time": 0.001}, "design the controller for the scenario's sample time"),
         ({"sensors": ("speed",)}, "sensor is 'speed'"),
-        ({"follows": ("postion",)}, "did you mean 'position'"),
+        ({"controlled": ("postion",)}, "did you mean 'position'"),
         ({"actuators": ("valve",)}, "actuator is 'valve'"),
     ],
 )
@@ -186,7 +186,7 @@ def test_what_does_not_fit_is_refused(change: dict[str, Any], problem: str) -> N
 
 def test_a_linear_model_cannot_change(plant: Model) -> None:
     linear = linearise(operating_point(plant, {"angle": math.radians(30)}), verdict=False)
-    held = HeldCommand((5.0,), follows=("angle",))
+    held = ConstantCommand((5.0,), controlled=("angle",))
     with pytest.raises(WorkbenchError, match="use the full plant"):
         verify(held, linear, at_30(changes=(Change(0.1, "load", 4.0),)))
 
@@ -203,7 +203,7 @@ def test_bad_changes_are_refused_before_the_run(
     plant: Model, changes: dict[str, Any], problem: str
 ) -> None:
     with pytest.raises(WorkbenchError, match=problem):
-        verify(HeldCommand((5.0,), follows=("angle",)), plant, at_30(**changes))
+        verify(ConstantCommand((5.0,), controlled=("angle",)), plant, at_30(**changes))
 
 
 def test_integration_error_is_reported(plant: Model) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from controllers import HeldCommand, design_mpc, design_pid
+from controllers import ConstantCommand, design_mpc, design_pid
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
 from workbench.model import Model
@@ -97,7 +97,7 @@ def test_sine_has_no_step_figures(plant: Model, linear: LinearModel) -> None:
 
 
 def test_open_loop_run_into_the_stop_is_counted(plant: Model) -> None:
-    held = HeldCommand((7.0,), follows=("angle",))
+    held = ConstantCommand((7.0,), controlled=("angle",))
     found = metrics(verify(held, plant, replace(STEP, settle=0.0)))
     assert found["stop_impacts"].value >= 1.0
     assert found["stop_peak_torque"].value > 10.0

@@ -75,16 +75,16 @@ def compare(
     from workbench.study.schema import load_study
     from workbench.study.summary import plain_summary
 
-    wanted = load_study(study_file(study))
+    chosen = load_study(study_file(study))
     if limit is not None:
-        wanted = wanted.with_limit(limit)
+        chosen = chosen.with_limit(limit)
     # A mistake in a module of figures shows before the runs, not after them.
-    own_figures(wanted.report.figures, folder=wanted.path.parent)
-    typer.echo(str(wanted), err=True)
+    own_figures(chosen.report.figures, folder=chosen.path.parent)
+    typer.echo(str(chosen), err=True)
     counter = Counter()
     try:
         outcome = run_study(
-            wanted,
+            chosen,
             out,
             baseline=baseline,
             jobs=(os.cpu_count() or 1) if jobs is None else jobs,

@@ -71,25 +71,25 @@ def report(
     from workbench.study.result import run_study
     from workbench.study.schema import load_study
 
-    wanted = load_study(study_file(study))
+    chosen = load_study(study_file(study))
     if limit is not None:
         if bode:
             raise WorkbenchError("--limit needs the runs of the study; leave out --bode")
-        wanted = wanted.with_limit(limit)
+        chosen = chosen.with_limit(limit)
     if controller:
         for name in controller:
-            check_choice("controller", name, wanted.controllers)
+            check_choice("controller", name, chosen.controllers)
         if not bode:
             raise WorkbenchError("--controller chooses for the linear analysis; add --bode")
-        chosen = {n: c for n, c in wanted.controllers.items() if n in controller}
-        wanted = replace(wanted, controllers=chosen)
+        kept = {n: c for n, c in chosen.controllers.items() if n in controller}
+        chosen = replace(chosen, controllers=kept)
     points = [*(at or ()), *(short or ())]
     if points:
-        model = next(iter(wanted.controllers.values())).plant.build()
-        wanted = replace(wanted, points=tuple((value_at_rest(model, p),) for p in points))
+        model = next(iter(chosen.controllers.values())).plant.build()
+        chosen = replace(chosen, points=tuple((value_at_rest(model, p),) for p in points))
     if bode:
-        loops = analyse_study(wanted)
-        page = linear_page(wanted, loops)
+        loops = analyse_study(chosen)
+        page = linear_page(chosen, loops)
         for loop in loops:
             said = loop.reason or (
                 f"disk margin {loop.disk_margin:.2f}, Ms {loop.sensitivity:.2f},"
@@ -100,7 +100,7 @@ def report(
         counter = Counter()
         try:
             outcome = run_study(
-                wanted, out, jobs=(os.cpu_count() or 1) if jobs is None else jobs, progress=counter
+                chosen, out, jobs=(os.cpu_count() or 1) if jobs is None else jobs, progress=counter
             )
         finally:
             counter.close()

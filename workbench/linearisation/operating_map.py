@@ -121,7 +121,7 @@ def operating_map(
     grid = {name: np.atleast_1d(check_finite(name, values)) for name, values in axes.items()}
     if not grid or any(values.ndim != 1 for values in grid.values()):
         raise WorkbenchError("a map needs one or more axes, each a list of numbers")
-    curves = [curve.name for curve in model.traits.curves] if model.traits else []
+    curves = [curve.name for curve in model.traits.curves]
     input = input or (curves[0] if curves else "plant")  # noqa: A001
     states = [q.name for q in model.states]
     state = state or next((name for name in grid if name in states), states[0])

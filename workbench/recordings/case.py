@@ -256,7 +256,7 @@ def read_case(
 
     Args:
         folder: The folder, the name of a shipped case, or of a machine.
-        signals: Signals wanted of every file, see `read_recording`.
+        signals: Signals requested of every file, see `read_recording`.
         data: Folder with public recordings, for a machine; None reads ``WORKBENCH_DATA``.
         max_rows: Largest number of rows kept of a file.
 

@@ -134,7 +134,7 @@ def _readable(columns: Columns, index: int, name: str) -> str:
 
 
 def _signal(
-    columns: Columns, index: int, header: Header, rule: ColumnRule, want: Requested, how: str
+    columns: Columns, index: int, header: Header, rule: ColumnRule, request: Requested, how: str
 ) -> tuple[Signal, MappedColumn]:
     problem = _readable(columns, index, rule.signal)
     if problem:
@@ -148,10 +148,10 @@ def _signal(
             f"column {header.column!r}: {header.problem}; write a known unit in the header or give "
             "one in a mapping file"
         )
-    if want.unit and unit and not same_dimension(unit, want.unit):
+    if request.unit and unit and not same_dimension(unit, request.unit):
         raise WorkbenchError(
             f"column {header.column!r} is in {unit!r} but {rule.signal} is measured in "
-            f"{want.unit!r}; correct the unit"
+            f"{request.unit!r}; correct the unit"
         )
     # A factor changes what the column measures, so the header's unit no longer holds.
     if rule.factor != 1.0 and not rule.unit and header.unit:
@@ -159,8 +159,8 @@ def _signal(
             f"signal {rule.signal!r} has a factor but no unit; give the unit after the factor"
         )
     values = rule.sign * rule.factor * columns.values[:, index] + rule.offset
-    if not unit and want.unit:
-        unit_shown, kind = "", kind_of(want.unit)
+    if not unit and request.unit:
+        unit_shown, kind = "", kind_of(request.unit)
     else:
         unit_shown, kind = unit, kind_of(unit)
         if unit:
@@ -172,8 +172,8 @@ def _signal(
         note = f"absolute; {AMBIENT_PA / 1e5:g} bar subtracted"
     elif kind.name == "pressure" and reference == "gauge":
         name = "gauge pressure"
-    role = cast("Role", rule.role or want.role or guess_role(rule.signal))
-    display = want.display_unit or (unit if unit and parse_unit(unit).factor != 1 else "")
+    role = cast("Role", rule.role or request.role or guess_role(rule.signal))
+    display = request.display_unit or (unit if unit and parse_unit(unit).factor != 1 else "")
     signal = Signal(rule.signal, values, kind.unit, name, role, display)
     row = MappedColumn(
         header.column,
@@ -226,11 +226,11 @@ def _time(
 
 
 def assign(
-    columns: Columns, rules: MappingRules | None = None, wanted: Sequence[Requested] = ()
+    columns: Columns, rules: MappingRules | None = None, requested: Sequence[Requested] = ()
 ) -> Assigned:
     """Turn columns into signals.
 
-    With rules for signals only those are taken; otherwise the wanted ones are found by name and
+    With rules for signals only those are taken; otherwise the requested ones are found by name and
     unit, and every other column of numbers keeps its own name. Pressures stated as absolute become
     gauge pressures.
 
@@ -248,26 +248,26 @@ def assign(
     columns, headers = _own_units(columns, header_list(columns), rules)
     metadata: dict[str, Scalar] = {**columns.metadata, **rules.metadata}
     time, time_row, time_index = _time(columns, headers, rules)
-    by_name = {w.name: w for w in wanted}
+    by_name = {w.name: w for w in requested}
     signals: list[Signal] = []
     rows = [] if time_row is None else [time_row]
     unused: list[tuple[str, str]] = []
     taken = set() if time_index is None else {time_index}
     for rule in rules.signals:
         index = find_column(headers, rule)
-        want = by_name.get(rule.signal, Requested(rule.signal))
-        signal, row = _signal(columns, index, headers[index], rule, want, "mapping file")
+        request = by_name.get(rule.signal, Requested(rule.signal))
+        signal, row = _signal(columns, index, headers[index], rule, request, "mapping file")
         signals.append(signal)
         rows.append(row)
         taken.add(index)
-    missing = [w for w in wanted if w.name not in {s.name for s in signals}]
+    missing = [w for w in requested if w.name not in {s.name for s in signals}]
     for name, (index, how) in match_requested(missing, headers, taken).items():
         rule = ColumnRule(name, headers[index].column)
         signal, row = _signal(columns, index, headers[index], rule, by_name[name], how)
         signals.append(signal)
         rows.append(row)
         taken.add(index)
-    order = {w.name: i for i, w in enumerate(wanted)}
+    order = {w.name: i for i, w in enumerate(requested)}
     signals.sort(key=lambda s: order.get(s.name, len(order)))
     for index, header in enumerate(headers):
         if index in taken:

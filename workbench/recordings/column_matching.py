@@ -103,28 +103,28 @@ def is_time(header: Header) -> bool:
     return right_unit and _plain(header.name) in names
 
 
-def _same(wanted: Requested, header: Header) -> int:
+def _same(requested: Requested, header: Header) -> int:
     """Return how well a name fits: 0 not at all, 1 a synonym, 2 the name itself."""
-    if _plain(wanted.name) in (_plain(header.name), _plain(header.column)):
+    if _plain(requested.name) in (_plain(header.name), _plain(header.column)):
         return 2
     plain = _plain(header.name)
     return int(
         any(
-            _plain(wanted.name) in {_plain(s) for s in group}
+            _plain(requested.name) in {_plain(s) for s in group}
             and plain in {_plain(s) for s in group}
             for group in _SYNONYMS
         )
     )
 
 
-def _units_agree(wanted: Requested, header: Header) -> bool:
-    return not wanted.unit or not header.unit or same_dimension(wanted.unit, header.unit)
+def _units_agree(requested: Requested, header: Header) -> bool:
+    return not requested.unit or not header.unit or same_dimension(requested.unit, header.unit)
 
 
 def match_requested(
-    wanted: Sequence[Requested], headers: Sequence[Header], taken: Iterable[int]
+    requested: Sequence[Requested], headers: Sequence[Header], taken: Iterable[int]
 ) -> dict[str, tuple[int, str]]:
-    """Find the column of every wanted signal: by its name, a synonym, or as the only one left.
+    """Find the column of every requested signal: by its name, a synonym, or as the only one left.
 
     Returns:
         Column index and ``name``, ``synonym`` or ``unit``, by signal.
@@ -140,44 +140,44 @@ def match_requested(
     used = set(taken)
     found: dict[str, tuple[int, str]] = {}
     for quality, how in ((2, "name"), (1, "synonym")):
-        for want in wanted:
-            if want.name in found:
+        for signal in requested:
+            if signal.name in found:
                 continue
             named = [
-                i for i, h in enumerate(headers) if i not in used and _same(want, h) == quality
+                i for i, h in enumerate(headers) if i not in used and _same(signal, h) == quality
             ]
-            fitting = [i for i in named if _units_agree(want, headers[i])]
+            fitting = [i for i in named if _units_agree(signal, headers[i])]
             if named and not fitting and quality == 2:
                 bad = headers[named[0]]
                 raise WorkbenchError(
-                    f"column {bad.column!r} is in {bad.unit!r} but {want.name} is measured in "
-                    f"{want.unit!r}; correct the header or give the unit in a mapping file"
+                    f"column {bad.column!r} is in {bad.unit!r} but {signal.name} is measured in "
+                    f"{signal.unit!r}; correct the header or give the unit in a mapping file"
                 )
             if len(fitting) == 1 or (fitting and quality == 2):
-                found[want.name] = (fitting[0], how)
+                found[signal.name] = (fitting[0], how)
                 used.add(fitting[0])
-    for want in wanted:
-        if want.name in found or not want.unit:
+    for signal in requested:
+        if signal.name in found or not signal.unit:
             continue
         rivals = [
             w
-            for w in wanted
-            if w.name not in found and w.unit and same_dimension(w.unit, want.unit)
+            for w in requested
+            if w.name not in found and w.unit and same_dimension(w.unit, signal.unit)
         ]
         left = [
             i
             for i, h in enumerate(headers)
-            if i not in used and h.unit and same_dimension(h.unit, want.unit)
+            if i not in used and h.unit and same_dimension(h.unit, signal.unit)
         ]
         if len(left) == 1 and len(rivals) == 1:
-            found[want.name] = (left[0], "unit")
+            found[signal.name] = (left[0], "unit")
             used.add(left[0])
-    for want in wanted:
-        if want.name not in found:
+    for signal in requested:
+        if signal.name not in found:
             columns = ", ".join(h.column for h in headers) or "none"
-            unit = f" ({want.unit})" if want.unit else ""
+            unit = f" ({signal.unit})" if signal.unit else ""
             raise WorkbenchError(
-                f"no column for signal {want.name!r}{unit}; the file has: {columns[:400]}; name "
-                f'the column in a mapping file: [signals.{want.name}] column = "..."'
+                f"no column for signal {signal.name!r}{unit}; the file has: {columns[:400]}; name "
+                f'the column in a mapping file: [signals.{signal.name}] column = "..."'
             )
     return found

@@ -51,11 +51,11 @@ def example_recording(
     speed, turning = 0.0, 0.0
     for k in range(n):
         read[k] = np.deg2rad(0.002 * np.round(np.rad2deg(angle[k]) / 0.002 + 0.02 * rng.normal()))
-        wanted = goal[k]
+        command = goal[k]
         if closed_loop:
             turning += 0.5 * ((read[k] - read[k - 1]) / dt - turning) if k else 0.0
-            wanted = 5.0 + 4.0 * (0.25 * (goal[k] - 5.0) - read[k]) - 0.8 * turning
-        valve[k] = 10 / 4096 * np.round(np.clip(wanted, 0.0, 10.0) * 4096 / 10)
+            command = 5.0 + 4.0 * (0.25 * (goal[k] - 5.0) - read[k]) - 0.8 * turning
+        valve[k] = 10 / 4096 * np.round(np.clip(command, 0.0, 10.0) * 4096 / 10)
         if k + 1 == n:
             break
         flow = 4e5 * (valve[max(0, k - 2)] - 5.0)

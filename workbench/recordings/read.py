@@ -208,8 +208,8 @@ def read_recording(
         path: The file; text files may be compressed (``.csv.gz``).
         mapping: TOML file (see `read_mapping`) or its content; None takes `mapping_beside` the
             file, else maps by name and unit.
-        signals: Names wanted, a mapping from name to unit, or a model whose inputs and outputs are
-            wanted. None to take every column of numbers.
+        signals: Names, a mapping from name to unit, or a model whose inputs and outputs are
+            requested. None to take every column of numbers.
         columns: Names of the columns, for a file without header.
         sample_time_s: Step in s, for a file without time column.
         max_rows: Largest number of rows kept; a longer file is averaged in groups, with a note.
@@ -237,14 +237,14 @@ def read_recording(
     if mapping is None:
         mapping = mapping_beside(file)
     rules = rules_of(mapping, columns, sample_time_s)
-    wanted = requested_signals(signals)
+    requested = requested_signals(signals)
     check_range("max_rows", max_rows, 2, 1e9)
     found = read_columns(file, rules, max_rows=int(max_rows))
     title = name or _title(file)
     if found.saved is not None and mapping is None and not columns:
-        return _as_wanted(restore_recording(found, found.saved), wanted)
+        return _as_requested(restore_recording(found, found.saved), requested)
     _named(found, file, rules)
-    assigned = assign(found, rules, wanted)
+    assigned = assign(found, rules, requested)
     if assigned.time is None:
         raise WorkbenchError(
             f"{file.name} has no time column (its columns: {', '.join(found.headers)[:300]}); name "
@@ -273,11 +273,11 @@ def read_recording(
     return _within(recording, rules)
 
 
-def _as_wanted(recording: Recording, wanted: Sequence[Requested]) -> Recording:
+def _as_requested(recording: Recording, requested: Sequence[Requested]) -> Recording:
     """Check that a restored recording has what is asked for, and put it first."""
-    if not wanted:
+    if not requested:
         return recording
-    names = [w.name for w in wanted]
+    names = [w.name for w in requested]
     for name in names:
         recording.signal(name)
     return recording.select([*names, *(n for n in recording.names if n not in names)])
@@ -296,7 +296,7 @@ def read_table(
     Args:
         path: The file, in any format of `read_recording`.
         mapping: TOML file or its content; None to map by name and unit.
-        signals: Names wanted, a mapping from name to unit, or None for every column of numbers.
+        signals: Names requested, a mapping from name to unit, or None for every column of numbers.
         columns: Names of the columns, for a file without header.
         name: Name of the table; by default the file name.
 

@@ -79,7 +79,7 @@ def resample(
 
     Args:
         rate_Hz: Rate of a uniform time base that starts at the first sample.
-        times: Instants wanted, shape (m,), in s, inside the recording; instead of ``rate_Hz``.
+        times: Instants, shape (m,), in s, inside the recording; instead of ``rate_Hz``.
 
     Raises:
         WorkbenchError: If the time does not increase, or the instants lie outside the recording.
@@ -98,18 +98,18 @@ def resample(
     if rate_Hz is not None:
         check_range("rate_Hz", rate_Hz, 1 / max(recording.duration, 1e-12), 1e7, "Hz")
         n = int(np.floor(recording.duration * rate_Hz * (1 + 1e-9))) + 1
-        wanted = first + np.arange(n) / rate_Hz
+        instants = first + np.arange(n) / rate_Hz
         new = 1 / rate_Hz
     else:
-        wanted = check_finite("times", times if times is not None else [])
-        if wanted.ndim != 1 or len(wanted) < 2 or np.any(np.diff(wanted) <= 0):
+        instants = check_finite("times", times if times is not None else [])
+        if instants.ndim != 1 or len(instants) < 2 or np.any(np.diff(instants) <= 0):
             raise WorkbenchError("times must be two or more increasing instants")
-        if wanted[0] < first - 1e-9 or wanted[-1] > last + old:
+        if instants[0] < first - 1e-9 or instants[-1] > last + old:
             raise WorkbenchError(
-                f"times run from {wanted[0]:g} to {wanted[-1]:g} s but the recording from "
+                f"times run from {instants[0]:g} to {instants[-1]:g} s but the recording from "
                 f"{first:g} to {last:g} s; choose instants inside"
             )
-        new = float(np.median(np.diff(wanted)))
+        new = float(np.median(np.diff(instants)))
     signals = []
     for signal in recording.signals:
         source, time = signal, recording.time
@@ -119,9 +119,9 @@ def resample(
             time = np.linspace(first, last, n_old)
             uniform = _interpolated(signal, recording.time, time)
             source = replace(signal, values=low_pass(uniform, 0.4 * old / new))
-        signals.append(replace(signal, values=_interpolated(source, time, wanted)))
+        signals.append(replace(signal, values=_interpolated(source, time, instants)))
     note = f"resampled from {1 / old:.6g} Hz to {1 / new:.6g} Hz"
-    return replace(recording, time=wanted, signals=tuple(signals)).noted(note)
+    return replace(recording, time=instants, signals=tuple(signals)).noted(note)
 
 
 def decimate(recording: Recording, factor: int) -> Recording:

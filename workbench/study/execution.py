@@ -21,7 +21,7 @@ Progress = Callable[[int, int, str], None]
 
 
 def run_tasks(
-    wanted: Sequence[Task],
+    asked: Sequence[Task],
     store: Store,
     *,
     jobs: int = 1,
@@ -31,7 +31,7 @@ def run_tasks(
     """Do runs that are not finished yet, and keep each as soon as it is.
 
     Args:
-        wanted: The runs.
+        asked: The runs.
         store: Where finished runs are kept.
         jobs: Number of processes.
         dask: Address of a Dask scheduler that does the work, instead of local processes.
@@ -48,23 +48,23 @@ def run_tasks(
         ()
     """
     found: dict[int, Record] = {}
-    for i, task in enumerate(wanted):
+    for i, task in enumerate(asked):
         record = store.record(task)
         if record is not None:
             found[i] = record
-    open_tasks = [i for i in range(len(wanted)) if i not in found]
+    open_tasks = [i for i in range(len(asked)) if i not in found]
     if progress and found:
-        progress(len(found), len(wanted), FINISHED_BEFORE)
+        progress(len(found), len(asked), FINISHED_BEFORE)
 
     def call(i: int) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-        return _numbered, (i, wanted[i])
+        return _numbered, (i, asked[i])
 
     for i, record in parallel([call(i) for i in open_tasks], jobs=jobs, dask=dask):
         found[i] = record
-        store.keep(wanted[i], record)
+        store.keep(asked[i], record)
         if progress:
-            progress(len(found), len(wanted), " / ".join(str(part) for part in record.key))
-    return tuple(found[i] for i in range(len(wanted)))
+            progress(len(found), len(asked), " / ".join(str(part) for part in record.key))
+    return tuple(found[i] for i in range(len(asked)))
 
 
 def _numbered(number: int, task: Task) -> tuple[int, Record]:

@@ -40,39 +40,39 @@ def check_demand(
             ...
         workbench.errors.WorkbenchError: unit of the limit on rmse is 'bar'; rmse is in 'rad'
     """
-    wanted = demand.requirement
-    unit = units[wanted.metric]
-    given = wanted.unit or unit
+    required = demand.requirement
+    unit = units[required.metric]
+    given = required.unit or unit
     if not same_dimension(given, unit):
         raise WorkbenchError(
-            f"unit of the limit on {wanted.metric} is {given!r}; {wanted.metric} is in {unit!r}"
+            f"unit of the limit on {required.metric} is {given!r}; {required.metric} is in {unit!r}"
         )
-    limit = float(convert(wanted.limit, given, unit))
-    metric = metric_of(wanted.metric, own_metrics)
+    limit = float(convert(required.limit, given, unit))
+    metric = metric_of(required.metric, own_metrics)
     assert metric is not None, "the schema has checked its name"
-    if limit == 0.0 and wanted.kind == "at_most" and not metric.zero:
+    if limit == 0.0 and required.kind == "at_most" and not metric.zero:
         raise WorkbenchError(
-            f"{wanted.metric} at most 0 is impossible: it is above zero in every run; give a"
+            f"{required.metric} at most 0 is impossible: it is above zero in every run; give a"
             " positive limit"
         )
-    chosen = [s for name, s in scenarios.items() if wanted.scenario in ("", name)]
-    judged = [s for s in chosen if can_have(wanted.metric, s, own_metrics)]
+    chosen = [s for name, s in scenarios.items() if required.scenario in ("", name)]
+    judged = [s for s in chosen if can_have(required.metric, s, own_metrics)]
     if not judged:
-        where = f"scenario {wanted.scenario!r}" if wanted.scenario else "any scenario"
+        where = f"scenario {required.scenario!r}" if required.scenario else "any scenario"
         what = "a step" if metric.needs == "step" else "a reference that rests"
         raise WorkbenchError(
-            f"a requirement on {wanted.metric} is impossible: {where} has no reference with {what};"
-            " name another metric or scenario"
+            f"a requirement on {required.metric} is impossible: {where} has no reference with"
+            f" {what}; name another metric or scenario"
         )
     shortest = min(s.sample_time for s in judged)
     if (
         metric.unit == "s"
         and metric.needs == "step"
-        and wanted.kind == "at_most"
+        and required.kind == "at_most"
         and limit < shortest
     ):
         raise WorkbenchError(
-            f"{wanted.metric} at most {limit:g} s is impossible: a sample lasts {shortest:g} s"
+            f"{required.metric} at most {limit:g} s is impossible: a sample lasts {shortest:g} s"
         )
     own = [c for name, c in controllers.items() if name in (demand.controllers or controllers)]
     for need, can, what in (
@@ -81,7 +81,7 @@ def check_demand(
     ):
         if metric.needs == need and not any(can):
             raise WorkbenchError(
-                f"a requirement on {wanted.metric} is impossible: no controller it applies"
+                f"a requirement on {required.metric} is impossible: no controller it applies"
                 f" to {what}"
             )
 

@@ -58,15 +58,15 @@ class Judgement:
 
     def excess(self) -> str:
         """Return in words by how much the requirement is missed or met."""
-        wanted = self.demand.requirement
-        unit = "" if wanted.unit in ("", "1") else f" {wanted.unit}".replace(" deg", "°")
-        limit = f"the limit of {wanted.limit:.4g}{unit}"
+        required = self.demand.requirement
+        unit = "" if required.unit in ("", "1") else f" {required.unit}".replace(" deg", "°")
+        limit = f"the limit of {required.limit:.4g}{unit}"
         if math.isnan(self.value):
             return f"has no value ({self.reason}); {limit} is not met"
-        if wanted.limit == 0.0:
+        if required.limit == 0.0:
             where = "above" if self.value > 0 else "at"
             return f"is {self.value:.4g}{unit}, {where} {limit}"
-        ratio = self.value / wanted.limit - 1.0
+        ratio = self.value / required.limit - 1.0
         where = "over" if ratio > 0 else "under"
         return f"is {self.value:.4g}{unit}, {abs(100 * ratio):.3g} % {where} {limit}"
 

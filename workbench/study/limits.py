@@ -24,7 +24,7 @@ from workbench.verification.physical_limit import physical_limit
 from workbench.verification.responses import Value
 
 SPEED = "speed"
-"""Name of the state that is the rate of the followed output."""
+"""Name of the state that is the rate of the controlled output."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Move:
 
     Args:
         plant: The plant that moves.
-        output: Name of the followed output.
+        output: Name of the controlled output.
         initial: Reference before the step, in the output's SI unit.
         final: Reference after the step, in the output's SI unit.
 
@@ -132,8 +132,8 @@ class Distances:
 
     def of(self, controller: str, scenario: str, case: str = "") -> Distance | None:
         """Return the distance of a controller in a scenario, or None."""
-        wanted = (controller, scenario, case)
-        return next((d for d in self.worst if (d.controller, d.scenario, d.case) == wanted), None)
+        asked = (controller, scenario, case)
+        return next((d for d in self.worst if (d.controller, d.scenario, d.case) == asked), None)
 
     def table(self) -> dict[str, Any]:
         """Return the distances as plain numbers and words; times in s, references in SI."""
@@ -202,7 +202,7 @@ def no_limit(scenario: Scenario, plant: Model) -> str:
     if not any(signal.changes for signal in scenario.references.values()):
         return "the reference has no step"
     if len(scenario.references) > 1:
-        return "several outputs are followed"
+        return "several outputs are controlled"
     if scenario.changes:
         names = dict.fromkeys(c.parameter.replace("_", " ") for c in scenario.changes)
         verb = "changes" if len(names) == 1 else "change"
@@ -250,7 +250,7 @@ def find_limits(
     """
     if not study.report.physical_limit:
         return {}
-    wanted = dict.fromkeys(
+    asked = dict.fromkeys(
         Move(variation.plant, output, initial, final)
         for variation in study.variations.values()
         if variation.nominal or variation.kind in study.report.limit_variations
@@ -261,21 +261,21 @@ def find_limits(
         if _is_compared(study, initial, final)
     )
     found: dict[Move, Value] = {}
-    for move in wanted:
+    for move in asked:
         stored = store.get(store.key(move))
         if stored is not None and "limit_s" in stored:
             seconds = stored["limit_s"]
             value = math.nan if seconds is None else float(seconds)
             found[move] = Value(value, str(stored.get("reason", "")))
     if progress and found:
-        progress(len(found), len(wanted), "found before")
-    calls = [(_found, (move,)) for move in wanted if move not in found]
+        progress(len(found), len(asked), "found before")
+    calls = [(_found, (move,)) for move in asked if move not in found]
     for move, limit in parallel(calls, jobs=jobs, dask=dask):
         found[move] = limit
         seconds = None if math.isnan(limit.value) else limit.value
         store.put(store.key(move), {"limit_s": seconds, "reason": limit.reason})
         if progress:
-            progress(len(found), len(wanted), f"{move.output} {move.initial:g} to {move.final:g}")
+            progress(len(found), len(asked), f"{move.output} {move.initial:g} to {move.final:g}")
     return found
 
 

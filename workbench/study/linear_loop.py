@@ -185,11 +185,11 @@ def _check_linear(
 ) -> None:
     """Refuse a law whose command grows unlike a small deviation of the first sensor."""
     state = controller.initial_state(at_rest)
-    wanted = tuple(values[name] for name in controller.follows) * (1 + controller.preview)
+    references = tuple(values[name] for name in controller.controlled) * (1 + controller.preview)
 
     def command(deviation: float) -> float:
         moved = (at_rest[0] + deviation, *at_rest[1:])
-        return float(controller.linear_command(controller.step(state, moved, wanted)[0])[0])
+        return float(controller.linear_command(controller.step(state, moved, references)[0])[0])
 
     small = 1e-5 * max(abs(at_rest[0]), 1.0)
     first = command(small) - command(-small)
@@ -252,10 +252,10 @@ def _margins(
 
 
 def _between(
-    levels: Vector, wanted: float, i: int, frequency: Vector, loop: Complex
+    levels: Vector, level: float, i: int, frequency: Vector, loop: Complex
 ) -> tuple[float, complex]:
     """Interpolate frequency and response where a level is crossed between two samples."""
-    share = float((wanted - levels[i]) / (levels[i + 1] - levels[i]))
+    share = float((level - levels[i]) / (levels[i + 1] - levels[i]))
     f = float(np.exp(np.log(frequency[i]) + share * np.log(frequency[i + 1] / frequency[i])))
     return f, complex(loop[i] + share * (loop[i + 1] - loop[i]))
 

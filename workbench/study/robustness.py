@@ -157,8 +157,8 @@ def robustness(
     unit = unit_draws(len(box.ranges), box.draws, box.seed)
     points = scaled(box, unit)
     chosen = [study.controllers[name] for name in box.controllers or study.controllers]
-    wanted = [task for c in chosen for i, p in enumerate(points) for task in _tasks(study, c, p, i)]
-    records = run_tasks(wanted, store, jobs=jobs, dask=dask, progress=progress)
+    asked = [task for c in chosen for i, p in enumerate(points) for task in _tasks(study, c, p, i)]
+    records = run_tasks(asked, store, jobs=jobs, dask=dask, progress=progress)
     each = box.draws * len(box.scenarios)
     groups = {
         c.name: [
@@ -222,11 +222,11 @@ class Search:
     start_score: float
 
 
-def search(wanted: Search) -> list[tuple[tuple[float, ...], list[Any]]]:
+def search(asked: Search) -> list[tuple[tuple[float, ...], list[Any]]]:
     """Move from a bad point of the box to a worse one.
 
     Args:
-        wanted: Where to begin.
+        asked: Where to begin.
 
     Returns:
         Points of the unit cube that were tried, with the tables of their records.
@@ -235,9 +235,9 @@ def search(wanted: Search) -> list[tuple[tuple[float, ...], list[Any]]]:
         >>> search.__name__
         'search'
     """
-    study, box = wanted.study, wanted.study.box
+    study, box = asked.study, asked.study.box
     assert box is not None
-    controller = wanted.tasks[0].controller
+    controller = asked.tasks[0].controller
     tried: dict[tuple[float, ...], list[Any]] = {}
 
     def at(point: tuple[float, ...]) -> float:
@@ -246,11 +246,11 @@ def search(wanted: Search) -> list[tuple[tuple[float, ...], list[Any]]]:
         tried[point] = [r.table() for r in records]
         return _score(study, records)
 
-    best, worst = wanted.start, wanted.start_score
-    if box.search and wanted.corner != best:
-        value = at(wanted.corner)
+    best, worst = asked.start, asked.start_score
+    if box.search and asked.corner != best:
+        value = at(asked.corner)
         if value > worst:
-            best, worst = wanted.corner, value
+            best, worst = asked.corner, value
     step = 0.25
     while len(tried) < box.search and step > 0.02 and worst < LARGEST:
         moved = False
@@ -259,7 +259,7 @@ def search(wanted: Search) -> list[tuple[tuple[float, ...], list[Any]]]:
                 other = list(best)
                 other[i] = round(min(max(other[i] + sign * step, 0.0), 1.0), 9)
                 point = tuple(other)
-                if point in tried or point == wanted.start or len(tried) >= box.search:
+                if point in tried or point == asked.start or len(tried) >= box.search:
                     continue
                 value = at(point)
                 if value > worst:
@@ -287,7 +287,7 @@ def _searches(
         values = np.array([_score(study, r) for r in groups[c.name]])
         worst = int(np.argmax(values))
         _, slopes, _ = straight_line(unit, values)
-        wanted = Search(
+        asked = Search(
             tuple(_tasks(study, c, scaled(study.box, unit)[worst], worst)),
             study,
             tuple(float(v) for v in unit[worst]),
@@ -295,11 +295,11 @@ def _searches(
             float(values[worst]),
         )
         key = store.key(
-            ("search", wanted.tasks, study.box, study.demands, wanted.start, wanted.corner)
+            ("search", asked.tasks, study.box, study.demands, asked.start, asked.corner)
         )
         stored = store.get(key)
         if stored is None:
-            open_searches.append((c.name, key, wanted))
+            open_searches.append((c.name, key, asked))
         else:
             tables[c.name] = stored["tried"]
     calls = [(_named_search, (name, key, w)) for name, key, w in open_searches]
@@ -317,9 +317,9 @@ def _searches(
 
 
 def _named_search(
-    name: str, key: str, wanted: Search
+    name: str, key: str, asked: Search
 ) -> tuple[str, str, list[tuple[tuple[float, ...], list[Any]]]]:
-    return name, key, search(wanted)
+    return name, key, search(asked)
 
 
 def _result(

@@ -146,11 +146,11 @@ class Demand:
 
     def __str__(self) -> str:
         """Return the demand in words."""
-        wanted = self.requirement
-        sign = "at most" if wanted.kind == "at_most" else "at least"
-        unit = f" {wanted.unit}".replace(" deg", "°") if wanted.unit not in ("", "1") else ""
+        required = self.requirement
+        sign = "at most" if required.kind == "at_most" else "at least"
+        unit = f" {required.unit}".replace(" deg", "°") if required.unit not in ("", "1") else ""
         step = "" if self.step is None else f" of steps of {math.degrees(self.step):g}°"
-        return f"{wanted.metric}{step} {sign} {wanted.limit:g}{unit}"
+        return f"{required.metric}{step} {sign} {required.limit:g}{unit}"
 
 
 @dataclass(frozen=True)
@@ -321,9 +321,9 @@ class Study:
             or not kinds <= {"workbench"}
         )
 
-    def with_limit(self, wanted: bool) -> Study:
+    def with_limit(self, asked: bool) -> Study:
         """Return the study with or without the comparison with the physical limit."""
-        return replace(self, report=replace(self.report, physical_limit=wanted))
+        return replace(self, report=replace(self.report, physical_limit=asked))
 
     def nominal(self, case: str = "") -> Variation:
         """Return the nominal variation of a case, of the first one by default."""

@@ -242,7 +242,7 @@ def execute(task: Task) -> Record:
         metrics=found,
         seconds=time.perf_counter() - begin,
         traces=traces,
-        steps=tuple(step for name in run.follows for step in response_to_each_step(run, name)),
+        steps=tuple(step for name in run.controlled for step in response_to_each_step(run, name)),
         events=response_to_each_event(run),
         margins=_margins(design),
     )
@@ -264,12 +264,12 @@ def _traces(run: Run, controller: Controller, task: Task) -> dict[str, Any]:
     stride = max(1, math.ceil(len(run.time) / TRACE_POINTS))
     # A peak between two kept samples would vanish from the page, so times of solving keep theirs.
     found: dict[str, Any] = {"time": run.time[::stride]}
-    for name in run.follows:
+    for name in run.controlled:
         found[f"reference.{name}"] = run.references[name][::stride]
         found[f"output.{name}"] = run[name][::stride]
     outputs = [q.name for q in run.output_quantities]
     for name in getattr(controller, "sensors", ()):
-        if name in outputs and name not in run.follows:
+        if name in outputs and name not in run.controlled:
             found[name] = run[name][::stride]
     for q, column in zip(run.input_quantities, run.inputs.T, strict=True):
         found[f"input.{q.name}"] = column[::stride]
@@ -294,7 +294,7 @@ def _traces(run: Run, controller: Controller, task: Task) -> dict[str, Any]:
         except WorkbenchError as error:
             found["linear_reason"] = str(error)
         else:
-            for name in run.follows:
+            for name in run.controlled:
                 found[f"linear.{name}"] = linear[name][::stride]
     # Six digits draw any picture, and files stay small.
     return {

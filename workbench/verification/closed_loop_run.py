@@ -30,7 +30,7 @@ class Run:
         scenario: What was asked.
         seed: Seed of the sensors' noise.
         time: Sample times, shape (n,), in s.
-        references: Wanted values of each followed output, shape (n,) each, in SI.
+        references: Reference of each controlled output, shape (n,) each, in SI.
         states: States, shape (n, n_states), in SI.
         outputs: Outputs without noise and quantisation, shape (n, n_outputs), in SI.
         measured: What the controller's sensors read, shape (n, n_sensors), in SI.
@@ -40,7 +40,7 @@ class Run:
         output_quantities: Outputs, in the order of the columns.
         input_quantities: Inputs, in the order of the columns.
         sensors: Names of the columns of ``measured``.
-        follows: Names of the outputs that had a reference.
+        controlled: Names of the outputs that had a reference.
         model: The full plant, None for a linear model.
         integrator: How the plant was advanced.
         tolerance: Tolerance of the integrator, relative to the scales of the states.
@@ -63,7 +63,7 @@ class Run:
     output_quantities: tuple[Output, ...]
     input_quantities: tuple[Input, ...]
     sensors: tuple[str, ...]
-    follows: tuple[str, ...]
+    controlled: tuple[str, ...]
     model: Model | None = None
     integrator: str = ""
     tolerance: float = 0.0

@@ -41,7 +41,7 @@ def response_to_each_event(run: Run) -> tuple[EventResponse, ...]:
     )
     ends = [*(time for time, _ in events), run.scenario.duration][1:]
     found = []
-    for name in run.follows:
+    for name in run.controlled:
         error = run.references[name] - run[name]
         for (begin, what), end in zip(events, ends, strict=True):
             part = (run.time >= begin) & (run.time < end)

@@ -133,7 +133,7 @@ def step_responses(
 
 def response_to_each_step(run: Run, output: str) -> tuple[StepResponse, ...]:
     """Return how every step of the reference of an output was followed in a run."""
-    planned = len(run.follows) == 1 and bool(run.infos) and "plan" in run.infos[0]
+    planned = len(run.controlled) == 1 and bool(run.infos) and "plan" in run.infos[0]
     changes = run.scenario.references[output].changes
     plan = run.info("plan") if planned else None
     return step_responses(output, run.time, run[output], changes, plan)

@@ -61,11 +61,11 @@ def verify(
         NumericalError: If the plant left the range of its laws so far that it cannot be simulated.
 
     Example:
-        >>> from controllers.open_loop import HeldCommand
+        >>> from controllers.open_loop import ConstantCommand
         >>> from workbench.plants.servo_axis import servo_axis
         >>> from workbench.verification.signals import Steps
         >>> scenario = Scenario("rest", {"position": Steps((0.0,), (0.0,))}, 0.1, settle=0.0)
-        >>> controller = HeldCommand((1.0,), actuators=("force",), follows=("position",))
+        >>> controller = ConstantCommand((1.0,), actuators=("force",), controlled=("position",))
         >>> run = verify(controller, servo_axis(), scenario)
         >>> len(run.time)
         50
@@ -83,8 +83,8 @@ def verify(
             f" {scenario.name!r} every {h:g} s; design the controller for the scenario's sample"
             " time"
         )
-    for name in controller.follows:
-        check_choice("followed output", name, scenario.references)
+    for name in controller.controlled:
+        check_choice("controlled output", name, scenario.references)
     events: list[tuple[int, str, float]] = []
     sampled: FullPlant | LinearPlant
     if isinstance(plant, Model):
@@ -202,7 +202,7 @@ def _loop(
         output_quantities=outputs,
         input_quantities=inputs,
         sensors=controller.sensors,
-        follows=controller.follows,
+        controlled=controller.controlled,
         model=model,
         integrator=plant.integrator,
         tolerance=plant.tolerance,
@@ -311,11 +311,11 @@ def _actuators(
 def _references(
     controller: Controller, scenario: Scenario, warm: int, n: int
 ) -> tuple[list[tuple[float, ...]], Mapping[str, np.ndarray[Any, Any]]]:
-    """Return the reference row of every sample, and the course of each followed output."""
+    """Return the reference row of every sample, and the course of each controlled output."""
     preview = int(check_range("preview", controller.preview, 0, 1e5, "samples"))
     h = scenario.sample_time
     time = np.maximum(h * np.arange(-warm, n + preview), 0.0)
-    courses = [scenario.references[name].sample(time) for name in controller.follows]
+    courses = [scenario.references[name].sample(time) for name in controller.controlled]
     table = np.column_stack(courses) if courses else np.empty((len(time), 0))
     if preview:
         wide = np.hstack([table[i : i + warm + n] for i in range(preview + 1)])
@@ -323,6 +323,6 @@ def _references(
         wide = table
     targets = {
         name: course[warm : warm + n]
-        for name, course in zip(controller.follows, courses, strict=True)
+        for name, course in zip(controller.controlled, courses, strict=True)
     }
     return [tuple(row) for row in wide.tolist()], targets

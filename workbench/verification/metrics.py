@@ -212,13 +212,13 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
         own: Metrics of a user's own, beside those of `METRICS`.
 
     Example:
-        >>> from controllers.open_loop import HeldCommand
+        >>> from controllers.open_loop import ConstantCommand
         >>> from workbench.plants.servo_axis import servo_axis
         >>> from workbench.verification.loop import verify
         >>> from workbench.verification.scenario import Scenario
         >>> from workbench.verification.signals import Steps
         >>> scenario = Scenario("rest", {"position": Steps((0.0,), (0.0,))}, 0.1, settle=0.0)
-        >>> held = HeldCommand((0.0,), actuators=("force",), follows=("position",))
+        >>> held = ConstantCommand((0.0,), actuators=("force",), controlled=("position",))
         >>> metrics(verify(held, servo_axis(), scenario))["rmse"].value
         0.0
     """
@@ -234,7 +234,7 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
             continue
         if not metric.fits(signals):
             continue
-        for label, name in _labels(metric, run.follows, tuple(commands)):
+        for label, name in _labels(metric, run.controlled, tuple(commands)):
             unit, shown = (outputs if metric.of == "output" else commands).get(name, ("1", ""))
             value = metric.measure(run, name) if name else metric.measure(run)
             value = value if isinstance(value, Value) else Value(float(value))

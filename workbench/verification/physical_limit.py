@@ -64,8 +64,8 @@ class PhysicalLimit:
         until: Which of the two, ``"rest"`` or ``"band"``.
         durations: Durations of the phases, in s: the move, and the stay of ``until="band"``.
         from_rad: Position at the start, in rad.
-        to_rad: Wanted position, in rad.
-        band_rad: Half-width of the band about the wanted position, in rad.
+        to_rad: Position at the end, in rad.
+        band_rad: Half-width of the band about the final position, in rad.
         time: Ends of the intervals from 0 to the end of the last phase, shape (n + 1,), in s.
         states: States there, shape (n + 1, n_states), in SI.
         inputs: Inputs held over each interval, shape (n, n_inputs), in SI.
@@ -129,7 +129,7 @@ def physical_limit(
 
     Args:
         from_rad: Position at rest before the move, in rad (in the unit of the coordinate).
-        to_rad: Wanted position, in rad.
+        to_rad: Position at the end, in rad.
         until: ``"rest"``, at rest within the band, or ``"band"``, within the band for good.
         band_rad: Half-width of the band that counts as settled, in rad; 2 % of the move by default.
         mean_pressure: Mean gauge pressure at the start, in Pa; by default that of the equilibrium.

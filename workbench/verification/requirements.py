@@ -83,13 +83,13 @@ class RequirementResult:
 
     def __str__(self) -> str:
         """Return one line."""
-        wanted = self.requirement
-        sign = "<=" if wanted.kind == "at_most" else ">="
-        state = "met" if self.met else ("FAILED" if wanted.hard else "missed")
+        required = self.requirement
+        sign = "<=" if required.kind == "at_most" else ">="
+        state = "met" if self.met else ("FAILED" if required.hard else "missed")
         tail = f"  ({self.reason})" if self.reason else ""
         return (
-            f"{wanted.metric:<24} {self.value:>10.4g} {sign} {wanted.limit:<8.4g}"
-            f" {wanted.unit:<6} score {self.score:>6.3g}  {state}{tail}"
+            f"{required.metric:<24} {self.value:>10.4g} {sign} {required.limit:<8.4g}"
+            f" {required.unit:<6} score {self.score:>6.3g}  {state}{tail}"
         )
 
 

@@ -79,7 +79,7 @@ class Scenario:
 
     Args:
         name: Name under which results are reported.
-        references: Wanted course of each followed output, by name, in SI.
+        references: Reference of each controlled output, by name, in SI.
         duration: Length of the run, in s.
         sample_time: Time between samples, in s.
         start: Given values of the operating point at which the run starts, in SI, by name; the
@@ -161,13 +161,13 @@ def step_scenario(
     sample_time: float = 0.002,
     output: str = "angle",
 ) -> Scenario:
-    """Build a step between two angles, and back if wanted.
+    """Build a step between two angles, and back if asked for.
 
     Args:
         back: Whether a step back follows.
         hold: Time that each step is held, in s.
         sample_time: Time between samples, in s.
-        output: Name of the followed output, an angle.
+        output: Name of the controlled output, an angle.
 
     Returns:
         A scenario that holds the first angle for 0.5 s before the step.

@@ -315,15 +315,15 @@ def steps_table(result: StudyResult, *, nominal: bool) -> Table:
 def _limit_of(result: StudyResult, e: Evidence, controller: str, metric: str) -> float:
     """Return the limit of a metric of the steps, in SI; infinite without one."""
     for j in result.judgements:
-        wanted = j.demand.requirement
+        required = j.demand.requirement
         if (
-            wanted.metric == metric
+            required.metric == metric
             and j.controller == controller
             and j.scenario == e.want.scenario
             and j.demand.step is None
         ):
-            factor = {"deg": math.radians(1.0), "%": 0.01}.get(wanted.unit, 1.0)
-            return wanted.limit * factor
+            factor = {"deg": math.radians(1.0), "%": 0.01}.get(required.unit, 1.0)
+            return required.limit * factor
     return math.inf
 
 
@@ -371,17 +371,17 @@ def _missed_requirements(result: StudyResult, e: Evidence, controller: str) -> R
         if all(j.met for j in own.values()):
             continue
         most = max(own.values(), key=lambda j: j.score)
-        wanted = demand.requirement
+        required = demand.requirement
         step = "" if demand.step is None else f" {_degrees(demand.step):g}°"
-        unit = wanted.unit.replace("deg", "°")
+        unit = required.unit.replace("deg", "°")
         rows.append(
             (
                 e.case.name,
                 controller,
-                f"{metric_title(wanted.metric)}{step}, {most.scenario}",
+                f"{metric_title(required.metric)}{step}, {most.scenario}",
                 number(own[NOMINAL].value) if NOMINAL in own else "–",
                 number(most.value),
-                f"{wanted.limit:g} {unit}".strip(),
+                f"{required.limit:g} {unit}".strip(),
                 cause_of_miss(result, e, controller, own),
             )
         )
@@ -435,7 +435,7 @@ def cause_of_miss(
 
 
 def cause_of_ratio(e: Evidence, controller: str, step: Step) -> str:
-    """Say what keeps a step from its wanted ratio to the limit, with the numbers that show it."""
+    """Say what keeps a step from its required ratio to the limit, with the numbers that show it."""
     want, limit = e.want, e.limit(step)
     allowed = want.ratio * limit
     better = {
@@ -560,7 +560,7 @@ def plan_table(result: StudyResult) -> Table:
 
 
 def plan_words(e: Evidence) -> list[str]:
-    """Say what a faster plan costs, where the plan is longer than wanted."""
+    """Say what a faster plan costs, where the plan is longer than required."""
     paces = _paces(e)
     if not paces or not e.steps:
         return []
@@ -578,7 +578,7 @@ def plan_words(e: Evidence) -> list[str]:
     if not ratios[1.0] > e.want.ratio:
         return []
     bearable = [pace for pace in ratios if overs[pace] <= e.want.overshoot]
-    wanted = [pace for pace in ratios if ratios[pace] <= e.want.ratio]
+    required = [pace for pace in ratios if ratios[pace] <= e.want.ratio]
     most = f"{100 * e.want.overshoot:g} %"
     text = f"{e.case.name}: " + (
         f"the shortest plan that stays within {most} with what it does not know is"
@@ -587,10 +587,10 @@ def plan_words(e: Evidence) -> list[str]:
         if bearable
         else f"no plan that was tried stays within {most}"
     )
-    fastest = wanted[-1] if wanted else min(ratios)
+    fastest = required[-1] if required else min(ratios)
     what = (
         f"{e.want.ratio:g} times the limit is reached with × {fastest:g}"
-        if wanted
+        if required
         else f"even × {fastest:g} does not reach {e.want.ratio:g} times the limit"
         f" ({number(ratios[fastest])} times)"
     )
@@ -679,7 +679,7 @@ def ladder_table(result: StudyResult) -> Table:
 
 
 def ladder_words(e: Evidence) -> list[str]:
-    """Say what every limitation costs, where the wanted ratio is missed."""
+    """Say what every limitation costs, where the required ratio is missed."""
     found = []
     controller = next((c for c in e.want.controllers if c in e.case.controllers), "")
     kinds = (NOMINAL, *(kind for kind, _ in e.want.ladder))

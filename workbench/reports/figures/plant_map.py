@@ -31,7 +31,7 @@ def draw_plant_map(
         values: Values of the output, shape (n,), in ``unit``.
         frequency_hz: Frequency of the oscillation, shape (n,), in Hz.
         damping: Damping ratio, shape (n,), dimensionless.
-        gain: Gain, shape (n,), in ``gain_unit``.
+        gain: Gain, shape (n,), in the unit ``gain_unit``.
         name: Name of the output.
         marked: Operating points that are marked, in ``unit``.
     """

@@ -66,14 +66,14 @@ def tracking(
     from matplotlib.lines import Line2D
 
     figure, (position, error, valve) = new_figure([2.2, 1.1, 1.0])
-    t, wanted = np.asarray(time, dtype=float), np.asarray(reference, dtype=float)
-    position.step(t, wanted, where="post", color=REFERENCE.light, linewidth=1.0)
+    t, reference = np.asarray(time, dtype=float), np.asarray(reference, dtype=float)
+    position.step(t, reference, where="post", color=REFERENCE.light, linewidth=1.0)
     shades = colours(trajectory.controller for trajectory in trajectories)
     handles = []
     for trajectory in trajectories:
         shade = shades[trajectory.controller].light
         position.plot(trajectory.time, trajectory.output, color=shade, linewidth=1.5)
-        held = wanted[np.clip(np.searchsorted(t, trajectory.time, "right") - 1, 0, len(t) - 1)]
+        held = reference[np.clip(np.searchsorted(t, trajectory.time, "right") - 1, 0, len(t) - 1)]
         error.plot(trajectory.time, held - trajectory.output, color=shade, linewidth=1.1)
         valve.step(trajectory.time, trajectory.command, where="post", color=shade, linewidth=0.9)
         if trajectory.linear is not None:
