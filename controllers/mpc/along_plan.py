@@ -14,9 +14,9 @@ P is the cost to go of the unconstrained regulator. One valve commands the diffe
 mean drifts while the difference moves; the last condition holds for any mean. The integral in the
 controlled output leads to the reference without offset, whatever the plant does at rest. The
 matrices are condensed at every angle of the schedule and interpolated between them. If the solver
-fails, the unconstrained regulator u = -K z, clipped, takes its place (fallback "regulator"). A reading or
-reference that is no number leaves the state as it was and shuts the valve for the sample (fallback
-"shut").
+fails, the unconstrained regulator u = -K z, clipped, takes its place (fallback "regulator"). A
+measurement or reference that is no number leaves the state as it was and shuts the valve for the
+sample (fallback "shut").
 
 With a lag tau of spool and sample, y is that of the pressures tau later, y - tau b g l
 (`controllers.joint.tracking.arrived_opening`). The planned reference is known over the horizon by
