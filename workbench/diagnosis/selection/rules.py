@@ -96,7 +96,7 @@ def selection_penalty(library: int, samples: int, parameters: int) -> float:
         >>> round(selection_penalty(40, 1000, 1), 1)
         22.1
     """
-    return LEAST_GAIN + 0.5 * parameters * math.log(samples) + math.log(library)
+    return LEAST_GAIN + 0.5 * parameters * math.log(max(samples, 1)) + math.log(max(library, 1))
 
 
 def _refit(q: Question) -> str:

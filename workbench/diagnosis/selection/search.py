@@ -9,8 +9,11 @@ the next, so that a search can be written down and continued.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
@@ -126,8 +129,21 @@ def score(task: Task) -> Scored:
         model = base.model
     scores = score_library(model, task.fitting, task.priors, tried, noise_scale=base.noise_scale)
     task.say("running the refitted model on the held-out recordings")
-    floor = over_floor(base, task.nominal, task.judging)
+    try:
+        floor = over_floor(base, task.nominal, task.judging)
+    except (NumericalError, np.linalg.LinAlgError):
+        # A model that cannot be run is not near the noise.
+        floor = dict.fromkeys(task.judging[0].used, math.inf)
     return Scored(scores, perfect, max(base.cost - perfect, 0.0), floor)
+
+
+def _independent(observed: Observed) -> int:
+    """Return how many independent samples a recording has: one in 0.1 s, but no more than it has.
+
+    That is what the noise of sensors and the signals of an excitation leave of fast sampling.
+    """
+    count = len(observed.outputs)
+    return min(count, round(count * observed.sample_time / 0.1))
 
 
 def _perfect(task: Task) -> float:
@@ -188,13 +204,17 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     if state.accepted:
         task.say("running the improved model freely on the held-out recordings")
         fits = {"refitted": task.base, "extended": state.extended}
-        runs = {
-            label: {r.name: judged_run(fit, task.nominal, r) for r in task.judging}
-            for label, fit in fits.items()
-        }
-        if not drifts(task.nominal, task.judging[0]):
-            state = replace(state, runs=runs)
-        least, share = LEAST_EXPLAINED.value, explained(held_out_errors(runs, task.judging))
+        least, share = LEAST_EXPLAINED.value, math.nan
+        try:
+            runs = {
+                label: {r.name: judged_run(fit, task.nominal, r) for r in task.judging}
+                for label, fit in fits.items()
+            }
+            share = explained(held_out_errors(runs, task.judging))
+            if not drifts(task.nominal, task.judging[0]):
+                state = replace(state, runs=runs)
+        except (NumericalError, np.linalg.LinAlgError) as error:
+            task.say(f"the improved model could not be run: {error}")
         if share < least:
             state = _all_withdrawn(
                 task,
@@ -250,6 +270,8 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         scores = scored.scores
         if number:
             tried = task.tried(current.model)
+            if not tried:
+                return state, False
             task.say(f"scoring {len(tried)} effects on what is left")
             scores = score_library(
                 current.model, begun, state.free, tried, noise_scale=current.noise_scale
@@ -259,7 +281,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         chosen = (
             shortlist(scores, most=8, least=0.05 * least) if number else _first_tried(task, scores)
         )
-        samples = round(sum(len(r.outputs) * r.sample_time for r in task.fitting) / 0.1)
+        samples = sum(_independent(r) for r in task.fitting)
         penalty = selection_penalty(len(scores.scores), samples, 2)
         candidates = refit_candidates(
             current,

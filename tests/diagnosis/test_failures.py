@@ -1,0 +1,134 @@
+"""One bad candidate, or one stage that fails, is a line of the verdict and not its end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import pytest
+
+from workbench.diagnosis import diagnose as engine
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.selection import refits, search
+from workbench.diagnosis.verdict import Verdict
+from workbench.errors import NumericalError
+from workbench.model import Effect, Model, Parameter, PortView
+from workbench.model.face import Expression
+from workbench.physics.hypothesis import Hypothesis
+from workbench.physics.library import library
+from workbench.plants.servo_axis import servo_axis
+from workbench.recordings.recording import Recording
+
+
+def _given() -> tuple[Model, list[Recording], list[Hypothesis]]:
+    truth = servo_axis()
+    model = truth.without("coulomb_friction")
+    runs = [
+        made_up_recording(
+            truth, pushes(300, largest=200.0, seed=seed), sample_time=0.01, name=f"axis {seed}"
+        )
+        for seed in (1, 2)
+    ]
+    return model, runs, [e for e in library(model) if e.law == "coulomb_friction"]
+
+
+def _law(name: str, transform: Callable[[PortView], Expression]) -> Hypothesis:
+    size = Parameter("size", "N", 10.0, value=0.0, lower=0.0, upper=50.0, fitted=True)
+    return Hypothesis(Effect(name, ("axis.force",), transform, (size,)), "size", 10.0, 1.0)
+
+
+def _raises(at: PortView) -> Expression:
+    raise ZeroDivisionError("my own mistake")
+
+
+def _diverges(at: PortView) -> Expression:
+    return at.value + at.p.size * ca.log(-1.0 - at.signals.speed**2)
+
+
+def _diagnosed(*more: Hypothesis, **options: Any) -> Verdict:
+    model, runs, few = _given()
+    verdict = diagnose(
+        model, runs[:1], runs[1:], entries=[*few, *more], jobs=1, **({"advise": False} | options)
+    ).verdict
+    assert verdict is not None
+    return verdict
+
+
+def _refused(verdict: Verdict) -> dict[str, str]:
+    return {str(row["effect"]): str(row["reason"]) for row in verdict.refused}
+
+
+@pytest.mark.parametrize("law", [_raises, _diverges])
+def test_a_law_of_the_users_that_fails_is_a_line(law: Callable[[PortView], Expression]) -> None:
+    verdict = _diagnosed(_law("mine", law))
+    assert [f.effect for f in verdict.findings] == ["coulomb_friction"]
+    assert _refused(verdict)["mine"].startswith("it could not be tried, because ")
+
+
+@pytest.mark.parametrize("error", [NumericalError("lost"), RuntimeError("gcc: out of memory")])
+@pytest.mark.parametrize("step", ["_refitted", "_judged_on"])
+def test_a_refit_that_fails_is_a_line(
+    step: str, error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = getattr(refits, step)
+
+    def sometimes(base: Any, given: Any, *rest: Any) -> Any:
+        if given.entry.name == "spring":
+            raise error
+        return whole(base, given, *rest)
+
+    monkeypatch.setattr(refits, step, sometimes)
+    model, _, _ = _given()
+    spring = next(e for e in library(model) if e.law == "linear_spring")
+    verdict = _diagnosed(_renamed(spring, "spring"))
+    assert [f.effect for f in verdict.findings] == ["coulomb_friction"]
+    if step == "_refitted":
+        assert _refused(verdict)["spring"] == f"it could not be tried, because {error}"
+
+
+def _renamed(entry: Hypothesis, name: str) -> Hypothesis:
+    from dataclasses import replace
+
+    return replace(entry, effect=entry.effect.renamed(name))
+
+
+def _never(*_: Any, **__: Any) -> Any:
+    raise NumericalError("the filter left the finite numbers")
+
+
+@pytest.mark.parametrize(
+    ("module", "name"),
+    [
+        (engine, "locate"),
+        (engine, "next_experiment"),
+        (search, "perfect_cost"),
+        (search, "over_floor"),
+        (search, "judged_run"),
+    ],
+)
+def test_a_stage_that_fails_leaves_the_others(
+    module: Any, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, name, _never)
+    verdict = _diagnosed(advise=True)
+    assert [f.effect for f in verdict.findings] == ["coulomb_friction"]
+
+
+def test_a_nominal_model_that_cannot_be_refitted_is_a_verdict(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(engine, "fit_with_process_noise", _never)
+    verdict = _diagnosed()
+    assert verdict.kind == "unexplained" and "left the finite numbers" in verdict.sentence
+
+
+def test_a_term_without_a_name_that_fails_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine, "nonparametric_term", _never)
+    model, runs, _ = _given()
+    few = [e for e in library(model) if e.law == "constant_force"]
+    found = diagnose(model, runs[:1], runs[1:], entries=few, jobs=1, advise=False)
+    assert found.verdict is not None and found.verdict.kind == "unexplained"
+    assert found.nonparametric is not None
+    assert "could not be tried, because" in found.nonparametric.reason

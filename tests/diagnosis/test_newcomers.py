@@ -1,0 +1,43 @@
+"""Plants as a newcomer writes them, with guesses for scales, against data from SciPy."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.diagnosis.newcomers import hardening, oscillations, oscillator, rubbing
+from workbench.diagnosis.diagnose import diagnose
+
+
+@pytest.mark.parametrize("scale", [0.01, 100.0])
+def test_a_hardening_spring_is_named_whatever_the_guess_of_the_scale(scale: float) -> None:
+    verdict = hardening(scale).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "cubic_stiffness" and finding.belief == "sure"
+    size = finding.parameters["stiffness"]
+    # The truth is 40 N/m3; its interval counts the noise of the readings only.
+    assert size.value == pytest.approx(40.0, rel=0.01)
+    # The extended model runs freely to the noise on recordings that it has not seen.
+    assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
+
+
+def test_dry_friction_of_an_integrator_is_named_in_open_loop() -> None:
+    verdict = rubbing().verdict
+    assert verdict is not None
+    assert verdict.findings[0].effect == "coulomb_friction"
+    assert verdict.findings[0].parameters["level"].value == pytest.approx(15.0, rel=0.01)
+    assert len(verdict.findings) == 1
+
+
+def test_a_force_that_nobody_reads_gets_no_name() -> None:
+    runs = oscillations(lambda x, v: -30.0 * x - 0.6 * v, unread=True)
+    verdict = diagnose(oscillator(), runs[:2], runs[2:], jobs=1, advise=False).verdict
+    assert verdict is not None and verdict.kind == "unexplained"
+    assert verdict.findings[0].where == ("mass.force",) and not verdict.findings[0].effect
+
+
+def test_silence_where_only_parameters_were_wrong() -> None:
+    runs = oscillations(lambda x, v: -30.0 * x - 0.6 * v)
+    verdict = diagnose(oscillator(), runs[:2], runs[2:], jobs=1, advise=False).verdict
+    assert verdict is not None and verdict.kind == "nothing_missing", verdict
+    assert verdict.parameters["stiffness"]["value"] == pytest.approx(30.0, rel=0.01)
