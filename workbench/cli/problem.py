@@ -135,10 +135,18 @@ def load_problem(
         chosen = chosen_plant(name, **changes)
         base = RefitSettings(start_samples=chosen.plant.start_samples)
         problem = problem_of_files(chosen.model, fit or (), hold_out or (), mapping=mapping)
+        for note in problem.notes:
+            typer.echo(f"note: {note}", err=True)
         words = [*(f"--fit {p}" for p in fit or ()), *(f"--hold-out {p}" for p in hold_out or ())]
         arguments = " ".join(filter(None, (*words, chosen.arguments)))
     from dataclasses import replace
 
+    if not any(q.fitted for q in problem.model.parameters):
+        typer.echo(
+            f"note: no parameter of {problem.model.name!r} is declared fitted=True, so all keep"
+            " their values",
+            err=True,
+        )
     settled = _settings(problem.model, base, settings)
     return Loaded(replace(problem, refit=settled), arguments)
 

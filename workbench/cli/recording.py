@@ -17,29 +17,30 @@ def recording(
         Path | None,
         typer.Option(help="TOML file that says which column is which signal.", metavar="FILE"),
     ] = None,
+    plant: Annotated[
+        str | None,
+        typer.Option(
+            help="Plant that it is a recording of, a name of 'workbench plants' or module:object:"
+            " its inputs and outputs are looked for, and its limits and signs are checked.",
+            metavar="NAME",
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the page and the pictures.")] = None,
 ) -> int:
     """Read a recording, say how its columns were understood, and check whether it is fit.
 
-    Example: 'workbench recording run.csv --out run'.
-
-    Args:
-        mapping: Mapping of its columns; None maps by name and unit.
-        out: Folder to write to; None prints only.
-
-    Returns:
-        0 if the recording is fit to judge a model on, 1 if not.
-
-    Example:
-        >>> recording(Path("nowhere.csv"))
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: ...
+    Examples: 'workbench recording run.csv --out run', 'workbench recording run.csv --plant
+    my_plants:rig'.
     """
+    from workbench.cli.plant import chosen_plant
     from workbench.recordings import check_recording, read_recording
+    from workbench.recordings.column_matching import driven_by
 
-    seen = read_recording(file, mapping=mapping)
-    report = check_recording(seen)
+    model = None if plant is None else chosen_plant(plant).model
+    wanted = None if model is None else driven_by(model)
+    seen = read_recording(file, mapping=mapping, signals=wanted)
+    required = None if wanted is None else [w.name for w in wanted if w.name in seen]
+    report = check_recording(seen, model=model, required=required)
     typer.echo(str(seen))
     if seen.mapping is not None:
         typer.echo(f"\n{seen.mapping}")
@@ -49,7 +50,9 @@ def recording(
         from workbench.reports.pictures import save
         from workbench.reports.recording_page import recording_page
 
-        page = recording_page(report, command=f"workbench recording {file.name} --out {out.name}")
+        words = ["workbench recording", file.name, f"--plant {plant}" if plant else ""]
+        command = " ".join(filter(None, (*words, f"--out {out.name}")))
+        page = recording_page(report, command=command)
         write_page(page, out / "report.html")
         for picture in page.pictures:
             save(picture, out)

@@ -167,7 +167,8 @@ class Verdict:
         """Return the verdict, its findings and the held-out errors as a short aligned table."""
         lines = [f"{self.kind}: {self.sentence}"]
         for finding in self.findings:
-            lines.append(f"  {finding.sentence}")
+            if finding.sentence not in self.sentence:
+                lines.append(f"  {finding.sentence}")
             lines += [
                 f"    {name:<34} {v.value:>11.4g} +- {v.std:<9.2g} {v.unit}"
                 for name, v in finding.parameters.items()

@@ -14,6 +14,7 @@ from workbench.model.effect import Effect
 from workbench.model.face import Expression, Face
 from workbench.model.quantities import Quantity
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
+from workbench.model.traits import LEFT_OUT, Traits
 
 Named = Mapping[str, Expression]
 
@@ -51,6 +52,10 @@ class Written(Protocol):
     @property
     def effects(self) -> tuple[Effect, ...]:
         """Attached effects, in the order in which they act on a port."""
+
+    @property
+    def traits(self) -> Traits:
+        """What general rooms may know of the plant beside its equations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -214,15 +219,19 @@ def trace(model: Written, face: Face) -> Trace:
 
     scope = scope_of(symbols["input"])
     rates, outputs = model.equations(scope)
+    sizes = dict(model.traits.sizes)
     if not scope.ports:
         scope = scope_of({})
         scope.u = Names(
             "input",
-            {q.name: _opened(scope, q, "command", symbols["input"][q.name]) for q in model.inputs},
+            {
+                q.name: _opened(scope, q, "command", symbols["input"][q.name], sizes)
+                for q in model.inputs
+            },
         )
         rates, outputs = model.equations(scope)
-        rates = _default_rates(model, scope, rates)
-    outputs = _default_readings(model, scope, outputs)
+        rates = _default_rates(model, scope, rates, sizes)
+    outputs = _default_readings(model, scope, outputs, sizes)
     rates = dict(rates)
     starts: dict[str, Expression] = {}
     values = Names("signal", scope.values)
@@ -259,7 +268,12 @@ def trace(model: Written, face: Face) -> Trace:
         outputs=still[1],
         start=still[2],
         ports=tuple(
-            replace(port, origins=_origins(local[port.name], sources)) for port in scope.ports
+            replace(
+                port,
+                origins=_origins(local[port.name], sources),
+                disturbance=port.disturbance or LEFT_OUT * sizes.get(port.name, 0.0),
+            )
+            for port in scope.ports
         ),
         signal_names=tuple(scope.values),
         signal_units=tuple(scope.units[name] for name in scope.values),
@@ -276,15 +290,18 @@ def _symbols(quantities: Sequence[Quantity]) -> dict[str, ca.SX]:
     return {q.name: ca.SX.sym(q.name) for q in quantities}
 
 
-def _opened(scope: Scope, q: Quantity, what: str, value: Expression) -> Expression:
+def _opened(
+    scope: Scope, q: Quantity, what: str, value: Expression, sizes: Mapping[str, float]
+) -> Expression:
     """Open a port for a quantity of a plant whose author has opened none."""
     unit = q.unit
     if what == "rate":
         unit = f"{unit}2" if unit.endswith("/s") else f"{unit}/s"
-    return scope.port(f"{q.name}.{what}", value, unit=unit, scale=q.scale)
+    name = f"{q.name}.{what}"
+    return scope.port(name, value, unit=unit, scale=sizes.get(name) or q.scale)
 
 
-def _default_rates(model: Written, scope: Scope, rates: Named) -> Named:
+def _default_rates(model: Written, scope: Scope, rates: Named, sizes: Mapping[str, float]) -> Named:
     """Open a port at every rate that is not a state itself."""
     states = [scope.x[q.name] for q in model.states]
     own = {q.name: q for q in model.states}
@@ -293,12 +310,16 @@ def _default_rates(model: Written, scope: Scope, rates: Named) -> Named:
         return any(ca.is_equal(ca.SX(rate), x, 2) for x in states)
 
     return {
-        name: rate if defined(rate) or name not in own else _opened(scope, own[name], "rate", rate)
+        name: rate
+        if defined(rate) or name not in own
+        else _opened(scope, own[name], "rate", rate, sizes)
         for name, rate in rates.items()
     }
 
 
-def _default_readings(model: Written, scope: Scope, outputs: Named) -> Named:
+def _default_readings(
+    model: Written, scope: Scope, outputs: Named, sizes: Mapping[str, float]
+) -> Named:
     """Open a port at every output that passes through no port of a sensor."""
     read = {q.name: q for q in model.outputs}
     sensors = {q.name for q in scope.ports if q.role == "measurement"}
@@ -310,7 +331,7 @@ def _default_readings(model: Written, scope: Scope, outputs: Named) -> Named:
         )
 
     return {
-        name: _opened(scope, read[name], "reading", value)
+        name: _opened(scope, read[name], "reading", value, sizes)
         if name in read and not sensed(name, value)
         else value
         for name, value in outputs.items()

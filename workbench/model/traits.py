@@ -70,6 +70,10 @@ class ActuatorCurve:
         return float(sum(weight * signals[name] for name, weight in self.signals))
 
 
+LEFT_OUT = 0.05
+"""Disturbance at a port that declares none, as a fraction of the signal there."""
+
+
 @dataclass(frozen=True)
 class Traits:
     """What a plant declares about itself.
@@ -79,12 +83,15 @@ class Traits:
         limits: States with their smallest and largest value at an operating point.
         choices: Parameters that a user chooses; messages say which values would be possible.
         curves: Curves that a controller may invert.
+        sizes: Root mean square of the signals at ports along recordings, in SI: of a plant that
+            declares no disturbance anywhere, `LEFT_OUT` of it may be left out there.
     """
 
     sums: tuple[DriftingSum, ...] = ()
     limits: tuple[tuple[str, Bound, Bound], ...] = ()
     choices: tuple[str, ...] = ()
     curves: tuple[ActuatorCurve, ...] = ()
+    sizes: tuple[tuple[str, float], ...] = ()
 
     def curve(self, name: str) -> ActuatorCurve:
         """Return a curve by the name of its input.

@@ -131,9 +131,21 @@ def _combine(a: Dimensions, b: Dimensions, power: int) -> Dimensions:
     return tuple(x + power * y for x, y in zip(a, b, strict=True))
 
 
+def _parts(token: str) -> tuple[str, ...]:
+    """Split what was written without spaces, such as ``Nms``, into known units."""
+    for end in range(1, len(token) + 1):
+        if token[:end] in _SYMBOLS and token[:end] != "-":
+            rest = _parts(token[end:])
+            if rest or end == len(token):
+                return (token[:end], *rest)
+    return ()
+
+
 def _unknown(text: str, token: str) -> WorkbenchError:
+    typed = difflib.get_close_matches(token, _SYMBOLS, n=1, cutoff=0.85)
     near = difflib.get_close_matches(token, _SYMBOLS, n=1, cutoff=0.5)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    meant = "".join(typed) or " ".join(_parts(token)) or "".join(near)
+    hint = f"; did you mean {meant!r}?" if meant else ""
     return WorkbenchError(
         f"unit {text!r} has the unknown part {token!r}{hint} (known: m, kg, s, K, A, V, N, Pa, bar,"
         " rad, deg, Hz, W, J, l and their usual multiples, joined by spaces and /)"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from workbench.errors import WorkbenchError
@@ -39,12 +39,14 @@ class Requested:
         unit: Unit of the same dimension as the column must have; ``""`` for any.
         role: Role the signal gets; ``""`` to guess it from the name.
         display_unit: Unit in which people read it; ``""`` for the column's.
+        optional: Whether the file may lack it.
     """
 
     name: str
     unit: str = ""
     role: Role | str = ""
     display_unit: str = ""
+    optional: bool = False
 
 
 def requested_signals(signals: Any) -> tuple[Requested, ...]:
@@ -59,6 +61,8 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
     """
     if signals is None:
         return ()
+    if isinstance(signals, tuple) and all(isinstance(s, Requested) for s in signals):
+        return signals
     if hasattr(signals, "inputs") and hasattr(signals, "outputs"):
         return (
             *(Requested(q.name, q.unit, "command") for q in signals.inputs),
@@ -76,6 +80,17 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
             f"signals is {signals!r}; give a list of names, a mapping from name to unit, or a model"
         )
     return tuple(Requested(str(name)) for name in signals)
+
+
+def driven_by(model: Any) -> tuple[Requested, ...]:
+    """Return what a recording of a model holds: all its inputs, and outputs as they were measured.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> [(wanted.name, wanted.optional) for wanted in driven_by(servo_axis())]
+        [('force', False), ('position', True)]
+    """
+    return tuple(replace(w, optional=w.role == "measurement") for w in requested_signals(model))
 
 
 def guess_role(name: str) -> Role:
@@ -159,6 +174,8 @@ def match_requested(
     for signal in requested:
         if signal.name in found or not signal.unit:
             continue
+        if signal.optional and any(w.optional and w.name in found for w in requested):
+            continue  # Another sensor of the same unit is no reason to take it for this one.
         rivals = [
             w
             for w in requested
@@ -173,11 +190,12 @@ def match_requested(
             found[signal.name] = (left[0], "unit")
             used.add(left[0])
     for signal in requested:
-        if signal.name not in found:
+        if signal.name not in found and not signal.optional:
             columns = ", ".join(h.column for h in headers) or "none"
             unit = f" ({signal.unit})" if signal.unit else ""
             raise WorkbenchError(
-                f"no column for signal {signal.name!r}{unit}; the file has: {columns[:400]}; name "
-                f'the column in a mapping file: [signals.{signal.name}] column = "..."'
+                f"no column for signal {signal.name!r}{unit}; the file has: {columns[:400]}; give "
+                f"the column that name, or name it in a mapping file: [signals.{signal.name}]"
+                ' column = "..."'
             )
     return found

@@ -277,7 +277,7 @@ def _as_requested(recording: Recording, requested: Sequence[Requested]) -> Recor
     """Check that a restored recording has what is asked for, and put it first."""
     if not requested:
         return recording
-    names = [w.name for w in requested]
+    names = [w.name for w in requested if w.name in recording or not w.optional]
     for name in names:
         recording.signal(name)
     return recording.select([*names, *(n for n in recording.names if n not in names)])

@@ -41,7 +41,8 @@ def observe(
     if missing:
         raise WorkbenchError(
             f"recording {recording.name!r} has no signal {missing[0]!r}, an input of"
-            f" {model.name!r}; it has: {', '.join(recording.names)}. Map a column to it"
+            f" {model.name!r}; it has: {', '.join(recording.names)}. give"
+            " a column that name, or map one to it"
         )
     names = [q.name for q in model.outputs if q.name in recording] if used is None else list(used)
     if not names:

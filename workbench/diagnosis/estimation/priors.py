@@ -48,7 +48,8 @@ def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Pr
         if not (np.isfinite(q.lower) and np.isfinite(q.upper)):
             raise WorkbenchError(
                 f"parameter {name} has the bounds {q.lower:g} to {q.upper:g} {q.unit}; a free"
-                " parameter needs finite bounds"
+                " parameter needs finite bounds: give Parameter(...) the lower and upper between"
+                " which it surely lies"
             )
         priors.append(Prior(name, q.value, (q.upper - q.lower) / 4, q.lower, q.upper))
     return tuple(priors)

@@ -214,7 +214,7 @@ def _information(part: Innovations, sample_time: float) -> tuple[Vector, Vector]
     """Information of white errors, and the scatter of the score over blocks of each length."""
     errors = np.nan_to_num(part.whitened)
     score = np.einsum("kyf,ky->kf", part.jacobian, errors)
-    rows = part.jacobian.reshape(-1, part.jacobian.shape[2])
+    rows = part.jacobian.reshape(score.shape[0] * errors.shape[1], score.shape[1])
     scatters: list[Vector] = []
     for length in _BLOCKS_S:
         if scatters and len(score) * sample_time < _LEAST_BLOCKS * length:
