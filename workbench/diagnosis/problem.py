@@ -12,7 +12,7 @@ import numpy as np
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.refit_report import RefitTask
-from workbench.errors import NumericalError, WorkbenchError
+from workbench.errors import WorkbenchError
 from workbench.model import Effect, Model
 from workbench.model.traits import LEFT_OUT
 from workbench.physics.hypothesis import Hypothesis
@@ -170,10 +170,9 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
         read = [r[q.name] for r in recordings if q.name in r]
         if q.noise_rms == 0 and q.resolution == 0 and read:
             step = max(quantum(values) for values in read)
-            rms = np.nanmin(
-                [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]
-            )
-            noise = max(float(rms) ** 2 - step**2 / 12, 0.0) ** 0.5
+            rms = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]
+            least = min((r for r in rms if np.isfinite(r)), default=0.0)
+            noise = max(least**2 - step**2 / 12, 0.0) ** 0.5
             notes.append(
                 f"{q.name} declares no noise_rms; {noise:.3g} {q.unit} is taken from the recordings"
             )
@@ -186,8 +185,8 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     acting = ca.DM(model.exact.rates_by_port.sparsity(), 1).full().any(axis=0)
     sizes: dict[str, float] = {}
     for recording in recordings:
-        seen = observe(model, recording)
         try:
+            seen = observe(model, recording)
             run = simulate(
                 model,
                 np.clip(seen.inputs, *np.transpose([(q.lower, q.upper) for q in model.inputs])),
@@ -195,8 +194,8 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
                 start=seen.start,
                 check=False,
             )
-        except NumericalError:
-            continue
+        except WorkbenchError:
+            continue  # Refit and checks say what is wrong with it.
         for port, acts in zip(model.ports, acting, strict=True):
             rms = float(np.sqrt(np.mean(run.signals[port.name] ** 2)))
             if (
