@@ -170,8 +170,8 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
         read = [r[q.name] for r in recordings if q.name in r]
         if q.noise_rms == 0 and q.resolution == 0 and read:
             step = max(quantum(values) for values in read)
-            rms = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]
-            least = min((r for r in rms if np.isfinite(r)), default=0.0)
+            white = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]
+            least = min((w for w in white if np.isfinite(w)), default=0.0)
             noise = max(least**2 - step**2 / 12, 0.0) ** 0.5
             notes.append(
                 f"{q.name} declares no noise_rms; {noise:.3g} {q.unit} is taken from the recordings"
