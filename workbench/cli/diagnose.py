@@ -22,8 +22,8 @@ from workbench.cli.problem import (
 from workbench.errors import WorkbenchError, check_range
 
 if TYPE_CHECKING:
-    from workbench.diagnosis.problem import Problem
     from workbench.diagnosis.stages import Diagnosis
+    from workbench.diagnosis.verdict import Verdict
     from workbench.physics.hypothesis import Hypothesis
 
 
@@ -90,7 +90,7 @@ def diagnose(
             " validate_*.csv"
         )
     own = own_hypotheses(problem.model, effects or (), folder=Path.cwd())
-    found = _run(problem, own, workers, out)
+    found = _run(loaded, own, workers, out)
     typer.echo(str(found.verdict))
     if out is not None:
         _write(found, loaded, out)
@@ -99,12 +99,13 @@ def diagnose(
 
 
 def _run(
-    problem: Problem, own: tuple[Hypothesis, ...] | None, jobs: int, out: Path | None
+    loaded: Loaded, own: tuple[Hypothesis, ...] | None, jobs: int, out: Path | None
 ) -> Diagnosis:
     from workbench.diagnosis.conclude import conclude_early
     from workbench.diagnosis.diagnose import stages
     from workbench.files import write_whole
 
+    problem = loaded.problem
     begin = time.perf_counter()
     step = "starting"
     found: Diagnosis | None = None
@@ -128,10 +129,18 @@ def _run(
             found = reached
     except KeyboardInterrupt:
         if out is not None and found is not None:
-            write_whole(out / "verdict.json", conclude_early(found, step).to_json())
+            write_whole(out / "verdict.json", _text(conclude_early(found, step), loaded))
         raise
     assert found is not None
     return found
+
+
+def _text(verdict: Verdict, loaded: Loaded) -> str:
+    """Return the verdict's JSON, with its model as a plant that every verb takes."""
+    from workbench.plants.saved import saved_plant
+
+    own = loaded.chosen
+    return verdict.to_json(saved_plant(own.reference, own.options, own.nominal, verdict.model))
 
 
 def _write(found: Diagnosis, loaded: Loaded, out: Path) -> None:
@@ -143,7 +152,7 @@ def _write(found: Diagnosis, loaded: Loaded, out: Path) -> None:
 
     assert found.verdict is not None
     with whole_folder(out) as folder:
-        write_whole(folder / "verdict.json", found.verdict.to_json())
+        write_whole(folder / "verdict.json", _text(found.verdict, loaded))
         page = diagnosis_page(
             found,
             proof_of(found),

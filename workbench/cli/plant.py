@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 PlantName = Annotated[
     str,
     typer.Option(
-        help="Plant: a name of 'workbench plants', or a function or model of your own as"
-        " module:object, looked up in the current folder.",
+        help="Plant: a name of 'workbench plants', a function or model of your own as"
+        " module:object, looked up in the current folder, or the verdict.json of a diagnosis.",
         metavar="NAME",
     ),
 ]
@@ -150,6 +150,7 @@ class Chosen:
     """A plant as the options of a verb describe it.
 
     Args:
+        reference: Its name, ``module:object`` or file, as it was given.
         plant: The plant.
         options: Its options that were given, checked, by name.
         model: Its model with all changes.
@@ -161,6 +162,7 @@ class Chosen:
         arguments: The same with the name of the plant before them.
     """
 
+    reference: str
     plant: Plant
     options: Mapping[str, Any]
     model: Model
@@ -258,6 +260,7 @@ def chosen_plant(
     for word, values in (("effect", attached), ("without", without), ("parameter", parameters)):
         said += [f"--{word} {value}" for value in values or ()]
     return Chosen(
+        name,
         plant,
         checked,
         model,

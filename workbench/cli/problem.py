@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.cli.plant import chosen_plant
+from workbench.cli.plant import Chosen, chosen_plant
 from workbench.errors import WorkbenchError, check_range
 
 if TYPE_CHECKING:
@@ -79,9 +79,10 @@ Data = Annotated[
 
 @dataclass(frozen=True)
 class Loaded:
-    """A problem, and how the command line that asked for it goes on after the verb."""
+    """A problem, its plant, and how the command line that asked for it goes on after the verb."""
 
     problem: Problem
+    chosen: Chosen
     arguments: str
 
 
@@ -148,7 +149,7 @@ def load_problem(
             err=True,
         )
     settled = _settings(problem.model, base, settings)
-    return Loaded(replace(problem, refit=settled), arguments)
+    return Loaded(replace(problem, refit=settled), chosen, arguments)
 
 
 def _joined(of_case: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

@@ -159,9 +159,15 @@ class Verdict:
         )
         return data
 
-    def to_json(self) -> str:
-        """Return the verdict as text for ``verdict.json``."""
-        return json.dumps(self.as_data(), indent=2, ensure_ascii=False) + "\n"
+    def to_json(self, plant: Mapping[str, Any] | None = None) -> str:
+        """Return the verdict as text for ``verdict.json``.
+
+        Args:
+            plant: The verdict's model as `workbench.plants.saved.saved_plant` writes it, by which
+                verbs and studies take the file as a plant.
+        """
+        data = self.as_data() | ({"plant": _plain(plant)} if plant else {})
+        return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
 
     def __str__(self) -> str:
         """Return the verdict, its findings and the held-out errors as a short aligned table."""

@@ -1,0 +1,82 @@
+"""A plant as a file keeps it: name, options, effects and parameters, such as a verdict's model."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.plants.plant import Plant, Value
+
+
+def saved_plant(
+    reference: str, options: Mapping[str, Value], nominal: Model, model: Model
+) -> dict[str, Any]:
+    """Return what a file must say so that `plant_of_file` builds a model again.
+
+    Args:
+        reference: Name of the plant, or ``module:object``.
+        options: Its options that are not at their defaults, in their units.
+        nominal: The plant with these options.
+        model: The model to keep: the nominal one with other effects and parameters.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> heavy = servo_axis().with_parameters({"mass": 99.0})
+        >>> saved_plant("servo_axis", {}, servo_axis(), heavy)["parameters"]
+        {'mass': 99.0}
+    """
+    before, after = ([e.name for e in m.effects] for m in (nominal, model))
+    known = {q.name: q.value for q in nominal.parameters}
+    return {
+        "name": reference,
+        "options": dict(options),
+        "effects": [name for name in after if name not in before],
+        "without": [name for name in before if name not in after],
+        "parameters": {q.name: q.value for q in model.parameters if known.get(q.name) != q.value},
+    }
+
+
+def plant_of_file(path: Path, find: Any) -> Plant:
+    """Return the plant that a file such as ``verdict.json`` keeps.
+
+    Its options start from those that were kept.
+
+    Args:
+        path: The file; its key ``plant`` holds what `saved_plant` returns.
+        find: Returns a plant by its name.
+
+    Raises:
+        WorkbenchError: If the file cannot be read or keeps no plant.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise WorkbenchError(f"plant {str(path)!r} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise WorkbenchError(f"plant {str(path)!r} is no JSON: {error}") from None
+    kept = data.get("plant") if isinstance(data, dict) else None
+    if not isinstance(kept, dict) or not isinstance(kept.get("name"), str):
+        raise WorkbenchError(
+            f"{str(path)!r} names no plant; give the verdict.json of 'workbench diagnose', which"
+            " has the key 'plant' (diagnose again if an older version wrote it)"
+        )
+    base: Plant = find(kept["name"])
+    start = base.parse(kept.get("options", {}))
+
+    def build(**options: Any) -> Model:
+        chosen = {o.name: options[o.keyword] for o in base.options}
+        model = base.model(chosen, effects=kept.get("effects", ()), without=kept.get("without", ()))
+        return model.with_parameters(kept.get("parameters", {}))
+
+    return replace(
+        base,
+        name=str(path),
+        build=build,
+        summary=f"the model of {path.name}, {base.summary or base.name}",
+        options=tuple(replace(o, default=start.get(o.name, o.default)) for o in base.options),
+    )
