@@ -111,7 +111,7 @@ def _lead(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
     if not diagnosis.accepted:
         stop = "" if sentence.endswith(".") else "."
         return f"{sentence}{stop} {_next(verdict)}".strip()
-    if all(len(finding.alike) < 2 for finding in verdict.findings):
+    if all(f.belief == "sure" and len(f.alike) < 2 for f in verdict.findings):
         sentence += " No other effect of the library explains the recordings as well."
     sentence = f"{sentence} {_falls(diagnosis, proof)}".strip()
     if any(len(finding.alike) > 1 for finding in verdict.findings):
@@ -120,15 +120,21 @@ def _lead(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
 
 
 def _falls(diagnosis: Diagnosis, proof: Proof) -> str:
-    """Say how far the errors on held-out recordings fall."""
-    falls = [
-        f"{row.output.replace('_', ' ')} from {number(factor * row.rmse['refitted'])} to"
-        f" {number(factor * row.rmse['extended'])} {unit}"
-        for row in proof.errors
-        for unit, factor in [readable(row.unit)]
-        if {"refitted", "extended"} <= set(row.rmse)
+    """Say how far the errors on held-out recordings fall, or rise."""
+    moved: dict[str, list[str]] = {}
+    for row in proof.errors:
+        if {"refitted", "extended"} <= set(row.rmse):
+            unit, factor = readable(row.unit)
+            before, after = (number(factor * row.rmse[k]) for k in ("refitted", "extended"))
+            word = "falls" if row.rmse["extended"] < row.rmse["refitted"] else "rises"
+            if before == after:
+                word = "stays"
+            text = f"{row.output.replace('_', ' ')} from {before} to {after} {unit}"
+            moved.setdefault(word, []).append(text)
+    said = [
+        f"{word}: {', '.join(moved[word])}" for word in ("falls", "stays", "rises") if word in moved
     ]
-    return f"{_seen_in(diagnosis)} the error falls: {', '.join(falls)}." if falls else ""
+    return f"{_seen_in(diagnosis)} the error {'; it '.join(said)}." if said else ""
 
 
 def _seen_in(diagnosis: Diagnosis) -> str:
@@ -137,6 +143,8 @@ def _seen_in(diagnosis: Diagnosis) -> str:
     better = [n for n, run in after.items() if _first(run) < _first(before[n])]
     if len(after) == 1:
         return "On the held-out recording" if better else "Over all outputs of a held-out recording"
+    if not better:
+        return f"On the {len(after)} held-out recordings"
     return f"Seen in {len(better)} of {len(after)} held-out recordings, over which"
 
 

@@ -217,7 +217,10 @@ def _locating(diagnosis: Diagnosis, outputs: Sequence[str]) -> dict[str, object]
     if not ports:
         return {}
     told = isolability(diagnosis.base.model, outputs=outputs)
-    best = next(iter(told.sensors_that_split(ports[:1])), None)
+    # Where an output reads a signal as it is, a sensor of it is there already.
+    there = {*outputs, *(f"{name}.reading" for name in outputs)}
+    split = told.sensors_that_split(ports[:1])
+    best = next((sensor for sensor in split if sensor.signal not in there), None)
     if best is None:
         return {}
     parts = "; ".join(", ".join(part) for part in best.splits[0])

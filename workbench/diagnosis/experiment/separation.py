@@ -354,7 +354,7 @@ def sensors(
     ]
     slopes = followed[1]
     names = other.fit.model.exact.signal_names
-    readings = {f"{q}.reading" for q in seen.used}
+    readings = {*seen.used, *(f"{q}.reading" for q in seen.used)}
     ports = {q.name: q.scale for q in other.fit.model.ports}
     information = _information(other)
     each = min(1.0, seen.sample_time / (2 * CORRELATION_TIME))
