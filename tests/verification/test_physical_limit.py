@@ -40,7 +40,7 @@ def test_double_integrator_takes_the_time_of_bang_bang() -> None:
     for intervals in (20, 50):
         limit = physical_limit(double_integrator(), 0.0, 1.0, intervals=intervals, degree=2)
         assert ideal < limit.seconds < ideal * (1 + 2.5 / intervals)
-        assert limit.end_error_rad < 1e-4
+        assert limit.end_error < 1e-4
 
 
 def test_entering_the_band_for_good_is_earlier_than_resting_in_it() -> None:
@@ -63,11 +63,11 @@ def test_the_arm_is_slower_than_its_torque_allows_and_the_exact_plant_follows(
     start, end = math.radians(15.0), math.radians(45.0)
     limit = physical_limit(plant, start, end, intervals=24, degree=2)
     assert limit.status == "Solve_Succeeded"
-    bound = torque_limited_time(plant, start, end - limit.band_rad)
+    bound = torque_limited_time(plant, start, end - limit.band)
     # Muscles cannot be filled at once, so the bound is missed by some 10 ms at least.
     assert bound + 0.005 < limit.seconds < 1.4 * bound
     # 24 intervals of some 8 ms; the smooth face has up to 16 % less flow next to equal pressures.
-    assert limit.position_error_rad < math.radians(0.5)
+    assert limit.position_error < math.radians(0.5)
     assert limit.end_speed < math.radians(5.0)
     assert np.all((limit.inputs >= -1e-6) & (limit.inputs <= 10.0 + 1e-6))
 
@@ -113,4 +113,4 @@ def test_wrong_arguments_are_named() -> None:
     with pytest.raises(WorkbenchError, match="coordinate is 'elbow'"):
         physical_limit(double_integrator(), 0.0, 0.5, coordinate="elbow")
     with pytest.raises(WorkbenchError, match="band"):
-        physical_limit(double_integrator(), 0.0, 0.5, band_rad=-1.0)
+        physical_limit(double_integrator(), 0.0, 0.5, band=-1.0)

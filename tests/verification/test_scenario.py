@@ -63,7 +63,7 @@ def test_ramps_and_sine() -> None:
 
 
 def test_step_and_back() -> None:
-    scenario = step_scenario(from_deg=15, to_deg=45, back=True, hold=2.0)
+    scenario = step_scenario("angle", 15, 45, unit="deg", back=True, hold=2.0)
     assert scenario.duration == 4.5
     assert len(scenario.references["angle"].changes) == 2
 

@@ -81,6 +81,7 @@ class Traits:
     Args:
         sums: Sums that an operating point may prescribe beside one value per input.
         limits: States with their smallest and largest value at an operating point.
+        stops: States with the mechanical stops at their smallest and largest value.
         choices: Parameters that a user chooses; messages say which values would be possible.
         curves: Curves that a controller may invert.
         sizes: Root mean square of the signals at ports along recordings, in SI: of a plant that
@@ -89,6 +90,7 @@ class Traits:
 
     sums: tuple[DriftingSum, ...] = ()
     limits: tuple[tuple[str, Bound, Bound], ...] = ()
+    stops: tuple[tuple[str, Bound, Bound], ...] = ()
     choices: tuple[str, ...] = ()
     curves: tuple[ActuatorCurve, ...] = ()
     sizes: tuple[tuple[str, float], ...] = ()

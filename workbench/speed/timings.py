@@ -160,7 +160,7 @@ def _closed_loop(plant: Model) -> tuple[float, tuple[float, float]]:
     point = operating_point(plant.without("bearing_friction"), {"angle": math.radians(30.0)})
     linear = linearise(point, verdict=False)
     pid, mpc = design_pid(linear), design_mpc(linear)
-    scenario = step_scenario(from_deg=15, to_deg=45)
+    scenario = step_scenario("angle", 15, 45, unit="deg")
     seconds = float(verify(pid, plant, scenario, tolerance=1e-5).time[-1])
     per_second = _fastest(lambda: verify(pid, plant, scenario, tolerance=1e-5)) / seconds
     solve = verify(mpc, plant, scenario, tolerance=1e-5).info("solve_time")

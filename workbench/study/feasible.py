@@ -34,7 +34,7 @@ def check_demand(
 
     Example:
         >>> from workbench.verification import Requirement, step_scenario
-        >>> steps = {"up": step_scenario(from_deg=15, to_deg=30)}
+        >>> steps = {"up": step_scenario("angle", 15, 30, unit="deg")}
         >>> check_demand(Demand(Requirement("rmse", 1.0, "bar")), {"rmse": "rad"}, steps, {})
         Traceback (most recent call last):
             ...
@@ -132,7 +132,7 @@ def can_have(metric: str, scenario: Scenario, own: Sequence[Metric] = ()) -> boo
 
     Example:
         >>> from workbench.verification import step_scenario
-        >>> can_have("settling_time", step_scenario(from_deg=15, to_deg=30))
+        >>> can_have("settling_time", step_scenario("angle", 15, 30, unit="deg"))
         True
     """
     found = metric_of(metric, own)

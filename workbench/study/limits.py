@@ -20,11 +20,8 @@ from workbench.study.store import Store
 from workbench.study.study import Study, Variation
 from workbench.study.tasks import Record
 from workbench.verification import Scenario
-from workbench.verification.physical_limit import physical_limit
+from workbench.verification.physical_limit import physical_limit, velocity_of
 from workbench.verification.responses import Value
-
-SPEED = "speed"
-"""Name of the state that is the rate of the controlled output."""
 
 
 @dataclass(frozen=True)
@@ -209,10 +206,11 @@ def no_limit(scenario: Scenario, plant: Model) -> str:
         return f"the {' and the '.join(names)} {verb} during the run"
     if scenario.disturbances:
         return "a disturbance acts during the run"
-    states = [q.name for q in plant.states]
-    for name in (*scenario.references, SPEED):
-        if name not in states:
-            return f"{name!r} is no state of the plant, so there is no move between positions"
+    name = next(iter(scenario.references))
+    if name not in [q.name for q in plant.states]:
+        return f"{name!r} is no state of the plant, so there is no move between positions"
+    if velocity_of(plant, name) is None:
+        return f"the rate of {name!r} is no state of the plant: no move between positions at rest"
     return ""
 
 
@@ -318,7 +316,6 @@ def limit_of(move: Move) -> Value:
             move.final,
             until="band",
             coordinate=move.output,
-            velocity=SPEED,
         )
     except WorkbenchError as error:
         # Behind the semicolon stands what a caller of the function may change, not a reader.

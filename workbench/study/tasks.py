@@ -216,7 +216,7 @@ def execute(task: Task) -> Record:
         >>> from workbench.study.plants import PlantRecipe
         >>> from workbench.verification import step_scenario
         >>> pid = ControllerRecipe("pid", "pid", PlantRecipe(), (("angle", 0.5),))
-        >>> step = step_scenario(from_deg=25, to_deg=30, hold=0.5)
+        >>> step = step_scenario("angle", 25, 30, unit="deg", hold=0.5)
         >>> execute(Task(pid, Variation("nominal", PlantRecipe()), step, 1)).failed
         False
     """

@@ -1,17 +1,17 @@
 """The physical limit: the time-optimal move of a plant, which no controller can beat.
 
 No controller settles faster than the plant allows. The limit is the time-optimal move between two
-angles at rest, of the full plant with its valve, gas and muscles, found by direct collocation on
-the smooth face with a free duration T:
+positions at rest, of the full plant, found by direct collocation on the regularised equations with
+a free duration T:
 
     minimise T   subject to   dx/dt = f(x, u),  u in its range, held over each interval
-                              x(0) = rest at the first angle
-                              lower stop <= angle <= upper stop
-                              |angle - target| <= band                      at T
+                              x(0) = rest at the first position
+                              lower stop <= position <= upper stop
+                              |position - target| <= band                   at T
                               speed = 0, acceleration = 0, |jerk| <= 1/s^3 of the move at T
 
-At T the arm rests within the band of a settling time, the torques balance and no longer change, so
-that it can stay. The stops may not be used as brakes. ``until="band"`` asks for less: the arm only
+At T the plant rests within the band of a settling time, its forces balance and no longer change, so
+that it can stay. The stops may not be used as brakes. ``until="band"`` asks for less: it only
 enters the band at T, and comes to rest in a second phase of free duration, without leaving the band
 again. That is the lower bound of the settling time itself, which no controller can beat.
 
@@ -27,7 +27,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import math
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -39,6 +38,8 @@ import numpy.typing as npt
 
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_range
 from workbench.model import Model
+from workbench.model.traits import bound_value
+from workbench.model.units import from_si
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation.compiled import cache_folder
 from workbench.simulation.stepper import Stepper
@@ -63,64 +64,68 @@ class PhysicalLimit:
         seconds: The limit: time to rest within the band, or to its entry for good, in s.
         until: Which of the two, ``"rest"`` or ``"band"``.
         durations: Durations of the phases, in s: the move, and the stay of ``until="band"``.
-        from_rad: Position at the start, in rad.
-        to_rad: Position at the end, in rad.
-        band_rad: Half-width of the band about the final position, in rad.
+        begin: Position at the start, in ``unit``.
+        end: Position at the end, in ``unit``.
+        band: Half-width of the band about the final position, in ``unit``.
         time: Ends of the intervals from 0 to the end of the last phase, shape (n + 1,), in s.
         states: States there, shape (n + 1, n_states), in SI.
         inputs: Inputs held over each interval, shape (n, n_inputs), in SI.
         status: The solver's own word.
         iterations: Number of iterations (dimensionless).
-        position_error_rad: Largest distance of the position on the exact plant, driven by the same
-            inputs, from ``states``, in rad.
-        end_error_rad: Distance of the position at the end on the exact plant from that in
-            ``states``, in rad.
-        end_speed: Speed left at the end on the exact plant, in rad/s.
+        position_error: Largest distance of the position on the exact plant, driven by the same
+            inputs, from ``states``, in ``unit``.
+        end_error: Distance of the position at the end on the exact plant from that in ``states``,
+            in ``unit``.
+        end_speed: Speed left at the end on the exact plant, in ``unit`` per second.
+        unit: SI unit of the position.
     """
 
     seconds: float
     until: Until
     durations: tuple[float, ...]
-    from_rad: float
-    to_rad: float
-    band_rad: float
+    begin: float
+    end: float
+    band: float
     time: Vector
     states: Vector
     inputs: Vector
     status: str
     iterations: int
-    position_error_rad: float
-    end_error_rad: float
+    position_error: float
+    end_error: float
     end_speed: float
+    unit: str
 
     def __str__(self) -> str:
         """Return a short aligned table."""
-        deg = math.degrees
+        unit = "deg" if self.unit == "rad" else self.unit
+
+        def shown(value: float) -> float:
+            return float(from_si(value, unit))
+
         end = "at rest" if self.until == "rest" else "inside for good"
         rows = [
             (end, f"{self.seconds:.4f} s"),
-            ("band", f"+-{deg(self.band_rad):.3g} deg"),
+            ("band", f"+-{shown(self.band):.3g} {unit}"),
             ("solver", f"{self.status}, {self.iterations} iterations"),
-            ("exact plant, off the path by", f"{deg(self.position_error_rad):.2g} deg"),
-            ("exact plant, off the end by", f"{deg(self.end_error_rad):.2g} deg"),
-            ("exact plant, speed at the end", f"{deg(self.end_speed):.2g} deg/s"),
+            ("exact plant, off the path by", f"{shown(self.position_error):.2g} {unit}"),
+            ("exact plant, off the end by", f"{shown(self.end_error):.2g} {unit}"),
+            ("exact plant, speed at the end", f"{shown(self.end_speed):.2g} {unit}/s"),
         ]
-        head = f"physical limit, {deg(self.from_rad):g} to {deg(self.to_rad):g} deg"
+        head = f"physical limit, {shown(self.begin):g} to {shown(self.end):g} {unit}"
         return "\n".join([head, *(f"  {name:<32} {value}" for name, value in rows)])
 
 
 def physical_limit(
     model: Model,
-    from_rad: float,
-    to_rad: float,
+    begin: float,
+    end: float,
     *,
     until: Until = "rest",
-    band_rad: float | None = None,
-    mean_pressure: float | None = None,
+    band: float | None = None,
     intervals: int = 64,
     degree: int = 3,
-    coordinate: str = "angle",
-    velocity: str = "speed",
+    coordinate: str = "",
     cached: bool = True,
 ) -> PhysicalLimit:
     """Find the fastest move of a plant between two resting positions.
@@ -128,14 +133,14 @@ def physical_limit(
     The result is kept on disk, by the content of the equations, the parameters and the arguments.
 
     Args:
-        from_rad: Position at rest before the move, in rad (in the unit of the coordinate).
-        to_rad: Position at the end, in rad.
+        begin: Position at rest before the move, in SI.
+        end: Position after it, in SI.
         until: ``"rest"``, at rest within the band, or ``"band"``, within the band for good.
-        band_rad: Half-width of the band that counts as settled, in rad; 2 % of the move by default.
-        mean_pressure: Mean gauge pressure at the start, in Pa; by default that of the equilibrium.
+        band: Half-width of the band that counts as settled, in SI; 2 % of the move by default.
         intervals: Number of intervals of the move; the stay of ``"band"`` has a quarter as many.
         degree: Radau points per interval, 2 to 5.
-        velocity: Name of the state that is its speed.
+        coordinate: Name of the state that moves, the rate of which is a state; the first output
+            that is a state by default.
         cached: Whether a result on disk may be taken.
 
     Returns:
@@ -151,32 +156,35 @@ def physical_limit(
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
         >>> limit = physical_limit(
-        ...     servo_axis(), 0.0, 0.1, coordinate="position", intervals=12, degree=2
+        ...     servo_axis(), 0.0, 0.1, intervals=12, degree=2
         ... )
         >>> limit.status
         'Solve_Succeeded'
     """
     names = [q.name for q in model.states]
+    coordinate = coordinate or next((q.name for q in model.outputs if q.name in names), names[0])
     check_choice("coordinate", coordinate, names)
-    check_choice("velocity", velocity, names)
+    velocity = velocity_of(model, coordinate)
+    if velocity is None:
+        raise WorkbenchError(
+            f"the rate of {coordinate!r} is no state of the plant, so there is no move between"
+            " positions at rest; name a coordinate that has a speed"
+        )
     check_choice("end of the move", until, ("rest", "band"))
     check_range("number of intervals", intervals, 8, 1000)
     check_range("number of Radau points", degree, 2, 5)
-    distance = abs(float(to_rad) - float(from_rad))
+    distance = abs(float(end) - float(begin))
     if not distance > 1e-6:
         raise WorkbenchError(
-            f"the move from {from_rad:g} to {to_rad:g} goes nowhere; give two different positions"
+            f"the move from {begin:g} to {end:g} goes nowhere; give two different positions"
         )
-    band = check_range(
-        "band", 0.02 * distance if band_rad is None else band_rad, 1e-9, 0.9 * distance
-    )
-    held = {} if mean_pressure is None else {"mean_pressure": mean_pressure}
-    start = operating_point(model, {coordinate: from_rad, **held})
+    width = check_range("band", 0.02 * distance if band is None else band, 1e-9, 0.9 * distance)
+    start = operating_point(model, {coordinate: begin})
     problem = _Problem(
         model,
         start,
-        float(to_rad),
-        band,
+        float(end),
+        width,
         (int(intervals),) if until == "rest" else (int(intervals), int(intervals) // 4),
         int(degree),
         names.index(coordinate),
@@ -188,6 +196,19 @@ def physical_limit(
         found = problem.solve()
         _write(path, found)
     return problem.validated(found)
+
+
+def velocity_of(model: Model, coordinate: str) -> str | None:
+    """Return the state that is the rate of another one, or None."""
+    names = [q.name for q in model.states]
+    if coordinate not in names:
+        return None
+    traced = model.exact
+    slope = ca.jacobian(traced.rates[names.index(coordinate)], traced.x)
+    columns = slope.sparsity().get_col()
+    if len(columns) != 1 or not slope.nonzeros()[0].is_one():
+        return None
+    return str(names[columns[0]])
 
 
 @dataclass(frozen=True)
@@ -311,17 +332,19 @@ class _Problem:
         low = np.array([q.lower for q in model.states]) / size
         high = np.array([q.upper for q in model.states]) / size
         values = {q.name: q.value for q in model.parameters}
+        states = [q.name for q in model.states]
+        # On a fast move a state may pass what holds it at rest, a stop it may not.
+        for name, least, most in model.traits.limits:
+            i = states.index(name)
+            low[i] = 0.9 * bound_value(least, values) / size[i]
+            high[i] = 1.2 * bound_value(most, values) / size[i]
         for i, q in enumerate(model.states):
-            if q.name.startswith("pressure") and {"supply_pressure", "ambient_pressure"} <= set(
-                values
-            ):
-                low[i] = 0.9 * values["ambient_pressure"] / size[i]
-                high[i] = 1.2 * (values["ambient_pressure"] + values["supply_pressure"]) / size[i]
-            if q.name.startswith("temperature"):
+            if q.unit == "K":
                 low[i], high[i] = 150.0 / size[i], 600.0 / size[i]
-        if {"lower_stop", "upper_stop"} <= set(values):
-            low[c] = min(values["lower_stop"], x0[c]) / size[c]
-            high[c] = max(values["upper_stop"], x0[c]) / size[c]
+        for name, least, most in model.traits.stops:
+            i = states.index(name)
+            low[i] = min(bound_value(least, values), x0[i]) / size[i]
+            high[i] = max(bound_value(most, values), x0[i]) / size[i]
         band = (np.array([-1.0, 1.0]) * self.band + self.target) / size[c]
         # Nodes and points in order of time: (node, points of its interval), then the last node.
         nodes_low, nodes_high = np.tile(low, (total + 1, 1)), np.tile(high, (total + 1, 1))
@@ -370,17 +393,18 @@ class _Problem:
             seconds=float(found["times"][0]),
             until="rest" if len(self.intervals) == 1 else "band",
             durations=tuple(float(t) for t in found["times"]),
-            from_rad=float(self.start.x[c]),
-            to_rad=self.target,
-            band_rad=self.band,
+            begin=float(self.start.x[c]),
+            end=self.target,
+            band=self.band,
             time=np.cumsum(steps),
             states=found["states"],
             inputs=found["inputs"],
             status=str(found["status"]),
             iterations=int(found["iterations"]),
-            position_error_rad=float(stray.max()),
-            end_error_rad=float(stray[-1]),
+            position_error=float(stray.max()),
+            end_error=float(stray[-1]),
             end_speed=float(abs(driven[-1, v])),
+            unit=self.model.states[c].unit,
         )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
+from workbench.model.units import to_si
 from workbench.verification.signals import Signal, Steps, signal_from_table
 
 
@@ -99,7 +100,7 @@ class Scenario:
         WorkbenchError: If a number is outside its range or there is no reference.
 
     Example:
-        >>> step_scenario(from_deg=15, to_deg=30).duration
+        >>> step_scenario("angle", 15, 30, unit="deg").duration
         3.0
     """
 
@@ -153,39 +154,42 @@ class Scenario:
 
 
 def step_scenario(
+    output: str,
+    begin: float,
+    end: float,
     *,
-    from_deg: float,
-    to_deg: float,
+    unit: str = "1",
     back: bool = False,
     hold: float = 2.5,
     sample_time: float = 0.002,
-    output: str = "angle",
 ) -> Scenario:
-    """Build a step between two angles, and back if asked for.
+    """Build a step of an output's reference, which rests for 0.5 s before it.
 
     Args:
+        output: Name of the controlled output.
+        begin: Reference before the step, in ``unit``.
+        end: Reference after the step, in ``unit``.
+        unit: Unit of both, such as ``"deg"``; by default they are in SI.
         back: Whether a step back follows.
         hold: Time that each step is held, in s.
         sample_time: Time between samples, in s.
-        output: Name of the controlled output, an angle.
-
-    Returns:
-        A scenario that holds the first angle for 0.5 s before the step.
 
     Raises:
         WorkbenchError: If a number is outside its range.
 
     Example:
-        >>> step_scenario(from_deg=15, to_deg=45, back=True).references["angle"].changes[0][0]
+        >>> step = step_scenario("angle", 15, 45, unit="deg", back=True)
+        >>> step.references["angle"].changes[0][0]
         0.5
     """
-    angles = (from_deg, to_deg, from_deg) if back else (from_deg, to_deg)
-    values = tuple(math.radians(check_range("angle", a, -360.0, 360.0, "deg")) for a in angles)
-    times = (0.0, *(0.5 + hold * i for i in range(len(angles) - 1)))
+    levels = check_finite("step", (begin, end, begin) if back else (begin, end))
+    values = tuple(float(to_si(level, unit)) for level in levels)
+    times = (0.0, *(0.5 + hold * i for i in range(len(values) - 1)))
+    shown = "" if unit == "1" else f" {unit}"
     return Scenario(
-        f"step {from_deg:g} to {to_deg:g} deg" + (" and back" if back else ""),
+        f"step {begin:g} to {end:g}{shown}" + (" and back" if back else ""),
         {output: Steps(times, values)},
-        duration=0.5 + hold * (len(angles) - 1),
+        duration=0.5 + hold * (len(values) - 1),
         sample_time=sample_time,
     )
 

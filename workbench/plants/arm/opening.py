@@ -46,6 +46,7 @@ _LIMITS = tuple(
     (name, ("ambient_pressure",), ("ambient_pressure", "supply_pressure"))
     for name in ("pressure_1", "pressure_2")
 )
+_STOPS = (("angle", ("lower_stop",), ("upper_stop",)),)
 _CHOICES = ("load", "supply_pressure")
 
 ONE_VALVE = Traits(
@@ -62,6 +63,7 @@ ONE_VALVE = Traits(
         ),
     ),
     limits=_LIMITS,
+    stops=_STOPS,
     choices=_CHOICES,
     curves=(
         ActuatorCurve(
@@ -75,5 +77,5 @@ ONE_VALVE = Traits(
 )
 """Of the arm with one 5/3 valve: the mean pressure drifts to where leakage holds it."""
 
-TWO_VALVES = Traits(limits=_LIMITS, choices=_CHOICES)
+TWO_VALVES = Traits(limits=_LIMITS, stops=_STOPS, choices=_CHOICES)
 """Of the arm with one valve per muscle."""
