@@ -92,10 +92,72 @@ def test_speed_and_coordinate_follow_from_structure() -> None:
 
 
 def test_a_store_may_lose_what_it_holds() -> None:
-    loss = next(h for h in library(heated_tank()) if h.law == "linear_outflow")
+    laws = {h.law: h for h in library(heated_tank())}
+    assert laws.keys() >= {"heat_loss", "radiation", "second_heat_store", "gain", "drive_lag"}
+    assert laws.keys().isdisjoint({"orifice_outflow", "linear_outflow", "overflow"})
+    loss = laws["heat_loss"]
     assert loss.unit == "W/K"
-    model = heated_tank().with_effect(loss.at_size(3.0, {"outlet": 280.0}))
+    model = heated_tank().with_effect(loss.at_size(3.0, {"ambient": 280.0}))
     assert model.rates([300.0], [0.0])[0] == pytest.approx(-3.0 * 20.0 / 1e4)
+
+
+def test_place_and_speed_of_one_body_over_another() -> None:
+    def equations(m):
+        twist = m.x.angle_1 - m.x.angle_2
+        shaft = m.port("shaft.torque", m.p.stiffness * twist, unit="N m")
+        return {
+            "angle_1": m.x.speed_1,
+            "angle_2": m.x.speed_2,
+            "speed_1": m.u.torque - shaft,
+            "speed_2": shaft,
+        }, {"angle": m.x.angle_2}
+
+    model = Model(
+        "two bodies",
+        equations,
+        states=(
+            State("angle_1", "rad"), State("angle_2", "rad"),
+            State("speed_1", "rad/s"), State("speed_2", "rad/s"),
+        ),
+        inputs=(Input("torque", "rad/s2"),),
+        outputs=(Output("angle", "rad"),),
+        parameters=(Parameter("stiffness", "1/s2", value=4.0),),
+    )  # fmt: skip
+    place = Survey(model).place("shaft.torque")
+    speed, at = place.speed, place.coordinate
+    assert (speed.source, speed.minus, at.source, at.minus) == (
+        "speed_2", "speed_1", "angle_1", "angle_2",
+    )  # fmt: skip
+    assert (at.sign, place.elastic) == (-1.0, True)
+    harder = model.with_effect(
+        next(h for h in library(model) if h.law == "cubic_stiffness").at_size(2.0)
+    )
+    assert harder.signals([0.3, -0.2, 0, 0], [0.0])["shaft.torque"] == pytest.approx(2.25)
+
+
+def test_a_measured_force_resists_the_motion() -> None:
+    def equations(m):
+        force = m.port(
+            "rig.force",
+            m.p.damping * m.u.velocity,
+            unit="N",
+            signals={"v": m.u.velocity, "z": m.x.stretch},
+        )
+        return {"stretch": m.u.velocity}, {"force": force}
+
+    rig = Model(
+        "damper on a rig",
+        equations,
+        states=(State("stretch", "m"),),
+        inputs=(Input("velocity", "m/s"),),
+        outputs=(Output("force", "N"),),
+        parameters=(Parameter("damping", "N s/m", value=10.0),),
+    )
+    found = {h.name: h for h in library(rig)}
+    assert {"bouc_wen_hysteresis", "polynomial_stiffness", "quadratic_drag"} <= found.keys()
+    assert found["sensor_gain_force"].ports == ("force.reading",)
+    dry = rig.with_effect(found["coulomb_friction"].at_size(0.4))
+    assert dry.read([0.0], [2.0])[0] == pytest.approx(20.4)
 
 
 def test_an_effect_takes_its_unit_from_the_port_and_keeps_changed_values() -> None:

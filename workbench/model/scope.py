@@ -131,6 +131,8 @@ class PortView:
         face: Exact or smooth functions.
         scale: Typical size of the signal, in the port's unit.
         known: States and inputs of the model, by name, in SI.
+        parameters: Parameters of the model, by name, in SI.
+        subject: The parameter of the model that the effect changes, in SI.
     """
 
     port: str
@@ -142,6 +144,8 @@ class PortView:
     face: Face
     scale: float = 1.0
     known: Names = field(default_factory=lambda: Names("state or input", {}))
+    parameters: Names = field(default_factory=lambda: Names("parameter", {}))
+    subject: Expression = None
 
     @property
     def group(self) -> str:

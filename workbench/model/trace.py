@@ -202,6 +202,7 @@ def trace(model: Written, face: Face) -> Trace:
                     face,
                     port.scale,
                     known,
+                    Names("parameter", symbols["parameter"]),
                 )
                 seen[effect.name][port.name] = view
                 value = effect.transform(view)

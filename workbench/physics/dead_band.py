@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 from workbench.model import PortView
 from workbench.model.face import Expression
-from workbench.physics.law import Fit, Law, Own, by_port, each, shape, size
-from workbench.physics.place import DRIVES, Place, Survey
+from workbench.physics.law import Fit, Law, Own, drives, each, shape, size
+from workbench.physics.place import Place, Survey
 
 
 def _shifted(at: PortView) -> Expression:
@@ -23,7 +23,7 @@ def _shifted(at: PortView) -> Expression:
 
 def _where(survey: Survey) -> Iterator[Fit]:
     yield from each("spool")(survey)
-    yield from each(*DRIVES, label=by_port)(survey)
+    yield from drives()(survey)
 
 
 def _band(at: Place) -> tuple[Own, ...]:

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.face import Expression
-from workbench.physics.law import Fit, Law, by_port, each, sensors, size
-from workbench.physics.place import DRIVES, EFFORTS, Place, Survey
+from workbench.physics.law import Fit, Law, by_port, drives, each, sensors, size
+from workbench.physics.place import EFFORTS, Place, Survey
 
 FLOOR = 0.002
 """Time f, in s, that keeps a delay regular at zero size: the fastest rate is 1220 1/s."""
@@ -123,7 +123,7 @@ def _command_rates(e: EffectView) -> dict[str, Expression]:
 delay = Law(
     "delay",
     "Y / U = exp(-D s), Pade function of first over second order",
-    each(*DRIVES, label=by_port),
+    drives(),
     lambda at: (size("time", "s", 0.01, 0.001, 0.1, "delay"),),
     _delayed_command,
     states=lambda at: (

@@ -22,12 +22,27 @@ quadratic_drag = Law(
     lambda at: (
         size("coefficient", per(at.unit, at.speed.unit, 2), 0.02 * at.scale / at.speed.scale**2,
              0.005 * at.scale / at.speed.scale**2, 0.5 * at.scale / at.speed.scale**2,
-             "drag over squared speed"),
+             "drag over squared speed", resists=True),
     ),
     lambda at: at.value - at.p.coefficient * at.signals.speed * _magnitude(at),
     source="I. Newton, drag of a blunt body; turbulent throttling of a damper",
-    look_alikes=("viscous_friction", "muscle_viscosity"),
+    look_alikes=("viscous_friction", "muscle_viscosity", "cubic_drag"),
     separated_by="fast against slow runs: the decay per swing grows with the amplitude",
+)  # fmt: skip
+
+cubic_drag = Law(
+    "cubic_drag",
+    "T = -coefficient v^3",
+    each(*EFFORTS, needs=("speed",)),
+    lambda at: (
+        size("coefficient", per(at.unit, at.speed.unit, 3), 0.02 * at.scale / at.speed.scale**3,
+             0.002 * at.scale / at.speed.scale**3, 5.0 * at.scale / at.speed.scale**3,
+             "drag over cubed speed", resists=True),
+    ),
+    lambda at: at.value - at.p.coefficient * at.signals.speed**3,
+    source="damping that grows with the amplitude; wire that its current heats",
+    look_alikes=("quadratic_drag", "viscous_friction"),
+    separated_by="fast against slow runs: the decay grows with the square of the amplitude",
 )  # fmt: skip
 
 # With a damper c the difference makes it c + difference / 2 forwards and c - difference / 2

@@ -9,12 +9,19 @@ import casadi as ca
 
 from workbench.model import PortView, State
 from workbench.model.face import Expression
-from workbench.physics.law import Law, Own, by_port, each, sensors, shape, size
+from workbench.physics.law import Law, Own, drives, sensors, shape, size
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.place import DRIVES, Place
+from workbench.physics.place import Place
 
 _TIMES = (10.0, 30.0, 3.0, 100.0)
 """Times of a jump that are worth trying without knowing the recording, s."""
+
+_FRACTIONS = (0.5, 0.3, 0.7, 0.15, 0.85)
+"""The same as fractions of the recording."""
+
+
+def _times(at: Place) -> tuple[float, ...]:
+    return tuple(k * at.duration for k in _FRACTIONS) if at.duration else _TIMES
 
 
 def _warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, ...]]:
@@ -22,7 +29,7 @@ def _warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, 
         s = typical(at) * at.scale
         return (
             size("amount", at.unit, s, 0.2 * s, 5.0 * s, "final drift", signed=True),
-            shape("time_constant", "s", 60.0, "time constant of warming up",
+            shape("time_constant", "s", at.duration or 60.0, "time constant of warming up",
                   around=(0.05, 100.0), source="", fitted=False),
         )  # fmt: skip
 
@@ -51,10 +58,10 @@ sensor_drift = Law(
 gain_fade = Law(
     "gain_fade",
     "y = u (1 + amount w), dw/dt = (1 - w) / tau",
-    each("force", "acceleration", *DRIVES, "flow", label=by_port, only=lambda at: at.driven),
+    drives("force", "acceleration", "flow", only=lambda at: at.driven),
     lambda at: (
         size("amount", "1", 0.1, 0.01, 1.0, "final change of the gain", signed=True),
-        shape("time_constant", "s", 60.0, "time constant", around=(0.05, 100.0)),
+        shape("time_constant", "s", at.duration or 60.0, "time constant", around=(0.05, 100.0)),
     ),
     lambda at: at.value * (1.0 + at.p.amount * at.x.warm),
     states=lambda at: _warm(),
@@ -65,30 +72,36 @@ gain_fade = Law(
 )  # fmt: skip
 
 
-def _passed(at: PortView) -> Expression:
+def passed(at: PortView) -> Expression:
+    """Return the part of a jump that is over: 0 before its time, 1 after."""
     return 0.5 + 0.5 * ca.tanh((at.x.clock - at.p.time) / at.p.width)
 
 
-def _when() -> tuple[Own, ...]:
+def when(at: Place) -> tuple[Own, ...]:
+    """Return the parameters of a jump: its time, and a width of about a sample."""
     return (
-        shape("time", "s", _TIMES[0], "time of the jump", around=None, between=(0.0, 1e6)),
-        shape("width", "s", 0.02, "half-width of the jump", source="", fitted=False),
-    )
+        shape("time", "s", _times(at)[0], "time of the jump", around=None, between=(0.0, 1e6),
+              scale=0.1 * at.duration),
+        shape("width", "s", 2.0 * at.sample_time or 0.02, "half-width of the jump", source="",
+              fitted=False),
+    )  # fmt: skip
 
 
 offset_jump = Law(
     "offset_jump",
     "y = u + amount step(t - time)",
-    each("force", "acceleration", *DRIVES, "flow", label=by_port, only=lambda at: at.driven),
+    drives("force", "acceleration", "flow", only=lambda at: at.driven),
     lambda at: (
         size("amount", at.unit, 0.05 * at.scale, 0.005 * at.scale, at.scale, "height of the jump",
              signed=True),
-        *_when(),
+        *when(at),
     ),
-    lambda at: at.value + at.p.amount * _passed(at),
-    states=lambda at: (State("clock", "s", 120.0, "time since the start", start_rms=1e-6),),
+    lambda at: at.value + at.p.amount * passed(at),
+    states=lambda at: (
+        State("clock", "s", at.duration or 120.0, "time since the start", start_rms=1e-6),
+    ),
     rates=lambda e: {"clock": 1.0 + 0.0 * e.x.clock},
-    shapes=lambda at: [{"time": time} for time in _TIMES],
+    shapes=lambda at: [{"time": time} for time in _times(at)],
     source="an event: something slipped, came loose or was switched",
     look_alikes=("offset", "gain_jump"),
     separated_by="a repetition of the recording: an event does not repeat",
@@ -101,9 +114,9 @@ gain_jump = replace(
     equation="y = u (1 + amount step(t - time))",
     parameters=lambda at: (
         size("amount", "1", 0.1, 0.01, 1.0, "relative height of the jump", signed=True),
-        *_when(),
+        *when(at),
     ),
-    transform=lambda at: at.value * (1.0 + at.p.amount * _passed(at)),
+    transform=lambda at: at.value * (1.0 + at.p.amount * passed(at)),
     look_alikes=("gain", "offset_jump", "gain_fade"),
 )
 
@@ -114,7 +127,7 @@ sensor_jump = replace(
     parameters=lambda at: (
         size("amount", at.unit, sensor_error(at) * at.scale, 0.1 * sensor_error(at) * at.scale,
              5.0 * sensor_error(at) * at.scale, "height of the jump", signed=True),
-        *_when(),
+        *when(at),
     ),
     group="sensor",
     look_alikes=("sensor_offset", "sensor_drift"),

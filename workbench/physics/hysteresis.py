@@ -65,7 +65,7 @@ bouc_wen_hysteresis = Law(
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
         size("level", at.unit, 0.05 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
-             "half width of the loop"),
+             "half width of the loop", resists=True),
         shape("breakaway", at.coordinate.unit, 1e-2 * at.coordinate.scale,
               "motion over which the loop turns", around=(0.02, 50.0)),
         shape("exponent", "1", 1.0, "sharpness of the turn",

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from workbench.model import PortView, State
 from workbench.model.face import Expression
-from workbench.physics.law import Law, by_port, each, size
-from workbench.physics.place import DRIVES
+from workbench.physics.law import Law, drives, size
 
 _FLOOR = 1e-3
 """Time, in s, that keeps the lead regular at zero interval."""
@@ -23,7 +22,7 @@ def _ahead(at: PortView) -> Expression:
 input_interpolation = Law(
     "input_interpolation",
     "y = u + (u - m) / 2, dm/dt = (u - m) / interval",
-    each("force", "acceleration", *DRIVES, "flow", label=by_port, only=lambda at: at.driven),
+    drives("force", "acceleration", "flow", only=lambda at: at.driven),
     lambda at: (size("interval", "s", 0.02, 0.002, 100.0, "interval between samples"),),
     _ahead,
     states=lambda at: (

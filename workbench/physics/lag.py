@@ -1,4 +1,4 @@
-"""First-order lag of a sensor that vanishes at zero time.
+"""First-order lag of a sensor or a drive that vanishes at zero time.
 
 ``dm/dt = (u - m) / (time + g)``, ``y = u - time / (time + g) (u - m)`` with g = f^2 / (time + f)
 and f = 1 ms: exactly the identity at zero time, and a lag of that time for time >> f.
@@ -6,9 +6,11 @@ and f = 1 ms: exactly the identity at zero time, and a lag of that time for time
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from workbench.model import State
 from workbench.model.face import Expression
-from workbench.physics.law import Law, sensors, size
+from workbench.physics.law import Law, drives, sensors, size
 
 FLOOR = 0.001
 """Time, in s, that keeps a lag regular at zero size: the fastest rate is 1000 1/s."""
@@ -37,3 +39,13 @@ sensor_lag = Law(
     look_alikes=("sensor_delay", "clock_shift", "line"),
     separated_by="steps faster than the lag, beside a fast reference sensor",
 )  # fmt: skip
+
+drive_lag = replace(
+    sensor_lag,
+    name="drive_lag",
+    where=drives(),
+    parameters=lambda at: (size("time", "s", 0.05, 0.002, 1e4, "time constant"),),
+    group="process",
+    look_alikes=("delay", "slew_limit"),
+    separated_by="steps of the command: a lag answers at once, a delay waits",
+)

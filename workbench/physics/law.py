@@ -25,7 +25,7 @@ from workbench.model import (
 )
 from workbench.model.face import Expression
 from workbench.physics.hypothesis import Group, Hypothesis
-from workbench.physics.place import Place, Survey, unknown_place
+from workbench.physics.place import DRIVES, Place, Survey, unknown_place
 from workbench.registry import Registry
 
 EVERYWHERE = ("*",)
@@ -50,6 +50,7 @@ class Own:
         typical: Of the size of a law: its usual magnitude, in ``unit``; 0 for other parameters.
         least: Of the size: magnitude below which it is not worth naming, in ``unit``.
         absent: Value in a hypothesis, where that differs, in ``unit``.
+        resists: Whether it has the sign of a resistance against the motion.
     """
 
     name: str
@@ -65,6 +66,11 @@ class Own:
     typical: float = 0.0
     least: float = 0.0
     absent: float | None = None
+    resists: bool = False
+
+    def either_way(self) -> Own:
+        """Return the parameter with both signs, if it is a size that only resists a motion."""
+        return replace(self, lower=-self.upper) if self.resists and self.lower == 0.0 else self
 
     def parameter(self, given: float | None, *, bounded: bool) -> Parameter:
         """Return the parameter, with another value if one is given.
@@ -107,6 +113,7 @@ def size(
     lower: float | None = None,
     scale: float = 0.0,
     source: str = "",
+    resists: bool = False,
 ) -> Own:
     """State the parameter of a law whose zero is the law's absence.
 
@@ -120,11 +127,13 @@ def size(
         lower: Smallest value, in ``unit``, where that is neither 0 nor minus the largest.
         scale: Scale of a fit, in ``unit``; the usual magnitude by default.
         source: Where the sizes come from.
+        resists: Whether it is a resistance against the motion: it has either sign at a port of
+            which the equations do not tell which way it counts.
     """
     below = lower if lower is not None else (-largest if signed else 0.0)
     return Own(
         name, unit, 0.0, below, largest, text, scale or typical, source,
-        typical=typical, least=least,
+        typical=typical, least=least, resists=resists,
     )  # fmt: skip
 
 
@@ -347,6 +356,8 @@ class Law:
         bounded: bool,
     ) -> Effect:
         own = self.parameters(_first(sites))
+        if not _first(sites).directed:
+            own = tuple(q.either_way() for q in own)
         for key in values:
             check_choice(f"parameter of effect {self.name}", key, [q.name for q in own])
         parameters = []
@@ -375,6 +386,7 @@ class Law:
                 signals=Names(f"signal at port {at.port}", own | found),
                 x=_numbered(at.x, number) if several else at.x,
                 scale=place.scale,
+                subject=at.parameters[place.parameters[0].name] if place.parameters else None,
             )
 
         def each(function: Rates, view: EffectView) -> Mapping[str, Expression]:
@@ -439,11 +451,22 @@ def each(
     return where
 
 
-def twins(*roles: str, needs: tuple[str, ...] = ()) -> Where:
+def drives(*roles: str, only: Callable[[Place], bool] = lambda at: True) -> Where:
+    """Let a law act on what drives a plant: commands, flows of inputs alone, other roles."""
+    offered = {*DRIVES, *roles}
+    return each(
+        *offered, "heat", "flow", label=by_port,
+        only=lambda at: (at.role in offered or at.commanded) and only(at),
+    )  # fmt: skip
+
+
+def twins(
+    *roles: str, needs: tuple[str, ...] = (), only: Callable[[Place], bool] = lambda at: True
+) -> Where:
     """Let a law act at all ports of some roles together, with one set of parameters."""
 
     def where(survey: Survey) -> Iterator[Fit]:
-        found = survey.fitting(*roles, needs=needs)
+        found = [q for q in survey.fitting(*roles, needs=needs) if only(q)]
         if found:
             yield "", tuple((q,) for q in found)
 

@@ -13,7 +13,12 @@ __all__ = ["LAWS", "Hypothesis", "Law", "library", "look_alikes"]
 
 
 def library(
-    model: Model, *, outputs: tuple[str, ...] | None = None, extra: Iterable[Law] = ()
+    model: Model,
+    *,
+    outputs: tuple[str, ...] | None = None,
+    extra: Iterable[Law] = (),
+    duration: float = 0.0,
+    sample_time: float = 0.0,
 ) -> tuple[Hypothesis, ...]:
     """Return every law of the library at each place of a model that it fits, at zero size.
 
@@ -23,6 +28,9 @@ def library(
     Args:
         outputs: Names of the outputs that are recorded, for the effects of sensors; all by default.
         extra: Laws of your own that stand in no registry.
+        duration: Length of the recordings, in s, for times at which something may have happened;
+            0 if it is not known.
+        sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -30,7 +38,7 @@ def library(
         >>> "stribeck_friction" in names, "coulomb_friction" in names
         (True, False)
     """
-    survey = Survey(model, outputs)
+    survey = Survey(model, outputs, duration=duration, sample_time=sample_time)
     taken = {effect.name for effect in model.effects}
     found = [
         hypothesis

@@ -35,7 +35,7 @@ load_dependent_friction = Law(
     each(*EFFORTS, needs=("speed", "bearing_load_1")),
     lambda at: (
         size("coefficient", per(at.unit, _load_unit(at)), _typical(at), 0.1 * _typical(at),
-             20.0 * _typical(at), "friction over load"),
+             20.0 * _typical(at), "friction over load", resists=True),
         shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,
               "speed scale of the reversal", around=(1e-3, 1e3), fitted=False),
     ),

@@ -37,7 +37,7 @@ lugre_friction = Law(
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
         size("level", at.unit, 0.05 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
-             "friction at high speed"),
+             "friction at high speed", resists=True),
         shape("presliding", at.coordinate.unit, 2e-3 * at.coordinate.scale,
               "displacement over which the bristles bend", around=(0.02, 50.0)),
         shape("stribeck_share", "1", 0.5, "break-away above the level, relative to it",

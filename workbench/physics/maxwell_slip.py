@@ -102,7 +102,7 @@ def prandtl_ishlinskii(elements: int = _ELEMENTS) -> Law:
         each(*EFFORTS, needs=("speed",)),
         lambda at: (
             size("level", at.unit, 0.05 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
-                 "half width of the loop"),
+                 "half width of the loop", resists=True),
             shape("breakaway", at.coordinate.unit, 2e-3 * at.coordinate.scale,
                   "motion after which the first element slips", around=(0.05, 20.0)),
             *_elements(elements),

@@ -11,13 +11,14 @@ from workbench.physics.law import (
     by_end,
     by_number,
     by_port,
+    drives,
     each,
     first_of,
     sensors,
     shape,
     size,
 )
-from workbench.physics.place import DRIVES, EFFORTS, Place
+from workbench.physics.place import EFFORTS, Place
 
 
 def _amount(typical: float, least: float, largest: float) -> Callable[[Place], tuple[Own, ...]]:
@@ -46,7 +47,7 @@ def sensor_error(at: Place) -> float:
 offset = Law(
     "offset",
     "y = u + amount",
-    each(*DRIVES, "flow", label=by_port),
+    drives("flow"),
     _amount(0.05, 0.005, 1.0),
     lambda at: at.value + at.p.amount,
     source="zero error",
@@ -102,7 +103,7 @@ def _excess(typical: float, least: float) -> Callable[[Place], tuple[Own, ...]]:
 gain = Law(
     "gain",
     "y = (1 + excess) u",
-    each(*DRIVES, "flow", label=by_port),
+    drives("flow"),
     _excess(0.05, 0.01),
     lambda at: at.value * (1.0 + at.p.excess),
     source="span error",

@@ -20,7 +20,7 @@ _LAG = 0.1
 def _stores(survey: Survey) -> list[Place]:
     """Return one flow into each store whose level is a state."""
     found: dict[str, Place] = {}
-    for place in survey.fitting("flow", "heat", "current", needs=("level",)):
+    for place in survey.fitting("flow", "current", needs=("level",)):
         if not place.name.endswith(".outflow"):
             found.setdefault(place.level.source, place)
     return list(found.values())
@@ -119,7 +119,7 @@ linear_outflow = Law(
         *_outlet(at)[:1],
     ),
     lambda at: at.value - at.p.conductance * (at.signals.level - at.p.outlet),
-    source="laminar leak, G. Hagen 1839; loss of heat, I. Newton 1701; leak resistance",
+    source="laminar leak, G. Hagen 1839; leak resistance",
     look_alikes=("orifice_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along an exponential",
 )  # fmt: skip

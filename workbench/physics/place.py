@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import check_choice
-from workbench.model import Model, Output, Port, State
+from workbench.model import Model, Output, Parameter, Port, State
 from workbench.model.face import Expression
 from workbench.model.quantities import Quantity
 from workbench.model.units import same_dimension
@@ -131,6 +131,8 @@ class Place:
         whole: Whether the rate of what it drives or fills is proportional to the signal.
         elastic: Whether the signal is a straight line over the coordinate.
         directed: Whether it is known which way the signal counts beside the speed.
+        shaped: Whether contraction and pressure of a muscle enter the signal as they stand.
+        parameters: Refitted parameters that enter the equations through this port alone.
         output: The output of a measurement.
         others: The further ports on which the same effect acts.
         duration: Length of the recordings, in s; 0 if it is not known.
@@ -145,6 +147,8 @@ class Place:
     whole: bool = False
     elastic: bool = False
     directed: bool = True
+    shaped: bool = False
+    parameters: tuple[Parameter, ...] = ()
     output: Output | None = None
     others: tuple[Place, ...] = ()
     duration: float = 0.0
@@ -262,11 +266,11 @@ class Survey:
             s: self._local(port, s, o) for s, o in zip(port.signals, port.origins, strict=True)
         }
         directed = elastic = True
+        muscle = self._muscle(port, index) if role in ("force", "muscle_tension") else {}
+        signals |= muscle
         if role in EFFORTS:
             motion, directed = self._directed(index, self._motion(port, index, signals))
             signals |= motion | _bearing_loads(signals)
-            if role == "force":
-                signals |= self._muscle(port, index)
             elastic = "coordinate" in motion and self._elastic(index, motion["coordinate"])
         elif role in FLOWS:
             stores = self._filled[index]
@@ -276,7 +280,8 @@ class Survey:
             signals.setdefault("measured", self._of(self._measured[output.name]))
         return Place(
             port, role, signals, self._reached[index],
-            commanded=self._reached[index] and not self._depends(index, self.trace.x),
+            commanded=index in self._commanded, shaped=bool(muscle),
+            parameters=self._entering[index],
             whole=self._whole(index), elastic=role in EFFORTS and elastic, directed=directed,
             output=output, duration=self.duration, sample_time=self.sample_time,
         )  # fmt: skip
@@ -409,23 +414,57 @@ class Survey:
         return {}
 
     def _elastic(self, index: int, at: Local) -> bool:
-        symbol = self._symbol(index, at)
-        if symbol is None:
-            return False
-        slope = ca.jacobian(self._port_value(index), symbol)
-        return not slope.is_zero() and not ca.which_depends(slope, symbol, 1, True)[0]
+        """Tell whether a signal is a straight line over a coordinate, of a fixed slope."""
+        place, value = self._expression(index, at), self._port_value(index)
+        slopes = [ca.jacobian(value, q) / ca.jacobian(place, q) for q in ca.symvar(place)]
+        return (
+            bool(slopes)
+            and not any(ca.depends_on(q, self.trace.x) for q in slopes)
+            and all(_same(self._sampled(q), self._sampled(slopes[0])) for q in slopes)
+        )
 
     def _symbol(self, index: int, local: Local) -> ca.SX | None:
-        expression = self._expression(index, local) * local.sign
-        if not local.minus:
-            return expression if expression.is_symbolic() else None
-        return self._expression(index, self._of(local.source)) if not self._own(index) else None
+        expression = self._expression(index, local)
+        return expression if expression.is_symbolic() else None
 
     def _port_value(self, index: int) -> ca.SX:
         return self.trace.signals[self.trace.signal_names.index(self.trace.ports[index].name)]
 
-    def _depends(self, index: int, on: ca.SX) -> bool:
-        return on.numel() > 0 and not ca.jacobian(self._port_value(index), on).is_zero()
+    @cached_property
+    def _commanded(self) -> set[int]:
+        """Ports that follow from inputs alone, the first of each input."""
+        found: set[int] = set()
+        taken: set[int] = set()
+        for i in range(len(self.trace.ports)):
+            if ca.depends_on(self._port_value(i), self.trace.x):
+                continue
+            slope = ca.jacobian(self._port_value(i), self.trace.u)
+            inputs = {k for k in range(self.trace.u.numel()) if not slope[0, k].is_zero()}
+            if inputs - taken:
+                found.add(i)
+            taken |= inputs
+        return found
+
+    @cached_property
+    def _entering(self) -> tuple[tuple[Parameter, ...], ...]:
+        """Refitted parameters of the plant that each port alone brings into the equations."""
+        t, found = self.trace, [list[Parameter]() for _ in self.trace.ports]
+        everything = ca.vertcat(t.rates, t.outputs)
+        by_port = ca.vertcat(t.rates_by_port, t.outputs_by_port)
+        for k, q in enumerate(self.model.parameters):
+            if not q.fitted or "." in q.name:
+                continue
+            whole = self._sampled(ca.jacobian(everything, t.p[k]))
+            for i in range(len(t.ports)):
+                slope = ca.jacobian(self._port_value(i), t.p[k])
+                if slope.is_zero() or not _same(self._sampled(by_port[:, i] * slope), whole):
+                    continue
+                # A mere gain of what is driven has laws of its own.
+                part = self._sampled(slope * t.p[k])
+                if not (self._reached[i] and _same(part, self._sampled(self._port_value(i)))):
+                    found[i].append(q)
+                break
+        return tuple(tuple(each) for each in found)
 
     def _own(self, index: int) -> dict[str, ca.SX]:
         port, values = self.trace.ports[index], self.trace.local_signals[index]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import casadi as ca
+
 from workbench.model import EffectView, PortView, State
 from workbench.model.face import Expression, maximum
 from workbench.physics.elastoplastic import elastoplastic_rate
 from workbench.physics.law import Law, by_port, each, shape, size
+from workbench.physics.place import EFFORTS
 
 
 def _slack() -> tuple[State, ...]:
@@ -112,3 +115,28 @@ backlash = Law(
     look_alikes=("dead_band", "delay"),
     separated_by="slow triangles of several amplitudes: play has a loop, a dead band none",
 )
+
+
+def _slack_taken(at: PortView) -> Expression:
+    x, w = ca.SX(at.signals.coordinate), at.p.half_width
+    # The clipped place, written so that its derivative by w at w = 0 is the sign of x.
+    inside = 0.5 * (_magnitude(x + w) - _magnitude(x - w))
+    symbol = ca.symvar(x)[0]
+    slope = ca.jacobian(ca.SX(at.value), symbol) / ca.jacobian(x, symbol)
+    return at.value - slope * inside
+
+
+elastic_play = Law(
+    "elastic_play",
+    "T = T(x - clip(x, -w, w))",
+    each(*EFFORTS, needs=("coordinate",), only=lambda at: at.elastic),
+    lambda at: (
+        size("half_width", at.coordinate.unit, 0.05 * at.coordinate.scale,
+             0.005 * at.coordinate.scale, 5.0 * at.coordinate.scale, "half of the slack"),
+    ),
+    _slack_taken,
+    family="backlash",
+    source="slack in series with a spring; dead zone of its deflection",
+    look_alikes=("cubic_stiffness", "polynomial_stiffness", "linear_spring"),
+    separated_by="small deflections to both sides: within the slack there is no force",
+)  # fmt: skip

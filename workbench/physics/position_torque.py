@@ -95,7 +95,7 @@ local_friction = Law(
     each(*EFFORTS, needs=("coordinate", "speed")),
     lambda at: (
         size("level", at.unit, 0.06 * at.scale, 0.01 * at.scale, 0.5 * at.scale,
-             "friction at the place"),
+             "friction at the place", resists=True),
         *_place(at),
         shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,
               "speed scale of the reversal", around=(1e-3, 1e3), fitted=False),

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 from workbench.model import PortView
 from workbench.model.face import Expression
-from workbench.physics.law import Law, Own, by_port, each, sensors, shape, share, size
-from workbench.physics.place import DRIVES, EFFORTS, Place
+from workbench.physics.law import Law, Own, drives, each, sensors, shape, share, size
+from workbench.physics.place import EFFORTS, Place
 
 
 def _above(at: PortView) -> Expression:
@@ -33,7 +33,7 @@ def _limits(at: Place) -> list[dict[str, float]]:
 saturation = Law(
     "saturation",
     "y = u - share (excess of u above the limit)",
-    each(*DRIVES, "flow", label=by_port),
+    drives("flow"),
     _limited,
     _above,
     shapes=_limits,
@@ -53,7 +53,7 @@ lower_saturation = replace(
     saturation,
     name="lower_saturation",
     equation="y = u + share (excess of u below the limit)",
-    where=each(*DRIVES, label=by_port),
+    where=drives(),
     transform=lambda at: (
         at.value + at.p.share * at.face.ramp(at.p.limit - at.value, 0.01 * at.scale)
     ),
@@ -91,8 +91,7 @@ _NAMED = (".inflow", ".outflow")
 rectification = Law(
     "rectification",
     "y = u + share max(0, -u)",
-    each(*DRIVES, "flow", label=by_port,
-         only=lambda at: not at.name.endswith(_NAMED)),
+    drives("flow", only=lambda at: at.role != "heat" and not at.name.endswith(_NAMED)),
     lambda at: (replace(share("share of the negative part cut", least=0.2), fitted=True),),
     lambda at: at.value + at.p.share * at.face.ramp(-at.value, 0.01 * at.scale),
     source="check valve, diode, pump that does not suck",

@@ -24,7 +24,7 @@ def _linear(at: Place) -> tuple[Own, ...]:
     typical = 0.1 * at.scale / at.coordinate.scale
     return (
         size("stiffness", per(at.unit, at.coordinate.unit), typical, 0.1 * typical, 20 * typical,
-             "stiffness of the spring"),
+             "stiffness of the spring", resists=True),
         _rest(at),
     )  # fmt: skip
 

@@ -25,7 +25,8 @@ stribeck_friction = Law(
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
         size("break_away", at.unit, 0.1 * at.scale, 0.01 * at.scale, 0.5 * at.scale,
-             "friction at standstill above the Coulomb level", source="estimate"),
+             "friction at standstill above the Coulomb level", source="estimate",
+             resists=True),
         shape("stribeck_speed", at.speed.unit, 0.1 * at.speed.scale,
               "speed over which the break-away fades", around=(0.05, 10.0)),
         shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,

@@ -1,0 +1,113 @@
+"""Heat losses, stores of varying capacity, slack in a shaft, parameters that change."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.evaluation.foreign.plants.circuit import circuit
+from workbench.evaluation.foreign.plants.crane import crane
+from workbench.evaluation.foreign.plants.drive import drive
+from workbench.evaluation.foreign.plants.tank import ROOM, tank
+from workbench.evaluation.machines.plants import muscle
+from workbench.model import Model
+from workbench.physics.library import Hypothesis, library
+
+
+def offered(model: Model, name: str, **known: float) -> Hypothesis:
+    return next(h for h in library(model, **known) if h.name == name)
+
+
+def heat(model: Model, temperature: float) -> float:
+    """Return the heat into the water, in W, with pump and heater off."""
+    x = model.initial_state({"level": 0.2, "temperature": temperature})
+    return model.signals(x, [0.0, 0.0])["water.heat"]
+
+
+def test_radiation_is_the_fourth_power_law() -> None:
+    area, sigma = 1.3, 5.670374e-8
+    law = offered(tank(), "radiation_water")
+    hot = tank().with_effect(law.at_size(4 * area * sigma * ROOM**3, {"ambient": ROOM}))
+    for temperature in (ROOM, 320.0, 360.0):
+        lost = heat(tank(), temperature) - heat(hot, temperature)
+        assert lost == pytest.approx(area * sigma * (temperature**4 - ROOM**4), abs=1e-6)
+
+
+def test_heat_loss_is_linear() -> None:
+    leaky = tank().with_effect(offered(tank(), "heat_loss_water").at_size(3.0, {"ambient": ROOM}))
+    assert heat(leaky, ROOM + 20.0) == pytest.approx(heat(tank(), ROOM + 20.0) - 60.0)
+
+
+def test_the_second_store_takes_no_heat_in_the_end() -> None:
+    law = offered(tank(), "second_heat_store_water")
+    walled = tank().with_effect(law.at_size(10.0, {"time_constant": 50.0}))
+    x = walled.initial_state({"level": 0.2, "temperature": 310.0})
+    # What the water gives, 10 W/K, the wall of 10 W/K times 50 s stores.
+    cold = x.copy()
+    cold[-1] = 300.0
+    given = walled.signals(x, [0, 0])["water.heat"] - walled.signals(cold, [0, 0])["water.heat"]
+    assert given == pytest.approx(100.0)
+    assert walled.rates(cold, [0, 0])[-1] * 10.0 * 50.0 == pytest.approx(given)
+    assert walled.rates(x, [0, 0])[-1] == 0.0
+
+
+def test_a_saturated_core_lets_the_current_rise_faster() -> None:
+    model = circuit().with_effect(offered(circuit(), "saturating_inductance").at_size(2.0))
+    for current in (0.0, 0.5, -0.5):
+        ratio = model.rates([current, 1.0], [9.0])[0] / circuit().rates([current, 1.0], [9.0])[0]
+        assert ratio == pytest.approx(1.0 + 2.0 * current**2)
+
+
+@pytest.mark.parametrize("growth", [0.01, -0.01, 5.0, -5.0])
+def test_a_capacity_stays_positive_however_large_its_growth(growth: float) -> None:
+    law = offered(circuit(), "varying_capacitance")
+    size = replace(law.size, lower=-10.0, upper=10.0, value=growth)
+    model = circuit().with_effect(replace(law.effect, parameters=(size,)))
+    ratio = model.rates([0.5, 5.0], [0.0])[1] / circuit().rates([0.5, 5.0], [0.0])[1]
+    assert ratio > 0.0
+    if growth > 0.0:
+        assert ratio == pytest.approx(1.0 / (1.0 + growth * 25.0))
+
+
+def test_slack_of_a_shaft_is_a_dead_zone_of_its_twist() -> None:
+    law = offered(drive(), "elastic_play")
+    assert (law.law, law.ports) == ("backlash", ("shaft.torque",))
+    model = drive().with_effect(law.at_size(0.02))
+    for twist, left in ((0.01, 0.0), (0.05, 0.03), (-0.05, -0.03)):
+        torque = model.signals([twist, 0.0, 0.0], [0.0])["shaft.torque"]
+        assert torque == pytest.approx(8.0 * left, abs=1e-12)
+
+
+def test_friction_between_two_bodies_takes_energy() -> None:
+    model = drive().with_effect(offered(drive(), "coulomb_friction_shaft").at_size(0.5))
+    for motor, load in ((3.0, 1.0), (1.0, 3.0), (-2.0, 2.0)):
+        change = model.rates([0.0, motor, load], [0.0]) - drive().rates([0.0, motor, load], [0.0])
+        power = 0.01 * motor * change[1] + 0.03 * load * change[2]
+        dry = 0.5 * np.tanh(abs(motor - load) / 0.4)
+        assert power == pytest.approx(-dry * abs(motor - load))
+
+
+def test_a_parameter_jumps_in_time() -> None:
+    law = offered(crane(), "parameter_jump_drag", duration=40.0, sample_time=0.01)
+    assert law.ports == ("cart.force",)
+    assert [shape["time"] for shape in law.shapes] == [20.0, 12.0, 28.0, 6.0, 34.0]
+    model = crane().with_effect(law.at_size(3.0, {"time": 20.0}))
+    for clock, drag in ((10.0, 5.0), (30.0, 8.0)):
+        changed = crane().with_parameters({"drag": drag})
+        np.testing.assert_allclose(
+            model.rates([0.1, 0.7, 0.2, 0.5, clock], [2.0])[:4],
+            changed.rates([0.1, 0.7, 0.2, 0.5], [2.0]),
+        )
+
+
+def test_flattened_ends_contract_a_muscle_further() -> None:
+    model = muscle().with_effect(offered(muscle(), "end_factor").at_size(0.2))
+
+    def tension(of: Model, contraction: float) -> float:
+        return of.signals([0.0], [3e5, contraction])["muscle.tension"]
+
+    assert tension(model, 0.03) == pytest.approx(tension(muscle(), 0.036))
+    walled = muscle().with_effect(offered(muscle(), "wall_term").at_size(80.0, {"reach": 1e-3}))
+    assert tension(walled, 0.03) == pytest.approx(tension(muscle(), 0.03) - 80.0)

@@ -1,0 +1,96 @@
+"""Heat that a store loses to what is around it, or lends to a wall."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from workbench.model import PortView, State
+from workbench.model.face import Expression
+from workbench.physics.law import Fit, Law, Own, shape, size
+from workbench.physics.place import Place, Survey, per
+
+_ZERO = 273.15
+"""Absolute temperature at 0 degC, K."""
+
+
+def _stores(survey: Survey) -> Iterator[Fit]:
+    """Yield the last heat flow into each store: it carries all that came before."""
+    found = {q.level.source: q for q in survey.fitting("heat", needs=("level",))}
+    for place in found.values():
+        yield f"_{place.port.group}", ((place,),)
+
+
+def _around(at: Place) -> Own:
+    return shape("ambient", at.level.unit, at.level.start, "temperature around", around=None,
+                 scale=at.level.scale, fitted=False)  # fmt: skip
+
+
+def _conductance(at: Place, text: str, *, signed: bool = False) -> Own:
+    usual = 0.1 * at.scale / at.level.scale
+    return size("conductance", per(at.unit, at.level.unit), usual, 0.05 * usual, 100 * usual, text,
+                signed=signed)  # fmt: skip
+
+
+# Signed: less loss than the equations have.
+heat_loss = Law(
+    "heat_loss",
+    "Q = Q - conductance (T - ambient)",
+    _stores,
+    lambda at: (_conductance(at, "heat lost over difference", signed=True), _around(at)),
+    lambda at: at.value - at.p.conductance * (at.signals.level - at.p.ambient),
+    source="I. Newton 1701",
+    look_alikes=("radiation", "second_heat_store", "offset"),
+    separated_by="let it cool from high: the temperature falls along an exponential",
+)
+
+
+def _radiated(at: PortView) -> Expression:
+    around = at.p.ambient + at.p.zero
+    warm, cool = (at.signals.level + at.p.zero) / around, 1.0
+    return at.value - at.p.conductance * around * (warm**4 - cool) / 4.0
+
+
+# The conductance is that of small differences, 4 emissivity area sigma ambient^3.
+radiation = Law(
+    "radiation",
+    "Q = Q - conductance T_a / 4 [(T / T_a)^4 - 1]",
+    _stores,
+    lambda at: (
+        _conductance(at, "heat radiated over a small difference"),
+        _around(at),
+        shape("zero", at.level.unit, _ZERO if abs(at.level.start) < 0.5 * _ZERO else 0.0,
+              "absolute temperature at zero of the scale", around=None, scale=_ZERO, fitted=False),
+    ),
+    _radiated,
+    source="J. Stefan 1879, L. Boltzmann 1884",
+    look_alikes=("heat_loss", "second_heat_store"),
+    separated_by="hold two temperatures far apart: the loss grows faster than the difference",
+)  # fmt: skip
+
+
+def _times(at: Place) -> list[float]:
+    return [k * at.duration for k in (0.03, 0.1, 0.01)] if at.duration else [30.0, 300.0, 3.0]
+
+
+# The wall's capacity is conductance times time constant.
+second_heat_store = Law(
+    "second_heat_store",
+    "Q = Q - conductance (T - T_w), dT_w/dt = (T - T_w) / time_constant",
+    _stores,
+    lambda at: (
+        _conductance(at, "heat to the wall over difference"),
+        shape("time_constant", "s", _times(at)[0], "time in which the wall follows",
+              around=(0.01, 100.0)),
+    ),
+    lambda at: at.value - at.p.conductance * (at.signals.level - at.x.wall),
+    states=lambda at: (
+        State("wall", at.level.unit, at.level.scale, "temperature of the wall", at.level.start,
+              start_rms=0.02 * at.level.scale),
+    ),
+    rates=lambda e: {"wall": (e.here.signals.level - e.x.wall) / e.p.time_constant},
+    start=lambda e: {"wall": e.here.signals.level},
+    shapes=lambda at: [{"time_constant": time} for time in _times(at)],
+    source="two lumped heat capacities",
+    look_alikes=("heat_loss", "radiation", "creep"),
+    separated_by="a step of the heater: the temperature rises with two time constants",
+)  # fmt: skip
