@@ -36,6 +36,9 @@ FLOWS = ("flow", "heat", "current")
 COORDINATES = {"N m": "rad", "N": "m", "V": "A s", "m/s2": "m", "rad/s2": "rad"}
 """Unit of what an effort moves, where the model does not tell."""
 
+_VISIBLE = 0.05
+"""Part of a port's scale that a parameter must bring in to be offered a change with time."""
+
 _ROLES = {
     "force": ("N", "N m"),
     "acceleration": ("m/s2", "rad/s2"),
@@ -461,6 +464,8 @@ class Survey:
                     continue
                 # A mere gain of what is driven has laws of its own.
                 part = self._sampled(slope * t.p[k])
+                if np.nanmax(np.abs(part)) < _VISIBLE * t.ports[i].scale:
+                    break
                 if not (self._reached[i] and _same(part, self._sampled(self._port_value(i)))):
                     found[i].append(q)
                 break
