@@ -116,7 +116,17 @@ def stages(
     say = progress or (lambda text: None)
     known = tuple(priors if priors is not None else default_priors(model))
     recorded = tuple(q.name for q in model.outputs if q.name in fit_on[0])
-    offered = tuple(library(model, outputs=recorded) if entries is None else entries)
+    longest = max(fit_on, key=lambda recording: recording.duration)
+    offered = tuple(
+        library(
+            model,
+            outputs=recorded,
+            duration=longest.duration,
+            sample_time=longest.sample_time,
+        )
+        if entries is None
+        else entries
+    )
     files = _Files(StageFiles(folder, model, offered))
     files.add(fingerprint(model, (*fit_on, *hold_out), known, split=len(fit_on)))
 

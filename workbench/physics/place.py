@@ -229,7 +229,9 @@ class Survey:
         sample_time: float = 0.0,
     ) -> None:
         self.model, self.trace = model, model.exact
-        self.duration, self.sample_time = duration, sample_time
+        # A recording that is to be refused later may have no sensible time base.
+        self.duration = duration if 0.0 < duration < math.inf else 0.0
+        self.sample_time = sample_time if 0.0 < sample_time < math.inf else 0.0
         self._recorded = [q for q in model.outputs if outputs is None or q.name in outputs]
         self._known: dict[str, Quantity] = {
             q.name: q for q in (*model.parameters, *model.inputs, *model.states)
