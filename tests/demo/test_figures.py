@@ -15,8 +15,8 @@ from workbench.demo.figures.force_lines import force_lines
 from workbench.demo.figures.force_maps import force_map, law_errors
 from workbench.demo.figures.open_loop import open_loop
 from workbench.demo.figures.recorded_case import recorded_case
+from workbench.demo.figures.steps import ClosedLoopCurves, closed_loop_steps
 from workbench.reports.figures.bode import bode
-from workbench.reports.figures.steps import ClosedLoopCurves, closed_loop_steps
 from workbench.reports.style import controller_colours
 
 T = np.linspace(0.0, 2.0, 41)

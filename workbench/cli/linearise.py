@@ -17,10 +17,11 @@ from workbench.cli.plant import (
     Without,
     chosen_plant,
 )
+from workbench.plants import DEFAULT_PLANT
 
 
 def linearise(
-    plant: PlantName = "arm",
+    plant: PlantName = DEFAULT_PLANT,
     at: At = None,
     option: Options = None,
     parameter: Parameters = None,

@@ -11,6 +11,7 @@ import typer
 
 from workbench.cli.plant import Chosen, chosen_plant
 from workbench.errors import WorkbenchError, check_range
+from workbench.plants import DEFAULT_PLANT
 
 if TYPE_CHECKING:
     from workbench.diagnosis.problem import Problem
@@ -132,7 +133,7 @@ def load_problem(
         arguments = " ".join(filter(None, (case, chosen.arguments if plant else chosen.changes)))
         base = read.refit
     else:
-        name = plant or "arm"
+        name = plant or DEFAULT_PLANT
         chosen = chosen_plant(name, **changes)
         base = RefitSettings(start_samples=chosen.plant.start_samples)
         problem = problem_of_files(chosen.model, fit or (), hold_out or (), mapping=mapping)

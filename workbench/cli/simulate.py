@@ -21,6 +21,7 @@ from workbench.cli.plant import (
     chosen_plant,
 )
 from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.plants import DEFAULT_PLANT
 
 if TYPE_CHECKING:
     from workbench.operating_point import OperatingPoint
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    plant: PlantName = "arm",
+    plant: PlantName = DEFAULT_PLANT,
     inputs: Inputs = None,
     pulses: Annotated[
         str | None,

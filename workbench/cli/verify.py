@@ -20,6 +20,7 @@ from workbench.cli.plant import (
     value_at_rest,
 )
 from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.plants import DEFAULT_PLANT
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -38,7 +39,7 @@ def verify(
             metavar="NAME",
         ),
     ] = None,
-    plant: PlantName = "arm",
+    plant: PlantName = DEFAULT_PLANT,
     design: Annotated[
         list[str] | None,
         typer.Option(

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from workbench.demo.figures.steps import ClosedLoopCurves, closed_loop_steps
 from workbench.demo.part import Part
-from workbench.reports.figures.steps import ClosedLoopCurves, closed_loop_steps
 from workbench.reports.metrics_table import metric_methods, metrics_table
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture

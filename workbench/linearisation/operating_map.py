@@ -87,6 +87,11 @@ class OperatingMap:
         return "\n".join(lines)
 
 
+def default_input(model: Model) -> str:
+    """Return the input of a curve that a controller inverts, or the plant's own without one."""
+    return next((curve.name for curve in model.traits.curves), "plant")
+
+
 def operating_map(
     model: Model,
     axes: Mapping[str, npt.ArrayLike],
@@ -121,8 +126,7 @@ def operating_map(
     grid = {name: np.atleast_1d(check_finite(name, values)) for name, values in axes.items()}
     if not grid or any(values.ndim != 1 for values in grid.values()):
         raise WorkbenchError("a map needs one or more axes, each a list of numbers")
-    curves = [curve.name for curve in model.traits.curves]
-    input = input or (curves[0] if curves else "plant")  # noqa: A001
+    input = input or default_input(model)  # noqa: A001
     states = [q.name for q in model.states]
     state = state or next((name for name in grid if name in states), states[0])
     check_choice("state", state, states)

@@ -36,6 +36,7 @@ from workbench.data_folder import shipped_cases, shipped_data, shipped_folder
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Model
 from workbench.model.units import quantity, to_si
+from workbench.plants import DEFAULT_PLANT
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
 from workbench.recordings.aligned_table import aligned_table
@@ -47,8 +48,6 @@ from workbench.recordings.resampling import resample
 
 ROLES = ("identify_open", "identify_closed", "validate_open", "validate_closed")
 USES = ("fit", "hold_out", "in_loop")
-_UNNAMED = "arm"
-"""Plant of cases that were written before cases named theirs."""
 
 _KEYS = {"title", "plant", "options", "parameters", "without", "effects", "recordings", "refit"}
 _KEYS |= {"data", "published", "published_from", "notes"}
@@ -283,7 +282,7 @@ def read_case(
         for k, v in settings.items()
         if isinstance(v, (str, int, float, bool)) and k not in _KEYS
     }
-    plant = PLANTS.get(str(settings.get("plant", _UNNAMED)), folder=path)
+    plant = PLANTS.get(str(settings.get("plant", DEFAULT_PLANT)), folder=path)
     options = _options(path.name, plant, flat, _table(settings, "options", path.name))
     if "sample_rate_Hz" in flat:
         check_range(f"sample_rate_Hz of case {path.name}", flat["sample_rate_Hz"], 0.1, 1e6, "Hz")  # type: ignore[arg-type]

@@ -17,7 +17,7 @@ from controllers.largest_bandwidth import MarginedDesign, largest_bandwidth
 from controllers.protocol import Controller
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel, linearise
-from workbench.linearisation.operating_map import operating_map
+from workbench.linearisation.operating_map import default_input, operating_map
 from workbench.operating_point import operating_point
 from workbench.simulation.compiled import compiled
 from workbench.study.plants import PlantRecipe
@@ -200,9 +200,10 @@ def _designed(recipe: ControllerRecipe) -> MarginedDesign[Controller]:
         return MarginedDesign(_made(recipe, given), math.nan, math.nan, math.nan)
     want = recipe.fastest
     models = [
-        linearise(operating_point(plant.build(), dict(at)), input="opening", verdict=False)
+        linearise(point, input=default_input(point.model), verdict=False)
         for plant in want.plants
         for at in want.at
+        for point in (operating_point(plant.build(), dict(at)),)
     ]
     first, last, count = want.speeds
     speeds = [float(v) for v in np.round(np.geomspace(first, last, int(count)), 1)]

@@ -11,6 +11,7 @@ from typing import Any
 
 from workbench.errors import check_range
 from workbench.model import Model
+from workbench.plants import DEFAULT_PLANT
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
 
@@ -36,7 +37,7 @@ class PlantRecipe:
         3.0
     """
 
-    kind: str = "arm"
+    kind: str = DEFAULT_PLANT
     options: tuple[tuple[str, Any], ...] = ()
     effects: tuple[str, ...] = ()
     without: tuple[str, ...] = ()

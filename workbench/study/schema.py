@@ -16,6 +16,7 @@ from typing import Any
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Model
 from workbench.model.units import quantity, same_dimension
+from workbench.plants import DEFAULT_PLANT
 from workbench.plants.registry import PLANTS
 from workbench.study.designs import ControllerRecipe, Fastest, Pairs
 from workbench.study.feasible import check_demand, check_demands
@@ -301,7 +302,7 @@ class _Resolver(TomlTables):
             return found
 
     def plant(self, given: Any) -> tuple[PlantRecipe, Model]:
-        kind = str(given.get("kind", "arm")) if isinstance(given, dict) else "arm"
+        kind = str(given.get("kind", DEFAULT_PLANT)) if isinstance(given, dict) else DEFAULT_PLANT
         with self.at("plant", "kind"):
             options = [o.name for o in PLANTS.get(kind, folder=self.folder).options]
         table = self.keys(given, ("kind", *options, *_VARIED), "the plant", "plant")

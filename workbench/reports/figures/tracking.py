@@ -46,9 +46,9 @@ def tracking(
     reference: npt.ArrayLike,
     trajectories: Sequence[Trajectory],
     *,
-    quantity: str = "angle",
-    unit: str = "°",
-    command: str = "valve in V",
+    quantity: str,
+    unit: str,
+    command: str,
     error_limit: float | None = None,
 ) -> Drawing:
     """Draw what several controllers did with one reference.
@@ -65,7 +65,7 @@ def tracking(
     """
     from matplotlib.lines import Line2D
 
-    figure, (position, error, valve) = new_figure([2.2, 1.1, 1.0])
+    figure, (position, error, actuator) = new_figure([2.2, 1.1, 1.0])
     t, reference = np.asarray(time, dtype=float), np.asarray(reference, dtype=float)
     position.step(t, reference, where="post", color=REFERENCE.light, linewidth=1.0)
     shades = colours(trajectory.controller for trajectory in trajectories)
@@ -75,7 +75,7 @@ def tracking(
         position.plot(trajectory.time, trajectory.output, color=shade, linewidth=1.5)
         held = reference[np.clip(np.searchsorted(t, trajectory.time, "right") - 1, 0, len(t) - 1)]
         error.plot(trajectory.time, held - trajectory.output, color=shade, linewidth=1.1)
-        valve.step(trajectory.time, trajectory.command, where="post", color=shade, linewidth=0.9)
+        actuator.step(trajectory.time, trajectory.command, where="post", color=shade, linewidth=0.9)
         if trajectory.linear is not None:
             position.plot(trajectory.time, trajectory.linear, "--", color=shade, linewidth=1.0)
         handles.append(Line2D([], [], color=shade, linewidth=1.5, label=trajectory.controller))
@@ -92,7 +92,7 @@ def tracking(
         ]
     label(position, y=f"{quantity} in {unit}")
     label(error, y=f"error in {unit}")
-    label(valve, x="time in s", y=command)
+    label(actuator, x="time in s", y=command)
     key(position, columns=3, handles=handles)
     figure.align_ylabels()
     return figure

@@ -65,4 +65,12 @@ def closed_loop_steps(
         for run in runs
     ]
     degrees = np.degrees(np.asarray(reference, dtype=float))
-    return tracking(time, degrees, trajectories, error_limit=error_limit_deg)
+    return tracking(
+        time,
+        degrees,
+        trajectories,
+        quantity="angle",
+        unit="°",
+        command="valve in V",
+        error_limit=error_limit_deg,
+    )
