@@ -68,7 +68,7 @@ class NonlinearMPCState(NamedTuple):
         estimate: Predicted scaled states and disturbances of the observer, shape (n + n_w,).
         covariance: Their covariance, shape (n + n_w, n + n_w), scaled.
         plan: Openings over the horizon, shape (N,), fractions.
-        course: Scaled states at the starts of the stages and at the end, shape (n_p, N + 1).
+        trajectory: Scaled states at the starts of the stages and at the end, shape (n_p, N + 1).
         voltage: Voltage applied last, in V.
         ahead: State of the reference's continuation (`controllers.reference.horizon`), in SI.
     """
@@ -76,7 +76,7 @@ class NonlinearMPCState(NamedTuple):
     estimate: Matrix
     covariance: Matrix
     plan: Matrix
-    course: Matrix
+    trajectory: Matrix
     voltage: float
     ahead: tuple[float, ...]
 
@@ -86,7 +86,7 @@ class Step(NamedTuple):
 
     Args:
         plan: New openings, shape (N,), fractions.
-        course: New scaled states, shape (n_p, N + 1).
+        trajectory: New scaled states, shape (n_p, N + 1).
         slack: Pressure out of the limits, in Pa.
         solved: Whether the quadratic program was solved.
         status: The solver's own word.
@@ -94,7 +94,7 @@ class Step(NamedTuple):
     """
 
     plan: Matrix
-    course: Matrix
+    trajectory: Matrix
     slack: float
     solved: bool
     status: str
@@ -188,15 +188,15 @@ class NonlinearMPC(ThroughValve):
         path, ahead = self.ahead.follow(state.ahead, reference[0])
         if want.preview:
             path = np.array([reference[j * want.stride] for j in range(want.stages + 1)])
-        plan, course = self._shifted(state.plan, state.course)
+        plan, trajectory = self._shifted(state.plan, state.trajectory)
         step = self.improve(
-            plan, course, self.predicted(estimate), estimate[n:], path, state.plan[0]
+            plan, trajectory, self.predicted(estimate), estimate[n:], path, state.plan[0]
         )
-        moves, course = step.plan, step.course
+        moves, trajectory = step.plan, step.trajectory
         if not step.solved:
-            # The plan goes on; its course is started anew, in case that it was what failed.
+            # The plan goes on; its trajectory is started anew, in case that it was what failed.
             moves = np.where(np.isfinite(plan), plan, 0.0)
-            course = np.tile(self.predicted(estimate)[:, None], (1, want.stages + 1))
+            trajectory = np.tile(self.predicted(estimate)[:, None], (1, want.stages + 1))
         opening = float(min(max(moves[0], -want.opening_limit), want.opening_limit))
         voltage = float(self.valve.command(opening))
         following, covariance = self.observer.predict(estimate, covariance, voltage)
@@ -212,7 +212,7 @@ class NonlinearMPC(ThroughValve):
             following,
             covariance,
             moves,
-            course,
+            trajectory,
             voltage,
             ahead,
         )
@@ -223,7 +223,7 @@ class NonlinearMPC(ThroughValve):
     def improve(
         self,
         plan: Matrix,
-        course: Matrix,
+        trajectory: Matrix,
         start: Matrix,
         disturbances: Matrix,
         path: Matrix,
@@ -233,7 +233,7 @@ class NonlinearMPC(ThroughValve):
 
         Args:
             plan: Openings, shape (N,), fractions.
-            course: Scaled states, shape (n_p, N + 1); they need not fit the plan.
+            trajectory: Scaled states, shape (n_p, N + 1); they need not fit the plan.
             start: Scaled states now, shape (n_p,).
             disturbances: Scaled disturbances per second, shape (n_w,).
             path: Wanted angles now and at the end of every stage, shape (N + 1,), in rad.
@@ -243,18 +243,20 @@ class NonlinearMPC(ThroughValve):
         N, size = want.stages, self.prediction.scale
         angle, speed, *chambers = self._rows()
         ends, by_z, by_u = self.shots(
-            course[:, :-1], self.valve.centre + self.valve.full_stroke * plan[None, :], disturbances
+            trajectory[:, :-1],
+            self.valve.centre + self.valve.full_stroke * plan[None, :],
+            disturbances,
         )
         n = len(size)
         # States at the ends of the stages: free + moves @ d_plan, in scaled units.
         free, moves = np.empty((N, n)), np.zeros((N, n, N))
-        shift, gain = start - course[:, 0], np.zeros((n, N))
+        shift, gain = start - trajectory[:, 0], np.zeros((n, N))
         for k in range(N):
             A = by_z[:, k * n : (k + 1) * n]
-            shift = A @ shift + ends[:, k] - course[:, k + 1]
+            shift = A @ shift + ends[:, k] - trajectory[:, k + 1]
             gain = A @ gain
             gain[:, k] += self.valve.full_stroke * by_u[:, k]
-            free[k], moves[k] = course[:, k + 1] + shift, gain
+            free[k], moves[k] = trajectory[:, k + 1] + shift, gain
         # Residuals, each divided by what weighs 1.
         rows = np.vstack(
             [
@@ -296,7 +298,7 @@ class NonlinearMPC(ThroughValve):
             np.append(want.opening_limit - plan, np.inf),
         )
         if not solution.solved:
-            return Step(plan, course, float("nan"), False, solution.status, solution.iterations)
+            return Step(plan, trajectory, float("nan"), False, solution.status, solution.iterations)
         d = solution.x[:N]
         return Step(
             plan + d,
@@ -312,12 +314,12 @@ class NonlinearMPC(ThroughValve):
         wanted = (self.sensors[0], "speed", *self.sensors[1:])
         return [names.index(name) for name in wanted]
 
-    def _shifted(self, plan: Matrix, course: Matrix) -> tuple[Matrix, Matrix]:
+    def _shifted(self, plan: Matrix, trajectory: Matrix) -> tuple[Matrix, Matrix]:
         """Move a plan on by one sample, a fraction of a stage."""
         part = 1.0 / self.specification.stride
         later_plan = np.append(plan[1:], plan[-1])
-        later = np.hstack([course[:, 1:], course[:, -1:]])
-        return plan + part * (later_plan - plan), course + part * (later - course)
+        later = np.hstack([trajectory[:, 1:], trajectory[:, -1:]])
+        return plan + part * (later_plan - plan), trajectory + part * (later - trajectory)
 
     def predicted(self, z: Matrix) -> Matrix:
         """Return the states of the prediction among those of the observer.

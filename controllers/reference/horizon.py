@@ -4,7 +4,7 @@ Two ways to continue what has been seen, both smooth, so that a step asks for no
 
     lags       two lags of speed omega_r, which continue a step over the horizon exactly
     planned    that of `controllers.reference.planned`: a step becomes a move along its quintic, a
-               smooth course goes on along its derivatives, so that a sine is followed without lag
+               smooth one goes on along its derivatives, so that a sine is followed without lag
 
 Source: Rawlings, Mayne and Diehl, Model Predictive Control, 2017, section 1.5 (reference
 trajectories).

@@ -1,8 +1,7 @@
 """Planned reference: steps become smooth moves of limited jerk, everything else passes unchanged.
 
-The reference r is the sum of a smooth course and of jumps in value and in speed. A jump shows as a
-speed or an acceleration that no joint has; it is taken out of the course and goes into an offset
-delta, which keeps r + delta smooth and returns to zero in the time T along the quintic
+The reference r is the sum of a smooth trajectory and of jumps in value and in speed. A jump shows
+as a speed or an acceleration that no joint has; it is taken out and goes into an offset delta, which keeps r + delta smooth and returns to zero in the time T along the quintic
 
     delta(s) = p0 + p1 s + p2 s^2 + c3 s^3 + c4 s^4 + c5 s^5,         s = t / T
     c3 = -10 p0 - 6 p1 - 3 p2,  c4 = 15 p0 + 8 p1 + 3 p2,  c5 = -6 p0 - 3 p1 - p2
@@ -15,7 +14,7 @@ from rest this is the move of least mean square jerk; T is the shortest time wit
 
 A sine therefore passes without lag, with its speed and acceleration from differences, and a step
 never asks for more than the joint can do. What comes next is known too: the move goes along its
-quintic, the smooth course along its first three derivatives.
+quintic, the smooth trajectory along its first three derivatives.
 
 Source: Flash and Hogan, J. Neuroscience 5, 1985 (quintic as minimum-jerk move); Biagiotti and
 Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 2.1.
@@ -82,8 +81,8 @@ class Planner:
         jump_speed: Speed from which the reference has jumped, in rad/s.
         jump_acceleration: Acceleration from which the reference's speed has jumped, in rad/s2.
         sample_time: Time between samples, in s.
-        reach: Time for which the derivatives of the course tell how it goes on, in s; after it, it
-            is taken to go straight on.
+        reach: Time for which the derivatives of the trajectory tell how it goes on, in s; then it is
+            taken to go straight on.
 
     Raises:
         WorkbenchError: If a limit is not positive.
@@ -158,7 +157,7 @@ class Planner:
         size = arithmetic.largest(change, -change)
         jumped = size > self.jump_speed
         bent = size > self.jump_acceleration * h
-        # Before a bend the course went on straight; after a jump its speed is what it was.
+        # Before a bend the trajectory went on straight; after a jump its speed is what it was.
         ahead = reference - state.reference - h * state.slope
         offset = where(bent, offset - ahead, offset)
         speed = where(bent, where(jumped, speed, speed - change), speed)

@@ -20,13 +20,13 @@ def run(law: Any, model: Any, x: np.ndarray[Any, Any], wanted: float, n: int) ->
     """Run on the bare matrices, in openings, without valve curve."""
     phi, gamma = zero_order_hold(model.A, model.B, law.sample_time)
     state = law.initial_state(tuple(model.C @ x + model.y0))
-    courses = []
+    trajectories = []
     for _ in range(n):
         measured = tuple(float(v) for v in model.C @ x + model.y0)
         _, state, info = law.step(state, measured, (wanted,))
-        courses.append((measured[0], info["surface"], info["opening"]))
+        trajectories.append((measured[0], info["surface"], info["opening"]))
         x = phi @ x + gamma[:, 0] * info["opening"]
-    return np.array(courses)
+    return np.array(trajectories)
 
 
 @pytest.mark.parametrize("share", [-3.0, -0.4, 0.5, 2.0])
@@ -54,10 +54,10 @@ def test_surface_moves_at_the_reaching_rate(third_order: Any, share: float) -> N
 
 def test_errors_vanish_and_the_surface_is_kept(third_order: Any) -> None:
     law = design_sliding_mode(third_order)
-    courses = run(law, third_order, np.zeros(4), 0.6, 500)
-    assert abs(courses[-1, 0] - 0.6) < 1e-4
-    assert abs(courses[-1, 1]) < law.layer
-    assert courses[:, 0].max() < 0.6 + 0.02 * 0.1
+    trajectories = run(law, third_order, np.zeros(4), 0.6, 500)
+    assert abs(trajectories[-1, 0] - 0.6) < 1e-4
+    assert abs(trajectories[-1, 1]) < law.layer
+    assert trajectories[:, 0].max() < 0.6 + 0.02 * 0.1
 
 
 def test_layer_width_follows_the_bound(linear: LinearModel) -> None:

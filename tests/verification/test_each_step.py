@@ -15,12 +15,12 @@ CHANGES = ((0.5, 0.0, 1.0), (1.2, 1.0, 3.0), (2.0, 3.0, 2.0))
 
 
 def lagging(constants: tuple[float, ...]) -> np.ndarray:
-    """Return a course that follows the steps with a lag of its own per step, in s."""
-    course = np.zeros_like(TIME)
+    """Return a trajectory that follows the steps with a lag of its own per step, in s."""
+    trajectory = np.zeros_like(TIME)
     for (begin, initial, final), lag in zip(CHANGES, constants, strict=True):
         late = begin - 1e-9 <= TIME
-        course[late] = final + (initial - final) * np.exp(-(TIME[late] - begin) / lag)
-    return course
+        trajectory[late] = final + (initial - final) * np.exp(-(TIME[late] - begin) / lag)
+    return trajectory
 
 
 def test_every_sample_after_the_first_step_belongs_to_one_step() -> None:

@@ -22,29 +22,29 @@ def second_order(damping: float, frequency: float = 3.0) -> np.ndarray:
 @pytest.mark.parametrize("damping", [0.2, 0.5, 0.7])
 @pytest.mark.parametrize(("initial", "final"), [(0.0, 1.0), (0.8, 0.3)])
 def test_overshoot_of_a_second_order_step(damping: float, initial: float, final: float) -> None:
-    course = initial + (final - initial) * second_order(damping)
+    trajectory = initial + (final - initial) * second_order(damping)
     expected = math.exp(-math.pi * damping / math.sqrt(1 - damping**2))
-    found = responses.overshoot(course, initial=initial, final=final)
+    found = responses.overshoot(trajectory, initial=initial, final=final)
     # Samples 0.1 ms apart miss the top of a 3 rad/s swing by 1e-8.
     assert found.value == pytest.approx(expected, rel=1e-5)
 
 
 @pytest.mark.parametrize("damping", [0.2, 0.5, 0.7])
 def test_settling_of_a_second_order_step(damping: float) -> None:
-    course = second_order(damping)
-    found = responses.settling_time(T, course, initial=0.0, final=1.0).value
-    # By definition: at that time the course crosses the band, and it stays inside afterwards.
+    trajectory = second_order(damping)
+    found = responses.settling_time(T, trajectory, initial=0.0, final=1.0).value
+    # By definition: at that time the trajectory crosses the band, and it stays inside afterwards.
     at = round(found / 1e-4)
-    assert abs(course[at - 1] - 1) > 0.02 >= np.abs(course[at:] - 1).max()
+    assert abs(trajectory[at - 1] - 1) > 0.02 >= np.abs(trajectory[at:] - 1).max()
     # and before the envelope exp(-z w t) / sqrt(1 - z^2) enters it
     assert found <= -math.log(0.02 * math.sqrt(1 - damping**2)) / (damping * 3.0) + 1e-3
 
 
 def test_settling_and_rise_of_a_first_order_step() -> None:
-    course = 2.0 - 1.0 * np.exp(-T / 0.5)
-    settle = responses.settling_time(T, course, initial=1.0, final=2.0).value
+    trajectory = 2.0 - 1.0 * np.exp(-T / 0.5)
+    settle = responses.settling_time(T, trajectory, initial=1.0, final=2.0).value
     assert settle == pytest.approx(0.5 * math.log(50), abs=2e-4)
-    rise = responses.rise_time(T, course, initial=1.0, final=2.0).value
+    rise = responses.rise_time(T, trajectory, initial=1.0, final=2.0).value
     assert rise == pytest.approx(0.5 * math.log(9), abs=2e-4)
 
 
@@ -56,8 +56,8 @@ def test_what_does_not_settle_has_no_settling_time() -> None:
 
 
 def test_what_settles_too_late_to_be_seen_has_none() -> None:
-    course = np.where(T < 11.5, 0.0, 1.0)
-    assert math.isnan(responses.settling_time(T, course, initial=0.0, final=1.0).value)
+    trajectory = np.where(T < 11.5, 0.0, 1.0)
+    assert math.isnan(responses.settling_time(T, trajectory, initial=0.0, final=1.0).value)
 
 
 def test_no_step_no_figures() -> None:

@@ -51,8 +51,8 @@ def test_a_study_file_gives_the_scenarios() -> None:
 def test_steps_change_at_their_sample_whatever_the_rounding() -> None:
     steps = Steps((0.0, 0.3, 0.7), (1.0, 2.0, 1.5))
     time = 0.002 * np.arange(500)
-    course = steps.sample(time)
-    assert np.flatnonzero(np.diff(course)).tolist() == [149, 349]
+    trajectory = steps.sample(time)
+    assert np.flatnonzero(np.diff(trajectory)).tolist() == [149, 349]
     assert steps.changes == ((0.3, 1.0, 2.0), (0.7, 2.0, 1.5))
 
 

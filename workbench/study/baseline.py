@@ -210,7 +210,7 @@ def changes(
     """Compare runs with a baseline.
 
     Of a run with a sliding surface only the invariants fail a study: when the surface is crossed
-    depends on rounding, how far the course strays from it does not.
+    depends on rounding, how far the trajectory strays from it does not.
 
     Args:
         rules: How each metric is compared.

@@ -67,7 +67,7 @@ class Record:
         reason: Why the run failed; empty if it did not.
         metrics: Its metrics; none if it failed.
         seconds: Time it took, in s.
-        traces: Courses for pictures by name, in SI.
+        traces: Trajectories for pictures by name, in SI.
         steps: How each step of the reference was followed; none if the run failed.
         events: What each change and disturbance did.
         margins: Speed in rad/s and peaks of the sensitivities (ratios) of a design that was
@@ -260,7 +260,7 @@ def _margins(design: MarginedDesign[Controller]) -> dict[str, float]:
 
 
 def _traces(run: Run, controller: Controller, task: Task) -> dict[str, Any]:
-    """Return the courses that pictures show, thinned, on the full and on the linear model."""
+    """Return the trajectories that pictures show, thinned, on the full and on the linear model."""
     stride = max(1, math.ceil(len(run.time) / TRACE_POINTS))
     # A peak between two kept samples would vanish from the page, so times of solving keep theirs.
     found: dict[str, Any] = {"time": run.time[::stride]}

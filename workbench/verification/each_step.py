@@ -1,4 +1,4 @@
-"""The steps of a course one by one, each from its own instant until the next begins."""
+"""The steps of a trajectory one by one, each from its own instant until the next begins."""
 
 from __future__ import annotations
 
@@ -81,14 +81,14 @@ class StepResponse(NamedTuple):
 
 
 def each_step(time: Vector, changes: Sequence[tuple[float, float, float]]) -> tuple[StepPart, ...]:
-    """Cut a course into its steps.
+    """Cut a trajectory into its steps.
 
     Args:
         time: Sample times, shape (n,), in s.
         changes: Time in s, value before and value after of every step, as `Steps.changes` has them.
 
     Returns:
-        One part per step that begins within the course; the last one ends with it.
+        One part per step that begins within the trajectory; the last one ends with it.
 
     Example:
         >>> time = np.arange(10) * 0.1
@@ -107,7 +107,7 @@ def each_step(time: Vector, changes: Sequence[tuple[float, float, float]]) -> tu
 def step_responses(
     output: str,
     time: Vector,
-    course: Vector,
+    trajectory: Vector,
     changes: Sequence[tuple[float, float, float]],
     plan: Vector | None = None,
 ) -> tuple[StepResponse, ...]:
@@ -115,13 +115,13 @@ def step_responses(
 
     Args:
         time: Sample times, shape (n,), in s.
-        course: The output, shape (n,), in any unit.
+        trajectory: The output, shape (n,), in any unit.
         changes: Time in s, value before and value after of every step, in the unit of the output.
         plan: The controller's own planned move, shape (n,), in the unit of the output.
     """
     found = []
     for begin, a, b, part in each_step(time, changes):
-        t, y = time[part], course[part]
+        t, y = time[part], trajectory[part]
         planned = Value(math.nan)
         if plan is not None:
             planned = settling_time(t, plan[part], initial=a, final=b)

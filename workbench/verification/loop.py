@@ -311,18 +311,18 @@ def _actuators(
 def _references(
     controller: Controller, scenario: Scenario, warm: int, n: int
 ) -> tuple[list[tuple[float, ...]], Mapping[str, np.ndarray[Any, Any]]]:
-    """Return the reference row of every sample, and the course of each controlled output."""
+    """Return the reference row of every sample, and the trajectory of each controlled output."""
     preview = int(check_range("preview", controller.preview, 0, 1e5, "samples"))
     h = scenario.sample_time
     time = np.maximum(h * np.arange(-warm, n + preview), 0.0)
-    courses = [scenario.references[name].sample(time) for name in controller.controlled]
-    table = np.column_stack(courses) if courses else np.empty((len(time), 0))
+    trajectories = [scenario.references[name].sample(time) for name in controller.controlled]
+    table = np.column_stack(trajectories) if trajectories else np.empty((len(time), 0))
     if preview:
         wide = np.hstack([table[i : i + warm + n] for i in range(preview + 1)])
     else:
         wide = table
     targets = {
-        name: course[warm : warm + n]
-        for name, course in zip(controller.controlled, courses, strict=True)
+        name: trajectory[warm : warm + n]
+        for name, trajectory in zip(controller.controlled, trajectories, strict=True)
     }
     return [tuple(row) for row in wide.tolist()], targets

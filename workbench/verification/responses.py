@@ -1,6 +1,6 @@
-"""Figures of merit of a course over time: pure functions on arrays, NaN with a reason.
+"""Metrics of a trajectory over time: pure functions on arrays, NaN with a reason.
 
-A figure that a course does not have (the settling time of a course that never settles) is NaN and
+A metric that a trajectory does not have (the settling time of one that never settles) is NaN and
 says why, so that no later sum or comparison can take it for a number.
 """
 
@@ -31,20 +31,20 @@ class Value(NamedTuple):
 
 
 def settling_time(
-    time: Vector, course: Vector, *, initial: float, final: float, band: float = BAND
+    time: Vector, trajectory: Vector, *, initial: float, final: float, band: float = BAND
 ) -> Value:
     """Return the time after which a step response stays within the band.
 
     Args:
         time: Times from the step on, shape (n,), in s.
-        course: Output, shape (n,), in any unit.
-        initial: Reference before the step, in the unit of the course.
-        final: Reference after the step, in the unit of the course.
+        trajectory: Output, shape (n,), in any unit.
+        initial: Reference before the step, in the unit of the trajectory.
+        final: Reference after the step, in the unit of the trajectory.
         band: Half width of the band, as a fraction of the step.
 
     Returns:
-        Time from the first entry of ``time``, in s; NaN if the course is outside the band within
-        the last tenth of the record, for then it was not seen to settle.
+        Time from the first entry of ``time``, in s; NaN if it is outside the band within the
+        last tenth of the record, for then it was not seen to settle.
 
     Source:
         Ogata, Modern Control Engineering, 2010, section 5.3.
@@ -57,23 +57,23 @@ def settling_time(
     width = band * abs(final - initial)
     if width == 0.0:
         return Value(math.nan, "the reference does not step")
-    outside = np.flatnonzero(np.abs(course - final) > width)
+    outside = np.flatnonzero(np.abs(trajectory - final) > width)
     if not len(outside):
         return Value(0.0)
     last = int(outside[-1])
-    if last >= len(course) - max(1, len(course) // 10):
+    if last >= len(trajectory) - max(1, len(trajectory) // 10):
         return Value(math.nan, f"not within {100 * band:g} % of the step by the end of the record")
     return Value(float(time[last + 1] - time[0]))
 
 
-def rise_time(time: Vector, course: Vector, *, initial: float, final: float) -> Value:
+def rise_time(time: Vector, trajectory: Vector, *, initial: float, final: float) -> Value:
     """Return the time from 10 % to 90 % of a step.
 
     Args:
         time: Times from the step on, shape (n,), in s.
-        course: Output, shape (n,), in any unit.
-        initial: Reference before the step, in the unit of the course.
-        final: Reference after the step, in the unit of the course.
+        trajectory: Output, shape (n,), in any unit.
+        initial: Reference before the step, in the unit of the trajectory.
+        final: Reference after the step, in the unit of the trajectory.
 
     Returns:
         Time in s; NaN if 90 % is not reached.
@@ -88,20 +88,20 @@ def rise_time(time: Vector, course: Vector, *, initial: float, final: float) -> 
     """
     if final == initial:
         return Value(math.nan, "the reference does not step")
-    share = (course - initial) / (final - initial)
+    share = (trajectory - initial) / (final - initial)
     above_10, above_90 = np.flatnonzero(share >= 0.1), np.flatnonzero(share >= 0.9)
     if not len(above_90):
         return Value(math.nan, "90 % of the step is not reached")
     return Value(float(time[above_90[0]] - time[above_10[0]]))
 
 
-def overshoot(course: Vector, *, initial: float, final: float) -> Value:
+def overshoot(trajectory: Vector, *, initial: float, final: float) -> Value:
     """Return how far a step response goes beyond the reference.
 
     Args:
-        course: Output from the step on, shape (n,), in any unit.
-        initial: Reference before the step, in the unit of the course.
-        final: Reference after the step, in the unit of the course.
+        trajectory: Output from the step on, shape (n,), in any unit.
+        initial: Reference before the step, in the unit of the trajectory.
+        final: Reference after the step, in the unit of the trajectory.
 
     Returns:
         Fraction of the step, 0 if it is not passed; NaN without a step.
@@ -115,7 +115,7 @@ def overshoot(course: Vector, *, initial: float, final: float) -> Value:
     """
     if final == initial:
         return Value(math.nan, "the reference does not step")
-    return Value(max(0.0, float(np.max((course - final) / (final - initial)))))
+    return Value(max(0.0, float(np.max((trajectory - final) / (final - initial)))))
 
 
 def steady_error(time: Vector, error: Vector, *, window: float = 1.0) -> Value:
@@ -137,18 +137,18 @@ def steady_error(time: Vector, error: Vector, *, window: float = 1.0) -> Value:
     return Value(abs(float(np.mean(error[end]))))
 
 
-def oscillation(time: Vector, course: Vector, *, window: float = 1.0) -> Value:
+def oscillation(time: Vector, trajectory: Vector, *, window: float = 1.0) -> Value:
     """Return the amplitude of what still moves at the end of a record.
 
     The straight line through the end is taken away first, so that a slow drift does not count.
 
     Args:
         time: Times, shape (n,), in s.
-        course: Output, shape (n,), in any unit.
+        trajectory: Output, shape (n,), in any unit.
         window: Length of the end, in s; at most the last half is used.
 
     Returns:
-        Half the distance between highest and lowest value, in the unit of the course.
+        Half the distance between highest and lowest value, in the unit of the trajectory.
 
     Example:
         >>> t = np.linspace(0.0, 4.0, 4001)
@@ -158,7 +158,7 @@ def oscillation(time: Vector, course: Vector, *, window: float = 1.0) -> Value:
     end = _end(time, window)
     if end is None:
         return Value(math.nan, "fewer than 10 samples")
-    t, y = time[end], course[end]
+    t, y = time[end], trajectory[end]
     # Weights that fade at the ends keep the line from following a part of an oscillation.
     fade = np.sin(np.pi * (np.arange(len(t)) + 0.5) / len(t))
     line = np.polynomial.Polynomial.fit(t, y, 1, w=fade)

@@ -183,7 +183,7 @@ RAMPS = SignalKind("ramps", Ramps, ("values",), ("times",))
 SIGNALS: Registry[SignalKind] = Registry(
     "kind of reference", SignalKind, package="workbench.verification", group="workbench.signals"
 )
-"""Every kind of reference, by name; a recorded course is ``ramps`` through its samples."""
+"""Every kind of reference, by name; a recorded trajectory is ``ramps`` through its samples."""
 
 
 def rests(signal: Signal) -> bool:

@@ -30,7 +30,7 @@ class Converged(NamedTuple):
 
     Args:
         plan: Openings, shape (N,), fractions.
-        course: Scaled states, shape (n, N + 1).
+        trajectory: Scaled states, shape (n, N + 1).
         slack: Pressure out of the limits, in Pa.
         cost: Value of the cost (dimensionless).
         status: The solver's own word.
@@ -38,7 +38,7 @@ class Converged(NamedTuple):
     """
 
     plan: Matrix
-    course: Matrix
+    trajectory: Matrix
     slack: float
     cost: float
     status: str

@@ -108,25 +108,25 @@ def test_the_step_iterated_is_the_converged_solution(
     start, w = problem(mpc, plant)
     N = mpc.specification.stages
     path = np.full(N + 1, math.radians(40.0))
-    plan, course = np.zeros(N), np.tile(start[:, None], (1, N + 1))
+    plan, trajectory = np.zeros(N), np.tile(start[:, None], (1, N + 1))
     for _ in range(60):
-        step = mpc.improve(plan, course, start, w, path, 0.0)
+        step = mpc.improve(plan, trajectory, start, w, path, 0.0)
         assert step.solved
         change = float(np.abs(step.plan - plan).max())
-        plan, course = step.plan, step.course
+        plan, trajectory = step.plan, step.trajectory
         if change < 1e-8:
             break
     assert change < 1e-7
     reference = converged(mpc, start, w, path, 0.0, solver=solver)
     # An interior-point solver stops a little inside limits that are met exactly here.
     np.testing.assert_allclose(plan, reference.plan, atol=2e-4)
-    np.testing.assert_allclose(course, reference.course, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(trajectory, reference.trajectory, rtol=1e-4, atol=1e-4)
     assert step.slack == pytest.approx(reference.slack, abs=50.0)
     if tight:
         assert np.abs(plan).max() == pytest.approx(0.3, abs=1e-6)
         # The penalty is exact: a limit that can be kept is kept.
         chambers = [mpc.prediction.names.index(f"pressure_{i}") for i in (1, 2)]
-        pressures = course[chambers] * mpc.prediction.scale[chambers, None]
+        pressures = trajectory[chambers] * mpc.prediction.scale[chambers, None]
         assert pressures.max() == pytest.approx(mpc.pressure_limits[1], abs=100.0)
 
 
@@ -136,11 +136,11 @@ def test_a_failed_solve_follows_the_plan(mpc: NonlinearMPC) -> None:
     for _ in range(5):
         _, state, info = mpc.step(state, y, (math.radians(33),))
     assert info["fallback"] == 0.0
-    broken = state._replace(course=np.full_like(state.course, np.nan))
+    broken = state._replace(trajectory=np.full_like(state.trajectory, np.nan))
     (voltage,), after, info = mpc.step(broken, y, (math.radians(33),))
     assert info["fallback"] == 1.0 and info["status"]
     assert voltage == pytest.approx(mpc.valve.command(float(info["opening"])))
-    # It recovers by itself: the course is started anew from the estimate.
+    # It recovers by itself: the trajectory is started anew from the estimate.
     (_,), _, info = mpc.step(after, y, (math.radians(33),))
     assert info["fallback"] == 0.0
 

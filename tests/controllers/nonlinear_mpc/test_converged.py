@@ -103,8 +103,8 @@ def solved_by_do_mpc(
     assert solver.solver_stats["success"]
     found = solver.opt_x_num
     plan = [float(found["_u", k, 0]) for k in range(want.stages)]
-    course = [np.asarray(found["_x", k + 1, 0, -1]).ravel() for k in range(want.stages)]
-    return np.array(plan), np.array(course).T
+    trajectory = [np.asarray(found["_x", k + 1, 0, -1]).ravel() for k in range(want.stages)]
+    return np.array(plan), np.array(trajectory).T
 
 
 # do-mpc calls numpy functions on CasADi values, as older versions of CasADi expected.
@@ -117,11 +117,11 @@ def test_the_converged_plan_is_that_of_do_mpc(plant: Model, limit: float) -> Non
     start = mpc.predicted(point.x / mpc.observer.rates.scale)
     goal, before = math.radians(40.0), 0.05
     ours = converged(mpc, start, DISTURBANCES, np.full(wanted.stages + 1, goal), before)
-    plan, course = solved_by_do_mpc(plant, mpc, start, goal, before)
+    plan, trajectory = solved_by_do_mpc(plant, mpc, start, goal, before)
     # The pressure limits are soft here and absent there: they must not be reached.
     assert ours.slack == pytest.approx(0.0, abs=1.0)
     # Runge-Kutta in steps of 1 ms against Radau of order 7 in 6.7 ms: the discrete problems differ
     # by their integration error, below 1e-4 of a stroke in the openings.
     np.testing.assert_allclose(ours.plan, plan, atol=1e-4)
-    np.testing.assert_allclose(ours.course[:, 1:], course, atol=1e-4)
+    np.testing.assert_allclose(ours.trajectory[:, 1:], trajectory, atol=1e-4)
     assert np.abs(plan).max() == pytest.approx(limit, abs=1e-3) or limit == 1.0

@@ -1,4 +1,4 @@
-"""The reference over a horizon: two lags, or the planner's course."""
+"""The reference over a horizon: two lags, or the planner's trajectory."""
 
 from __future__ import annotations
 
