@@ -1,7 +1,8 @@
 """Planned reference: steps become smooth moves of limited jerk, everything else passes unchanged.
 
 The reference r is the sum of a smooth trajectory and of jumps in value and in speed. A jump shows
-as a speed or an acceleration that no joint has; it is taken out and goes into an offset delta, which keeps r + delta smooth and returns to zero in the time T along the quintic
+as a speed or an acceleration that no joint has; it is taken out and goes into an offset delta,
+which keeps r + delta smooth and returns to zero in the time T along the quintic
 
     delta(s) = p0 + p1 s + p2 s^2 + c3 s^3 + c4 s^4 + c5 s^5,         s = t / T
     c3 = -10 p0 - 6 p1 - 3 p2,  c4 = 15 p0 + 8 p1 + 3 p2,  c5 = -6 p0 - 3 p1 - p2
@@ -81,8 +82,8 @@ class Planner:
         jump_speed: Speed from which the reference has jumped, in rad/s.
         jump_acceleration: Acceleration from which the reference's speed has jumped, in rad/s2.
         sample_time: Time between samples, in s.
-        reach: Time for which the derivatives of the trajectory tell how it goes on, in s; then it is
-            taken to go straight on.
+        reach: Time for which the derivatives of the trajectory tell how it goes on, in s; then it
+            is taken to go straight on.
 
     Raises:
         WorkbenchError: If a limit is not positive.
