@@ -48,23 +48,36 @@ class FilterCall:
         return self.results
 
 
+_STEPS, _LONGEST_S = 4, 1e-3
+"""Runge-Kutta steps that a sample gets at least, as long as they are not shorter than this, in s:
+contacts are stiffer than the states that are looked at show."""
+
+_LOOKS = 20
+"""Random states at which the fastest mode is looked for, beside the starting state."""
+
+
 def substeps_of(model: Model, sample_time: float) -> int:
-    """Choose Runge-Kutta steps per sample from the fastest mode at the starting state.
+    """Choose Runge-Kutta steps per sample from the fastest mode at states within their scales.
 
     Args:
         model: The plant.
         sample_time: Time between samples, in s.
     """
+    rng = np.random.default_rng(0)
+    start = model.initial_state()
+    scale = np.array([q.scale for q in model.states])
+    looks = [start, *(start + rng.uniform(-1.0, 1.0, (_LOOKS, len(start))) * scale)]
+    within = [q.lower for q in model.states], [q.upper for q in model.states]
     fastest = 0.0
     for face in ("exact", "smooth"):
-        jacobian = model.face(face).jacobian_function(
-            model.initial_state(), model.nominal_input, model.values
-        )[0]
-        matrix = np.nan_to_num(np.asarray(jacobian, dtype=float))
-        fastest = max(fastest, float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)))
-    # Half the stability limit of the classical method, and 1 ms at most for contacts, which the
-    # starting state does not show.
-    return int(np.clip(np.ceil(sample_time * max(fastest / 1.3, 1000.0)), 1, 50))
+        function = model.face(face).jacobian_function
+        for x in looks:
+            slopes = function(np.clip(x, *within), model.nominal_input, model.values)[0]
+            matrix = np.nan_to_num(np.asarray(slopes, dtype=float))
+            fastest = max(fastest, float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)))
+    # Half the stability limit of the classical method.
+    asked = max(sample_time * fastest / 1.3, min(_STEPS, sample_time / _LONGEST_S))
+    return int(np.clip(np.ceil(asked), 1, 50))
 
 
 @lru_cache(maxsize=32)
