@@ -4,8 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from tests.diagnosis.newcomers import hardening, oscillations, oscillator, rubbing
+from tests.diagnosis.newcomers import (
+    carriage,
+    hardening,
+    levels,
+    oscillations,
+    oscillator,
+    rubbing,
+)
 from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.estimation.made_up import made_up
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.selection.held_out import drifts, windowed_run
 
 
 @pytest.mark.parametrize("scale", [0.01, 100.0])
@@ -41,3 +52,24 @@ def test_silence_where_only_parameters_were_wrong() -> None:
     verdict = diagnose(oscillator(), runs[:2], runs[2:], jobs=1, advise=False).verdict
     assert verdict is not None and verdict.kind == "nothing_missing", verdict
     assert verdict.parameters["stiffness"]["value"] == pytest.approx(30.0, rel=0.01)
+
+
+@pytest.mark.parametrize("count", [51, 76, 80, 101])
+def test_windows_cover_a_recording_of_any_length(count: int) -> None:
+    model = carriage()
+    seen = made_up(model, levels(count, 1, 60.0, 5, 20), sample_time=0.01)
+    fit = fit_with_process_noise(model, [seen], default_priors(model, ["mass"]))
+    assert drifts(model, seen)
+    run = windowed_run(fit, model, seen)
+    # The right model predicts every window to the noise and what it adds to the speed.
+    assert run.finite and run.simulated.shape == seen.outputs.shape
+    assert run.rmse["position"] < 5.0 * seen.noise_rms[0]
+
+
+def test_what_forgets_its_start_within_a_recording_does_not_drift() -> None:
+    # The oscillator's start fades with 0.23 1/s.
+    seen = made_up(oscillator(), levels(1000, 1, 30.0, 20, 80), sample_time=0.02)
+    assert not drifts(oscillator(), seen)
+    assert drifts(
+        oscillator(), made_up(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02)
+    )

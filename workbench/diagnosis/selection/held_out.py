@@ -81,8 +81,9 @@ def windowed_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> Fr
     filter_ = PredictionError(model, begun.sample_time, begun.used, (), rms)
     states = filter_.run(begun, model.values).states
     parts = []
-    for k in range(0, count, size):
-        rows = slice(k, min(k + size, count))
+    starts = list(range(0, max(count - size // 2, 1), size))
+    for k, end in zip(starts, [*starts[1:], count], strict=True):
+        rows = slice(k, end)
         start = begun.start if k == 0 else states[k]
         part = replace(begun, inputs=begun.inputs[rows], outputs=begun.outputs[rows], start=start)
         parts.append(free_run(model, part))
