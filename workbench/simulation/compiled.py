@@ -34,6 +34,9 @@ _FAST_FLAGS = (
 """The same numbers about twice as fast: products of matrices become part of the code around them,
 in the instructions of this very processor."""
 
+_QUICK_FLAGS = ("-O1", *_FLAGS[1:])
+"""The same numbers, built in a third of the time: for code that runs for less than a second."""
+
 
 @functools.cache
 def compiler() -> str | None:
@@ -100,11 +103,13 @@ def cache_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="workbench-"))
 
 
-def compiled(function: ca.Function) -> ca.Function:
+def compiled(function: ca.Function, *, quick: bool = False) -> ca.Function:
     """Return the function as machine code where a C compiler exists, unchanged otherwise.
 
     Args:
         function: A CasADi function that can be generated as C.
+        quick: Whether code that is built soon is worth more than code that runs fast; what was
+            built before to run fast is taken all the same.
 
     Returns:
         A function with the same signature and the same results.
@@ -121,14 +126,22 @@ def compiled(function: ca.Function) -> ca.Function:
     generator = ca.CodeGenerator(f"{name}.c")
     generator.add(function)
     source = generator.dump()
-    made_by = (ca.CasadiMeta.version(), cc, *_FAST_FLAGS, _processor())
-    key = hashlib.sha256("\0".join((*made_by, source)).encode())
-    library = cache_folder() / f"{name}-{key.hexdigest()[:24]}.so"
+    libraries = {
+        flags: _library(name, (ca.CasadiMeta.version(), cc, *flags, _processor(), source))
+        for flags in (_FAST_FLAGS, _QUICK_FLAGS)
+    }
+    flags = _QUICK_FLAGS if quick and not libraries[_FAST_FLAGS].exists() else _FAST_FLAGS
+    library = libraries[flags]
     if not library.exists():
-        _build(cc, source, library)
+        _build(cc, flags, source, library)
     if not library.exists():
         return function
     return ca.external(name, str(library))
+
+
+def _library(name: str, made_by: tuple[str, ...]) -> Path:
+    key = hashlib.sha256("\0".join(made_by).encode())
+    return cache_folder() / f"{name}-{key.hexdigest()[:24]}.so"
 
 
 class Buffered:
@@ -185,13 +198,13 @@ class Buffered:
         return self.result
 
 
-def _build(cc: str, source: str, library: Path) -> None:
+def _build(cc: str, fast: tuple[str, ...], source: str, library: Path) -> None:
     # Built under another name and moved, so that a parallel run never loads a half-written file.
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         code = Path(folder) / "code.c"
         built = Path(folder) / "code.so"
         code.write_text(source)
-        for flags in (_FAST_FLAGS, _FLAGS):
+        for flags in (fast, _FLAGS):
             done = subprocess.run(
                 [cc, *flags, "-o", str(built), str(code), "-lm"],
                 capture_output=True,

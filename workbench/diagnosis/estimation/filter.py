@@ -56,6 +56,30 @@ _LOOKS = 20
 """Random states at which the fastest mode is looked for, beside the starting state."""
 
 
+WORTH = 100_000
+"""Samples after which code that runs twice as fast has paid for the longer wait for it."""
+
+
+class Filter:
+    """A filter over blocks of samples, built soon at first and to run fast when much is asked."""
+
+    def __init__(self, function: ca.Function, samples: int) -> None:
+        """Build it to be there soon."""
+        self._function, self._samples, self._done = function, samples, 0
+        self._call = FilterCall(compiled(function, quick=True))
+
+    def __call__(self, *values: npt.ArrayLike) -> list[Vector]:
+        """Return the results, in memory that the next call overwrites.
+
+        Args:
+            values: The arguments of the function, in its units.
+        """
+        before, self._done = self._done, self._done + self._samples
+        if before < WORTH <= self._done:
+            self._call = FilterCall(compiled(self._function))
+        return self._call(*values)
+
+
 def substeps_of(model: Model, sample_time: float) -> int:
     """Choose Runge-Kutta steps per sample from the fastest mode at states within their scales.
 
@@ -93,7 +117,7 @@ def filter_function(
     sample_time: float,
     substeps: int,
     samples: int,
-) -> ca.Function:
+) -> Filter:
     """Build the filter over a block of samples.
 
     The states are divided by their scales and called z, P is their covariance, G their derivatives
@@ -178,7 +202,7 @@ def filter_function(
         ca.MX.sym("d", len(ports), 2),
     ]
     result = step(*block[:6], *(ca.repmat(constant, 1, samples) for constant in block[6:]))
-    return compiled(ca.Function("filter", block, list(result)))
+    return Filter(ca.Function("filter", block, list(result)), samples)
 
 
 def _process_noise(

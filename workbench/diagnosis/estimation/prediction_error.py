@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.estimation.filter import FilterCall, filter_function, substeps_of
+from workbench.diagnosis.estimation.filter import Filter, filter_function, substeps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import EXACT, Face, Model
 from workbench.model.model import index_of
@@ -140,7 +140,7 @@ class PredictionError:
         self._substeps = substeps_of(model, self.sample_time)
         certain = {index_of("state", name, model.states) for name in self.certain}
         self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
-        self._call: FilterCall | None = None
+        self._call: Filter | None = None
 
     def run(self, observed: Observed, values: npt.ArrayLike) -> Innovations:
         """Run the filter along a recording.
@@ -196,22 +196,20 @@ class PredictionError:
             )
         return Innovations(whitened, jacobian, log_deviation, states)
 
-    def _filter(self) -> FilterCall:
+    def _filter(self) -> Filter:
         if self._call is None:
-            self._call = FilterCall(
-                filter_function(
-                    self.model.face(self.face),
-                    tuple(self.state_scale),
-                    tuple(self._output_scale),
-                    self._rows,
-                    self._columns,
-                    self._corrected,
-                    tuple(self.free_scale),
-                    self._ports,
-                    self.sample_time,
-                    self._substeps,
-                    _BLOCK,
-                )
+            self._call = filter_function(
+                self.model.face(self.face),
+                tuple(self.state_scale),
+                tuple(self._output_scale),
+                self._rows,
+                self._columns,
+                self._corrected,
+                tuple(self.free_scale),
+                self._ports,
+                self.sample_time,
+                self._substeps,
+                _BLOCK,
             )
         return self._call
 
