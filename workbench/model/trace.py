@@ -261,6 +261,7 @@ def trace(model: Written, face: Face) -> Trace:
         [push],
         [ca.SX.zeros(push.numel())],
     )
+    named = _origins(sources)
     return Trace(
         x=_vector(symbols["state"]),
         u=_vector(symbols["input"]),
@@ -271,7 +272,7 @@ def trace(model: Written, face: Face) -> Trace:
         ports=tuple(
             replace(
                 port,
-                origins=_origins(local[port.name], sources),
+                origins=tuple(map(named, local[port.name].values())),
                 disturbance=port.disturbance or LEFT_OUT * sizes.get(port.name, 0.0),
             )
             for port in scope.ports
@@ -339,16 +340,31 @@ def _default_readings(
     }
 
 
-def _origins(signals: Names, values: Mapping[str, Expression]) -> tuple[str, ...]:
-    """Name the state, input or published signal that each local signal is, or nothing."""
+def _origins(values: Mapping[str, Expression]) -> Callable[[Expression], str]:
+    """Return a function that names the first of some values that a local signal is, or nothing."""
+    order = {name: i for i, name in enumerate(values)}
+    nodes: dict[int, str] = {}
+    # What is written down twice has two nodes, but the same operation.
+    alike: dict[int, list[tuple[str, ca.SX]]] = {}
+    for name, value in values.items():
+        expression = ca.SX(value)
+        if expression.is_constant():
+            continue
+        nodes.setdefault(expression.element_hash(), name)
+        if not expression.is_symbolic():
+            alike.setdefault(expression.op(), []).append((name, expression))
 
-    def same(a: Expression, b: Expression) -> bool:
-        return bool(ca.is_equal(ca.SX(a), ca.SX(b), 2)) and not ca.SX(a).is_constant()
+    def named(signal: Expression) -> str:
+        own = ca.SX(signal)
+        if own.is_constant():
+            return ""
+        found = [nodes[own.element_hash()]] if own.element_hash() in nodes else []
+        if not own.is_symbolic():
+            same = (n for n, v in alike.get(own.op(), ()) if ca.is_equal(own, v, 2))
+            found += [next(same, "")]
+        return min((n for n in found if n), key=order.__getitem__, default="")
 
-    return tuple(
-        next((name for name, value in values.items() if same(signal, value)), "")
-        for signal in signals.values()
-    )
+    return named
 
 
 def _short_names(effect: Effect, values: Mapping[str, ca.SX], kind: str) -> Names:
