@@ -27,12 +27,13 @@ def _files(folder: Path) -> list[str]:
 def test_each_recipe_runs(tmp_path: Path) -> None:
     names = _files(tmp_path)
     assert {"my_plants.py", "my_physics.py", "my_controllers.py", "my_metrics.py"} <= set(names)
-    commands = re.findall(r"^    workbench (.+)$", PAGE, re.MULTILINE)
-    kinds = {shlex.split(command)[0] for command in commands}
+    commands = re.findall(r"^    ((?:workbench|python) .+)$", PAGE, re.MULTILINE)
+    kinds = {shlex.split(command)[1] for command in commands}
     assert {"plants", "simulate", "linearise", "compare", "recording"} <= kinds
     for command in commands:
+        program, *words = shlex.split(command)
         run = subprocess.run(
-            [sys.executable, "-m", "workbench", *shlex.split(command)],
+            [sys.executable, *(["-m", "workbench"] if program == "workbench" else []), *words],
             cwd=tmp_path,
             capture_output=True,
             text=True,

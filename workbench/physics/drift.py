@@ -73,7 +73,7 @@ gain_fade = Law(
 
 
 def passed(at: PortView) -> Expression:
-    """Return the part of a jump that is over: 0 before its time, 1 after."""
+    """Return the fraction of a jump that is over: 0 before its time, 1 after."""
     return 0.5 + 0.5 * ca.tanh((at.x.clock - at.p.time) / at.p.width)
 
 

@@ -85,7 +85,7 @@ class Local:
         upper: Upper end of its range, in ``unit``.
         start: Usual value at the start of a run, in ``unit``.
         minus: Name of a state that is subtracted: the place or speed of one body over another.
-        sign: 1, or -1 where the signal of the port counts the other way.
+        sign: 1, or -1 where the signal of the port counts the other way, dimensionless.
     """
 
     source: str
@@ -98,7 +98,7 @@ class Local:
     sign: float = 1.0
 
     def turned(self, sign: float) -> Local:
-        """Return the signal as it is counted the other way, if the sign is negative."""
+        """Return the signal as it is counted the other way, if the sign (a factor) is negative."""
         if sign >= 0.0:
             return self
         return replace(
