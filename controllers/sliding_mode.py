@@ -280,6 +280,7 @@ def design_scheduled_sliding_mode(
 
     Args:
         schedule: The joint over angle and mean pressure, for the known load.
+        kind: One of `KINDS`.
         slope: Decay of the error on the surface, in rad/s.
         unexplained_share: Bound on the jerk as a share of the open valve's, a ratio.
         layer_bandwidth: Pole inside the layer, in rad/s; below the spool's bandwidth.

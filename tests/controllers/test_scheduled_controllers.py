@@ -13,6 +13,7 @@ from controllers.arithmetic import SYMBOLS
 from controllers.joint.schedule import JointSchedule
 from controllers.largest_bandwidth import largest_bandwidth
 from controllers.mpc.along_plan import design_scheduled_mpc
+from controllers.named_state import flat, restored
 from controllers.pid import design_scheduled_pid
 from controllers.sensitivity import peak_sensitivities
 from controllers.sliding_mode import design_scheduled_sliding_mode
@@ -94,14 +95,15 @@ def test_the_fastest_design_keeps_its_margins(
 def test_symbols_agree_with_floats(name: str, schedule: JointSchedule) -> None:
     law = DESIGNS[name](schedule)
     state = law.initial_state((0.5, 4e5, 4e5))
-    z, m, r = ca.SX.sym("z", len(state)), ca.SX.sym("m", 3), ca.SX.sym("r")
-    command, following, _ = law.law(tuple(ca.vertsplit(z)), tuple(ca.vertsplit(m)), (r,), SYMBOLS)
-    function = ca.Function("law", [z, m, r], [ca.vcat(command), ca.vcat(following)])
+    z, m, r = ca.SX.sym("z", len(flat(state))), ca.SX.sym("m", 3), ca.SX.sym("r")
+    symbols = restored(state, ca.vertsplit(z))
+    command, following, _ = law.law(symbols, tuple(ca.vertsplit(m)), (r,), SYMBOLS)
+    function = ca.Function("law", [z, m, r], [ca.vcat(command), ca.vcat(flat(following))])
     rng = np.random.default_rng(1)
     for k in range(60):
         measured = (0.5 + 0.1 * math.sin(0.2 * k), *rng.uniform(2e5, 5e5, 2).tolist())
         wanted = (0.5 if k < 20 else 0.7,)
-        numbers = function(ca.DM(list(state)), ca.DM(list(measured)), wanted[0])
+        numbers = function(ca.DM(flat(state)), ca.DM(list(measured)), wanted[0])
         command, state, _ = law.step(state, measured, wanted)
         assert float(numbers[0]) == pytest.approx(command[0], abs=1e-9)
-        np.testing.assert_allclose(numbers[1].full().ravel(), state, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(numbers[1].full().ravel(), flat(state), rtol=1e-9, atol=1e-9)

@@ -456,7 +456,7 @@ def drives(*roles: str, only: Callable[[Place], bool] = lambda at: True) -> Wher
     offered = {*DRIVES, *roles}
     return each(
         *offered, "heat", "flow", label=by_port,
-        only=lambda at: (at.role in offered or at.commanded) and only(at),
+        only=lambda at: (at.role in offered or at.commanded) and not at.empty and only(at),
     )  # fmt: skip
 
 

@@ -131,6 +131,7 @@ class Place:
             what a sensor reads.
         driven: Whether an input of the model reaches the signal at once.
         commanded: Whether it follows from inputs alone.
+        empty: Whether nothing passes there unless an effect adds it.
         whole: Whether the rate of what it drives or fills is proportional to the signal.
         elastic: Whether the signal is a straight line over the coordinate.
         directed: Whether it is known which way the signal counts beside the speed.
@@ -147,6 +148,7 @@ class Place:
     signals: Mapping[str, Local] = field(default_factory=dict)
     driven: bool = False
     commanded: bool = False
+    empty: bool = False
     whole: bool = False
     elastic: bool = False
     directed: bool = True
@@ -286,6 +288,7 @@ class Survey:
         return Place(
             port, role, signals, self._reached[index],
             commanded=index in self._commanded, shaped=bool(muscle),
+            empty=self.trace.signals[self.trace.signal_names.index(name)].is_zero(),
             parameters=self._entering[index],
             whole=self._whole(index), elastic=role in EFFORTS and elastic, directed=directed,
             output=output, duration=self.duration, sample_time=self.sample_time,

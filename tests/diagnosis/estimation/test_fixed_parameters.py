@@ -26,7 +26,9 @@ def held(model: Model, name: str) -> Model:
 
 def test_what_is_held_widens_the_interval_of_what_scales_with_it() -> None:
     # A gain on the whole force cannot be told from the mass: the mass is as uncertain as the gain.
-    axis = servo_axis().with_effect(gain(("axis.force",), excess=0.0, upper=0.08, name="drive"))
+    axis = servo_axis().with_effect(
+        gain(("axis.force",), excess=0.0, lower=-0.08, upper=0.08, name="drive")
+    )
     seen = made_up(axis, pushes(400, largest=200.0), sample_time=0.01)
     fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
     assert with_fixed_uncertainty(fit, [seen]) is fit
