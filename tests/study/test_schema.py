@@ -21,7 +21,7 @@ BAD: dict[str, tuple[str, str, int, tuple[str, ...]]] = {
     # what is wrong: text, its replacement, line of the mistake after it, words of the sentence
     "unknown key": ('load = "3 kg"', 'lode = "3 kg"', 4, ("'lode'", "did you mean 'load'")),
     "unknown table": ("[plant]", "[plan]", 3, ("'plan'", "did you mean 'plant'")),
-    "unknown unit": ('load = "4 kg"', 'load = "4 kgs"', 7, ("'kgs'", "did you mean 'kg'")),
+    "unknown unit": ('load = "4 kg"', 'load = "4 kgs"', 7, ("'kgs'", "did you mean 'kg s'")),
     "wrong unit": ('load = "3 kg"', 'load = "3 bar"', 4, ("'bar'", "does not measure it")),
     "value outside": ('load = "3 kg"', 'load = "30 kg"', 4, ("30 kg", "0 to 8 kg")),
     "unknown parameter": ("{ load =", "{ lod =", 7, ("'lod'", "did you mean 'load'")),

@@ -240,9 +240,8 @@ def find_limits(
     Example:
         >>> from workbench.study.schema import load_study
         >>> from workbench.study.shipped import shipped_study
-        >>> from dataclasses import replace
         >>> from pathlib import Path
-        >>> study = replace(load_study(shipped_study("arm")), physical_limit=False)
+        >>> study = load_study(shipped_study("arm")).with_limit(False)
         >>> find_limits(study, Store(Path("nowhere"), "0"))
         {}
     """

@@ -123,7 +123,7 @@ def test_the_curve_is_the_law_but_for_constant_and_scale() -> None:
 def test_nothing_is_accepted_where_nothing_is_hidden() -> None:
     found = axis_term(False)
     assert not found.accepted and found.reason
-    assert "free-form term" in str(found)
+    assert "nonparametric term" in str(found)
 
 
 def test_cogging_of_the_arm_is_found_without_its_name(cogging: ArmCase) -> None:

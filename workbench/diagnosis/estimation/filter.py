@@ -48,7 +48,7 @@ class FilterCall:
         return self.results
 
 
-_STEPS, _LONGEST_S = 4, 1e-3
+_STEPS, _LONGEST_S = 10, 1e-3
 """Runge-Kutta steps that a sample gets at least, as long as they are not shorter than this, in s:
 contacts are stiffer than the states that are looked at show."""
 

@@ -75,6 +75,10 @@ MOST_SEARCHES = 3
 _SMALL_LIBRARY = 30
 """Up to so many effects all are refitted, wherever the mismatch was located."""
 
+_BUDGET = 6000
+"""Work that laws beyond the best scores may take together: each costs the square of the number of
+states times that of free parameters. A plant of two states has room for all, the arm for nine."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -185,7 +189,11 @@ def _first_tried(task: Task, scores: Scores) -> tuple[Score, ...]:
     best = max(alone.values(), default=0.0)
     located = {group for group, gain in alone.items() if gain > 0.0 and gain >= 0.5 * best}
     whole = len(scores.scores) <= _SMALL_LIBRARY
+    cost = len(task.base.model.states) ** 2 * (len(task.priors) + 1)
+    most = len(chosen) + _BUDGET // cost
     for s in scores.scores:
+        if len(chosen) >= most:
+            break
         here = whole or any(groups.get(port) in located for port in s.entry.ports)
         if here and not s.entry.stiff and s not in chosen:
             chosen.append(s)
