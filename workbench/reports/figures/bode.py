@@ -44,9 +44,6 @@ def bode(
         # Unwrapping starts anywhere; curves are comparable when all start within one turn.
         degrees -= 360.0 * np.ceil((degrees[0] - 1.0) / 360.0)
         phase.semilogx(hertz, degrees, **line)
-    if not any(np.any(np.abs(response) > 0.0) for response in responses.values()):
-        # A loop that nothing passes has no magnitude that a logarithm could show.
-        magnitude.set_ylim(0.1, 10.0)
     _quarter_turns(phase)
     label(magnitude, y=f"magnitude in {unit}")
     label(phase, x="frequency in Hz", y="phase in °")

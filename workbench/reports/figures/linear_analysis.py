@@ -62,7 +62,8 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
     ]
     for index, (name, own) in enumerate(by_controller(loops).items(), start=1):
         outer = [a for a in own if a.opened and a.opened != _command(own)]
-        if not outer:
+        # A loop that nothing passes has no magnitude that a logarithm could show.
+        if not any(np.any(np.abs(a.response) > 0.0) for a in outer):
             continue
         curves = {a.where: a.response for a in outer}
         margins = [a.disk_margin for a in outer if a.stable]
