@@ -1,6 +1,6 @@
 # `make demo` and `make test` need git, make and Python 3.11 to 3.13; they set up the rest in .venv.
 
-.PHONY: help demo test lint typecheck bench notebooks clean
+.PHONY: help demo test test-long lint typecheck bench notebooks clean
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -31,6 +31,10 @@ demo: $(VENV)/installed
 # pytest comes last, so that its closing line is the last line.
 test: lint typecheck
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal
+
+# Whole diagnoses and redesigns, minutes each.
+test-long: $(VENV)/installed-test
+	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m long
 
 lint: $(VENV)/installed-test
 	$(BIN)/ruff check .

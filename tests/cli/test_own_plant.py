@@ -179,6 +179,7 @@ def test_verify_runs_a_design_of_the_users_own(
 
 
 @pytest.mark.system
+@pytest.mark.long
 def test_refit_and_diagnose(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     hidden = ["--effect", "my_physics:cubic_loss", "-p", "cubic_loss.size=60"]
     for i, height in enumerate((3.0, 5.0, 4.0)):

@@ -12,6 +12,8 @@ from workbench.diagnosis.problem import problem_of_case
 from workbench.recordings.case import read_case
 from workbench.recordings.public_data import public_file
 
+pytestmark = pytest.mark.long
+
 
 def _friction(folder: Path, bar: int) -> tuple[float, float]:
     """Half of push minus pull without what the pressure does, in N, at a speed in m/s."""

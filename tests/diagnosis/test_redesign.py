@@ -24,6 +24,8 @@ from workbench.plants.arm.arm import ARM, arm
 from workbench.plants.registry import PLANTS
 from workbench.verification import Scenario, Sine, verify
 
+pytestmark = pytest.mark.long
+
 BETTER = 0.5
 """Largest error on the improved model, relative to the other two: an honest factor of two."""
 

@@ -12,7 +12,14 @@ FOLDER = Path(__file__).resolve().parents[2] / "notebooks"
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.ipynb")), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path",
+    [
+        # A notebook that diagnoses takes minutes.
+        pytest.param(p, id=p.stem, marks=pytest.mark.long if "recording" in p.stem else ())
+        for p in sorted(FOLDER.glob("*.ipynb"))
+    ],
+)
 def test_notebook_runs(path: Path, tmp_path: Path) -> None:
     notebook = nbformat.read(path, as_version=4)
     code = [cell.source for cell in notebook.cells if cell.cell_type == "code"]

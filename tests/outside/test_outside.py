@@ -118,6 +118,7 @@ def test_every_kind_of_member_serves_in_a_study_and_its_page(tmp_path: Path) -> 
         assert shown in page
 
 
+@pytest.mark.long
 def test_a_law_and_a_format_serve_in_a_diagnosis(tmp_path: Path) -> None:
     logs = [_log(tmp_path, name, seed) for seed, name in enumerate(("a", "b"))]
     _workbench(

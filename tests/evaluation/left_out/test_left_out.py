@@ -7,9 +7,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from workbench.evaluation.left_out.plan import PLAN
 from workbench.evaluation.left_out.run import Row, run, table
 from workbench.physics.library import library
+
+pytestmark = pytest.mark.long
 
 TRIED = {
     "isometric": ("phi_term", "force_shape", "muscle_hysteresis"),

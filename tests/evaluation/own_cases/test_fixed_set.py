@@ -13,6 +13,8 @@ from workbench.evaluation.own_cases.run import made
 from workbench.evaluation.rig.fast import library as compiled
 from workbench.recordings import read_case
 
+pytestmark = pytest.mark.long
+
 PLANNED = {case.name: case for case in plan()}
 
 SILENT = {
