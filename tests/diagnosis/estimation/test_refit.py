@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from workbench.diagnosis.estimation.profile import profile
 
 from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
 from workbench.diagnosis.estimation.prediction_error import Observed
@@ -139,28 +138,3 @@ def test_no_recording_and_mixed_recordings_are_refused() -> None:
     slow = replace(made_up_axis(0), sample_time=0.02)
     with pytest.raises(WorkbenchError, match="same outputs and sample time"):
         refit(axis, [made_up_axis(0), slow])
-
-
-def test_profile_agrees_with_the_interval_where_the_model_is_nearly_linear() -> None:
-    axis = _axis()
-    seen = [_seen(axis, 0)]
-    found = refit(axis, seen, stages=NO_DISTURBANCE)
-    shape = profile(found, seen, "mass")
-    low, high = found.estimate("mass").interval
-    half = 0.5 * (high - low)
-    assert shape.interval[0] == pytest.approx(low, abs=0.25 * half)
-    assert shape.interval[1] == pytest.approx(high, abs=0.25 * half)
-    assert shape.loss.min() == 0.0
-    with pytest.raises(WorkbenchError, match="was not refitted"):
-        profile(found, seen, "stiffness")
-
-
-def test_profile_of_what_the_data_do_not_determine_never_ends() -> None:
-    axis = _axis()
-    rest = replace(
-        _seen(axis, 0), inputs=np.zeros((600, 1)), outputs=np.zeros((600, 1)), start=np.zeros(2)
-    )
-    found = refit(axis, [rest], stages=NO_DISTURBANCE)
-    wide = [widened(p, 100.0) for p in default_priors(axis)]
-    shape = profile(found, [rest], "viscous_friction.coefficient", points=3, priors=wide)
-    assert shape.interval == (-np.inf, np.inf)
