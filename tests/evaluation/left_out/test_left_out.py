@@ -45,6 +45,34 @@ def test_phi_is_found_from_equation_3_on_isometric_ramps(tmp_path: Path) -> None
     assert row.refitted > 100.0 and row.extended < 8.0
 
 
+@pytest.mark.parametrize(
+    ("left_out", "seconds", "name", "before_deg"),
+    [
+        ("changing volume", 6.0, "braid_volume", 1.0),
+        ("energy of the gas", 4.0, "gas_energy_balance", 0.3),
+        ("Coulomb friction", 4.0, "coulomb_friction", 0.05),
+    ],
+)
+def test_what_is_left_out_of_the_arm_is_found_on_its_motion(
+    left_out: str, seconds: float, name: str, before_deg: float, tmp_path: Path
+) -> None:
+    row = diagnosed(left_out, "motion", tmp_path, seconds)
+    assert row.found == (name,) and row.kind in ("named", "named_class")
+    # The refitted plant without it, against the extended one, on held-out recordings.
+    assert row.refitted > before_deg
+    assert row.extended < FLOOR_DEG
+
+
+def test_parameters_imitate_the_flattened_ends(tmp_path: Path) -> None:
+    row = diagnosed("flattened ends", "motion", tmp_path, 4.0)
+    # Found or not, nothing else may be named for it.
+    assert set(row.found) <= {"flattened_ends"} and row.right
+    assert 0.9 < row.collinearity < 0.99
+    # The volume that the ends do not take is made up by the dead volume.
+    assert "dead_volume +" in row.moved
+    assert row.refitted < 0.1
+
+
 def test_every_answer_is_in_the_library_of_its_plant() -> None:
     for case in PLAN:
         names = {entry.name for entry in library(case.nominal())}
