@@ -42,6 +42,15 @@ saturation = Law(
     separated_by="levels on both sides of the limit: below it nothing is changed",
 )
 
+_NAMED = (".inflow", ".outflow")
+"""Endings of flows whose name has their direction: cutting the negative part does nothing."""
+
+
+def _lower_limits(at: Place) -> list[dict[str, float]]:
+    fractions = (0.5, 0.25) if at.name.endswith(_NAMED) else (-1.0, -0.5, 0.5)
+    return [{"limit": k * at.scale} for k in fractions]
+
+
 drive_saturation = replace(
     saturation,
     name="drive_saturation",
@@ -57,7 +66,7 @@ lower_saturation = replace(
     transform=lambda at: (
         at.value + at.p.share * at.face.ramp(at.p.limit - at.value, 0.01 * at.scale)
     ),
-    shapes=lambda at: [{"limit": k * at.scale} for k in (-1.0, -0.5, 0.5)],
+    shapes=_lower_limits,
 )
 
 
@@ -84,9 +93,6 @@ sensor_clipping = replace(
     group="sensor",
     look_alikes=("sensor_gain",),
 )
-
-_NAMED = (".inflow", ".outflow")
-"""Endings of flows whose name has their direction: cutting the negative part does nothing."""
 
 rectification = Law(
     "rectification",

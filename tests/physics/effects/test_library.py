@@ -50,14 +50,15 @@ STATES: dict[str, list[dict[str, float]]] = {
     "servo": [{"position": 0.19, "speed": 0.2}, {"position": -0.0062, "speed": -0.01}],
     "tanks": [{"upper_level": 8.0, "lower_level": 4.02}, {"upper_level": 3.0, "lower_level": 9.51}],
 }  # fmt: skip
-INPUTS = {"arm": [5.9], "servo": [150.0], "tanks": [4.0]}
+# One input for each of these states.
+INPUTS = {"arm": [[5.9]] * 3, "servo": [[150.0]] * 2, "tanks": [[4.0], [0.5]]}
 
 
 def states_of(plant: str) -> list[dict[str, float]]:
     return STATES[plant if plant in STATES else "arm"]
 
 
-def inputs_of(plant: str) -> list[float]:
+def inputs_of(plant: str) -> list[list[float]]:
     return INPUTS[plant if plant in INPUTS else "arm"]
 
 
@@ -78,21 +79,21 @@ class Excited:
     base: Model
     model: Model
     x: list[np.ndarray]
-    u: list[float]
+    u: list[list[float]]
 
 
 def excite(plant: str, entry: Hypothesis) -> Excited:
     base = PLANTS[plant]
     model = base.with_effect(entry.effect)
-    u = inputs_of(plant)
+    inputs = inputs_of(plant)
     n = len(base.states)
     states = []
-    for given in states_of(plant):
+    for given, u in zip(states_of(plant), inputs, strict=True):
         x = model.initial_state(given, u=u)
         own = np.array([q.scale for q in model.states])[n:]
         x[n:] += 0.1 * own * (1.0 + 0.3 * np.arange(len(own)))
         states.append(x)
-    return Excited(entry, base, model, states, u)
+    return Excited(entry, base, model, states, inputs)
 
 
 @pytest.mark.parametrize(("plant", "entry"), CASES)
@@ -110,20 +111,20 @@ def test_zero_size_changes_nothing_and_has_a_derivative(plant: str, entry: Hypot
             "by_size", [trace.x, trace.u, trace.p], [ca.jacobian(everything, trace.p[index])]
         )
         strongest = 0.0
-        for x in case.x:
-            with_effect = case.model.rates(x, case.u, face=face)[:n]
-            without = case.base.rates(x[:n], case.u, face=face)
+        for x, u in zip(case.x, case.u, strict=True):
+            with_effect = case.model.rates(x, u, face=face)[:n]
+            without = case.base.rates(x[:n], u, face=face)
             # Differences of rounding only: forces of 1000 N are added and taken away again.
             np.testing.assert_allclose(
                 with_effect / scale[:n], without / scale[:n], rtol=1e-9, atol=1e-9
             )
             np.testing.assert_allclose(
-                case.model.read(x, case.u, face=face),
-                case.base.read(x[:n], case.u, face=face),
+                case.model.read(x, u, face=face),
+                case.base.read(x[:n], u, face=face),
                 rtol=1e-12,
                 atol=1e-12,
             )
-            slope = np.asarray(by_size(x, case.u, case.model.values)).ravel()
+            slope = np.asarray(by_size(x, u, case.model.values)).ravel()
             assert np.all(np.isfinite(slope))
             strongest = max(strongest, float(np.max(np.abs(slope) / scale)) * entry.typical_size)
         assert strongest > 1e-4, "the derivative at zero size vanishes in every state"
@@ -141,7 +142,7 @@ def test_derivatives_are_finite_also_at_rest(plant: str, entry: Hypothesis) -> N
             derivatives = trace.function(
                 "derivatives", ca.jacobian(everything, trace.x), ca.jacobian(everything, trace.p)
             )
-            for x, u in [(rest, case.base.nominal_input), *((x, case.u) for x in case.x)]:
+            for x, u in [(rest, case.base.nominal_input), *zip(case.x, case.u, strict=True)]:
                 for block in derivatives(x, u, model.values):
                     assert np.all(np.isfinite(np.asarray(block)))
 
@@ -157,8 +158,8 @@ def test_only_stiff_entries_are_fast(plant: str, entry: Hypothesis) -> None:
     )
     fastest = max(
         (
-            float(np.max(np.abs(np.linalg.eigvals(np.asarray(own(x, case.u, model.values))))))
-            for x in case.x
+            float(np.max(np.abs(np.linalg.eigvals(np.asarray(own(x, u, model.values))))))
+            for x, u in zip(case.x, case.u, strict=True)
             if len(x) > n
         ),
         default=0.0,
