@@ -68,8 +68,9 @@ def study_page(outcome: StudyResult) -> Page:
         _requirements(outcome),
         _how(outcome, [figure for figure, found in drawn if found]),
     ]
-    word = "passed" if outcome.passed else "failed"
-    lead = f"{study.description} ".lstrip() + f"The study {word}: {outcome.headline()}."
+    lead = (
+        f"{study.description} ".lstrip() + f"The study {outcome.verdict()}: {outcome.headline()}."
+    )
     if outcome.missed:
         worst = outcome.missed[0]
         lead += (
@@ -77,7 +78,7 @@ def study_page(outcome: StudyResult) -> Page:
             f"{worst.controller} in {worst.scenario} with {worst.variation} {worst.excess()}."
         )
     return Page(
-        f"Study {study.name}: {word}",
+        f"Study {study.name}: {outcome.verdict()}",
         lead,
         tuple(parts),
         facts=(

@@ -91,9 +91,13 @@ class StudyResult:
 
     @property
     def fragile(self) -> tuple[Robustness, ...]:
-        """Controllers whose worst plant misses a hard requirement, where that fails the study."""
-        hard = self.study.box is not None and self.study.box.hard
-        return tuple(r for r in self.robustness if r.worst_score > 1.0) if hard else ()
+        """What misses a hard requirement in the box, where that fails the study."""
+        return self.box_missed if self.study.box is not None and self.study.box.hard else ()
+
+    @property
+    def box_missed(self) -> tuple[Robustness, ...]:
+        """What misses a hard requirement in the box, whether or not that fails the study."""
+        return tuple(r for r in self.robustness if r.missed)
 
     @property
     def passed(self) -> bool:
@@ -101,18 +105,41 @@ class StudyResult:
         return not (self.failed or self.missed or self.worse or self.fragile)
 
     def headline(self) -> str:
-        """Return in one line what was found."""
-        hard = [j for j in self.judgements if j.hard]
-        said = [f"{sum(j.met for j in hard)} of {len(hard)} hard requirements met"]
-        soft = len(self.missed_softly)
+        """Return in one line what was found: nominal, varied, in the box, soft, baseline."""
+        variations = self.study.variations
+        groups: dict[bool, list[Judgement]] = {True: [], False: []}
+        for j in self.judgements:
+            if j.hard:
+                groups[variations[j.variation].nominal].append(j)
+        nominal, varied = groups[True], groups[False]
+        said = [f"{sum(j.met for j in nominal)} of {len(nominal)} hard requirements met nominally"]
+        if varied:
+            said.append(f"{sum(j.met for j in varied)} of {len(varied)} on the variations")
+        if self.robustness:
+            said.append(self._box_words())
+        soft = sum(not j.hard for j in self.judgements)
         if soft:
-            said.append(f"{soft} soft missed")
+            said.append(f"{len(self.missed_softly)} of {soft} soft ones missed")
         if self.failed:
             said.append(f"{len(self.failed)} of {len(self.records)} runs failed")
-        if self.fragile:
-            said.append(f"{len(self.fragile)} controllers miss one at their worst plant")
         if self.baseline is not None:
             said.append(f"{len(self.worse)} worse and {len(self.better)} better than the baseline")
+        return ", ".join(said)
+
+    def _box_words(self) -> str:
+        if not self.box_missed:
+            return "all met in the box"
+        names = "; ".join(f"{r.controller}: {r.why()}" for r in self.box_missed)
+        tail = "" if self.fragile else ", which only informs"
+        return f"box missed by {len(self.box_missed)} of {len(self.robustness)} ({names}){tail}"
+
+    def verdict(self) -> str:
+        """Return "passed" or "failed", with what a pass leaves open."""
+        said = ["passed" if self.passed else "failed"]
+        if self.box_missed:
+            said.append("box missed")
+        if self.missed_softly:
+            said.append(f"{len(self.missed_softly)} soft missed")
         return ", ".join(said)
 
     def table(self) -> dict[str, Any]:
@@ -124,6 +151,7 @@ class StudyResult:
             "study": self.study.name,
             "study_file": self.study.path.name,
             "passed": self.passed,
+            "verdict": self.verdict(),
             "headline": self.headline(),
             "scores": [
                 {

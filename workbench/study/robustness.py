@@ -78,6 +78,7 @@ class Robustness:
         worst: Values of the worst plant by parameter, in SI.
         judgement: The requirement that gives the worst score there, or None.
         failed: Reasons of failed runs.
+        worst_runs: Runs at the worst plant, one per scenario, with their trajectories.
 
     Example:
         >>> "effects" in Robustness.__dataclass_fields__
@@ -94,11 +95,29 @@ class Robustness:
     worst: Mapping[str, float]
     judgement: Judgement | None
     failed: tuple[str, ...] = field(default=())
+    worst_runs: tuple[Record, ...] = ()
 
     @property
     def worst_score(self) -> float:
         """Worst score of the hard requirements, a ratio; 10 stands for 10 and above."""
         return float(self.scores.max())
+
+    @property
+    def missed(self) -> bool:
+        """Whether a plant of the box misses a hard requirement, or a run on it failed."""
+        return self.worst_score > 1.0 or bool(self.failed)
+
+    def why(self) -> str:
+        """Return in words what is missed in the box, and how often."""
+        hard = [p for p in self.probabilities if p.hard]
+        least = min(hard, key=lambda p: p.share, default=None)
+        if least is not None and least.share < 1.0:
+            what = least.requirement.replace("_", " ")
+            return f"{what} holds at {100 * least.share:.0f} % of {self.drawn} plants"
+        if self.worst_score > 1.0 and self.judgement is not None:
+            what = self.judgement.demand.requirement.metric.replace("_", " ")
+            return f"{what} {self.judgement.excess()} at the worst plant"
+        return f"a run failed: {self.failed[0]}" if self.failed else ""
 
     def table(self) -> dict[str, Any]:
         """Return the figures as plain numbers and words."""
@@ -107,6 +126,7 @@ class Robustness:
             "draws": self.drawn,
             "searched": len(self.points) - self.drawn,
             "worst_score": self.worst_score,
+            "missed": self.missed,
             "worst_plant": dict(self.worst),
             "worst_requirement": str(self.judgement) if self.judgement else "",
             "effects_on_score": dict(self.effects),
@@ -168,14 +188,26 @@ def robustness(
         for k, c in enumerate(chosen)
     }
     found = _searches(study, store, chosen, unit, groups, jobs, dask, progress)
-    return tuple(_result(study, c.name, unit, groups[c.name], found[c.name]) for c in chosen)
+    results = [_result(study, c.name, unit, groups[c.name], found[c.name]) for c in chosen]
+    shown = []
+    for c, result in zip(chosen, results, strict=True):
+        worst = np.array(list(result.worst.values()))
+        shown += [replace(t, traces=True) for t in _tasks(study, c, worst, None)]
+    runs = run_tasks(shown, store, jobs=jobs, dask=dask)
+    return tuple(
+        replace(r, worst_runs=tuple(run for run in runs if run.controller == r.controller))
+        for r in results
+    )
 
 
-def _tasks(study: Study, controller: ControllerRecipe, point: Vector, i: int) -> list[Task]:
+def _tasks(study: Study, controller: ControllerRecipe, point: Vector, i: int | None) -> list[Task]:
     assert study.box is not None
     values = zip(study.box.ranges, (float(v) for v in point), strict=True)
     plant = study.plant.varied(parameters=values)
-    label = f"draw {i + 1}" if i < study.box.draws else f"search {i + 1 - study.box.draws}"
+    if i is None:
+        label = "worst plant"
+    else:
+        label = f"draw {i + 1}" if i < study.box.draws else f"search {i + 1 - study.box.draws}"
     return [
         Task(
             controller,

@@ -821,7 +821,7 @@ class _Resolver(TomlTables):
             if key in table:
                 with self.at(path, key):
                     values[key] = int(check_range(key, table[key], lower, upper))
-        return Box(ranges, hard=self.flag(table, "hard", False, path), **values)
+        return Box(ranges, hard=self.flag(table, "hard", True, path), **values)
 
     def report(
         self,

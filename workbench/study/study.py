@@ -177,7 +177,7 @@ class Box:
     draws: int = 20
     search: int = 12
     seed: int = 1
-    hard: bool = False
+    hard: bool = True
 
 
 @dataclass(frozen=True)

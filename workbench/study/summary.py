@@ -12,6 +12,7 @@ from workbench.study.grouped import Group, changes_by_plant, missed_by_plant
 from workbench.study.judgements import Judgement
 from workbench.study.limits import Distance
 from workbench.study.result import StudyResult
+from workbench.study.robustness import Robustness
 from workbench.study.tasks import Record
 from workbench.verification import MetricValue
 from workbench.verification.metrics import columns
@@ -37,10 +38,13 @@ def summary(outcome: StudyResult) -> str:
     """
     study = outcome.study
     mark = "✅" if outcome.passed else "❌"
-    lines = [f"## {mark} {study.name}: {outcome.headline()}", ""]
+    lines = [f"## {mark} {study.name} {outcome.verdict()}: {outcome.headline()}", ""]
     lines += _scores(outcome)
     hard = [(_judged(g), g) for g in missed_by_plant(outcome.missed)]
     lines += _list("Missed", len(outcome.missed), [f"{text}{_also(g)}" for text, g in hard])
+    title = "Missed in the box" if outcome.fragile else "Missed in the box, which only informs"
+    missed = [f"**{r.controller}**: {r.why()}" for r in outcome.box_missed]
+    lines += _list(title, len(missed), missed)
     lines += _list("Failed runs", len(outcome.failed), [_failed(r) for r in outcome.failed])
     if outcome.baseline is not None:
         rest = [c for c in outcome.changes if not c.fails and c.way != "better"]
@@ -86,6 +90,10 @@ def plain_summary(outcome: StudyResult) -> str:
         state = "met" if s.met else "MISSED"
         tail = f"  ({s.judgement})" if s.judgement else ""
         lines.append(f"{s.controller:<20} score {score_text(s.worst):>8}  {state}{tail}")
+    for r in outcome.robustness:
+        state = f"MISSED  ({r.why()})" if r.missed else "met"
+        score = score_text(r.worst_score, capped=True)
+        lines.append(f"{r.controller:<20} box   {score:>8}  {state}")
     for distance in outcome.distances.worst:
         if distance.worst is not None:
             text = f"{distance.controller:<20} {limit_text(distance)}"
@@ -102,7 +110,7 @@ def plain_summary(outcome: StudyResult) -> str:
         lines += [f"{title}: {entry}" for entry in entries[:MOST]]
         if len(entries) > MOST:
             lines.append(f"{title}: and {len(entries) - MOST} more in results.json")
-    word = "passed" if outcome.passed else "FAILED"
+    word = outcome.verdict().replace("failed", "FAILED", 1)
     return "\n".join([*lines, f"{outcome.study.name} {word}: {outcome.headline()}"])
 
 
@@ -124,7 +132,7 @@ def _scores(outcome: StudyResult) -> list[str]:
         box = next((r for r in outcome.robustness if r.controller == s.controller), None)
         rows.append(
             [
-                f"{'✅' if s.met else '❌'} {s.controller}",
+                f"{_mark(outcome, s.met, box)} {s.controller}",
                 score_text(s.worst),
                 f"{s.mean:.2f}",
                 where,
@@ -140,6 +148,12 @@ def _scores(outcome: StudyResult) -> list[str]:
     ]
     note = "Score: metric over limit, the worst of all hard requirements; at most 1 means met."
     return [*_table(head, rows), note, ""]
+
+
+def _mark(outcome: StudyResult, met: bool, box: Robustness | None) -> str:
+    if not met or (box is not None and box in outcome.fragile):
+        return "❌"
+    return "⚠️" if box is not None and box.missed else "✅"
 
 
 def score_text(value: float, *, capped: bool = False) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,7 @@ from workbench.reports.figures.study_traces import nominal_runs, output_of, show
 from workbench.reports.pictures import Picture
 from workbench.reports.style import INK, REFERENCE, colours, key, label, new_figure
 from workbench.study.result import StudyResult
+from workbench.study.tasks import Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -50,6 +51,7 @@ def tracking(
     unit: str,
     command: str,
     error_limit: float | None = None,
+    lines: tuple[str, str] = ("full plant", "linear model"),
 ) -> Drawing:
     """Draw what several controllers did with one reference.
 
@@ -58,6 +60,7 @@ def tracking(
         reference: Reference, shape (n,), in ``unit``.
         unit: Its unit as written.
         command: The command and its unit.
+        lines: What solid and dashed lines show.
         error_limit: Steady error allowed, in ``unit``, drawn as lines about zero error.
 
     Returns:
@@ -87,8 +90,8 @@ def tracking(
     handles.append(Line2D([], [], color=REFERENCE.light, linewidth=1.0, label="reference"))
     if any(trajectory.linear is not None for trajectory in trajectories):
         handles += [
-            Line2D([], [], color=INK.light, linewidth=1.5, label="full plant"),
-            Line2D([], [], color=INK.light, linewidth=1.0, linestyle="--", label="linear model"),
+            Line2D([], [], color=INK.light, linewidth=1.5, label=lines[0]),
+            Line2D([], [], color=INK.light, linewidth=1.0, linestyle="--", label=lines[1]),
         ]
     label(position, y=f"{quantity} in {unit}")
     label(error, y=f"error in {unit}")
@@ -99,9 +102,36 @@ def tracking(
 
 
 def _draw(result: StudyResult, scenario: str, case: str, suffix: str) -> list[Picture]:
-    runs = nominal_runs(result, scenario, case)
+    found = [_picture(result, scenario, case, f"tracking-{suffix}", nominal_runs)]
+    if result.robustness:
+        found.append(_picture(result, scenario, case, f"worst-{suffix}", _worst_runs))
+    return [picture for picture in found if picture is not None]
+
+
+def _worst_runs(result: StudyResult, scenario: str, case: str = "") -> dict[str, Record]:
+    """Return the runs on the worst plant of the box, the nominal output in place of the linear."""
+    nominal = nominal_runs(result, scenario, case)
+    found = {}
+    for own in result.robustness:
+        for run in own.worst_runs:
+            if run.scenario == scenario and run.traces and own.controller in nominal:
+                other = nominal[own.controller].traces
+                beside = {f"linear.{n[7:]}": other[n] for n in other if n.startswith("output.")}
+                found[own.controller] = replace(run, traces={**run.traces, **beside})
+    return found
+
+
+def _picture(
+    result: StudyResult,
+    scenario: str,
+    case: str,
+    name_of_file: str,
+    runs_of: Callable[[StudyResult, str, str], dict[str, Record]],
+) -> Picture | None:
+    runs = runs_of(result, scenario, case)
     if not runs:
-        return []
+        return None
+    worst = runs_of is _worst_runs
     first = next(iter(runs.values())).traces
     command = next(name for name in first if name.startswith("input."))
     inputs = result.study.plant.build().inputs
@@ -130,16 +160,22 @@ def _draw(result: StudyResult, scenario: str, case: str, suffix: str) -> list[Pi
         unit=unit,
         command=f"{command.removeprefix('input.')} in {unit_in}",
         error_limit=limit,
+        lines=("worst plant", "nominal plant") if worst else ("full plant", "linear model"),
     )
     dotted = f" (dotted: ± {limit:g}{unit if unit == '°' else f' {unit}'})" if limit else ""
     linear = any(t.linear is not None for t in trajectories)
-    caption = f"{scenario}, {case or 'nominal plant'}: {name}, error{dotted} and command." + (
-        " Dashed: the same controller on its linear model, with ideal sensors."
+    where = "each controller on its worst plant of the box" if worst else case or "nominal plant"
+    tail = (
+        " Dashed: the same controller on the nominal plant."
+        if worst
+        else " Dashed: the same controller on its linear model, with ideal sensors."
         if linear
         else " No linear run: the plant changes during the run."
     )
-    words = f"{name}, error and command over time of {', '.join(runs)} in {scenario}"
-    return [Picture(f"tracking-{suffix}", figure, caption, words)]
+    caption = f"{scenario}, {where}: {name}, error{dotted} and command.{tail}"
+    place = f"{scenario} on its worst plant" if worst else scenario
+    words = f"{name}, error and command over time of {', '.join(runs)} in {place}"
+    return Picture(name_of_file, figure, caption, words)
 
 
 def _limit(result: StudyResult, scenario: str, unit: str) -> float | None:

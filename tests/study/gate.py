@@ -1,0 +1,77 @@
+"""One finished study that attempts to fool the gate share: runs that nothing changed are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tests.study.small_study import TEXT
+from workbench.study.baseline import write_baseline
+from workbench.study.result import StudyResult, run_study
+from workbench.study.schema import load_study
+
+BOX = """
+[robustness]
+draws = 4
+search = 0
+
+[robustness.box]
+load = [2, 6]
+"""
+
+SINE = """
+[scenarios.sine]
+duration = "1 s"
+settle = "0.1 s"
+
+[scenarios.sine.references.angle]
+kind = "sine"
+unit = "deg"
+mean = 30
+amplitude = 5
+frequency_Hz = 1.0
+
+[[requirements]]
+metric = "rmse"
+limit = 20.0
+unit = "deg"
+scenario = "sine"
+"""
+
+STUDY = TEXT + SINE + BOX
+
+
+@dataclass(frozen=True)
+class Gate:
+    """A finished study and its baseline."""
+
+    folder: Path
+
+    @property
+    def baseline(self) -> Path:
+        """Return the baseline of the unchanged study."""
+        return self.folder / "gate.baseline.json"
+
+    def text(self, *changes: tuple[str, str]) -> str:
+        """Return the text of the study, changed."""
+        text = STUDY
+        for before, after in changes:
+            assert before in text, before
+            text = text.replace(before, after)
+        return text
+
+    def compared(self, *changes: tuple[str, str]) -> StudyResult:
+        """Return what comes of the changed study; only changed runs are done."""
+        path = self.folder / "gate.toml"
+        path.write_text(self.text(*changes), encoding="utf-8")
+        baseline = self.baseline if self.baseline.exists() else None
+        return run_study(load_study(path), self.folder / "out", baseline=baseline)
+
+
+def finished_gate(folder: Path) -> Gate:
+    """Run the study and accept its results."""
+    gate = Gate(folder)
+    first = gate.compared()
+    assert first.passed, first.headline()
+    write_baseline(gate.baseline, first.study.name, first.records)
+    return gate
