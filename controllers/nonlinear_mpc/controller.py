@@ -1,9 +1,10 @@
 """Nonlinear model-predictive control by real-time iteration, on the valve opening.
 
-The prediction is the smooth face of a plant's model, not its linearisation: the flow that depends
-on the pressures, the volumes that change, the moment arms. At each sample an extended Kalman filter
-corrects states x and disturbances w on the rates of some states; with as many of them as sensors
-the estimate at rest agrees with every measurement, so that nothing is left over (no offset). Then
+The prediction is the regularised form of a plant's model, not its linearisation: the flow that
+depends on the pressures, the volumes that change, the moment arms. At each sample an extended
+Kalman filter corrects states x and disturbances w on the rates of some states; with as many of them
+as sensors the estimate at rest agrees with every measurement, so that nothing is left over (no
+offset). Then
 
     sum_j q (y_j - r_j)^2 + v (dy/dt_j - dr/dt_j)^2 + S (u_j - u_{j-1})^2 + softness (eps + eps^2)
     subject to   x_{j+1} = F(x_j, u_j, w),   j = 0 .. N - 1,   x_0 = the estimate

@@ -96,7 +96,7 @@ class Dynamics:
 def dynamics(
     model: Model, disturbed: tuple[str, ...], *, resting: tuple[str, ...] = ()
 ) -> Dynamics:
-    """Write down the smooth rates of a model with its parameters put in.
+    """Write down the regularised rates of a model with its parameters put in.
 
     Args:
         disturbed: Names of the states whose rates are disturbed; w is in scales per second.
@@ -111,7 +111,7 @@ def dynamics(
         >>> dynamics(servo_axis(), ("speed",)).names
         ('position', 'speed')
     """
-    traced = model.smooth
+    traced = model.regularised
     names = [q.name for q in model.states]
     for name in (*disturbed, *resting):
         check_choice("state of the prediction model", name, names)
@@ -207,7 +207,7 @@ def shooting(stage: ca.Function, stages: int) -> ca.Function:
 
 
 def readings(model: Model, sensors: tuple[str, ...]) -> ca.Function:
-    """Build the smooth readings of some sensors in scaled states, with their derivatives.
+    """Build the regularised measurements of some sensors in scaled states, with their derivatives.
 
     Returns:
         Function (z, u) -> (readings in SI, their derivatives by z).
@@ -223,7 +223,7 @@ def readings(model: Model, sensors: tuple[str, ...]) -> ca.Function:
     outputs = [q.name for q in model.outputs]
     for name in sensors:
         check_choice("sensor", name, outputs)
-    traced = model.smooth
+    traced = model.regularised
     size = np.array([q.scale for q in model.states])
     z = ca.SX.sym("z", len(size))
     y = ca.substitute(

@@ -15,7 +15,7 @@ from workbench.diagnosis.selection import refits, search
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model, Parameter, PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis

@@ -17,7 +17,7 @@ from workbench.experiments import (
     open_loop_experiment,
     pulse_train,
 )
-from workbench.model import SMOOTH, Model
+from workbench.model import REGULARISED, Model
 from workbench.plants.arm import arm
 from workbench.plants.arm.volume_effects import constant_volume, printed_volume
 from workbench.simulation import simulate
@@ -114,9 +114,9 @@ def test_ripple_follows_the_load(load: float, dips: int) -> None:
         assert 5.0 <= figures.ripple_frequency <= 7.0  # the mode of the bare arm
 
 
-def test_smooth_face_stays_close_over_the_experiment(nominal: OpenLoopExperiment) -> None:
+def test_regularised_form_stays_close_over_the_experiment(nominal: OpenLoopExperiment) -> None:
     voltage = nominal.trajectory.inputs
-    smooth = simulate(arm(3.0), voltage, sample_time=0.002, face=SMOOTH, check=False)
+    smooth = simulate(arm(3.0), voltage, sample_time=0.002, form=REGULARISED, check=False)
     apart = np.degrees(np.abs(smooth["angle"] - nominal.trajectory["angle"]))
     assert 0.0 < apart.max() < 0.2
 

@@ -111,9 +111,9 @@ def test_linear_slopes_do_not_depend_on_the_swing() -> None:
     assert linearise(point).verdict.swings == ()
 
 
-def test_smooth_face_agrees_next_to_the_kink() -> None:
+def test_regularised_form_agrees_next_to_the_kink() -> None:
     point = at(30.0)
-    exact, smooth = linearise(point), linearise(point, face="smooth")
+    exact, smooth = linearise(point), linearise(point, form="regularised")
     assert scaled(smooth.A) == pytest.approx(scaled(exact.A), rel=2e-2, abs=2.0)
 
 

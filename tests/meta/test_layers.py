@@ -19,11 +19,23 @@ def test_imports_point_downward(path: Path) -> None:
 @pytest.mark.parametrize(
     ("module", "source", "problem"),
     [
-        ("workbench.model.face", "import workbench.physics.gas", "which is not below it"),
-        ("workbench.model.face", "from workbench.physics import gas", "which is not below it"),
-        ("workbench.model.face", "from workbench import physics", "which is not below it"),
-        ("workbench.model.face", "import workbench", "which is not below it"),
-        ("workbench.model.face", "def f():\n    import workbench.cli", "which is not below it"),
+        ("workbench.model.regularisation", "import workbench.physics.gas", "which is not below it"),
+        (
+            "workbench.model.regularisation",
+            "from workbench.physics import gas",
+            "which is not below it",
+        ),
+        (
+            "workbench.model.regularisation",
+            "from workbench import physics",
+            "which is not below it",
+        ),
+        ("workbench.model.regularisation", "import workbench", "which is not below it"),
+        (
+            "workbench.model.regularisation",
+            "def f():\n    import workbench.cli",
+            "which is not below it",
+        ),
         ("workbench.plants.arm", "import controllers.pid", "which is not below it"),
         ("controllers.pid", "from workbench.plants.arm import Arm", "must not know"),
         ("workbench.operating_point", "import workbench.linearisation", "which is not below it"),
@@ -40,8 +52,8 @@ def test_a_wrong_arrow_is_found(module: str, source: str, problem: str) -> None:
 @pytest.mark.parametrize(
     ("module", "source"),
     [
-        ("workbench.physics.gas", "from workbench.model import face\nimport numpy"),
-        ("workbench.model.model", "from workbench.model.face import EXACT"),
+        ("workbench.physics.gas", "from workbench.model import regularisation\nimport numpy"),
+        ("workbench.model.model", "from workbench.model.regularisation import EXACT"),
         ("controllers.mpc.whole_model", "from workbench.linearisation import LinearModel"),
         ("workbench.verification.loop", "import controllers.pid"),
         ("workbench", "from workbench.cli import main"),

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import workbench.model
-from workbench.model import SMOOTH
+from workbench.model import REGULARISED
 from workbench.physics.friction import coulomb_friction
 from workbench.plants import servo_axis as servo_module
 from workbench.plants.arm import arm
@@ -51,11 +51,11 @@ def sample(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray
     return rng.uniform(low, high, (count, 8)), rng.uniform(4.0, 6.0, count)
 
 
-def test_faces_of_the_arm_differ_little_over_its_states(rng: np.random.Generator) -> None:
+def test_forms_of_the_arm_differ_little_over_its_states(rng: np.random.Generator) -> None:
     model = arm(3.0)
     states, voltages = sample(rng, 2000)
     exact = model.exact.rates_function.map(2000)
-    smooth = model.face(SMOOTH).rates_function.map(2000)
+    smooth = model.form(REGULARISED).rates_function.map(2000)
     values = np.tile(model.values[:, None], (1, 2000))
     a = np.asarray(exact(states.T, voltages[None, :], values))
     b = np.asarray(smooth(states.T, voltages[None, :], values))
@@ -68,9 +68,9 @@ def test_faces_of_the_arm_differ_little_over_its_states(rng: np.random.Generator
     assert share.max() > 0.0
 
 
-def test_the_smooth_face_has_finite_derivatives_at_every_kink() -> None:
+def test_the_regularised_form_has_finite_derivatives_at_every_kink() -> None:
     model = arm(3.0)
-    jacobian = model.face(SMOOTH).jacobian_function
+    jacobian = model.form(REGULARISED).jacobian_function
     atmosphere = 101_325.0
     for angle in (0.0, np.radians(60.0), np.radians(30.0)):
         for pressure in (atmosphere, 4e5, 6e5 + atmosphere):

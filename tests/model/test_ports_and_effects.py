@@ -198,7 +198,7 @@ def refusals() -> list[tuple[str, object, str]]:
         ("shape", lambda: tank().rates([1.0, 2.0], [0.0]), "needs 1: level"),
         ("finite", lambda: tank().rates([float("nan")], [0.0]), "not finite"),
         ("input", lambda: tank().rates([1.0], []), "needs 1: inflow"),
-        ("face", lambda: tank().face("smoth"), "did you mean 'smooth'?"),
+        ("form", lambda: tank().form("regularized"), "did you mean 'regularised'?"),
         ("names", lambda: tank(states=(two, two)), "uses the name 'level' twice"),
         ("unit", lambda: State("level", "metre"), "metre"),
         ("not SI", lambda: State("level", "mm"), "SI"),

@@ -1,4 +1,4 @@
-"""ISO 6358 flow: choked limit, laminar end, oddness, ratings, distance of the faces."""
+"""ISO 6358 flow: choked limit, laminar end, oddness, ratings, distance of the forms."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from workbench.model.face import EXACT, SMOOTH, Face
+from workbench.model.regularisation import EXACT, REGULARISED, Form
 from workbench.physics.flow import (
     flow_function,
     iso6358,
@@ -15,14 +15,14 @@ from workbench.physics.flow import (
 )
 
 C, B = 2.9e-8, 0.23
-FACES = pytest.mark.parametrize("face", [EXACT, SMOOTH], ids=["exact", "smooth"])
+FORMS = pytest.mark.parametrize("form", [EXACT, REGULARISED], ids=["exact", "regularised"])
 
 
-@FACES
-def test_choked_flow_does_not_feel_the_downstream_pressure(face: Face) -> None:
-    flows = iso6358(7e5, np.array([0.0, 0.5e5, 1.0e5, 0.229 * 7e5]), 293.15, C, B, face=face)
-    # C rho0 p1; the smooth face is (1 + e^2)^(-1/4) = 0.004 % below
-    assert np.allclose(flows, C * 1.185 * 7e5, rtol=1e-12 if face is EXACT else 5e-5)
+@FORMS
+def test_choked_flow_does_not_feel_the_downstream_pressure(form: Form) -> None:
+    flows = iso6358(7e5, np.array([0.0, 0.5e5, 1.0e5, 0.229 * 7e5]), 293.15, C, B, form=form)
+    # C rho0 p1; the regularised form is (1 + e^2)^(-1/4) = 0.004 % below
+    assert np.allclose(flows, C * 1.185 * 7e5, rtol=1e-12 if form is EXACT else 5e-5)
     assert np.ptp(flows) == pytest.approx(0.0, abs=1e-15)
 
 
@@ -45,51 +45,51 @@ def test_subsonic_flow_of_an_ideal_nozzle_is_near_the_ellipse() -> None:
     assert np.allclose(flow_function(r, critical), exact / peak, rtol=0.015)
 
 
-@FACES
-def test_flow_is_odd(face: Face) -> None:
+@FORMS
+def test_flow_is_odd(form: Form) -> None:
     rng = np.random.default_rng(2)
     pa, pb = rng.uniform(1e5, 7e5, (2, 200))
     ta, tb = rng.uniform(260, 330, (2, 200))
-    there = orifice_flow(pa, pb, ta, tb, C, B, face=face)
-    assert np.allclose(there, -orifice_flow(pb, pa, tb, ta, C, B, face=face), rtol=1e-13)
+    there = orifice_flow(pa, pb, ta, tb, C, B, form=form)
+    assert np.allclose(there, -orifice_flow(pb, pa, tb, ta, C, B, form=form), rtol=1e-13)
     assert np.array_equal(np.sign(there), np.sign(pa - pb))
 
 
-@FACES
-def test_flow_has_one_slope_at_zero(face: Face) -> None:
+@FORMS
+def test_flow_has_one_slope_at_zero(form: Form) -> None:
     p, h = 3e5, 0.1
-    forward = float(orifice_flow(p + h, p, 293.15, 293.15, C, B, face=face)) / h
-    backward = -float(orifice_flow(p - h, p, 293.15, 293.15, C, B, face=face)) / h
+    forward = float(orifice_flow(p + h, p, 293.15, 293.15, C, B, form=form)) / h
+    backward = -float(orifice_flow(p - h, p, 293.15, 293.15, C, B, form=form)) / h
     assert forward == pytest.approx(backward, rel=1e-4)
     x = ca.SX.sym("x")
     slope = ca.Function(
-        "s", [x], [ca.jacobian(orifice_flow(x, p, 293.15, 293.15, C, B, face=face), x)]
+        "s", [x], [ca.jacobian(orifice_flow(x, p, 293.15, 293.15, C, B, form=form), x)]
     )
     assert float(slope(p)) == pytest.approx(forward, rel=1e-4)
     other = ca.Function(
-        "s", [x], [ca.jacobian(orifice_flow(p, x, 293.15, 293.15, C, B, face=face), x)]
+        "s", [x], [ca.jacobian(orifice_flow(p, x, 293.15, 293.15, C, B, form=form), x)]
     )
     assert float(other(p)) == pytest.approx(-forward, rel=1e-4)
 
 
-def test_both_faces_have_the_laminar_slope_at_equal_pressures() -> None:
+def test_both_forms_have_the_laminar_slope_at_equal_pressures() -> None:
     h = 1e-9
     exact = float(flow_function(1 - h, B)) / h
-    smooth = float(flow_function(1 - h, B, face=SMOOTH)) / h
+    smooth = float(flow_function(1 - h, B, form=REGULARISED)) / h
     assert exact == pytest.approx(22.75, abs=0.01)
     assert smooth == pytest.approx(exact, rel=1e-6)
 
 
-def test_exact_face_is_continuous_at_the_laminar_ratio_and_at_the_critical_ratio() -> None:
+def test_exact_form_is_continuous_at_the_laminar_ratio_and_at_the_critical_ratio() -> None:
     for r in (0.995, B):
         assert float(flow_function(r + 1e-12, B)) == pytest.approx(
             float(flow_function(r - 1e-12, B)), abs=1e-9
         )
 
 
-def test_distance_of_the_faces() -> None:
+def test_distance_of_the_forms() -> None:
     r = np.linspace(0.0, 0.999999, 200001)
-    exact, smooth = flow_function(r, B), flow_function(r, B, face=SMOOTH)
+    exact, smooth = flow_function(r, B), flow_function(r, B, form=REGULARISED)
     error = np.abs(smooth / exact - 1)
     assert error.max() == pytest.approx(0.16, abs=0.005)  # 1 - 2^(-1/4), at r = 0.995
     assert error[r < 0.958].max() < 0.005
@@ -97,19 +97,19 @@ def test_distance_of_the_faces() -> None:
     assert np.abs(smooth - exact).max() < 0.019  # of the choked flow
 
 
-@FACES
-def test_every_slope_is_finite(face: Face) -> None:
+@FORMS
+def test_every_slope_is_finite(form: Form) -> None:
     x = ca.SX.sym("x", 2)
-    flow = orifice_flow(x[0], x[1], 290.0, 300.0, C, B, face=face)
+    flow = orifice_flow(x[0], x[1], 290.0, 300.0, C, B, form=form)
     slope = ca.Function("s", [x], [ca.jacobian(flow, x)])
     for pa in (1e3, 1e5, B * 3e5, 2.985e5, 3e5, 3.015e5, 3e5 / B, 5e6):
         assert np.all(np.isfinite(np.array(slope([pa, 3e5]))))
 
 
-@FACES
-def test_flow_grows_with_the_pressure_difference(face: Face) -> None:
+@FORMS
+def test_flow_grows_with_the_pressure_difference(form: Form) -> None:
     pressure = np.linspace(0.5e5, 3e5, 20001)
-    flow = orifice_flow(3e5, pressure, 293.15, 293.15, C, B, face=face)
+    flow = orifice_flow(3e5, pressure, 293.15, 293.15, C, B, form=form)
     assert np.all(np.diff(flow) <= 1e-18)
 
 
@@ -134,16 +134,16 @@ def test_litres_of_the_reference_atmosphere() -> None:
     assert mass_flow_from_litres(60000.0) == pytest.approx(1.185)
 
 
-@FACES
-def test_arrays_and_expressions_agree(face: Face) -> None:
+@FORMS
+def test_arrays_and_expressions_agree(form: Form) -> None:
     x = [ca.SX.sym(n) for n in ("pa", "pb", "ta", "tb")]
-    function = ca.Function("f", x, [orifice_flow(*x, C, B, face=face)])
+    function = ca.Function("f", x, [orifice_flow(*x, C, B, form=form)])
     rng = np.random.default_rng(3)
     pa = rng.uniform(0.9e5, 7e5, 300)
     pb = np.where(rng.random(300) < 0.3, pa * rng.uniform(0.99, 1.01, 300), pa[::-1])
     ta, tb = rng.uniform(260, 330, (2, 300))
-    array = orifice_flow(pa, pb, ta, tb, C, B, face=face)
+    array = orifice_flow(pa, pb, ta, tb, C, B, form=form)
     symbolic = np.array(function(*[v[None, :] for v in (pa, pb, ta, tb)])).ravel()
     assert np.allclose(symbolic, array, rtol=1e-11, atol=1e-18)
-    scalar = orifice_flow(float(pa[5]), float(pb[5]), float(ta[5]), float(tb[5]), C, B, face=face)
+    scalar = orifice_flow(float(pa[5]), float(pb[5]), float(ta[5]), float(tb[5]), C, B, form=form)
     assert float(scalar) == pytest.approx(array[5], rel=1e-12)

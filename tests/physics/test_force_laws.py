@@ -1,4 +1,4 @@
-"""Force laws: printed defects and corrections, published figures, agreement of the faces."""
+"""Force laws: printed defects and corrections, published figures, agreement of the forms."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import least_squares
 
 from workbench.errors import WorkbenchError
-from workbench.model.face import EXACT, SMOOTH
+from workbench.model.regularisation import EXACT, REGULARISED
 from workbench.physics.force_laws import (
     ForceLaw,
     PaperLaw,
@@ -113,27 +113,27 @@ def test_slack_has_one_curvature_on_both_sides_of_zero() -> None:
 
 
 @pytest.mark.parametrize("name", LAWS)
-@pytest.mark.parametrize("face", [EXACT, SMOOTH], ids=["exact", "smooth"])
+@pytest.mark.parametrize("form", [EXACT, REGULARISED], ids=["exact", "regularised"])
 @pytest.mark.parametrize("kind", ["tension", "force"])
-def test_arrays_and_expressions_agree(name: str, face: object, kind: str) -> None:
+def test_arrays_and_expressions_agree(name: str, form: object, kind: str) -> None:
     law: Callable[..., object] = getattr(LAWS[name], kind)
     q, p = np.meshgrid(np.linspace(-0.5e-3, 33e-3, 68), np.linspace(0, 8e5, 9))
-    array = law(q, p, face=face)
+    array = law(q, p, form=form)
     assert np.shape(array) == q.shape
     sx_q, sx_p = ca.SX.sym("q"), ca.SX.sym("p")
-    expression = law(sx_q, sx_p, face=face)
+    expression = law(sx_q, sx_p, form=form)
     function = ca.Function("f", [sx_q, sx_p], [expression])
     # the same operations in another order of evaluation: rounding of a force of 2 kN
     assert np.allclose(np.array(function(q, p)), array, rtol=0, atol=1e-9)
-    scalar = law(float(q[3, 40]), float(p[3, 40]), face=face)
+    scalar = law(float(q[3, 40]), float(p[3, 40]), form=form)
     assert float(scalar) == pytest.approx(np.asarray(array)[3, 40], abs=1e-9)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_slope_is_finite_everywhere_in_range(name: str) -> None:
     q, p = ca.SX.sym("q"), ca.SX.sym("p")
-    for face in (EXACT, SMOOTH):
-        force = LAWS[name].force(q, p, face=face)
+    for form in (EXACT, REGULARISED):
+        force = LAWS[name].force(q, p, form=form)
         slopes = ca.Function("s", [q, p], [ca.jacobian(force, ca.vertcat(q, p))])
         grid = np.array([slopes(a, b) for a in (-5e-4, 0.0, 1.6e-3, PHI_SWITCH, 0.033)
                          for b in (0.0, 1e5, 8e5)])  # fmt: skip
@@ -141,11 +141,11 @@ def test_slope_is_finite_everywhere_in_range(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["corrected", "as_printed"])
-def test_faces_differ_only_around_the_switch_of_phi(name: str) -> None:
+def test_forms_differ_only_around_the_switch_of_phi(name: str) -> None:
     law = LAWS[name]
     assert isinstance(law, PaperLaw)
     q = np.linspace(0, 0.033, 33001)
-    difference = np.abs(law.phi(q, face=SMOOTH) - law.phi(q, face=EXACT))
+    difference = np.abs(law.phi(q, form=REGULARISED) - law.phi(q, form=EXACT))
     near = np.abs(q - law.phi_switch) < 0.05e-3
     assert np.max(difference[~near]) < 1e-12
     # half of the printed jump; the corrected law has only a kink there

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from workbench.model.face import EXACT, SMOOTH
+from workbench.model.regularisation import EXACT, REGULARISED
 from workbench.physics.gas import (
     AIR,
     chamber_rates,
@@ -167,8 +167,8 @@ def test_charging_from_vacuum_heats_by_gamma() -> None:
 
 def test_port_temperature_is_that_of_the_source() -> None:
     flow = np.array([-1e-2, 0.0, 1e-2])
-    for face in (EXACT, SMOOTH):
-        assert np.allclose(port_enthalpy_flow(flow, 290.0, 320.0, face=face), [-3.2, 0.0, 2.9])
+    for form in (EXACT, REGULARISED):
+        assert np.allclose(port_enthalpy_flow(flow, 290.0, 320.0, form=form), [-3.2, 0.0, 2.9])
 
 
 @pytest.mark.parametrize("printed", [False, True])
@@ -185,19 +185,20 @@ def test_arrays_and_expressions_agree(printed: bool) -> None:
     for a, b in zip(numeric, symbolic, strict=True):
         assert np.allclose(a, np.array(b).ravel(), rtol=1e-12)
     flow, out = ca.SX.sym("flow"), np.linspace(-1e-5, 1e-5, 41)
-    for face in (EXACT, SMOOTH):
-        port = ca.Function("h", [flow], [port_enthalpy_flow(flow, 290.0, 320.0, face=face)])
+    for form in (EXACT, REGULARISED):
+        port = ca.Function("h", [flow], [port_enthalpy_flow(flow, 290.0, 320.0, form=form)])
         assert np.allclose(
             np.array(port(out[None, :])).ravel(),
-            port_enthalpy_flow(out, 290.0, 320.0, face=face),
+            port_enthalpy_flow(out, 290.0, 320.0, form=form),
             rtol=1e-12, atol=1e-18,
         )  # fmt: skip
 
 
-def test_faces_of_the_port_differ_only_around_zero_flow() -> None:
+def test_forms_of_the_port_differ_only_around_zero_flow() -> None:
     flow = np.linspace(-1e-4, 1e-4, 2001)
     difference = np.abs(
-        port_enthalpy_flow(flow, 290.0, 320.0, face=SMOOTH) - port_enthalpy_flow(flow, 290.0, 320.0)
+        port_enthalpy_flow(flow, 290.0, 320.0, form=REGULARISED)
+        - port_enthalpy_flow(flow, 290.0, 320.0)
     )
     assert np.all(difference[np.abs(flow) > 1.01e-6] < 1e-15)
     assert difference.max() < 30.0 * 1e-6  # of 3 at full flow

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 from workbench.errors import WorkbenchError
-from workbench.model.face import EXACT, SMOOTH, Face
+from workbench.model.regularisation import EXACT, REGULARISED, Form
 from workbench.physics.force_laws import Sarosi, TonduLopez
 from workbench.physics.force_polynomials import pressure_gain
 from workbench.physics.muscle_volume import BraidedCylinder
@@ -131,28 +131,28 @@ def test_virtual_work_of_the_cylinder_is_the_law_of_tondu_and_lopez() -> None:
 
 
 @pytest.mark.parametrize("muscle", [MUSCLE, PRINTED], ids=["corrected", "as_printed"])
-@pytest.mark.parametrize("face", [EXACT, SMOOTH], ids=["exact", "smooth"])
-def test_slope_is_the_derivative_of_the_volume(muscle: BraidedCylinder, face: Face) -> None:
+@pytest.mark.parametrize("form", [EXACT, REGULARISED], ids=["exact", "regularised"])
+def test_slope_is_the_derivative_of_the_volume(muscle: BraidedCylinder, form: Form) -> None:
     s = ca.SX.sym("s")
-    volume = muscle.volume(s, face=face)
-    function = ca.Function("v", [s], [volume, ca.jacobian(volume, s), muscle.slope(s, face=face)])
+    volume = muscle.volume(s, form=form)
+    function = ca.Function("v", [s], [volume, ca.jacobian(volume, s), muscle.slope(s, form=form)])
     lengths = np.concatenate([np.linspace(0.1995, 0.2005, 101), np.linspace(0.165, 0.1995, 36)])
     value, automatic, closed = (np.array(v).ravel() for v in function(lengths[None, :]))
-    assert np.allclose(value, muscle.volume(lengths, face=face), rtol=1e-12)
-    assert np.allclose(closed, muscle.slope(lengths, face=face), rtol=1e-12)
+    assert np.allclose(value, muscle.volume(lengths, form=form), rtol=1e-12)
+    assert np.allclose(closed, muscle.slope(lengths, form=form), rtol=1e-12)
     assert np.allclose(automatic, closed, rtol=1e-9)
 
 
-@pytest.mark.parametrize("face", [EXACT, SMOOTH], ids=["exact", "smooth"])
-def test_slope_is_finite_and_continuous_at_the_nominal_length(face: Face) -> None:
+@pytest.mark.parametrize("form", [EXACT, REGULARISED], ids=["exact", "regularised"])
+def test_slope_is_finite_and_continuous_at_the_nominal_length(form: Form) -> None:
     # q = 0.04 mm at the stop, and less than zero while the stop is compressed
     contraction = np.array([-0.5e-3, -1e-9, 0.0, 1e-9, 0.04e-3])
-    slope = np.asarray(MUSCLE.slope(0.2 - contraction, face=face))
+    slope = np.asarray(MUSCLE.slope(0.2 - contraction, form=form))
     assert np.all(np.isfinite(slope))
     # The ends take away pi h |dh^2/ds|, zero at d = d0: 0.3 % at q = 0.04 mm.
     assert np.allclose(slope / slope[2], 1.0, atol=0.01)
     s = ca.SX.sym("s")
-    second = ca.Function("c", [s], [ca.jacobian(ca.jacobian(MUSCLE.volume(s, face=face), s), s)])
+    second = ca.Function("c", [s], [ca.jacobian(ca.jacobian(MUSCLE.volume(s, form=form), s), s)])
     assert np.all(np.isfinite([float(second(0.2 - q)) for q in contraction]))
 
 
@@ -163,12 +163,12 @@ def test_printed_slope_grows_without_bound_towards_the_nominal_length() -> None:
     assert slopes[2] / slopes[1] == pytest.approx(10**0.5, rel=0.03)
 
 
-def test_faces_agree_but_within_20_micrometre_of_the_nominal_length() -> None:
+def test_forms_agree_but_within_20_micrometre_of_the_nominal_length() -> None:
     contraction = np.linspace(0.03e-3, 33e-3, 1001)
     s = 0.2 - contraction
-    assert np.allclose(MUSCLE.volume(s, face=SMOOTH), MUSCLE.volume(s), rtol=1e-9)
+    assert np.allclose(MUSCLE.volume(s, form=REGULARISED), MUSCLE.volume(s), rtol=1e-9)
     near = 0.2 - np.linspace(-0.05e-3, 0.05e-3, 201)
-    difference = np.abs(MUSCLE.volume(near, face=SMOOTH) - MUSCLE.volume(near))
+    difference = np.abs(MUSCLE.volume(near, form=REGULARISED) - MUSCLE.volume(near))
     assert difference.max() < 1e-11  # m^3, of 6e-5
 
 

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from workbench.model.face import EXACT, SMOOTH, Expression, Face
+from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.physics.valve_curve import (
     LINEAR,
     OPENING_FRACTION,
@@ -14,7 +14,7 @@ from workbench.physics.valve_curve import (
     opening,
 )
 
-FACES = pytest.mark.parametrize("face", [EXACT, SMOOTH], ids=["exact", "smooth"])
+FORMS = pytest.mark.parametrize("form", [EXACT, REGULARISED], ids=["exact", "regularised"])
 
 
 def test_curve_is_interpolated_by_straight_lines() -> None:
@@ -39,39 +39,39 @@ def test_linear_valve() -> None:
     assert np.allclose(opening(v, curve=LINEAR), np.clip(v / 5, 0, 1))
 
 
-@FACES
-def test_curve_is_monotone(face: Face) -> None:
-    f = np.asarray(opening(np.linspace(-5, 5, 10001), face=face))
+@FORMS
+def test_curve_is_monotone(form: Form) -> None:
+    f = np.asarray(opening(np.linspace(-5, 5, 10001), form=form))
     assert np.all(np.diff(f) > -1e-15)
 
 
-def test_distance_of_the_faces() -> None:
+def test_distance_of_the_forms() -> None:
     v = np.linspace(-0.2, 6.0, 62001)
-    difference = np.abs(opening(v, face=SMOOTH) - opening(v))
+    difference = np.abs(opening(v, form=REGULARISED) - opening(v))
     near = np.min(np.abs(v[:, None] - np.array(OPENING_V)), axis=1) < 0.04 + 1e-9
     assert difference[~near].max() < 1e-12
     # 3/16 of the half-width times the change of slope, at most 0.3 per volt below 4.5 V
     assert difference.max() < 3 / 16 * 0.04 * 0.31
 
 
-def _signed(v: Expression, face: Face) -> Expression:
+def _signed(v: Expression, form: Form) -> Expression:
     """Opening with the sign of the voltage."""
-    return opening(v, face=face) - opening(-v, face=face)
+    return opening(v, form=form) - opening(-v, form=form)
 
 
 def test_smooth_curve_has_a_gain_at_the_centre() -> None:
     # The two halves add up: the signed curve passes the centre with the slope of its first line.
     v = ca.SX.sym("v")
-    slope = ca.Function("s", [v], [ca.jacobian(_signed(v, SMOOTH), v)])
+    slope = ca.Function("s", [v], [ca.jacobian(_signed(v, REGULARISED), v)])
     assert float(slope(0.0)) == pytest.approx(0.02)
     exact = ca.Function("s", [v], [ca.jacobian(_signed(v, EXACT), v)])
     assert float(exact(0.0)) == pytest.approx(0.02)
 
 
-@FACES
-def test_arrays_and_expressions_agree(face: Face) -> None:
+@FORMS
+def test_arrays_and_expressions_agree(form: Form) -> None:
     x = ca.SX.sym("x")
     grid = np.linspace(-6, 6, 601)
-    function = ca.Function("f", [x], [opening(x, face=face)])
+    function = ca.Function("f", [x], [opening(x, form=form)])
     symbolic = np.array(function(grid[None, :])).ravel()
-    assert np.allclose(symbolic, opening(grid, face=face), atol=1e-12)
+    assert np.allclose(symbolic, opening(grid, form=form), atol=1e-12)

@@ -77,7 +77,7 @@ def bristles(stiffness: float, level: float = 20.0) -> Effect:
         at = effect.at["axis.force"]
         v = at.signals.speed
         z = effect.x.deflection
-        return {"deflection": v - effect.p.stiffness * at.face.absolute(v, 1e-6) * z / level}
+        return {"deflection": v - effect.p.stiffness * at.form.absolute(v, 1e-6) * z / level}
 
     return Effect(
         "bristles",

@@ -66,7 +66,7 @@ def test_the_arm_is_slower_than_its_torque_allows_and_the_exact_plant_follows(
     bound = torque_limited_time(plant, start, end - limit.band)
     # Muscles cannot be filled at once, so the bound is missed by some 10 ms at least.
     assert bound + 0.005 < limit.seconds < 1.4 * bound
-    # 24 intervals of some 8 ms; the smooth face has up to 16 % less flow next to equal pressures.
+    # 24 intervals of some 8 ms; regularised, flow next to equal pressures is up to 16 % less.
     assert limit.position_error < math.radians(0.5)
     assert limit.end_speed < math.radians(5.0)
     assert np.all((limit.inputs >= -1e-6) & (limit.inputs <= 10.0 + 1e-6))

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from workbench.model import EXACT, Face, Model
+from workbench.model import EXACT, Form, Model
 from workbench.operating_point import Derivatives
 
 Vector = npt.NDArray[np.float64]
 
 
-def to_iosystem(model: Model, *, face: Face = EXACT) -> Any:
+def to_iosystem(model: Model, *, form: Form = EXACT) -> Any:
     """Return a model as a ``control.NonlinearIOSystem`` with its names.
 
     python-control interpolates inputs linearly between samples, while a controller holds them: a
@@ -31,7 +31,7 @@ def to_iosystem(model: Model, *, face: Face = EXACT) -> Any:
     """
     import control as ct
 
-    at = Derivatives(model, face)
+    at = Derivatives(model, form)
     p, n = model.values, len(model.states)
 
     def update(_t: float, x: Vector, u: Vector, _params: object) -> Vector:

@@ -14,7 +14,7 @@ from workbench.linearisation.kinks import find_kinks
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.matrices import check_amplitude, slope_over_swing, speeds
 from workbench.linearisation.validity import Swing, Validity
-from workbench.model import EXACT, ActuatorCurve, Face
+from workbench.model import EXACT, ActuatorCurve, Form
 from workbench.operating_point import OperatingPoint, derivatives_of
 
 Vector = npt.NDArray[np.float64]
@@ -25,7 +25,7 @@ def linearise(
     *,
     input: str = "plant",  # noqa: A002 -- The word of the field.
     amplitude: Mapping[str, float] | None = None,
-    face: Face | str = EXACT,
+    form: Form | str = EXACT,
     verdict: bool = True,
 ) -> LinearModel:
     """Linearise a model at an operating point.
@@ -42,7 +42,7 @@ def linearise(
         amplitude: Swing of states by name over which slopes are taken, in SI; by default every
             state that is the rate of another swings over its scale. ``{}`` for the slopes at the
             point.
-        face: Exact equations, or smooth ones, whose slope at a kink is the same from both sides.
+        form: Exact equations, or regularised ones, whose slope at a kink is one from both sides.
         verdict: Whether to look for kinks and prepare the verdict; its simulated part is computed
             when it is first asked for.
 
@@ -71,13 +71,13 @@ def linearise(
     curve = None if input == "plant" else op.model.traits.curve(input)
     point = op if curve is None else _straightened(op, curve)
     model = point.model
-    at = derivatives_of(model, model_face(face))
+    at = derivatives_of(model, model_form(form))
     p = model.values
     jacobian = at(point.x, point.u, p)[1]
     if not np.isfinite(jacobian).all():
         raise WorkbenchError(
             f"the derivatives of {model.name!r} are not finite at this operating point; move it a"
-            " little, or linearise the smooth face"
+            " little, or linearise the regularised form"
         )
     wanted = speeds(model, jacobian) if amplitude is None else check_amplitude(model, amplitude)
     swings = []
@@ -104,23 +104,23 @@ def linearise(
     return replace(linear, verdict=Validity(linear, kinks, tuple(swings)))
 
 
-def model_face(face: Face | str) -> Face:
-    """Return the face that a word or a face stands for.
+def model_form(form: Form | str) -> Form:
+    """Return the form that a word or a form stands for.
 
     Args:
-        face: `EXACT`, `SMOOTH`, ``"exact"`` or ``"smooth"``.
+        form: `EXACT`, `REGULARISED`, ``"exact"`` or ``"regularised"``.
 
     Raises:
         WorkbenchError: If the word is neither.
 
     Example:
-        >>> model_face("smooth").smooth
+        >>> model_form("regularised").regularised
         True
     """
-    if isinstance(face, Face):
-        return face
-    check_choice("face", face, ("exact", "smooth"))
-    return Face(smooth=face == "smooth")
+    if isinstance(form, Form):
+        return form
+    check_choice("form", form, ("exact", "regularised"))
+    return Form(regularised=form == "regularised")
 
 
 def _straightened(op: OperatingPoint, curve: ActuatorCurve) -> OperatingPoint:

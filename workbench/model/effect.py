@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from workbench.errors import WorkbenchError, check_choice
-from workbench.model.face import Expression
 from workbench.model.quantities import Parameter, State
+from workbench.model.regularisation import Expression
 from workbench.model.scope import EffectView, PortView
 
 

@@ -14,8 +14,8 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError, check_choice, check_finite
 from workbench.model.effect import Effect
-from workbench.model.face import EXACT, SMOOTH, Expression, Face
 from workbench.model.quantities import Input, Output, Parameter, Quantity, State
+from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.model.scope import Names, Port
 from workbench.model.trace import Equations, Trace, trace
 from workbench.model.traits import Traits
@@ -86,26 +86,26 @@ class Model:
         return trace(self, EXACT)
 
     @cached_property
-    def smooth(self) -> Trace:
+    def regularised(self) -> Trace:
         """The equations with rounded kinks, for prediction and derivatives."""
-        return trace(self, SMOOTH)
+        return trace(self, REGULARISED)
 
     def __getstate__(self) -> dict[str, object]:
         """Leave the written-down equations out: another process writes them down again."""
-        return {k: v for k, v in self.__dict__.items() if k not in ("exact", "smooth")}
+        return {k: v for k, v in self.__dict__.items() if k not in ("exact", "regularised")}
 
-    def face(self, face: Face | str) -> Trace:
-        """Return one face of the equations.
+    def form(self, form: Form | str) -> Trace:
+        """Return one form of the equations.
 
         Args:
-            face: `EXACT`, `SMOOTH`, ``"exact"`` or ``"smooth"``.
+            form: `EXACT`, `REGULARISED`, ``"exact"`` or ``"regularised"``.
 
         Raises:
-            WorkbenchError: If the face is unknown.
+            WorkbenchError: If the form is unknown.
         """
-        name = face if isinstance(face, str) else ("smooth" if face.smooth else "exact")
-        check_choice("face", name, ("exact", "smooth"))
-        return self.smooth if name == "smooth" else self.exact
+        name = form if isinstance(form, str) else ("regularised" if form.regularised else "exact")
+        check_choice("form", name, ("exact", "regularised"))
+        return self.regularised if name == "regularised" else self.exact
 
     @property
     def ports(self) -> tuple[Port, ...]:
@@ -217,7 +217,9 @@ class Model:
         # The symbolic equations do not depend on parameter values: writing them again is waste.
         model = copy.copy(self)
         object.__setattr__(model, "parameters", changed)
-        model.__dict__.update({k: v for k, v in self.__dict__.items() if k in ("exact", "smooth")})
+        model.__dict__.update(
+            {k: v for k, v in self.__dict__.items() if k in ("exact", "regularised")}
+        )
         return model
 
     def rates(
@@ -225,7 +227,7 @@ class Model:
         x: npt.ArrayLike,
         u: npt.ArrayLike,
         *,
-        face: Face | str = EXACT,
+        form: Form | str = EXACT,
         values: npt.ArrayLike | None = None,
     ) -> Vector:
         """Compute the rates of the states.
@@ -241,14 +243,14 @@ class Model:
         Raises:
             WorkbenchError: If a shape is wrong or a number is not finite.
         """
-        return self._call(self.face(face).rates_function, x, u, values)
+        return self._call(self.form(form).rates_function, x, u, values)
 
     def read(
         self,
         x: npt.ArrayLike,
         u: npt.ArrayLike,
         *,
-        face: Face | str = EXACT,
+        form: Form | str = EXACT,
         values: npt.ArrayLike | None = None,
     ) -> Vector:
         """Compute what the sensors would read, without noise and quantisation.
@@ -264,10 +266,10 @@ class Model:
         Raises:
             WorkbenchError: If a shape is wrong or a number is not finite.
         """
-        return self._call(self.face(face).outputs_function, x, u, values)
+        return self._call(self.form(form).outputs_function, x, u, values)
 
     def signals(
-        self, x: npt.ArrayLike, u: npt.ArrayLike, *, face: Face | str = EXACT
+        self, x: npt.ArrayLike, u: npt.ArrayLike, *, form: Form | str = EXACT
     ) -> dict[str, float]:
         """Compute every port and published signal of the model at one instant.
 
@@ -281,7 +283,7 @@ class Model:
         Raises:
             WorkbenchError: If a shape is wrong or a number is not finite.
         """
-        traced = self.face(face)
+        traced = self.form(form)
         values = self._call(traced.signals_function, x, u, None)
         return dict(zip(traced.signal_names, values.tolist(), strict=True))
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from workbench.errors import WorkbenchError, check_choice
-from workbench.model.face import Expression, Face
+from workbench.model.regularisation import Expression, Form
 from workbench.model.units import parse_unit
 
 
@@ -128,7 +128,7 @@ class PortView:
         signals: Local signals of the port, by name, in SI.
         p: The effect's own parameters, by their short names, in SI.
         x: The effect's own states, by their short names, in SI.
-        face: Exact or smooth functions.
+        form: Exact or regularised functions.
         scale: Typical size of the signal, in the port's unit.
         known: States and inputs of the model, by name, in SI.
         parameters: Parameters of the model, by name, in SI.
@@ -141,7 +141,7 @@ class PortView:
     signals: Names
     p: Names
     x: Names
-    face: Face
+    form: Form
     scale: float = 1.0
     known: Names = field(default_factory=lambda: Names("state or input", {}))
     parameters: Names = field(default_factory=lambda: Names("parameter", {}))
@@ -160,7 +160,7 @@ class EffectView:
     Args:
         p: The effect's own parameters, by their short names, in SI.
         x: The effect's own states, by their short names, in SI.
-        face: Exact or smooth functions.
+        form: Exact or regularised functions.
         at: What the effect saw at each of its ports, by the port's name.
         values: Final value of every port of the model and of every published signal, by name, in
             SI.
@@ -168,7 +168,7 @@ class EffectView:
 
     p: Names
     x: Names
-    face: Face
+    form: Form
     at: Mapping[str, PortView]
     values: Names
 
@@ -189,7 +189,7 @@ class Scope:
         x: States, by name, in SI.
         u: Inputs, by name, in SI.
         p: Parameters, by name, in SI.
-        face: Exact or smooth versions of kinked functions.
+        form: Exact or regularised versions of kinked functions.
         transform: Applies the attached effects to the signal of a port; none by default.
         ports: The ports opened so far, in the order of the equations.
         values: Final value of every port and published signal so far, by name, in its SI unit.
@@ -197,7 +197,7 @@ class Scope:
         ranges: The ranges given to published signals so far.
 
     Example:
-        >>> from workbench.model.face import EXACT
+        >>> from workbench.model.regularisation import EXACT
         >>> scope = Scope(Names("state", {}), Names("input", {}), Names("parameter", {}), EXACT)
         >>> scope.port("joint.torque", 2.0, unit="N m", scale=10.0)
         2.0
@@ -208,7 +208,7 @@ class Scope:
     x: Names
     u: Names
     p: Names
-    face: Face
+    form: Form
     transform: Transform = field(default=lambda port, value, signals: value)
     ports: list[Port] = field(default_factory=list)
     values: dict[str, Expression] = field(default_factory=dict)

@@ -11,8 +11,8 @@ import casadi as ca
 
 from workbench.errors import WorkbenchError
 from workbench.model.effect import Effect
-from workbench.model.face import Expression, Face
 from workbench.model.quantities import Quantity
+from workbench.model.regularisation import Expression, Form
 from workbench.model.scope import EffectView, Names, Port, PortView, Scope, ValidRange
 from workbench.model.traits import LEFT_OUT, Traits
 
@@ -60,7 +60,7 @@ class Written(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One face of a model's equations as CasADi expressions.
+    """One form of a model's equations as CasADi expressions.
 
     Args:
         x: Symbols of the states in the model's order, shape (n_states, 1), in SI.
@@ -154,7 +154,7 @@ class Trace:
         )
 
 
-def trace(model: Written, face: Face) -> Trace:
+def trace(model: Written, form: Form) -> Trace:
     """Write the equations of a model down with CasADi symbols.
 
     Raises:
@@ -199,7 +199,7 @@ def trace(model: Written, face: Face) -> Trace:
                     signals,
                     own["parameter"][effect.name],
                     own["state"][effect.name],
-                    face,
+                    form,
                     port.scale,
                     known,
                     Names("parameter", symbols["parameter"]),
@@ -214,7 +214,7 @@ def trace(model: Written, face: Face) -> Trace:
             Names("state", symbols["state"]),
             Names("input", inputs),
             Names("parameter", symbols["parameter"]),
-            face=face,
+            form=form,
             transform=transform,
         )
 
@@ -242,7 +242,7 @@ def trace(model: Written, face: Face) -> Trace:
         view = EffectView(
             own["parameter"][effect.name],
             own["state"][effect.name],
-            face,
+            form,
             seen[effect.name],
             values,
         )

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from workbench.model import Face, Model, Trace
+from workbench.model import Form, Model, Trace
 
 Vector = npt.NDArray[np.float64]
 
@@ -19,11 +19,11 @@ _LOCAL = threading.local()
 
 
 class Derivatives:
-    """Evaluates rates and readings of one face of a model with their automatic derivatives.
+    """Evaluates rates and readings of one form of a model with their automatic derivatives.
 
     Args:
         model: The plant.
-        face: Exact or smooth equations. On a kink the exact face gives the mean of both sides
+        form: Exact or regularised equations. On a kink the exact form gives the mean of both sides
             where the kink is a maximum or minimum.
 
     Example:
@@ -36,9 +36,9 @@ class Derivatives:
         ([0.0, 1.0, 0.0], (3, 3))
     """
 
-    def __init__(self, model: Model, face: Face) -> None:
+    def __init__(self, model: Model, form: Form) -> None:
         """Build the functions, or take those built for the same equations before."""
-        traced = model.face(face)
+        traced = model.form(form)
         self.n_x, self.n_u, self.n_p = traced.x.numel(), traced.u.numel(), traced.p.numel()
         self._values = _Buffer(_values_function(traced))
         self._both = _Buffer(_both_function(traced))
@@ -71,7 +71,7 @@ class Derivatives:
         return table[:, 0], table[:, 1:]
 
 
-def derivatives_of(model: Model, face: Face) -> Derivatives:
+def derivatives_of(model: Model, form: Form) -> Derivatives:
     """Return the derivatives of a model, built once for the same equations.
 
     Example:
@@ -84,9 +84,9 @@ def derivatives_of(model: Model, face: Face) -> Derivatives:
     # Buffers are written to during a call, so each thread has its own.
     if not hasattr(_LOCAL, "known"):
         _LOCAL.known = WeakKeyDictionary()
-    traced = model.face(face)
+    traced = model.form(form)
     if traced not in _LOCAL.known:
-        _LOCAL.known[traced] = Derivatives(model, face)
+        _LOCAL.known[traced] = Derivatives(model, form)
     return cast(Derivatives, _LOCAL.known[traced])
 
 

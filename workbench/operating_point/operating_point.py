@@ -121,7 +121,7 @@ def operating_point(
     """Find the states and inputs at which a model rests with given values.
 
     Solves ``f(x, u) = drift d`` and ``value = given`` by Newton's method on the exact equations
-    with automatic derivatives, helped by the smooth equations where that fails.
+    with automatic derivatives, helped by the regularised equations where that fails.
 
     A name of ``given`` may also be a sum that the plant declares to drift, such as
     ``mean_pressure`` of the arm: it is then prescribed, everything else rests, and its drift is

@@ -1,4 +1,4 @@
-"""The trim itself: a scaled Newton method with bounds, first on the smooth, then on the exact face.
+"""The trim itself: a scaled Newton method with bounds, regularised first, then exact.
 
 Unknown are all states, all inputs and, where one is allowed, the drift. Each step is the shortest
 one in scaled variables, so that whatever the equations leave open stays where the search started.
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from workbench.model import EXACT, SMOOTH, Face, Input, Model, State
+from workbench.model import EXACT, REGULARISED, Form, Input, Model, State
 from workbench.model.traits import bound_value
 from workbench.operating_point.derivatives import derivatives_of
 
@@ -119,13 +119,13 @@ def solve(problem: Problem, x: Vector, u: Vector, *, robust: bool = True) -> Sol
     z, steps = exact.newton(z0)
     if exact.error(z) > RESIDUAL_TOLERANCE:
         # The rounded kinks guide the search, the exact equations then finish it.
-        start, more = _Equations(problem, SMOOTH).newton(z0)
+        start, more = _Equations(problem, REGULARISED).newton(z0)
         better, last = exact.newton(start)
         steps += more + last
         if exact.error(better) < exact.error(z):
             z = better
     if robust and exact.error(z) > RESIDUAL_TOLERANCE:
-        better, more = exact.newton(_Equations(problem, SMOOTH).least_squares(z))
+        better, more = exact.newton(_Equations(problem, REGULARISED).least_squares(z))
         steps += more
         if exact.error(better) < exact.error(z):
             z = better
@@ -133,12 +133,12 @@ def solve(problem: Problem, x: Vector, u: Vector, *, robust: bool = True) -> Sol
 
 
 class _Equations:
-    """The equations of a trim on one face, in scaled variables."""
+    """The equations of a trim on one form, in scaled variables."""
 
-    def __init__(self, problem: Problem, face: Face) -> None:
+    def __init__(self, problem: Problem, form: Form) -> None:
         self.problem = problem
         model = problem.model
-        self.at = derivatives_of(model, face)
+        self.at = derivatives_of(model, form)
         self.p = model.values
         self.n_x, self.n_u = len(model.states), len(model.inputs)
         self.drifts = bool(np.any(problem.drift_direction))

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Fit, Law, size, twins
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.physics.place import Survey
@@ -21,7 +21,7 @@ def _constant(survey: Survey) -> Iterator[Fit]:
 
 
 def _braid(at: PortView) -> Expression:
-    volume = _BRAID.volume(at.signals.fibre_length, face=at.face)
+    volume = _BRAID.volume(at.signals.fibre_length, form=at.form)
     return at.value + at.p.share * (volume - at.value)
 
 
@@ -38,7 +38,7 @@ braid_volume = Law(
 
 
 def _ends(at: PortView) -> Expression:
-    return at.value + at.p.share * _BRAID.end_flattening(at.signals.fibre_length, face=at.face)
+    return at.value + at.p.share * _BRAID.end_flattening(at.signals.fibre_length, form=at.form)
 
 
 # V = V - share (2 pi / 3) h^3, with h the height of a flattened end.

@@ -7,7 +7,7 @@ constants: a standard linear solid.
 from __future__ import annotations
 
 from workbench.model import PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, each, first_of, shape, size, twins
 from workbench.physics.place import EFFORTS
 

@@ -1,6 +1,6 @@
 """Dead band: a signal must pass a threshold before anything happens; beyond, it is shifted.
 
-At zero width it is the identity on both faces, and the derivative by the width is minus the sign
+At zero width it is the identity on both forms, and the derivative by the width is minus the sign
 of the distance from the centre.
 """
 
@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Fit, Law, Own, drives, each, shape, size
 from workbench.physics.place import Place, Survey
 
 
 def _shifted(at: PortView) -> Expression:
     e, corner = at.value - at.p.centre, 0.02 * at.scale
-    above = at.face.ramp(e - at.p.half_width, corner)
-    below = at.face.ramp(-e - at.p.half_width, corner)
+    above = at.form.ramp(e - at.p.half_width, corner)
+    below = at.form.ramp(-e - at.p.half_width, corner)
     return at.p.centre + above - below
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Fit, Law, by_port, drives, each, sensors, size
 from workbench.physics.place import EFFORTS, Place, Survey
 

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, each, size
 from workbench.physics.place import EFFORTS, per
 
 _SPEED_WIDTH = 1e-3
-"""Speed, in SI, within which the smooth face rounds the reversal."""
+"""Speed, in SI, within which the regularised form rounds the reversal."""
 
 
 def _magnitude(at: PortView) -> Expression:
-    return at.face.absolute(at.signals.speed, _SPEED_WIDTH)
+    return at.form.absolute(at.signals.speed, _SPEED_WIDTH)
 
 
 quadratic_drag = Law(

@@ -8,7 +8,7 @@ from dataclasses import replace
 import casadi as ca
 
 from workbench.model import PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, Own, drives, sensors, shape, size
 from workbench.physics.offset_gain import sensor_error
 from workbench.physics.place import Place

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from workbench.model.face import EXACT, Expression, Face, minimum
+from workbench.model.regularisation import EXACT, Expression, Form, minimum
 
 SHARPNESS = 6
 """Exponent of the turn into slip: the larger, the closer to a spring behind a dry contact."""
@@ -16,7 +16,7 @@ _FARTHEST = 1.1
 
 
 def elastoplastic_rate(
-    v: Expression, z: Expression, breakaway: Expression, width: float, *, face: Face = EXACT
+    v: Expression, z: Expression, breakaway: Expression, width: float, *, form: Form = EXACT
 ) -> Expression:
     """Return the rate of the deflection of an elasto-plastic element, relative to its break-away.
 
@@ -28,7 +28,7 @@ def elastoplastic_rate(
         v: Speed of the motion, in any unit per second.
         z: Deflection over break-away, -1..1, dimensionless.
         breakaway: Motion after which the element slips, in the unit of the motion.
-        width: Speed within which the smooth face rounds the reversal, in the unit of ``v``.
+        width: Speed within which the regularised form rounds the reversal, in the unit of ``v``.
 
     Returns:
         Rate of ``z``, in 1/s.
@@ -42,7 +42,7 @@ def elastoplastic_rate(
         >>> round(float(elastoplastic_rate(-1e-5, 1.0, 1e-3, 1e-7)), 4)
         -0.01
     """
-    forward, backward = face.ramp(v, width), face.ramp(-v, width)
+    forward, backward = form.ramp(v, width), form.ramp(-v, width)
     # The ramps of z need no rounding: their sixth power is smooth at zero.
     # A filter may correct z beyond 1; from there it comes back at a limited rate.
     loaded = minimum(EXACT.ramp(z, 1.0), _FARTHEST) ** SHARPNESS

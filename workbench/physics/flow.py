@@ -7,7 +7,7 @@ infinite slope at r = 1, so psi is continued as a straight line from r = 0.995 t
 
 from __future__ import annotations
 
-from workbench.model.face import EXACT, Expression, Face, maximum, minimum, sqrt, where
+from workbench.model.regularisation import EXACT, Expression, Form, maximum, minimum, sqrt, where
 
 __all__ = ["flow_function", "iso6358", "mass_flow_from_litres", "orifice_flow"]
 
@@ -26,13 +26,13 @@ def _laminar_slope(critical_ratio: Expression) -> Expression:
     return sqrt(1 - z * z) / (1 - LAMINAR_RATIO)
 
 
-def _flow_function(r: Expression, critical_ratio: Expression, face: Face) -> Expression:
+def _flow_function(r: Expression, critical_ratio: Expression, form: Form) -> Expression:
     # without the limit at 1: there the derivative of a minimum is half of either side's
     # z^2 of a clipped z is C1 at the critical ratio, so choking needs no rounding of its own
     z = maximum(r - critical_ratio, 0.0) / (1 - critical_ratio)
     y = 1 - z * z
     slope = _laminar_slope(critical_ratio)
-    if face.smooth:
+    if form.regularised:
         e = (2 / ((1 - critical_ratio) * slope)) ** 2
         return y / sqrt(sqrt(y * y + e * e))
     # the root is kept off y = 0 because the derivative of the branch not taken must be finite too
@@ -46,20 +46,20 @@ def _choked_flow(p_up: Expression, T_up: Expression, conductance: Expression) ->
 
 
 def flow_function(
-    ratio: Expression, critical_ratio: Expression, *, face: Face = EXACT
+    ratio: Expression, critical_ratio: Expression, *, form: Form = EXACT
 ) -> Expression:
     """Return psi(r), the flow relative to the choked one.
 
-    The smooth face replaces ``sqrt(y)``, ``y = 1 - z^2``, by ``y / (y^2 + e^2)^(1/4)``, with e such
-    that the slope at r = 1 equals that of the exact face's straight line. It is up to 16 % below
-    the exact face near r = 0.995, 0.4 % at y = 0.1 and less than 0.1 % for y > 0.21 (r < 0.91 at
-    b = 0.23).
+    The regularised form replaces ``sqrt(y)``, ``y = 1 - z^2``, by ``y / (y^2 + e^2)^(1/4)``, with e
+    such that the slope at r = 1 equals that of the exact form's straight line. It is up to 16 %
+    below the exact form near r = 0.995, 0.4 % at y = 0.1 and less than 0.1 % for y > 0.21 (r < 0.91
+    at b = 0.23).
 
     Args:
         ratio: Ratio r of the downstream to the upstream absolute pressure, 0..1; any shape.
             Larger values count as 1.
         critical_ratio: Critical ratio b, below which the flow is choked.
-        face: Exact or smooth.
+        form: Exact or regularised.
 
     Returns:
         psi, 0..1, of the shape of ``ratio``.
@@ -71,7 +71,7 @@ def flow_function(
         >>> float(flow_function(0.2, 0.23)), round(float(flow_function(0.857, 0.23)), 2)
         (1.0, 0.58)
     """
-    return _flow_function(minimum(ratio, 1.0), critical_ratio, face)
+    return _flow_function(minimum(ratio, 1.0), critical_ratio, form)
 
 
 def iso6358(
@@ -81,7 +81,7 @@ def iso6358(
     conductance: Expression,
     critical_ratio: Expression,
     *,
-    face: Face = EXACT,
+    form: Form = EXACT,
 ) -> Expression:
     """Return the mass flow from the upstream to the downstream side.
 
@@ -91,7 +91,7 @@ def iso6358(
         T_up: Upstream temperature, K.
         conductance: Sonic conductance C, m^3/(s Pa) of the reference atmosphere.
         critical_ratio: Critical pressure ratio b.
-        face: Exact or smooth.
+        form: Exact or regularised.
 
     Returns:
         Mass flow, kg/s, not negative.
@@ -103,7 +103,7 @@ def iso6358(
         >>> round(float(iso6358(7.01325e5, 1.01325e5, 293.15, 2.9e-8, 0.23)), 4)
         0.0241
     """
-    psi = flow_function(p_down / p_up, critical_ratio, face=face)
+    psi = flow_function(p_down / p_up, critical_ratio, form=form)
     return _choked_flow(p_up, T_up, conductance) * psi
 
 
@@ -115,7 +115,7 @@ def orifice_flow(
     conductance: Expression,
     critical_ratio: Expression,
     *,
-    face: Face = EXACT,
+    form: Form = EXACT,
 ) -> Expression:
     """Return the mass flow from side a to side b, negative when it runs from b to a.
 
@@ -129,7 +129,7 @@ def orifice_flow(
         T_b: Temperature of side b, K.
         conductance: Sonic conductance C, m^3/(s Pa), the same in both directions.
         critical_ratio: Critical pressure ratio b.
-        face: Exact or smooth.
+        form: Exact or regularised.
 
     Returns:
         Mass flow, kg/s.
@@ -148,7 +148,7 @@ def orifice_flow(
     forward = p_a >= p_b
     up, down = where(forward, p_a, p_b), where(forward, p_b, p_a)
     choked = _choked_flow(up, where(forward, T_a, T_b), conductance)
-    flow = choked * _flow_function(down / up, critical_ratio, face)
+    flow = choked * _flow_function(down / up, critical_ratio, form)
     return where(forward, flow, -flow)
 
 

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.errors import check_choice
-from workbench.model.face import EXACT, Expression, Face, is_symbolic, sqrt
+from workbench.model.regularisation import EXACT, Expression, Form, is_symbolic, sqrt
 from workbench.physics.force_polynomials import (
     PHI_FLOOR,
     PHI_MM,
@@ -46,7 +46,7 @@ def slack(tension: Expression, *, width: float = SLACK_WIDTH) -> Expression:
     """Return the tension of a muscle that can only pull: max(0, tension), rounded at zero.
 
     ``F = (T + sqrt(T^2 + w^2)) / 2``. The rounding is physical (a membrane does not go slack at
-    one point), so it is the same on the exact and the smooth face. It adds w/2 at T = 0 and
+    one point), so it is the same on the exact and the regularised form. It adds w/2 at T = 0 and
     w^2 / (4 |T|) far from it: 0.5 N, and 2.5 mN at 100 N, for w = 1 N. A width of zero is the
     hard clamp of line [3] of the paper's Figure 3.
 
@@ -143,7 +143,7 @@ class ForceLaw(ABC):
         ...     area: float = 3e-4
         ...     slack_width: float = SLACK_WIDTH
         ...
-        ...     def tension(self, contraction, gauge_pressure, *, face=EXACT):
+        ...     def tension(self, contraction, gauge_pressure, *, form=EXACT):
         ...         return self.area * gauge_pressure
         >>> round(float(Piston().force(0.0, 1e5)), 1)
         30.0
@@ -153,21 +153,21 @@ class ForceLaw(ABC):
 
     @abstractmethod
     def tension(
-        self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
+        self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
         """Return the unclamped tension, which may be negative.
 
         Args:
             contraction: Contraction q, m; number, array or expression.
             gauge_pressure: Gauge pressure p, Pa; of a shape that fits ``contraction``.
-            face: Exact or smooth; a law without a kink is the same on both.
+            form: Exact or regularised; a law without a kink is the same on both.
 
         Returns:
             Tension, N.
         """
 
     def force(
-        self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
+        self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
         """Return the pulling force: the tension through the rounded slack clamp.
 
@@ -178,7 +178,7 @@ class ForceLaw(ABC):
         Returns:
             Force, N, positive.
         """
-        return slack(self.tension(contraction, gauge_pressure, face=face), width=self.slack_width)
+        return slack(self.tension(contraction, gauge_pressure, form=form), width=self.slack_width)
 
 
 @dataclass(frozen=True)
@@ -244,7 +244,7 @@ class PaperLaw(ForceLaw):
         """
         return pressure_gain(contraction, self.gain_bar_mm)
 
-    def phi(self, contraction: Expression, *, face: Face = EXACT) -> Expression:
+    def phi(self, contraction: Expression, *, form: Form = EXACT) -> Expression:
         """Return phi, the part of the tension that does not depend on pressure.
 
         Args:
@@ -258,15 +258,15 @@ class PaperLaw(ForceLaw):
             coefficients=self.phi_mm,
             floor=self.phi_floor,
             switch=self.phi_switch,
-            face=face,
+            form=form,
         )
 
     def tension(
-        self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
+        self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
         """Return the unclamped tension, N, which may be negative."""
         pressure = gauge_pressure + self.reference_pressure
-        return self.pressure_gain(contraction) * pressure + self.phi(contraction, face=face)
+        return self.pressure_gain(contraction) * pressure + self.phi(contraction, form=form)
 
 
 @dataclass(frozen=True)
@@ -289,7 +289,7 @@ class Petrovic(ForceLaw):
     slack_width: float = SLACK_WIDTH
 
     def tension(
-        self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
+        self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
         """Return the unclamped tension, N, which may be negative."""
         return pressure_gain(contraction, self.gain_bar_mm) * gauge_pressure
@@ -362,7 +362,7 @@ class TonduLopez(ForceLaw):
         return self.k_constant + self.k_exponential * decay
 
     def tension(
-        self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
+        self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
         """Return the unclamped tension, N, which may be negative."""
         area = math.pi * self.nominal_diameter**2 / 4
@@ -407,7 +407,7 @@ class Sarosi(ForceLaw):
     slack_width: float = SLACK_WIDTH
 
     def tension(
-        self, contraction: Expression, gauge_pressure: Expression, *, face: Face = EXACT
+        self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
         """Return the unclamped tension, N, which may be negative."""
         kappa = 100 * contraction / self.nominal_length

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.model.face import EXACT, Expression, Face, where
+from workbench.model.regularisation import EXACT, Expression, Form, where
 
 
 def _polynomial(x: Expression, coefficients: tuple[Expression, ...]) -> Expression:
@@ -58,7 +58,7 @@ PHI_SWITCH_PRINTED = 1.6e-3
 """Contraction of the switch as printed, 1 - s/l_nom > 0.008, m."""
 
 PHI_WIDTH = 0.05e-3
-"""Half-width of the smooth face's blend of the two branches of phi(q), m."""
+"""Half-width of the regularised form's blend of the two branches of phi(q), m."""
 
 
 def phi(
@@ -67,14 +67,14 @@ def phi(
     coefficients: tuple[Expression, ...] = PHI_MM,
     floor: Expression = PHI_FLOOR,
     switch: Expression = PHI_SWITCH,
-    face: Face = EXACT,
+    form: Form = EXACT,
 ) -> Expression:
     """Return the part of the tension that does not depend on pressure.
 
     ``phi = sum_i c_i q^i`` beyond the switch, ``floor`` before it. The branch is needed: at q = 0
-    the polynomial gives +61.6 N, force without pressure. The smooth face blends the branches over
-    0.05 mm on either side of the switch, where it differs by up to 0.2 N (half the jump, where
-    there is one).
+    the polynomial gives +61.6 N, force without pressure. Regularised, the branches are blended over
+    0.05 mm on either side of the switch, where the forms differ by up to 0.2 N (half the jump,
+    where there is one).
 
     Args:
         contraction: Contraction q, m; any shape.
@@ -93,8 +93,8 @@ def phi(
         (-9.2101, -503.54)
     """
     above = _polynomial(1e3 * contraction, coefficients)
-    if face.smooth:
-        return floor + face.step(contraction - switch, PHI_WIDTH) * (above - floor)
+    if form.regularised:
+        return floor + form.step(contraction - switch, PHI_WIDTH) * (above - floor)
     return where(contraction > switch, above, floor)
 
 

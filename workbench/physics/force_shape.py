@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.force_laws import PaperLaw, Sarosi
 from workbench.physics.law import Law, size, twins
 
@@ -20,7 +20,7 @@ _SAROSI, _PAPER = Sarosi(), PaperLaw()
 
 def _other(at: PortView) -> Expression:
     s = at.signals
-    tension = _SAROSI.tension(s.contraction, s.gauge_pressure, face=at.face)
+    tension = _SAROSI.tension(s.contraction, s.gauge_pressure, form=at.form)
     return at.value + at.p.share * (tension - at.value)
 
 
@@ -70,7 +70,7 @@ phi_term = replace(
     name="phi_term",
     equation="T + phi(q)",
     parameters=lambda at: (size("share", "1", 1.0, 0.1, 2.0, "share of phi(q)", scale=0.5),),
-    transform=lambda at: at.value + at.p.share * _PAPER.phi(at.signals.contraction, face=at.face),
+    transform=lambda at: at.value + at.p.share * _PAPER.phi(at.signals.contraction, form=at.form),
     source="equation (4) and line [1] of the paper's Figure 3",
     look_alikes=("linear_spring", "contraction_force_correction"),
     separated_by="the same angle held at low and at high mean pressure",

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError, check_finite
 from workbench.model import About, Effect, EffectView, Parameter, PortView, State
-from workbench.model.face import Expression, is_symbolic, maximum, minimum
+from workbench.model.regularisation import Expression, is_symbolic, maximum, minimum
 
 Vector = npt.NDArray[np.float64]
 

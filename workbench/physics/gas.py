@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from workbench.model.face import EXACT, Expression, Face
+from workbench.model.regularisation import EXACT, Expression, Form
 
 FLOW_WIDTH = 1e-6
-"""Half-width over which the smooth face changes the temperature of a reversing flow, kg/s."""
+"""Half-width over which the regularised form changes the temperature of a reversing flow, kg/s."""
 
 
 @dataclass(frozen=True)
@@ -109,13 +109,13 @@ def port_enthalpy_flow(
     outside_temperature: Expression,
     chamber_temperature: Expression,
     *,
-    face: Face = EXACT,
+    form: Form = EXACT,
 ) -> Expression:
     """Return mass flow times the temperature it carries through a port.
 
     The gas carries the temperature of the side it comes from: outside while it enters
     (mass flow > 0), the chamber's while it leaves. The product is continuous; its slope has a kink
-    at zero flow, which the smooth face rounds within 1e-6 kg/s.
+    at zero flow, which the regularised form rounds within 1e-6 kg/s.
 
     Args:
         mass_flow: Mass flow into the chamber, kg/s; any shape.
@@ -134,7 +134,7 @@ def port_enthalpy_flow(
         ... )
         (2.9, -3.2)
     """
-    inward = face.step(mass_flow, FLOW_WIDTH)
+    inward = form.step(mass_flow, FLOW_WIDTH)
     return mass_flow * (chamber_temperature + inward * (outside_temperature - chamber_temperature))
 
 

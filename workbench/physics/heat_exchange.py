@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from workbench.model import About, Effect, PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.gas import AIR, wall_heat
 from workbench.physics.law import Fit, Law, shape, share, size
 from workbench.physics.place import Survey

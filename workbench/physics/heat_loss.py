@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from workbench.model import PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Fit, Law, Own, shape, size
 from workbench.physics.place import Place, Survey, per
 

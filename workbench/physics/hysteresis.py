@@ -6,12 +6,12 @@ The exponent 1 is Dahl's law; larger exponents turn more sharply.
 from __future__ import annotations
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, Rates, each, shape, size, twins
 from workbench.physics.place import EFFORTS
 
 _SPEED_WIDTH = 1e-5
-"""Speed, in SI, within which the smooth face rounds the reversal."""
+"""Speed, in SI, within which the regularised form rounds the reversal."""
 
 
 def _turn(speed: str) -> Rates:
@@ -19,7 +19,7 @@ def _turn(speed: str) -> Rates:
         v, z = e.here.signals[speed], e.x.turn
         # |z|^(n-1) is kept off zero, where its derivative would be infinite for n < 2.
         sharp = (z * z + 1e-12) ** (0.5 * (e.p.exponent - 1.0))
-        return {"turn": (v - e.face.absolute(v, _SPEED_WIDTH) * sharp * z) / e.p.breakaway}
+        return {"turn": (v - e.form.absolute(v, _SPEED_WIDTH) * sharp * z) / e.p.breakaway}
 
     return rates
 
@@ -29,7 +29,7 @@ def _state() -> tuple[State, ...]:
 
 
 def _of_muscle(at: PortView) -> Expression:
-    pressure = at.face.ramp(at.signals.gauge_pressure, 1e3)
+    pressure = at.form.ramp(at.signals.gauge_pressure, 1e3)
     return at.value - (at.p.level + at.p.level_per_pressure * pressure) * at.x.turn
 
 

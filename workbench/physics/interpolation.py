@@ -7,7 +7,7 @@ sampling interval on average, which a lead that fades within the interval gives 
 from __future__ import annotations
 
 from workbench.model import PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, drives, size
 
 _FLOOR = 1e-3

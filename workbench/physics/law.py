@@ -23,7 +23,7 @@ from workbench.model import (
     PortView,
     State,
 )
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.hypothesis import Group, Hypothesis
 from workbench.physics.place import DRIVES, Place, Survey, unknown_place
 from workbench.registry import Registry

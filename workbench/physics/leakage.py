@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.flow import orifice_flow
 from workbench.physics.law import Fit, Law, by_end, by_number, each, size, twins
 from workbench.physics.place import Survey
@@ -50,7 +50,7 @@ def _to_ambient(at: PortView) -> Expression:
     s = at.signals
     return orifice_flow(
         s.pressure, s.ambient_pressure, s.temperature, s.ambient_temperature, at.p.conductance,
-        _CRITICAL_RATIO, face=at.face,
+        _CRITICAL_RATIO, form=at.form,
     )  # fmt: skip
 
 
@@ -84,7 +84,7 @@ def _pair(survey: Survey) -> Iterator[Fit]:
 def _across(e: EffectView) -> Expression:
     a, b = (at.signals for at in e.at.values())
     return orifice_flow(
-        a.pressure, b.pressure, a.temperature, b.temperature, _UNIT, _CRITICAL_RATIO, face=e.face
+        a.pressure, b.pressure, a.temperature, b.temperature, _UNIT, _CRITICAL_RATIO, form=e.form
     )
 
 

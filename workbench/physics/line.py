@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.flow import orifice_flow
 from workbench.physics.gas import AIR
 from workbench.physics.law import Fit, Law, Own, Site, by_number, shape, share
@@ -54,7 +54,7 @@ def _through(at: PortView) -> Expression:
     s = at.signals
     return orifice_flow(
         at.x.pressure, s.pressure, s.temperature, s.temperature, at.p.conductance,
-        _CRITICAL_RATIO, face=at.face,
+        _CRITICAL_RATIO, form=at.form,
     )  # fmt: skip
 
 
@@ -96,7 +96,7 @@ def _blown(e: EffectView) -> dict[str, Expression]:
     temperature = at.signals.temperature
     out = orifice_flow(
         e.x.pressure, at.value, temperature, temperature, e.p.conductance, _CRITICAL_RATIO,
-        face=e.face,
+        form=e.form,
     )  # fmt: skip
     drawn = e.values[f"{at.group}.flow"]
     return {"pressure": _stiffness(e, temperature) * (drawn - out)}

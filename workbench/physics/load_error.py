@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import casadi as ca
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Fit, Law, shape, size
 from workbench.physics.place import Survey
 from workbench.physics.tilt import GRAVITY, LOAD_CENTRE

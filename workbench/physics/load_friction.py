@@ -9,7 +9,7 @@ from __future__ import annotations
 import casadi as ca
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, each, shape, size, twins
 from workbench.physics.place import EFFORTS, Place, per
 
@@ -17,7 +17,7 @@ from workbench.physics.place import EFFORTS, Place, per
 def _of_bearing(at: PortView) -> Expression:
     load = sum(value for name, value in at.signals.items() if name.startswith("bearing_load_"))
     sliding = ca.tanh(at.signals.speed / at.p.transition_speed)
-    return at.value - at.p.coefficient * at.face.ramp(load, 1.0) * sliding
+    return at.value - at.p.coefficient * at.form.ramp(load, 1.0) * sliding
 
 
 def _typical(at: Place) -> float:
@@ -48,7 +48,7 @@ load_dependent_friction = Law(
 
 
 def _of_muscle(at: PortView) -> Expression:
-    load = at.face.ramp(at.signals.gauge_pressure, 1.0)
+    load = at.form.ramp(at.signals.gauge_pressure, 1.0)
     sliding = ca.tanh(at.signals.contraction_speed / at.p.transition_speed)
     return at.value - at.p.coefficient * load * sliding
 

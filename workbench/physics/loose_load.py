@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Fit, Law, shape, size
 from workbench.physics.place import Survey
 

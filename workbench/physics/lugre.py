@@ -10,7 +10,7 @@ from __future__ import annotations
 import casadi as ca
 
 from workbench.model import Names, PortView, State
-from workbench.model.face import Expression, Face
+from workbench.model.regularisation import Expression, Form
 from workbench.physics.law import Law, each, shape, size
 from workbench.physics.place import EFFORTS
 
@@ -20,14 +20,14 @@ steps of a millisecond stay stable. It stretches the presliding distance by spee
 matters only where the bristle is saturated anyway."""
 
 
-def _bristle_rate(v: Expression, bend: Expression, p: Names, face: Face) -> Expression:
-    speed = face.absolute(v, 1e-3 * p.stribeck_speed)
+def _bristle_rate(v: Expression, bend: Expression, p: Names, form: Form) -> Expression:
+    speed = form.absolute(v, 1e-3 * p.stribeck_speed)
     steady = 1.0 + p.stribeck_share * ca.exp(-((v / p.stribeck_speed) ** 2))
     return (v - speed * bend / steady) / (p.presliding + speed / FASTEST_RATE)
 
 
 def _friction(at: PortView) -> Expression:
-    rate = _bristle_rate(at.signals.speed, at.x.bend, at.p, at.face)
+    rate = _bristle_rate(at.signals.speed, at.x.bend, at.p, at.form)
     return at.value - at.p.level * (at.x.bend + at.p.damping_time * rate)
 
 
@@ -51,7 +51,7 @@ lugre_friction = Law(
     states=lambda at: (
         State("bend", "1", 1.0, "bend of the bristles over the presliding distance", start_rms=0.5),
     ),
-    rates=lambda e: {"bend": _bristle_rate(e.here.signals.speed, e.x.bend, e.p, e.face)},
+    rates=lambda e: {"bend": _bristle_rate(e.here.signals.speed, e.x.bend, e.p, e.form)},
     shapes=lambda at: [{"presliding": k * at.coordinate.scale} for k in (2e-3, 5e-4, 1e-2)],
     dry=True,
     source="Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE TAC 40 (1995)",

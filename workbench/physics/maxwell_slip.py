@@ -8,13 +8,13 @@ sixteen times the smallest, as the curved loops of muscles need.
 from __future__ import annotations
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.elastoplastic import elastoplastic_rate
 from workbench.physics.law import Law, Own, Rates, each, shape, size, twins
 from workbench.physics.place import EFFORTS, Place
 
 _SPEED_WIDTH = 1e-5
-"""Speed, in SI, within which the smooth face rounds the reversal."""
+"""Speed, in SI, within which the regularised form rounds the reversal."""
 
 _SPREAD = 2.0
 _ELEMENTS = 5
@@ -34,7 +34,7 @@ def _slip_rates(count: int, speed: str) -> Rates:
                 e.x[f"slip_{i + 1}"],
                 e.p.breakaway * (e.p.spread**i if i else 1.0),
                 _SPEED_WIDTH,
-                face=e.face,
+                form=e.form,
             )
             for i in range(count)
         }
@@ -64,7 +64,7 @@ def muscle_slip(elements: int = _ELEMENTS) -> Law:
     """Return the Maxwell-slip law of muscles with a number of elements."""
 
     def transform(at: PortView) -> Expression:
-        growth = 1.0 + at.p.growth * at.face.ramp(at.signals.gauge_pressure, 1e3)
+        growth = 1.0 + at.p.growth * at.form.ramp(at.signals.gauge_pressure, 1e3)
         return at.value - at.p.level * growth * _mean_slip(at, elements)
 
     return Law(

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, shape, size, twins
 
 
 def _damped(at: PortView) -> Expression:
-    pressure = at.face.ramp(at.signals.gauge_pressure, 1e3)
+    pressure = at.form.ramp(at.signals.gauge_pressure, 1e3)
     damping = at.p.coefficient * (1.0 + at.p.growth * pressure)
     return at.value - damping * at.signals.contraction_speed
 

@@ -19,14 +19,14 @@ from dataclasses import dataclass
 from typing import Literal
 
 from workbench.errors import check_choice
-from workbench.model.face import EXACT, Expression, Face, maximum, sqrt
+from workbench.model.regularisation import EXACT, Expression, Form, maximum, sqrt
 
 END_HEIGHT_FLOOR = 1e-7
 """Height of the ends while d <= d0, m: the 0.0001 mm branch of line [8]. It keeps second
 derivatives of h^3 finite at the nominal length and changes the volume by less than 1e-20 m^3."""
 
 END_WIDTH = 1e-7
-"""Half-width over which the smooth face rounds max(0, h^2), m^2: 0.02 mm of contraction."""
+"""Half-width over which the regularised form rounds max(0, h^2), m^2: 0.02 mm of contraction."""
 
 
 @dataclass(frozen=True)
@@ -109,13 +109,13 @@ class BraidedCylinder:
         """
         return 2 * sqrt(self.squared_radius(fibre_length))
 
-    def _squared_height(self, fibre_length: Expression, face: Face) -> Expression:
+    def _squared_height(self, fibre_length: Expression, form: Form) -> Expression:
         excess = self.squared_radius(fibre_length) - self.nominal_diameter**2 / 4
-        if face.smooth:
-            return face.ramp(excess, END_WIDTH) + END_HEIGHT_FLOOR**2
+        if form.regularised:
+            return form.ramp(excess, END_WIDTH) + END_HEIGHT_FLOOR**2
         return maximum(excess, END_HEIGHT_FLOOR**2)
 
-    def end_height(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
+    def end_height(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
         """Return the height h of one flattened end (line [8]).
 
         Args:
@@ -124,9 +124,9 @@ class BraidedCylinder:
         Returns:
             Height, m.
         """
-        return sqrt(self._squared_height(fibre_length, face))
+        return sqrt(self._squared_height(fibre_length, form))
 
-    def end_volume(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
+    def end_volume(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
         """Return the volume of one flattened end (line [9]).
 
         ``(pi h / 6) (3 R^2 + 3 R0^2 + h^2)`` with the two radii R = d/2 and R0 = d0/2; as printed,
@@ -140,7 +140,7 @@ class BraidedCylinder:
         """
         radius2 = self.squared_radius(fibre_length)
         other2 = radius2 if self.printing == "as_printed" else self.nominal_diameter**2 / 4
-        height2 = self._squared_height(fibre_length, face)
+        height2 = self._squared_height(fibre_length, form)
         return math.pi * sqrt(height2) / 6 * (3 * radius2 + 3 * other2 + height2)
 
     def cylinder_volume(self, fibre_length: Expression) -> Expression:
@@ -154,14 +154,14 @@ class BraidedCylinder:
         """
         return math.pi * self.squared_radius(fibre_length) * fibre_length
 
-    def end_flattening(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
+    def end_flattening(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
         """Return what the flattened ends add to the cylinder's volume, m^3.
 
         Corrected ``-(2 pi / 3) h^3``, negative; as printed, both end volumes on top.
 
         Args:
             fibre_length: Fibre length s, m; any shape.
-            face: Exact or smooth; they differ within 0.02 mm of the nominal length.
+            form: Exact or regularised; they differ within 0.02 mm of the nominal length.
 
         Source:
             Lines [8] to [10] of the paper's Figure 3.
@@ -171,11 +171,11 @@ class BraidedCylinder:
             -3.02
         """
         if self.printing == "as_printed":
-            return 2 * self.end_volume(fibre_length, face=face)
-        height2 = self._squared_height(fibre_length, face)
+            return 2 * self.end_volume(fibre_length, form=form)
+        height2 = self._squared_height(fibre_length, form)
         return -(2 * math.pi / 3) * height2**1.5
 
-    def volume(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
+    def volume(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
         """Return the gas volume with flattened ends.
 
         Args:
@@ -191,7 +191,7 @@ class BraidedCylinder:
             >>> round(1e6 * float(BraidedCylinder().volume(0.2)), 2)
             62.83
         """
-        return self.cylinder_volume(fibre_length) + self.end_flattening(fibre_length, face=face)
+        return self.cylinder_volume(fibre_length) + self.end_flattening(fibre_length, form=form)
 
     def cylinder_slope(self, fibre_length: Expression) -> Expression:
         """Return dV/ds of the volume without flattening.
@@ -207,7 +207,7 @@ class BraidedCylinder:
             + fibre_length * self._squared_radius_slope(fibre_length)
         )
 
-    def slope(self, fibre_length: Expression, *, face: Face = EXACT) -> Expression:
+    def slope(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
         """Return dV/ds, the change of the gas volume with the fibre length, in closed form.
 
         Minus the slope is the force per pressure that virtual work gives. It is finite at the
@@ -227,12 +227,12 @@ class BraidedCylinder:
             >>> round(-1e5 * float(BraidedCylinder().slope(0.2)), 1)
             257.5
         """
-        height2 = self._squared_height(fibre_length, face)
+        height2 = self._squared_height(fibre_length, form)
         excess = self.squared_radius(fibre_length) - self.nominal_diameter**2 / 4
         on = (
-            face.step(excess, END_WIDTH)
-            if face.smooth
-            else face.step(excess - END_HEIGHT_FLOOR**2, 0.0)
+            form.step(excess, END_WIDTH)
+            if form.regularised
+            else form.step(excess - END_HEIGHT_FLOOR**2, 0.0)
         )
         radius2_slope = self._squared_radius_slope(fibre_length)
         height2_slope = on * radius2_slope

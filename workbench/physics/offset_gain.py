@@ -148,7 +148,7 @@ asymmetric_gain = Law(
               source="", fitted=False),
     ),
     lambda at: at.value
-    + 0.5 * at.p.difference * at.face.absolute(at.value - at.p.centre, 0.02 * at.scale),
+    + 0.5 * at.p.difference * at.form.absolute(at.value - at.p.centre, 0.02 * at.scale),
     source="unequal edges of a valve, unequal sides of an amplifier",
     look_alikes=("valve_offset", "silencer", "edge_gain"),
     separated_by="steps of several sizes to both sides: an offset fades for large ones",

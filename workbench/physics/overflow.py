@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.face import Expression, sqrt
+from workbench.model.regularisation import Expression, sqrt
 from workbench.physics.law import Fit, Law, Own, shape, size
 from workbench.physics.place import Place, Survey, per
 
@@ -40,7 +40,7 @@ def _spilled(at: PortView) -> Expression:
 
 def _excess(e: EffectView) -> Expression:
     at = e.here
-    return at.face.ramp(at.signals.level - e.p.limit, 0.005 * e.p.level_scale)
+    return at.form.ramp(at.signals.level - e.p.limit, 0.005 * e.p.level_scale)
 
 
 def _brim(at: Place) -> tuple[Own, ...]:
@@ -79,7 +79,7 @@ def _each_store(survey: Survey) -> Iterator[Fit]:
 
 
 def _above(at: PortView) -> Expression:
-    return at.face.ramp(at.signals.level - at.p.outlet, 0.01 * at.p.level_scale)
+    return at.form.ramp(at.signals.level - at.p.outlet, 0.01 * at.p.level_scale)
 
 
 def _outlet(at: Place) -> tuple[Own, ...]:

@@ -11,7 +11,7 @@ from dataclasses import replace
 import casadi as ca
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.drift import gain_fade, offset_jump, passed, when
 from workbench.physics.law import Fit, Own, shape, size
 from workbench.physics.place import Place, Survey

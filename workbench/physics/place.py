@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from workbench.errors import check_choice
 from workbench.model import Model, Output, Parameter, Port, State
-from workbench.model.face import Expression
 from workbench.model.quantities import Quantity
+from workbench.model.regularisation import Expression
 from workbench.model.units import same_dimension
 
 Vector = npt.NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.face import Expression, maximum
+from workbench.model.regularisation import Expression, maximum
 from workbench.physics.elastoplastic import elastoplastic_rate
 from workbench.physics.law import Law, by_port, each, shape, size
 from workbench.physics.place import EFFORTS
@@ -29,7 +29,7 @@ play = Law(
     rates=lambda e: {
         "slack": elastoplastic_rate(
             e.here.signals.speed, e.x.slack, e.p.half_width + e.p.floor, 0.01 * e.p.floor,
-            face=e.face,
+            form=e.form,
         )
     },
     dry=True,
@@ -52,7 +52,7 @@ spool_hysteresis = Law(
     states=lambda at: _slack(),
     rates=lambda e: {
         "slack": elastoplastic_rate(
-            e.here.signals.speed, e.x.slack, e.p.reach, 0.001 * 0.05 * e.here.scale, face=e.face
+            e.here.signals.speed, e.x.slack, e.p.reach, 0.001 * 0.05 * e.here.scale, form=e.form
         )
     },
     dry=True,

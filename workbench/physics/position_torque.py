@@ -7,7 +7,7 @@ import math
 import casadi as ca
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, Own, each, shape, size
 from workbench.physics.place import EFFORTS, Place, per
 

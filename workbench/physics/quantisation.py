@@ -10,13 +10,13 @@ import math
 import casadi as ca
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, sensors, shape, share
 
 
 def _saw_tooth(at: PortView) -> Expression:
     turns = at.value / at.p.step
-    if not at.face.smooth:
+    if not at.form.regularised:
         return turns - ca.floor(turns + 0.5)
     return sum(
         (-1) ** (k + 1) / (math.pi * k) * ca.sin(2.0 * math.pi * k * turns) for k in (1, 2, 3)

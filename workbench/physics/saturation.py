@@ -10,13 +10,13 @@ import math
 from dataclasses import replace
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, Own, drives, each, sensors, shape, share, size
 from workbench.physics.place import EFFORTS, Place
 
 
 def _above(at: PortView) -> Expression:
-    return at.value - at.p.share * at.face.ramp(at.value - at.p.limit, 0.01 * at.scale)
+    return at.value - at.p.share * at.form.ramp(at.value - at.p.limit, 0.01 * at.scale)
 
 
 def _limited(at: Place) -> tuple[Own, ...]:
@@ -64,7 +64,7 @@ lower_saturation = replace(
     equation="y = u + share (excess of u below the limit)",
     where=drives(),
     transform=lambda at: (
-        at.value + at.p.share * at.face.ramp(at.p.limit - at.value, 0.01 * at.scale)
+        at.value + at.p.share * at.form.ramp(at.p.limit - at.value, 0.01 * at.scale)
     ),
     shapes=_lower_limits,
 )
@@ -99,7 +99,7 @@ rectification = Law(
     "y = u + share max(0, -u)",
     drives("flow", only=lambda at: at.role != "heat" and not at.name.endswith(_NAMED)),
     lambda at: (replace(share("share of the negative part cut", least=0.2), fitted=True),),
-    lambda at: at.value + at.p.share * at.face.ramp(-at.value, 0.01 * at.scale),
+    lambda at: at.value + at.p.share * at.form.ramp(-at.value, 0.01 * at.scale),
     source="check valve, diode, pump that does not suck",
     look_alikes=("saturation", "asymmetric_gain"),
     separated_by="negative commands",
@@ -116,7 +116,7 @@ sensor_rectification = Law(
     sensors(together=False, only=_both_signs),
     lambda at: (size("share", "1", 1.0, 0.5, 1.0, "share of the magnitude in the reading"),),
     lambda at: at.value
-    + at.p.share * (at.face.absolute(at.value, 0.01 * at.scale) - at.value),
+    + at.p.share * (at.form.absolute(at.value, 0.01 * at.scale) - at.value),
     group="sensor",
     source="magnitude sensors: tachometers, flow meters, rectifiers",
     look_alikes=("sensor_gain", "sensor_clipping"),

@@ -8,7 +8,7 @@ at 500 N and 7e-6 m/N it would be 3.5 mm, some 5 % of volume, off.
 from __future__ import annotations
 
 from workbench.model import EffectView, PortView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.force_laws import PaperLaw
 from workbench.physics.law import Law, size, twins
 
@@ -22,12 +22,12 @@ def _stretched(at: PortView) -> Expression:
     q, p = at.signals.contraction, at.signals.gauge_pressure
     stretch = at.p.compliance * at.x.pull
     return (
-        at.value + _BASE.tension(q + stretch, p, face=at.face) - _BASE.tension(q, p, face=at.face)
+        at.value + _BASE.tension(q + stretch, p, form=at.form) - _BASE.tension(q, p, form=at.form)
     )
 
 
 def _follow(e: EffectView) -> dict[str, Expression]:
-    return {"pull": (e.face.ramp(e.values[e.here.port], 1.0) - e.x.pull) / _LAG}
+    return {"pull": (e.form.ramp(e.values[e.here.port], 1.0) - e.x.pull) / _LAG}
 
 
 series_elasticity = Law(
@@ -41,7 +41,7 @@ series_elasticity = Law(
     _stretched,
     states=lambda at: (State("pull", "N", 100.0, "force in the tendon", 300.0),),
     rates=_follow,
-    start=lambda e: {"pull": e.face.ramp(e.here.value, 1.0)},
+    start=lambda e: {"pull": e.form.ramp(e.here.value, 1.0)},
     far=True,
     source="A. V. Hill 1938, series element; compliance of fittings",
     look_alikes=("force_shape", "contraction_force_correction", "linear_spring"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from workbench.model import EffectView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, by_port, each, first_of, shape, share
 from workbench.physics.place import per
 

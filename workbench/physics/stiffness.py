@@ -6,7 +6,7 @@ The rest position is held in a fit; a constant force tells where it really is.
 from __future__ import annotations
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, Own, each, shape, size
 from workbench.physics.place import EFFORTS, Place, per
 

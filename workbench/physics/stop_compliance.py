@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, shape, size, twins
 from workbench.physics.place import COORDINATES, per
 
 
 def _pushed(at: PortView) -> Expression:
     reach = at.signals.penetration + at.p.thickness
-    return at.value + at.p.stiffness * at.face.ramp(reach, 0.02 * THICKNESS)
+    return at.value + at.p.stiffness * at.form.ramp(reach, 0.02 * THICKNESS)
 
 
 THICKNESS = 0.05

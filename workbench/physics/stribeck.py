@@ -8,7 +8,7 @@ from __future__ import annotations
 import casadi as ca
 
 from workbench.model import PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, each, shape, size
 from workbench.physics.place import EFFORTS
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from workbench.model import EffectView, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.flow import orifice_flow
 from workbench.physics.gas import AIR
 from workbench.physics.law import Fit, Law, Own, shape, share, size
@@ -32,7 +32,7 @@ def _fed(e: EffectView) -> dict[str, Expression]:
     temperature = e.here.signals.temperature
     feed = orifice_flow(
         e.here.value, e.x.pressure, temperature, temperature, e.p.conductance, _CRITICAL_RATIO,
-        face=e.face,
+        form=e.form,
     )  # fmt: skip
     stiffness = AIR.heat_ratio * AIR.gas_constant * temperature / e.p.volume
     return {"pressure": stiffness * (feed - _drawn(e))}

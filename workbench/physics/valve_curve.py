@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from workbench.model.face import EXACT, Expression, Face
+from workbench.model.regularisation import EXACT, Expression, Form
 
 OPENING_V: tuple[float, ...] = (
     0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0,
@@ -24,7 +24,7 @@ OPENING_FRACTION: tuple[float, ...] = (
 """Fraction of the full conductance: manufacturer's curve of the MPYE-5-1/8-HF, type average."""
 
 VOLTAGE_WIDTH = 0.04
-"""Half-width over which the smooth face rounds the corners of the curve, V."""
+"""Half-width over which the regularised form rounds the corners of the curve, V."""
 
 LEAKAGE = 0.004
 """Conductance of each edge that stays when it is shut, as a fraction of the full one."""
@@ -58,14 +58,14 @@ LINEAR = ValveCurve(voltage=(0.0, 5.0), fraction=(0.0, 1.0))
 
 
 def opening(
-    voltage_from_centre: Expression, *, curve: ValveCurve = MPYE, face: Face = EXACT
+    voltage_from_centre: Expression, *, curve: ValveCurve = MPYE, form: Form = EXACT
 ) -> Expression:
     """Return the opening of the edge that a positive voltage opens.
 
     Args:
         voltage_from_centre: Spool voltage minus the centre voltage, V; any shape. Negative
             voltages keep the edge shut, voltages beyond the curve's end leave it fully open.
-        face: Exact, or smooth with corners rounded within 0.04 V.
+        form: Exact, or regularised with corners rounded within 0.04 V.
 
     Returns:
         Fraction of the full conductance, 0..1, without leakage.
@@ -77,4 +77,4 @@ def opening(
         >>> round(float(opening(0.9)), 3), float(opening(-0.9))
         (0.056, 0.0)
     """
-    return face.table(voltage_from_centre, curve.voltage, curve.fraction, VOLTAGE_WIDTH)
+    return form.table(voltage_from_centre, curve.voltage, curve.fraction, VOLTAGE_WIDTH)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from workbench.model import PortView
-from workbench.model.face import Expression, maximum
+from workbench.model.regularisation import Expression, maximum
 from workbench.physics.law import Law, Own, each, size
 from workbench.physics.place import Local, Place, per
 

@@ -7,7 +7,7 @@ nonlinearities, 2016 Workshop on Nonlinear System Identification Benchmarks, Bru
 from __future__ import annotations
 
 from workbench.model import About, Effect, Input, Model, Output, Parameter, PortView, Scope, State
-from workbench.model.face import Expression, sqrt
+from workbench.model.regularisation import Expression, sqrt
 from workbench.model.trace import Equations
 from workbench.plants.plant import Plant
 
@@ -17,7 +17,7 @@ FULL = 10.0
 
 def _equations(m: Scope) -> Equations:
     def outflow(rate: Expression, bend: Expression, level: Expression) -> Expression:
-        share = m.face.ramp(level, 0.01) / FULL
+        share = m.form.ramp(level, 0.01) / FULL
         return rate * ((1 - bend) * sqrt(share) + bend * share)
 
     levels = {"upper_level": m.x.upper_level, "lower_level": m.x.lower_level}
@@ -58,7 +58,7 @@ def _equations(m: Scope) -> Equations:
         description="level that the lower tank loses",
         disturbance=0.01,
     )
-    reading = m.port("level.reading", FULL - m.face.ramp(FULL - m.x.lower_level, 0.01), unit="V")
+    reading = m.port("level.reading", FULL - m.form.ramp(FULL - m.x.lower_level, 0.01), unit="V")
     return (
         {"upper_level": inflow - drained - spilled, "lower_level": gained - left},
         {"level": reading},
@@ -82,10 +82,10 @@ def overflow() -> Effect:
     def transform(at: PortView) -> Expression:
         s = at.signals
         if at.port == "upper.overflow":
-            return at.value + at.p.weir * at.face.ramp(s.upper_level - at.p.rim, 0.01)
+            return at.value + at.p.weir * at.form.ramp(s.upper_level - at.p.rim, 0.01)
         if at.port == "lower.inflow":
             return at.value + at.p.caught * s.spilled
-        return at.value + at.p.weir * at.face.ramp(s.lower_level - FULL, 0.01)
+        return at.value + at.p.weir * at.form.ramp(s.lower_level - FULL, 0.01)
 
     return Effect(
         "overflow",

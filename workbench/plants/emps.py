@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.plants.plant import Plant

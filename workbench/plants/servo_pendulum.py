@@ -25,7 +25,7 @@ LENGTH = Option("length", 0.1, "m", "length of the pendulum", lower=0.01, upper=
 
 
 def _equations(m: Scope) -> Equations:
-    duty = m.face.clip(m.u.gain * m.p.duty_gain * (m.u.goal - m.x.angle), -1.0, 1.0, 1e-3)
+    duty = m.form.clip(m.u.gain * m.p.duty_gain * (m.u.goal - m.x.angle), -1.0, 1.0, 1e-3)
     voltage = m.port(
         "motor.voltage",
         duty * m.u.supply,
@@ -37,7 +37,7 @@ def _equations(m: Scope) -> Equations:
     )
     # A servo without torque leaves the motor open: no current, so no braking by its own EMF.
     asked = m.p.torque_constant * (voltage - m.p.back_emf * m.x.speed)
-    motor = m.u.enabled * m.face.clip(asked, -m.p.torque_limit, m.p.torque_limit, 1e-2)
+    motor = m.u.enabled * m.form.clip(asked, -m.p.torque_limit, m.p.torque_limit, 1e-2)
     weight = m.p.load * GRAVITY * m.p.length * ca.sin(m.x.angle)
     torque = m.port(
         "joint.torque",
@@ -49,7 +49,7 @@ def _equations(m: Scope) -> Equations:
             "speed": m.x.speed,
             "motor": motor,
             "weight": weight,
-            "gear_load": m.face.absolute(motor + weight, 1e-3),
+            "gear_load": m.form.absolute(motor + weight, 1e-3),
         },
         description="torque on the arm, positive with the angle",
         disturbance=0.02,

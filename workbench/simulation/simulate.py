@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite
-from workbench.model import EXACT, Face, Model
+from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector
 from workbench.simulation.stepper import METHODS, Method, Stepper
 from workbench.simulation.trajectory import Trajectory, find_violations, read_outputs
@@ -28,7 +28,7 @@ def simulate(
     start: npt.ArrayLike | Mapping[str, float] | None = None,
     tolerance: float = 1e-7,
     method: Literal["auto", "erk", "rosenbrock"] = "auto",
-    face: Face = EXACT,
+    form: Form = EXACT,
     values: npt.ArrayLike | None = None,
     check: bool = True,
 ) -> Trajectory:
@@ -71,10 +71,10 @@ def simulate(
     candidates: tuple[Method, ...] = METHODS if method == "auto" else (_method(method),)
     for attempt in candidates:
         try:
-            states, stepper = _run(model, held, sample_time, x0, tolerance, attempt, face, p)
+            states, stepper = _run(model, held, sample_time, x0, tolerance, attempt, form, p)
             error = float("nan")
             if check:
-                tighter, _ = _run(model, held, sample_time, x0, tolerance / 10, attempt, face, p)
+                tighter, _ = _run(model, held, sample_time, x0, tolerance / 10, attempt, form, p)
                 error = float(np.max(np.abs(states - tighter) / stepper.scale))
                 _refuse(model, error, attempt, tolerance)
             break
@@ -87,13 +87,13 @@ def simulate(
         time=time,
         states=states,
         inputs=held,
-        outputs=read_outputs(model, states, held, face=face, values=p),
+        outputs=read_outputs(model, states, held, form=form, values=p),
         integrator=stepper.integrator,
         tolerance=tolerance,
         error=error,
-        face=face,
+        form=form,
         values=p,
-        violations=find_violations(model, time, states, held, face=face, values=p),
+        violations=find_violations(model, time, states, held, form=form, values=p),
     )
 
 
@@ -144,10 +144,10 @@ def _run(
     x0: Vector,
     tolerance: float,
     method: Method,
-    face: Face,
+    form: Form,
     values: Vector,
 ) -> tuple[Vector, Stepper]:
-    stepper = Stepper(model, sample_time, tolerance, method, face, values)
+    stepper = Stepper(model, sample_time, tolerance, method, form, values)
     states = np.empty((len(held), len(x0)))
     states[0] = x0
     k, whole = 0, True

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import NumericalError, check_choice, check_range
-from workbench.model import EXACT, Face, Model, Trace
+from workbench.model import EXACT, Form, Model, Trace
 from workbench.model.model import check_vector
 from workbench.simulation.compiled import Buffered, compiled, compiler
 
@@ -66,7 +66,7 @@ class Stepper:
         sample_time: Time between samples, in s.
         tolerance: Local error allowed in a step, relative to the scales of the states.
         method: ``"erk"`` or ``"rosenbrock"``.
-        face: Exact or smooth equations.
+        form: Exact or regularised equations.
         values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
 
     Raises:
@@ -83,7 +83,7 @@ class Stepper:
     sample_time: float
     tolerance: float = 1e-7
     method: Method = "erk"
-    face: Face = EXACT
+    form: Form = EXACT
     values: npt.ArrayLike | None = None
     scale: Vector = field(init=False)
     parameters: Vector = field(init=False)
@@ -101,7 +101,7 @@ class Stepper:
         )
         self._blocks: dict[int, Buffered] = {}
         n_x, n_u, n_p = len(self.scale), len(self.model.inputs), len(self.parameters)
-        outputs = compiled(self.model.face(self.face).outputs_function)
+        outputs = compiled(self.model.form(self.form).outputs_function)
         self._read = Buffered(outputs, (n_x, 1), (n_u, 1), (n_p, 1))
         self._read.arguments[2][:, 0] = self.parameters
 
@@ -168,7 +168,7 @@ class Stepper:
     def _block(self, samples: int) -> Buffered:
         if samples not in self._blocks:
             function = _interval(
-                self.model.face(self.face),
+                self.model.form(self.form),
                 tuple(self.scale),
                 self.method,
                 self.sample_time,

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import check_choice
-from workbench.model import EXACT, Face, Model, Trace
+from workbench.model import EXACT, Form, Model, Trace
 from workbench.simulation.compiled import Buffered, compiled
 
 Vector = npt.NDArray[np.float64]
@@ -68,7 +68,7 @@ class Trajectory:
         tolerance: Local error allowed in a step, relative to the scales of the states.
         error: Largest difference to a run with a ten times tighter tolerance, relative to the
             scales of the states; NaN if that run was not made.
-        face: The face of the equations that was used.
+        form: The form of the equations that was used.
         values: Parameter values used, shape (n_parameters,), in SI.
         violations: Where the run left the range of a law.
 
@@ -88,14 +88,14 @@ class Trajectory:
     integrator: str
     tolerance: float
     error: float
-    face: Face
+    form: Form
     values: Vector
     violations: tuple[RangeViolation, ...] = ()
 
     @cached_property
     def signals(self) -> dict[str, Vector]:
         """Every port and published signal of the model, shape (n,) each, in SI, by name."""
-        traced = self.model.face(self.face)
+        traced = self.model.form(self.form)
         table = _over(traced.signals_function, self.states, self.inputs, self.values)
         return dict(zip(traced.signal_names, table.T, strict=True))
 
@@ -131,7 +131,7 @@ class Trajectory:
 
 
 def read_outputs(
-    model: Model, states: Vector, inputs: Vector, *, face: Face = EXACT, values: Vector
+    model: Model, states: Vector, inputs: Vector, *, form: Form = EXACT, values: Vector
 ) -> Vector:
     """Compute what the sensors would read along a run, without noise and quantisation.
 
@@ -149,11 +149,11 @@ def read_outputs(
         >>> read_outputs(axis, np.zeros((2, 2)), np.zeros((2, 1)), values=axis.values).shape
         (2, 1)
     """
-    return _over(model.face(face).outputs_function, states, inputs, values)
+    return _over(model.form(form).outputs_function, states, inputs, values)
 
 
 def find_violations(
-    model: Model, time: Vector, states: Vector, inputs: Vector, *, face: Face, values: Vector
+    model: Model, time: Vector, states: Vector, inputs: Vector, *, form: Form, values: Vector
 ) -> tuple[RangeViolation, ...]:
     """Find where a run left the range within which a law of the model holds.
 
@@ -171,11 +171,11 @@ def find_violations(
         >>> axis = servo_axis()
         >>> zero = np.zeros
         >>> find_violations(
-        ...     axis, zero(2), zero((2, 2)), zero((2, 1)), face=EXACT, values=axis.values
+        ...     axis, zero(2), zero((2, 2)), zero((2, 1)), form=EXACT, values=axis.values
         ... )
         ()
     """
-    traced = model.face(face)
+    traced = model.form(form)
     checks = [(q.name, q.unit, q.lower, q.upper) for q in model.states]
     columns = [*states.T]
     if traced.ranges:

@@ -234,7 +234,7 @@ class _Problem:
         for part in (
             _FORMULATION,
             ca.CasadiMeta.version(),
-            self.model.smooth.rates_function.serialize(),
+            self.model.regularised.rates_function.serialize(),
             self.model.values.tobytes(),
             self.start.x.tobytes(),
             repr([(q.lower, q.upper) for q in self.model.inputs]),
@@ -246,7 +246,7 @@ class _Problem:
 
     def _functions(self) -> tuple[ca.Function, ca.Function]:
         """Return the scaled rates, and (speed, acceleration, jerk), as functions of (z, u)."""
-        traced = self.model.smooth
+        traced = self.model.regularised
         size = self.scale
         z = ca.SX.sym("z", len(size))
         rates = ca.substitute(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from controllers.sampling import zero_order_hold
 from workbench.errors import NumericalError, check_choice
-from workbench.model import EXACT, Face, Model, Trace
+from workbench.model import EXACT, Form, Model, Trace
 from workbench.model.model import check_vector, index_of
 from workbench.simulation.compiled import compiled, compiler
 
@@ -37,7 +37,7 @@ class FullPlant:
         start: States at the start, shape (n_states,), in SI.
         tolerance: Local error allowed in a step, relative to the scales of the states.
         method: ``"erk"``, or ``"rosenbrock"`` for stiff models.
-        face: Exact or smooth equations.
+        form: Exact or regularised equations.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -56,13 +56,13 @@ class FullPlant:
         *,
         tolerance: float = TOLERANCE,
         method: str = "erk",
-        face: Face = EXACT,
+        form: Form = EXACT,
     ) -> None:
         self.model = model
         self.integrator = f"{method}, {'compiled' if compiler() else 'interpreted'}"
         self.tolerance = tolerance
         self._scale = np.array([q.scale for q in model.states])
-        traced = model.face(face)
+        traced = model.form(form)
         function = _sample(traced, tuple(self._scale), method, sample_time, tolerance)
         x = check_vector("state", start, model.states)
         u = model.nominal_input

@@ -18,7 +18,7 @@ from controllers.nonlinear_mpc.prediction import Called, discrete, dynamics, sho
 from tests.controllers.nonlinear_mpc.converged_plan import converged
 from workbench.errors import WorkbenchError
 from workbench.linearisation.actuator_inverse import straightened
-from workbench.model import SMOOTH, Model
+from workbench.model import REGULARISED, Model
 from workbench.operating_point import operating_point
 from workbench.simulation.compiled import compiled
 from workbench.simulation.stepper import Stepper
@@ -45,7 +45,7 @@ def test_a_stage_is_the_plant_over_its_duration(mpc: NonlinearMPC, plant: Model)
     names = [q.name for q in proportional.states]
     x = operating_point(plant, {"angle": math.radians(20)}).x.copy()
     x[names.index("spool")] = 1.5
-    stepper = Stepper(proportional, 0.02, tolerance=1e-10, face=SMOOTH)
+    stepper = Stepper(proportional, 0.02, tolerance=1e-10, form=REGULARISED)
     there = stepper.step(x, [6.5])
     z = mpc.predicted(x / mpc.observer.rates.scale)
     end = np.asarray(mpc.stage(z, 6.5, np.zeros(3))[0]).ravel() * mpc.prediction.scale

@@ -42,7 +42,7 @@ def rates(plant: Model, names: tuple[str, ...]) -> ca.Function:
     soft = plant.without("bearing_friction").with_parameters(
         {"stop_stiffness": 1e3, "stop_damping": 1.0}
     )
-    traced = straightened(soft, "opening").smooth
+    traced = straightened(soft, "opening").regularised
     every = [q.name for q in soft.states]
     x, opening = ca.SX.sym("x", len(names)), ca.SX.sym("opening")
     volts = 5.0 + 5.0 * opening

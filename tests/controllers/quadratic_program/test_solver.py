@@ -19,7 +19,7 @@ from controllers.quadratic_program.solver import (
 )
 from workbench.errors import WorkbenchError
 
-FACES = pytest.mark.parametrize("compiled", [False, True], ids=["python", "c"])
+IMPLEMENTATIONS = pytest.mark.parametrize("compiled", [False, True], ids=["python", "c"])
 
 
 def solver(variables: int, constraints: int, compiled: bool) -> QuadraticProgram:
@@ -43,7 +43,7 @@ def problem(seed: int, n: int = 6, m: int = 9, push: float = 3.0) -> tuple[np.nd
     )
 
 
-@FACES
+@IMPLEMENTATIONS
 @pytest.mark.parametrize("seed", range(5))
 def test_solution_agrees_with_sequential_programming(seed: int, compiled: bool) -> None:
     from scipy.optimize import LinearConstraint, minimize
@@ -63,7 +63,7 @@ def test_solution_agrees_with_sequential_programming(seed: int, compiled: bool) 
     np.testing.assert_allclose(found.x, other.x, atol=1e-5)
 
 
-@FACES
+@IMPLEMENTATIONS
 @pytest.mark.parametrize("size", [(4, 60), (12, 91), (21, 80)])
 def test_solution_agrees_with_another_active_set_method(
     size: tuple[int, int], compiled: bool
@@ -93,7 +93,7 @@ def test_python_and_c_take_the_same_path() -> None:
             np.testing.assert_allclose(a.x, b.x, atol=1e-11)
 
 
-@FACES
+@IMPLEMENTATIONS
 def test_optimality_conditions_hold_where_rows_repeat(compiled: bool) -> None:
     # Every row twice, and bounds that rows repeat: active rows depend on each other.
     H, g, A, lower, upper, low, high = problem(7, 5, 4, push=20.0)
@@ -113,7 +113,7 @@ def test_optimality_conditions_hold_where_rows_repeat(compiled: bool) -> None:
     assert nnls(active.T, -(H @ found.x + g))[1] < 1e-9
 
 
-@FACES
+@IMPLEMENTATIONS
 def test_equal_limits_and_no_limits(compiled: bool) -> None:
     qp, inf = solver(2, 1, compiled), np.inf
     one = np.ones(1)
@@ -129,7 +129,7 @@ def test_equal_limits_and_no_limits(compiled: bool) -> None:
     np.testing.assert_allclose(found.x, [1.5, 1.5], atol=1e-15)
 
 
-@FACES
+@IMPLEMENTATIONS
 def test_contradictory_constraints_are_reported(compiled: bool) -> None:
     one = np.ones(1)
     qp = solver(1, 1, compiled)
@@ -141,7 +141,7 @@ def test_contradictory_constraints_are_reported(compiled: bool) -> None:
     assert qp.solve(np.eye(1), 0 * one, np.eye(1), -one, one, -one, one).solved
 
 
-@FACES
+@IMPLEMENTATIONS
 def test_contradictions_of_many_rows_are_those_that_linear_programming_finds(
     compiled: bool,
 ) -> None:
@@ -165,7 +165,7 @@ def test_contradictions_of_many_rows_are_those_that_linear_programming_finds(
     assert seen == {True, False}
 
 
-@FACES
+@IMPLEMENTATIONS
 @pytest.mark.parametrize("where", range(7))
 def test_numbers_that_are_not_finite_are_never_solved(where: int, compiled: bool) -> None:
     data = list(problem(0))

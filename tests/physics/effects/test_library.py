@@ -104,23 +104,23 @@ def test_zero_size_changes_nothing_and_has_a_derivative(plant: str, entry: Hypot
         [q.scale for q in case.base.states] + [q.scale for q in case.base.outputs], dtype=float
     )
     index = [q.name for q in case.model.parameters].index(f"{entry.name}.{entry.size_parameter}")
-    for face in ("exact", "smooth"):
-        trace = case.model.face(face)
+    for form in ("exact", "regularised"):
+        trace = case.model.form(form)
         everything = ca.vertcat(trace.rates[:n], trace.outputs)
         by_size = ca.Function(
             "by_size", [trace.x, trace.u, trace.p], [ca.jacobian(everything, trace.p[index])]
         )
         strongest = 0.0
         for x, u in zip(case.x, case.u, strict=True):
-            with_effect = case.model.rates(x, u, face=face)[:n]
-            without = case.base.rates(x[:n], u, face=face)
+            with_effect = case.model.rates(x, u, form=form)[:n]
+            without = case.base.rates(x[:n], u, form=form)
             # Differences of rounding only: forces of 1000 N are added and taken away again.
             np.testing.assert_allclose(
                 with_effect / scale[:n], without / scale[:n], rtol=1e-9, atol=1e-9
             )
             np.testing.assert_allclose(
-                case.model.read(x, u, face=face),
-                case.base.read(x[:n], u, face=face),
+                case.model.read(x, u, form=form),
+                case.base.read(x[:n], u, form=form),
                 rtol=1e-12,
                 atol=1e-12,
             )
@@ -136,8 +136,8 @@ def test_derivatives_are_finite_also_at_rest(plant: str, entry: Hypothesis) -> N
     rest = case.model.initial_state(u=case.base.nominal_input)
     sized = case.model.with_parameters({f"{entry.name}.{entry.size_parameter}": entry.typical_size})
     for model in (case.model, sized):
-        for face in ("exact", "smooth"):
-            trace = model.face(face)
+        for form in ("exact", "regularised"):
+            trace = model.form(form)
             everything = ca.vertcat(trace.rates, trace.outputs)
             derivatives = trace.function(
                 "derivatives", ca.jacobian(everything, trace.x), ca.jacobian(everything, trace.p)
@@ -152,7 +152,7 @@ def test_only_stiff_entries_are_fast(plant: str, entry: Hypothesis) -> None:
     case = excite(plant, entry)
     n = len(case.base.states)
     model = case.model.with_parameters({f"{entry.name}.{entry.size_parameter}": entry.typical_size})
-    trace = model.smooth
+    trace = model.regularised
     own = ca.Function(
         "own", [trace.x, trace.u, trace.p], [ca.jacobian(trace.rates[n:], trace.x[n:])]
     )

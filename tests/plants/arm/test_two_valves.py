@@ -12,9 +12,9 @@ from workbench.plants.arm import arm
 from workbench.plants.arm.two_valves import two_valve_arm
 
 
-@pytest.mark.parametrize("face", ["exact", "smooth"])
+@pytest.mark.parametrize("form", ["exact", "regularised"])
 @pytest.mark.parametrize("spool", [-2.3, 0.0, 0.7, 4.0])
-def test_opposite_commands_make_it_the_arm_with_one_valve(face: str, spool: float) -> None:
+def test_opposite_commands_make_it_the_arm_with_one_valve(form: str, spool: float) -> None:
     one, two = arm(3), two_valve_arm(3)
     common = {
         "pressure_1": 3.2e5,
@@ -34,8 +34,8 @@ def test_opposite_commands_make_it_the_arm_with_one_valve(face: str, spool: floa
             **common,
         }
     )
-    rates_one = one.rates(x_one, [5.9], face=face)
-    rates_two = two.rates(x_two, [5.9, 4.1], face=face)
+    rates_one = one.rates(x_one, [5.9], form=form)
+    rates_two = two.rates(x_two, [5.9, 4.1], form=form)
     # The same laws with the same numbers: equal to rounding.
     np.testing.assert_allclose(rates_two[4:], rates_one[2:], rtol=1e-12)
     np.testing.assert_allclose(rates_two[:2], rates_one[:2], rtol=1e-12)

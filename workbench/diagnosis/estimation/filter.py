@@ -93,8 +93,8 @@ def substeps_of(model: Model, sample_time: float) -> int:
     looks = [start, *(start + rng.uniform(-1.0, 1.0, (_LOOKS, len(start))) * scale)]
     within = [q.lower for q in model.states], [q.upper for q in model.states]
     fastest = 0.0
-    for face in ("exact", "smooth"):
-        function = model.face(face).jacobian_function
+    for form in ("exact", "regularised"):
+        function = model.form(form).jacobian_function
         for x in looks:
             slopes = function(np.clip(x, *within), model.nominal_input, model.values)[0]
             matrix = np.nan_to_num(np.asarray(slopes, dtype=float))
@@ -124,7 +124,7 @@ def filter_function(
     with respect to the free parameters, each divided by its scale too.
 
     Args:
-        traced: One face of a model's equations.
+        traced: One form of a model's equations.
         state_scale: Scale of each state, in its SI unit.
         output_scale: Scale of each reading used, in its SI unit.
         rows: Places of those readings among the model's outputs.

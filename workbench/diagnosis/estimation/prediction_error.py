@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from workbench.diagnosis.estimation.filter import Filter, filter_function, substeps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
-from workbench.model import EXACT, Face, Model
+from workbench.model import EXACT, Form, Model
 from workbench.model.model import index_of
 
 Vector = npt.NDArray[np.float64]
@@ -100,7 +100,7 @@ class PredictionError:
         free: Names of the parameters whose derivatives are wanted.
         disturbances: Root mean square of an unmodelled signal at a port, by name of the port, in
             the port's unit; it is taken as correlated over `CORRELATION_TIME`.
-        face: Exact or smooth equations.
+        form: Exact or regularised equations.
         certain: Names of states that are simulated but not corrected by the filter. That is exact
             for the derivatives at size zero of effects that own these states: there no reading
             depends on them.
@@ -114,7 +114,7 @@ class PredictionError:
     used: tuple[str, ...]
     free: tuple[str, ...]
     disturbances: Mapping[str, float] = field(default_factory=dict)
-    face: Face = EXACT
+    form: Form = EXACT
     certain: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -199,7 +199,7 @@ class PredictionError:
     def _filter(self) -> Filter:
         if self._call is None:
             self._call = filter_function(
-                self.model.face(self.face),
+                self.model.form(self.form),
                 tuple(self.state_scale),
                 tuple(self._output_scale),
                 self._rows,

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model import Effect, Model, PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 
 Matrix = npt.NDArray[np.bool_]
 

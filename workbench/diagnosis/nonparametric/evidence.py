@@ -19,8 +19,8 @@ from workbench.diagnosis.location.unknown_input import unknown_input
 from workbench.diagnosis.nonparametric.dependence import Evidence, Site
 from workbench.errors import WorkbenchError
 from workbench.model import Effect, Model, PortView
-from workbench.model.face import Expression
 from workbench.model.model import index_of
+from workbench.model.regularisation import Expression
 
 Vector = npt.NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
-from workbench.model.face import Expression, sqrt
+from workbench.model.regularisation import Expression, sqrt
 from workbench.model.trace import Equations
 from workbench.plants.servo_pendulum import servo_pendulum
 
@@ -64,9 +64,9 @@ def _tanks(m: Scope) -> Equations:
         return m.port(name, value, unit="V/s", scale=0.1, signals=levels, disturbance=0.01)
 
     pumped = flow("upper.inflow", p.pump_gain * m.u.pump)
-    drained = flow("upper.outflow", p.upper_drain * sqrt(m.face.ramp(upper, 0.01)))
+    drained = flow("upper.outflow", p.upper_drain * sqrt(m.form.ramp(upper, 0.01)))
     gained = flow("lower.inflow", drained)
-    left = flow("lower.outflow", p.lower_drain * sqrt(m.face.ramp(lower, 0.01)))
+    left = flow("lower.outflow", p.lower_drain * sqrt(m.form.ramp(lower, 0.01)))
     reading = m.port("level.reading", lower, unit="V", scale=5.0)
     return {"upper_level": pumped - drained, "lower_level": gained - left}, {"level": reading}
 
@@ -141,7 +141,7 @@ def _muscle(m: Scope) -> Equations:
         signals={"contraction": m.u.contraction, "gauge_pressure": m.u.pressure},
         disturbance=20.0,
     )
-    pulled = m.face.ramp(tension, 1.0)
+    pulled = m.form.ramp(tension, 1.0)
     return (
         {"cell": (pulled - m.x.cell) / 0.01},
         {"force": m.port("force.reading", m.x.cell, unit="N", scale=500.0)},

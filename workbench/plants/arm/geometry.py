@@ -19,7 +19,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.errors import check_choice
-from workbench.model.face import Expression, is_symbolic, sqrt
+from workbench.model.regularisation import Expression, is_symbolic, sqrt
 
 TRAVEL = math.radians(60.0)
 """Angle between the two stops, rad."""

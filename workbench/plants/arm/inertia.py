@@ -13,7 +13,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.errors import check_choice, check_range
-from workbench.model.face import Expression, is_symbolic
+from workbench.model.regularisation import Expression, is_symbolic
 
 Plane = Literal["horizontal", "vertical"]
 """Plane in which the arm moves."""

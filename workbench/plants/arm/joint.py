@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from workbench.model import About, Effect, Input, Model, Output, Parameter, PortView, Scope, State
-from workbench.model.face import Expression, where
+from workbench.model.regularisation import Expression, where
 from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.plants.arm.geometry import ArmGeometry
@@ -172,9 +172,9 @@ def joint(
 
 def _stop(m: Scope, name: str, penetration: Expression, speed: Expression) -> Expression:
     p = m.p
-    push = m.face.ramp(p.stop_stiffness * penetration + p.stop_damping * speed, 1.0)
-    touching = m.face.step(penetration, 1e-5)
-    torque = where(penetration > 0, push, 0.0) if not m.face.smooth else touching * push
+    push = m.form.ramp(p.stop_stiffness * penetration + p.stop_damping * speed, 1.0)
+    touching = m.form.step(penetration, 1e-5)
+    torque = where(penetration > 0, push, 0.0) if not m.form.regularised else touching * push
     return m.port(
         f"{name}.torque",
         torque,

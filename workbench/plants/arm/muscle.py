@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from workbench.model import About, Effect, Input, Model, Output, Parameter, PortView, Scope, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
 from workbench.physics.force_laws import (
     IDENTIFIED_RANGE,
@@ -210,7 +210,7 @@ def muscle(
     )
     volume = m.publish(f"chamber{suffix}.volume", p.volume_gain * braid + p.dead_volume, unit="m3")
     volume_rate = ca.jtimes(volume, coordinate, coordinate_speed)
-    enthalpy_flow = port_enthalpy_flow(flow, ambient, temperature, face=m.face)
+    enthalpy_flow = port_enthalpy_flow(flow, ambient, temperature, form=m.form)
     heat = m.port(
         f"chamber{suffix}.heat",
         0.0,
@@ -244,7 +244,7 @@ def muscle(
     }
     tension = m.port(
         f"muscle{suffix}.tension",
-        laws.force.tension(contraction, gauge, face=m.face),
+        laws.force.tension(contraction, gauge, form=m.form),
         unit="N",
         role="muscle_tension",
         scale=100.0,
@@ -316,7 +316,7 @@ def force_correction(
     paper = law or PaperLaw()
 
     def transform(at: PortView) -> Expression:
-        return at.value + at.p.gain * paper.phi(at.signals.contraction, face=at.face)
+        return at.value + at.p.gain * paper.phi(at.signals.contraction, form=at.form)
 
     return Effect(
         name,
@@ -361,7 +361,7 @@ def end_flattening(
     geometry = braid or BraidedCylinder()
 
     def transform(at: PortView) -> Expression:
-        return at.value + geometry.end_flattening(at.signals.fibre_length, face=at.face)
+        return at.value + geometry.end_flattening(at.signals.fibre_length, form=at.form)
 
     return Effect(
         name,

@@ -10,7 +10,7 @@ the spool; that plant has one kink left, between filling and venting.
 from __future__ import annotations
 
 from workbench.model import ActuatorCurve, DriftingSum, Effect, PortView, Traits
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 
 EDGES = {
     "valve.supply_1": 1.0,
@@ -37,7 +37,7 @@ def proportional_edges() -> Effect:
     """
 
     def transform(at: PortView) -> Expression:
-        return at.face.ramp(EDGES[at.port] * at.signals.spool, _WIDTH) / FULL_STROKE
+        return at.form.ramp(EDGES[at.port] * at.signals.spool, _WIDTH) / FULL_STROKE
 
     return Effect("proportional_edges", tuple(EDGES), transform)
 

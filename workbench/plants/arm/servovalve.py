@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
 from workbench.physics.flow import orifice_flow
 from workbench.physics.leakage import centre_leakage
@@ -148,8 +148,8 @@ def valve(
         (True, True)
     """
     spool, rates = spool_position(m)
-    positive = opening(spool, curve=curve, face=m.face)
-    negative = opening(-spool, curve=curve, face=m.face)
+    positive = opening(spool, curve=curve, form=m.form)
+    negative = opening(-spool, curve=curve, form=m.form)
     supply = inlet_pressure(m)
     net, drawn = [], 0.0
     for number, fill, vent in ((1, positive, negative), (2, negative, positive)):
@@ -291,10 +291,10 @@ def metered_flows(
     )
     conductance, ratio = p.valve_conductance, p.critical_ratio
     filling = orifice_flow(
-        supply, seen, ambient, temperature, share_fill * conductance, ratio, face=m.face
+        supply, seen, ambient, temperature, share_fill * conductance, ratio, form=m.form
     )
     venting = orifice_flow(
-        seen, exhaust, temperature, ambient, share_vent * conductance, ratio, face=m.face
+        seen, exhaust, temperature, ambient, share_vent * conductance, ratio, form=m.form
     )
     m.publish(f"exhaust_{number}.flow", venting, unit="kg/s")
     return filling, venting

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from workbench.model import Input, Model, Output, Scope, State
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
 from workbench.physics.valve_curve import MPYE, ValveCurve, opening
 from workbench.plants.arm.arm import (
@@ -74,8 +74,8 @@ def two_valves(
             m,
             number,
             openings=(
-                opening(spool, curve=curve, face=m.face),
-                opening(-spool, curve=curve, face=m.face),
+                opening(spool, curve=curve, form=m.form),
+                opening(-spool, curve=curve, form=m.form),
             ),
             spool=spool,
             supply=supply,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.model import About, Effect, Parameter, PortView
-from workbench.model.face import Expression
+from workbench.model.regularisation import Expression
 from workbench.physics.muscle_volume import BraidedCylinder
 
 VOLUME_PORTS = ("muscle_1.volume", "muscle_2.volume")
@@ -73,7 +73,7 @@ def printed_volume(
     braid = BraidedCylinder(printing="as_printed")
 
     def transform(at: PortView) -> Expression:
-        return braid.volume(at.signals.fibre_length, face=at.face)
+        return braid.volume(at.signals.fibre_length, form=at.form)
 
     return Effect(
         name,

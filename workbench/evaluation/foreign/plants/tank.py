@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
-from workbench.model.face import sqrt
+from workbench.model.regularisation import sqrt
 from workbench.model.trace import Equations
 
 HEAT, COLD, ROOM = 4.18e6, 288.0, 293.0
@@ -18,7 +18,7 @@ def _equations(m: Scope) -> Equations:
     )
     outflow = m.port(
         "tank.outflow",
-        p.hole * sqrt(2 * 9.81 * m.face.ramp(level, 1e-3)),
+        p.hole * sqrt(2 * 9.81 * m.form.ramp(level, 1e-3)),
         unit="m3/s",
         scale=1e-5,
         signals=signals,
@@ -35,7 +35,7 @@ def _equations(m: Scope) -> Equations:
     )
     rates = {
         "level": (inflow - outflow) / p.area,
-        "temperature": heat / (HEAT * p.area * m.face.ramp(level, 1e-3)),
+        "temperature": heat / (HEAT * p.area * m.form.ramp(level, 1e-3)),
     }
     readings = {
         "level": m.port("level.reading", level, unit="m", scale=0.2),

@@ -1,7 +1,7 @@
-"""Non-smooth functions with two faces: exact for verification, smooth for derivatives.
+"""Non-smooth functions in two forms: exact for verification, regularised for derivatives.
 
-Every kinked function of a model goes through a `Face`. The exact face has the kink, the smooth
-face replaces it within ``width`` of the kink by a polynomial that joins with continuous second
+Every kinked function of a model goes through a `Form`. The exact form has the kink, the regularised
+form replaces it within ``width`` of the kink by a polynomial that joins with continuous second
 derivative, so that both are equal outside that neighbourhood.
 """
 
@@ -105,50 +105,50 @@ def sqrt(x: Expression) -> Expression:
 
 
 @dataclass(frozen=True)
-class Face:
-    """A set of kinked functions, either with their kink or smoothed.
+class Form:
+    """A set of kinked functions, either with their kink or regularised.
 
     Args:
-        smooth: False for the exact face, True for the smooth one.
+        regularised: False for the exact form, True for the regularised one.
 
     Example:
-        >>> float(EXACT.ramp(0.0, 1.0)), float(SMOOTH.ramp(0.0, 1.0))
+        >>> float(EXACT.ramp(0.0, 1.0)), float(REGULARISED.ramp(0.0, 1.0))
         (0.0, 0.1875)
-        >>> float(EXACT.ramp(2.0, 1.0)), float(SMOOTH.ramp(2.0, 1.0))
+        >>> float(EXACT.ramp(2.0, 1.0)), float(REGULARISED.ramp(2.0, 1.0))
         (2.0, 2.0)
     """
 
-    smooth: bool
+    regularised: bool
 
     def ramp(self, x: Expression, width: float) -> Expression:
         """Return max(0, x).
 
-        The smooth face is ``(x + w)^3 (3 w - x) / (16 w^3)`` for ``|x| < w``: value and two
+        The regularised form is ``(x + w)^3 (3 w - x) / (16 w^3)`` for ``|x| < w``: value and two
         derivatives join the exact function at ``x = -w`` and ``x = w``.
 
         Args:
             x: Argument, any unit.
-            width: Half-width w of the smoothed neighbourhood, in the unit of ``x``.
+            width: Half-width w of the rounded neighbourhood, in the unit of ``x``.
 
         Returns:
-            The larger of 0 and x, in the unit of ``x``; 3 w / 16 at x = 0 on the smooth face.
+            The larger of 0 and x, in the unit of ``x``; 3 w / 16 at x = 0 on the regularised form.
         """
-        if not self.smooth:
+        if not self.regularised:
             return maximum(x, 0.0)
         c = minimum(maximum(x, -width), width)
         return (c + width) ** 3 * (3 * width - c) / (16 * width**3) + maximum(x - width, 0.0)
 
     def step(self, x: Expression, width: float) -> Expression:
-        """Return 1 for x > 0 and 0 otherwise; the smooth face is the derivative of `ramp`.
+        """Return 1 for x > 0 and 0 otherwise; the regularised form is the derivative of `ramp`.
 
         Args:
             x: Argument, any unit.
-            width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+            width: Half-width of the rounded neighbourhood, in the unit of ``x``.
 
         Returns:
-            0 to 1, dimensionless; at x = 0 it is 0 on the exact and 1/2 on the smooth face.
+            0 to 1, dimensionless; at x = 0 it is 0 on the exact and 1/2 on the regularised form.
         """
-        if not self.smooth:
+        if not self.regularised:
             return where(x > 0, 1.0, 0.0)
         c = minimum(maximum(x, -width), width)
         return (c + width) ** 2 * (2 * width - c) / (4 * width**3)
@@ -158,22 +158,22 @@ class Face:
 
         Args:
             x: Argument, any unit.
-            width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+            width: Half-width of the rounded neighbourhood, in the unit of ``x``.
 
         Returns:
-            Absolute value, in the unit of ``x``; 3 ``width`` / 8 at x = 0 on the smooth face.
+            Absolute value, in the unit of ``x``; 3 ``width`` / 8 at x = 0 on the regularised form.
         """
-        return self.ramp(x, width) + self.ramp(-x, width) if self.smooth else maximum(x, -x)
+        return self.ramp(x, width) + self.ramp(-x, width) if self.regularised else maximum(x, -x)
 
     def sign(self, x: Expression, width: float) -> Expression:
         """Return -1, 0 or 1 (exact), or its smooth transition within ``width`` of zero.
 
         Args:
             x: Argument, any unit.
-            width: Half-width of the smoothed neighbourhood, in the unit of ``x``.
+            width: Half-width of the rounded neighbourhood, in the unit of ``x``.
 
         Returns:
-            Sign of x, -1 to 1, dimensionless; 0 at x = 0 on both faces.
+            Sign of x, -1 to 1, dimensionless; 0 at x = 0 on both forms.
         """
         return self.step(x, width) - self.step(-x, width)
 
@@ -184,10 +184,10 @@ class Face:
             x: Argument, any unit.
             lower: Lower limit, in the unit of ``x``.
             upper: Upper limit, in the unit of ``x``.
-            width: Half-width of the smoothed neighbourhoods, in the unit of ``x``.
+            width: Half-width of the rounded neighbourhoods, in the unit of ``x``.
 
         Returns:
-            The limited value, in the unit of ``x``. The smooth face keeps the limits too and
+            The limited value, in the unit of ``x``. The regularised form keeps the limits too and
             differs from the exact one by at most 3 ``width`` / 16.
         """
         return lower + self.ramp(x - lower, width) - self.ramp(x - upper, width)
@@ -197,7 +197,7 @@ class Face:
     ) -> Expression:
         """Interpolate a table by straight lines, constant beyond its ends.
 
-        ``y = y_0 + sum_i (m_i - m_{i-1}) ramp(x - x_i)``, so the smooth face rounds every corner.
+        ``y = y_0 + sum_i (m_i - m_{i-1}) ramp(x - x_i)``, every corner rounded when regularised.
 
         Args:
             x: Argument, in the unit of ``points``.
@@ -219,5 +219,5 @@ class Face:
         return y
 
 
-EXACT = Face(smooth=False)
-SMOOTH = Face(smooth=True)
+EXACT = Form(regularised=False)
+REGULARISED = Form(regularised=True)
