@@ -336,13 +336,13 @@ def design_angle_stiffness(
     span = pressure_limits[1] - pressure_limits[0]
     outer = replace(outer, difference_limit=min(outer.difference_limit, span))
     joint = joint_model(one)
-    readings = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
-    mean = 0.5 * (readings["pressure_1"] + readings["pressure_2"])
+    measurements = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
+    mean = 0.5 * (measurements["pressure_1"] + measurements["pressure_2"])
     known = {q.name: q.value for q in linear.operating_point.model.parameters}
     ambient = known.get("ambient_pressure", Air.ambient)
     air = Air(
         pressure=mean,
-        angle=readings["angle"],
+        angle=measurements["angle"],
         # Both pressures answer a speed by p' = -+ n p V'/V, between isothermal and adiabatic.
         volume_slope=joint.e / (2.0 * POLYTROPIC * (mean + ambient)),
         supply=known.get("supply_pressure", Air.supply),

@@ -169,7 +169,7 @@ def _header(controller: Controller, name: str, found: CSource) -> str:
         "/*",
         f" * {controller.name}: sampled control law, one step every {controller.sample_time:g} s.",
         " *",
-        f" * All numbers are in SI units. Call {name}_start once with the first readings, then",
+        f" * All numbers are in SI units. Call {name}_start once with the first measurements, then",
         f" * {name}_step every sample: it reads the measurement and the reference, writes the",
         " * command and replaces the state. The command is to be held until the next sample.",
         f" * {name}_start returns 0, {name}_step a status.",

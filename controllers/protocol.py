@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 Measurement = tuple[float, ...]
-"""Readings of the controller's `Controller.sensors`, in their order, in SI."""
+"""Measurements of the controller's `Controller.sensors`, in their order, in SI."""
 
 Reference = tuple[float, ...]
 """References of the controlled outputs now, then those of each previewed sample, in SI."""
@@ -24,7 +24,7 @@ class Controller(Protocol):
 
     A controller is a frozen set of gains. Everything that changes from sample to sample is in the
     state that `step` takes and returns, so that a run can be repeated, branched and exported. It
-    knows the plant through linear models and through the readings of its sensors only, and the
+    knows the plant through linear models and through the measurements of its sensors only, and the
     same object runs on a linear model, on the full plant and on the rig.
 
     Time: the measurement of sample k is taken at t = k h, the command computed from it is held

@@ -62,7 +62,7 @@ def peaks_of(
     closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
     if np.max(np.abs(np.linalg.eigvals(closed))) >= 1.0:
         return float("inf"), float("inf")
-    # Opened at sensor 0: its reading comes from outside, the others stay connected.
+    # Opened at sensor 0: its measurement comes from outside, the others stay connected.
     keep = np.ones(len(C))
     keep[0] = 0.0
     rest = np.diag(keep) @ C

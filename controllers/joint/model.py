@@ -4,8 +4,8 @@
     d(dp)/dt    = g o - e dtheta/dt - d dp                pressure difference driven by the opening
 
 with the pressure difference dp = pressure_1 - pressure_2 and the signed valve opening o. The six
-numbers are fitted to frequency responses between the linear model's command and its readings, so
-that nothing of the plant's inside is needed. What is faster (the spool) is left to the margin.
+numbers are fitted to frequency responses between the linear model's command and its measurements,
+so that nothing of the plant's inside is needed. What is faster (the spool) is left to the margin.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def joint_model(
     fitted_dp = g / (s + d + e * s * b / (s**2 + a1 * s + a0))
     fitted = fitted_dp * b / (s**2 + a1 * s + a0)
     misfit = float(np.max(np.abs(fitted - theta) / np.abs(theta)))
-    readings = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
+    measurements = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     return JointModel(
         b=b,
         a1=a1,
@@ -117,8 +117,8 @@ def joint_model(
         g=g,
         e=e,
         d=d,
-        angle=readings[sensors[0]],
-        difference=readings[sensors[1]] - readings[sensors[2]],
+        angle=measurements[sensors[0]],
+        difference=measurements[sensors[1]] - measurements[sensors[2]],
         misfit=misfit,
     )
 

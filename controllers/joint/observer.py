@@ -215,8 +215,8 @@ def kalman_correction(
     noise = np.diag([acceleration_noise**2, acceleration_walk**2 * h])
     c = np.array([[1.0, 0.0, 0.0]])
     # One solver whether slycot is installed or not: the same gains on every machine.
-    reading = [[angle_noise**2]]
-    predictor = np.asarray(ct.dlqe(phi, drive, c, noise, reading, method="scipy")[0])
+    measurement = [[angle_noise**2]]
+    predictor = np.asarray(ct.dlqe(phi, drive, c, noise, measurement, method="scipy")[0])
     # The law corrects before it predicts: the predictor's gain is phi times this one.
     gain = np.linalg.solve(phi, predictor).ravel()
     return float(gain[0]), float(gain[1]), float(gain[2])

@@ -63,7 +63,7 @@ class DisturbanceObserver:
 
         Args:
             predicted: Prediction of (x, w), shape (n,), in SI.
-            measurement: Readings, absolute, in SI.
+            measurement: Measurements, absolute, in SI.
 
         Returns:
             Estimate of (x, w), shape (n,), in SI.
@@ -87,7 +87,7 @@ class DisturbanceObserver:
         """Return the smallest estimate that explains a measurement as rest without input.
 
         Args:
-            measurement: Readings, absolute, in SI.
+            measurement: Measurements, absolute, in SI.
             A: Continuous dynamics, shape (n_x, n_x), in SI.
             E: Effect of the disturbances on the rates, shape (n_x, n_w), in SI.
 

@@ -17,8 +17,8 @@ P is the cost to go of the unconstrained regulator. The first move is applied; t
 is solved anew. The moves are openings: the inverse valve curve follows, because a solver that
 optimises the voltage sees almost no gradient at the valve's flat centre. If the solver fails, the
 unconstrained regulator u = us - K (x - xs), clipped, takes its place (fallback "regulator"). A
-reading or reference that is no number leaves the state as it was and shuts the valve for the sample
-(fallback "shut").
+measurement or reference that is no number leaves the state as it was and shuts the valve for the
+sample (fallback "shut").
 
 Source: Maciejowski, Predictive Control with Constraints, 2002, chapters 2 and 3 (condensing, move
 blocking, soft constraints); Rawlings, Mayne and Diehl, Model Predictive Control, 2017, sections 1.3

@@ -45,7 +45,7 @@ from controllers.nonlinear_mpc.prediction import (
     Dynamics,
     discrete,
     dynamics,
-    readings,
+    measurements,
     shooting,
 )
 from controllers.nonlinear_mpc.specification import NonlinearMPCSpecification
@@ -111,7 +111,7 @@ class NonlinearMPC(ThroughValve):
         prediction: States of the prediction and their scales.
         shots: Mapped stages: (Z, U, w) -> ends of the stages, derivatives by z and by the input.
         stage: One stage, for the converged solution.
-        observer: Estimates states and disturbances from the readings.
+        observer: Estimates states and disturbances from the measurements.
         pressure_limits: Lowest and highest absolute pressure, in Pa.
         valve: Valve curve that is inverted.
         name: Name under which results are reported.
@@ -395,7 +395,7 @@ def design_nonlinear_mpc(
     observer = ExtendedKalmanFilter(
         rates=behind,
         sample=Called(build(discrete(behind, want.sample_time, 2, "nmpc_observer"))),
-        read=Called(build(readings(model, sensors))),
+        read=Called(build(measurements(model, sensors))),
         rest=start / behind.scale,
         walk=np.concatenate([np.full(len(names), want.state_noise), walks]),
         noise=np.array(want.sensor_noise),

@@ -1,7 +1,7 @@
 """An extended Kalman filter for the states of a nonlinear model and constant disturbances.
 
 The states x of a model are joined by disturbances w on the rates of some of them, dw/dt = 0. With
-z = (x, w), counted in scales, its derivatives F and C at the estimate, readings y with noise of
+z = (x, w), counted in scales, its derivatives F and C at the estimate, measurements y with noise of
 covariance R and random walks of covariance Q per second:
 
     K = P C' (C P C' + R)^-1,    z = z + K (y - g(x)),    P = P - K C P          (correction)
@@ -35,10 +35,10 @@ class ExtendedKalmanFilter:
     Args:
         rates: The model's states and their scales.
         sample: Map over one sample, (x, u, w) -> next x and its derivatives by x, u and w.
-        read: Readings in SI, (x, u) -> readings and their derivatives by x.
+        read: Measurements in SI, (x, u) -> measurements and their derivatives by x.
         rest: States about which it starts, shape (n,), scaled.
         walk: Random walk of states and disturbances over one second, shape (n + n_w,), scaled.
-        noise: Noise rms of the readings, shape (n_sensors,), in SI.
+        noise: Noise rms of the measurements, shape (n_sensors,), in SI.
         sample_time: Time between samples, in s.
     """
 
@@ -51,10 +51,10 @@ class ExtendedKalmanFilter:
     sample_time: float
 
     def initial(self, measurement: tuple[float, ...], u: float) -> tuple[Matrix, Matrix]:
-        """Return the state nearest to rest that the readings agree with, and its covariance.
+        """Return the state nearest to rest that the measurements agree with, and its covariance.
 
         Args:
-            measurement: Readings, in SI.
+            measurement: Measurements, in SI.
             u: Input, in SI.
 
         Returns:
@@ -68,12 +68,12 @@ class ExtendedKalmanFilter:
     def correct(
         self, estimate: Matrix, covariance: Matrix, measurement: tuple[float, ...], u: float
     ) -> tuple[Matrix, Matrix]:
-        """Correct a prediction by the readings.
+        """Correct a prediction by the measurements.
 
         Args:
             estimate: Prediction, shape (n + n_w,), scaled.
             covariance: Its covariance, shape (n + n_w, n + n_w), scaled.
-            measurement: Readings, in SI.
+            measurement: Measurements, in SI.
             u: Input held before, in SI.
 
         Returns:

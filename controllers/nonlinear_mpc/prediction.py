@@ -206,18 +206,18 @@ def shooting(stage: ca.Function, stages: int) -> ca.Function:
     return ca.Function("shooting", [Z, U, w], list(result[:3]))
 
 
-def readings(model: Model, sensors: tuple[str, ...]) -> ca.Function:
+def measurements(model: Model, sensors: tuple[str, ...]) -> ca.Function:
     """Build the regularised measurements of some sensors in scaled states, with their derivatives.
 
     Returns:
-        Function (z, u) -> (readings in SI, their derivatives by z).
+        Function (z, u) -> (measurements in SI, their derivatives by z).
 
     Raises:
         WorkbenchError: If a name is unknown.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
-        >>> readings(servo_axis(), ("position",)).size_out(1)
+        >>> measurements(servo_axis(), ("position",)).size_out(1)
         (1, 2)
     """
     outputs = [q.name for q in model.outputs]
@@ -231,4 +231,4 @@ def readings(model: Model, sensors: tuple[str, ...]) -> ca.Function:
         ca.vertcat(traced.x, traced.p),
         ca.vertcat(z * size, ca.DM(model.values)),
     )
-    return ca.Function("readings", [z, traced.u], [y, ca.densify(ca.jacobian(y, z))])
+    return ca.Function("measurements", [z, traced.u], [y, ca.densify(ca.jacobian(y, z))])

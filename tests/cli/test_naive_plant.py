@@ -49,8 +49,8 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_columns_of_other_names_are_found(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["recording", "a.csv", "--plant", "naive:motor"]) == 0
     text = capsys.readouterr().out
-    # A drive that is held between samples is no frozen reading, and a sensor may be absent.
-    assert "command" in text and "no reading freezes" in text and "torque" not in text
+    # A drive that is held between samples is no frozen measurement, and a sensor may be absent.
+    assert "command" in text and "no measurement freezes" in text and "torque" not in text
 
 
 def test_noise_and_disturbance_come_from_the_recordings(

@@ -53,7 +53,7 @@ def built(exported: ExportedC, *flags: str) -> ctypes.CDLL:
 
 
 def hard_run(law: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Readings and references that pass every branch of planner, tables and limits.
+    """Measurements and references that pass every branch of planner, tables and limits.
 
     The angle follows steps and a sine with delay and noise, past both ends of the schedule; the
     reference jumps by up to 0.5 rad and so drives the valve to both stops; for some seconds the
@@ -99,15 +99,15 @@ class InC:
 
 
 def compare(
-    law: Any, in_c: InC, readings: Any, reference: Any, *, openings: float = 1e-13
+    law: Any, in_c: InC, measurements: Any, reference: Any, *, openings: float = 1e-13
 ) -> dict[str, Any]:
     """Run both from one start; return the largest differences and what the run passed."""
-    state = law.initial_state(tuple(readings[0].tolist()))
-    in_c.start(readings[0].tolist())
+    state = law.initial_state(tuple(measurements[0].tolist()))
+    in_c.start(measurements[0].tolist())
     wanted = np.lib.stride_tricks.sliding_window_view(reference, 1 + law.preview)
     difference, drift, seen = 0.0, 0.0, {"commands": [], "slack": [], "statuses": set()}
     size = np.maximum(np.abs(np.array(flat(state))), 1e-9)
-    for k, (row, ahead) in enumerate(zip(readings.tolist(), wanted.tolist(), strict=False)):
+    for k, (row, ahead) in enumerate(zip(measurements.tolist(), wanted.tolist(), strict=False)):
         (command,), state, info = law.step(state, tuple(row), tuple(ahead))
         status = in_c.step(row, ahead)
         difference = max(difference, abs(in_c.command[0] - command))
@@ -195,13 +195,13 @@ def without_slack(mpc: Any) -> Any:
 
 
 def test_fallbacks_of_c_are_those_of_the_law(linear: LinearModel, tmp_path: Path) -> None:
-    # Contradictory constraints at times, readings and references that are no numbers at others.
+    # Contradictory constraints at times, measurements and references that are no numbers at others.
     mpc = without_slack(design_mpc(linear, MPCSpecification(pressure_limits=(2.2e5, 5e5))))
-    readings, reference = hard_run(mpc)
-    readings[1000:1010, 1] = np.nan
-    readings[2000, 0] = np.inf
+    measurements, reference = hard_run(mpc)
+    measurements[1000:1010, 1] = np.nan
+    measurements[2000, 0] = np.inf
     reference[3000:3003] = np.nan
-    found = compare(mpc, InC(mpc, tmp_path, *STRICT, is_mpc=True), readings, reference)
+    found = compare(mpc, InC(mpc, tmp_path, *STRICT, is_mpc=True), measurements, reference)
     assert found["statuses"] == {0, 2, 3}
     assert found["difference"] / 10.0 <= 1e-12
     assert found["drift"] <= 1e-12
@@ -216,11 +216,11 @@ def test_fallback_of_the_scheduled_mpc_in_c(schedule: JointSchedule, tmp_path: P
         matrix[:, -1] = 0.0
         hard.append(replace(prediction, A=matrix))
     mpc = replace(mpc, predictions=tuple(hard))
-    readings, reference = hard_run(mpc)
-    readings[1000:1010, 1] = np.nan
-    readings[2000, 0] = np.inf
+    measurements, reference = hard_run(mpc)
+    measurements[1000:1010, 1] = np.nan
+    measurements[2000, 0] = np.inf
     reference[3000:3003] = np.nan
-    found = compare(mpc, InC(mpc, tmp_path, *STRICT, is_mpc=True), readings, reference)
+    found = compare(mpc, InC(mpc, tmp_path, *STRICT, is_mpc=True), measurements, reference)
     assert found["statuses"] == {0, 2, 3}
     assert found["difference"] / 10.0 <= 1e-12
     assert found["drift"] <= 1e-12
@@ -242,9 +242,9 @@ def test_mpc_in_c_agrees_with_the_solver_in_python(
     for module in ("controllers.mpc.whole_model", "controllers.mpc.along_plan"):
         monkeypatch.setattr(f"{module}.quadratic_program", lru_cache(in_python))
     law = make(schedule, linear)
-    readings, reference = hard_run(law)
+    measurements, reference = hard_run(law)
     in_c = InC(law, tmp_path, *STRICT, is_mpc=True)
-    found = compare(law, in_c, readings[:1500], reference, openings=1e-10)
+    found = compare(law, in_c, measurements[:1500], reference, openings=1e-10)
     assert 0.0 < found["difference"] / 10.0 <= 1e-9
 
 
@@ -289,7 +289,7 @@ def test_mpc_in_c_runs_clean_under_sanitizers(
     driver.write_text(DRIVER)
     program = tmp_path / "driver"
     sources = [str(driver), str(exported.source)]
-    # The driver divides by zero on purpose, to make a reading that is no number.
+    # The driver divides by zero on purpose, to make a measurement that is no number.
     quiet = "-fno-sanitize=float-divide-by-zero"
     subprocess.run([found, *flags, quiet, *sources, "-o", str(program), "-lm"], check=True)
     done = subprocess.run([str(program)], capture_output=True, text=True, check=False)

@@ -31,7 +31,7 @@ def test_the_smoother_finds_the_hidden_force() -> None:
     assert np.corrcoef(found.signal[moving, 0], true[moving])[0, 1] > 0.9
     # The band holds what it should: 95 % of a normal distribution, less for the kinks at rest.
     assert np.mean(np.abs(error) < 2 * found.std[moving, 0] + 1.0) > 0.8
-    # Ten steps of the encoder; the first sample starts from what is known before the readings.
+    # Ten steps of the encoder; the first sample starts from what is known before the measurements.
     where = positions(excitation(1600, 1), hidden=True)[0]
     assert np.max(np.abs(found.states[1:, 0] - where[1:])) < 1e-5
 

@@ -52,7 +52,7 @@ def test_the_extended_model_is_better_on_recordings_it_has_not_seen() -> None:
     assert verdict is not None
     errors = {label: row["position"] for label, row in verdict.fit.items()}
     assert errors["extended"] < 0.7 * errors["refitted"]
-    # The same from the readings themselves.
+    # The same from the measurements themselves.
     (held,) = held_out(True)
     run = found.runs["extended"][held.name]
     again = float(np.sqrt(np.mean((held["position"] - run.simulated[:, 0]) ** 2)))

@@ -26,7 +26,7 @@ def test_a_hardening_spring_is_named_whatever_the_guess_of_the_scale(scale: floa
     (finding,) = verdict.findings
     assert finding.effect == "cubic_stiffness" and finding.belief == "sure"
     size = finding.parameters["stiffness"]
-    # The truth is 40 N/m3; its interval counts the noise of the readings only.
+    # The truth is 40 N/m3; its interval counts the noise of the measurements only.
     assert size.value == pytest.approx(40.0, rel=0.01)
     # The extended model runs freely to the noise on recordings that it has not seen.
     assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]

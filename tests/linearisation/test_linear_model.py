@@ -91,4 +91,4 @@ def test_participation_does_not_depend_on_units() -> None:
 
 def test_prints_modes_and_kinks() -> None:
     text = str(LINEAR)
-    assert "Hz" in text and "kink in spool" in text and "over a swing" in text
+    assert "Hz" in text and "kink in spool" in text and "over an oscillation" in text

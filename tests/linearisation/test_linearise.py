@@ -100,15 +100,15 @@ def test_dry_friction_has_the_slope_of_its_describing_function() -> None:
     coulomb = 4 * 20.0 / (math.pi * 0.05)
     assert -95.0 * swing.A[1, 1] == pytest.approx(200.0 + coulomb, rel=3e-3)
     assert -95.0 * linearise(point, amplitude={}).A[1, 1] == pytest.approx(200.0 + 20.0 / 1e-3)
-    (told,) = swing.verdict.swings
-    assert told.name == "speed" and told.over_swing == swing.A[1, 1]
+    (told,) = swing.verdict.describing_functions
+    assert told.name == "speed" and told.over_oscillation == swing.A[1, 1]
 
 
-def test_linear_slopes_do_not_depend_on_the_swing() -> None:
+def test_linear_slopes_do_not_depend_on_the_amplitude() -> None:
     smooth = ARM.without("bearing_friction")
     point = operating_point(smooth, {"angle": 0.4, "mean_pressure": 3e5})
     assert np.array_equal(linearise(point).A, linearise(point, amplitude={}).A)
-    assert linearise(point).verdict.swings == ()
+    assert linearise(point).verdict.describing_functions == ()
 
 
 def test_regularised_form_agrees_next_to_the_kink() -> None:

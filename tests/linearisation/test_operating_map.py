@@ -34,7 +34,7 @@ def test_frequencies_of_the_arm(load: float) -> None:
 def test_damping_of_the_arm(load: float) -> None:
     free = at_load(arm().without("bearing_friction"), load)
     assert (free.damping > 0.01).all() and (free.damping < 0.2).all()
-    # Dry friction over a swing of 1 rad/s adds to it; beside the stops 0 kg reach 0.21.
+    # Dry friction over an oscillation of 1 rad/s adds to it; beside the stops 0 kg reach 0.21.
     rubbing = at_load(arm(), load)
     assert (rubbing.damping > free.damping).all() and (rubbing.damping < 0.22).all()
 

@@ -88,5 +88,5 @@ def test_wrong_arguments_are_refused() -> None:
         amplitude_validity(OPENING, output="angel")
     with pytest.raises(WorkbenchError, match="deviation"):
         amplitude_validity(OPENING, within=-1.0)
-    with pytest.raises(WorkbenchError, match="swing"):
-        frequency_validity(OPENING, swing=0.0)
+    with pytest.raises(WorkbenchError, match="amplitude"):
+        frequency_validity(OPENING, amplitude=0.0)

@@ -26,8 +26,8 @@ def tank_equations(m: Scope):  # type: ignore[no-untyped-def]
         "tank.outflow", m.p.conductance * m.x.level, unit="m3/s", signals={"level": m.x.level}
     )
     m.publish("tank.head", 9.81 * m.x.level, unit="m2/s2")
-    reading = m.port("level.reading", m.x.level, unit="m")
-    return {"level": (m.u.inflow - outflow) / m.p.area}, {"level": reading}
+    measurement = m.port("level.reading", m.x.level, unit="m")
+    return {"level": (m.u.inflow - outflow) / m.p.area}, {"level": measurement}
 
 
 def tank(**changes: object) -> Model:
@@ -223,7 +223,7 @@ def test_mistakes_are_one_clear_sentence(call, text: str) -> None:  # type: igno
     ("equations", "text"),
     [
         (lambda m: ({}, {"level": m.x.level}), "no rate of state 'level'"),
-        (lambda m: ({"level": 0.0}, {}), "no reading of output 'level'"),
+        (lambda m: ({"level": 0.0}, {}), "no measurement of output 'level'"),
         (lambda m: ({"level": 0.0, "lvl": 0.0}, {"level": 0.0}), "undeclared rate of state 'lvl'"),
         (lambda m: ({"level": m.x.lvl}, {"level": 0.0}), "did you mean 'level'?"),
         (lambda m: ({"level": m.p.aera}, {"level": 0.0}), "did you mean 'area'?"),

@@ -124,7 +124,7 @@ def test_a_foreign_plant_uses_the_same_call() -> None:
     assert operating_point(servo_axis()).undetermined == ("position",)
 
 
-def test_any_reading_or_input_can_be_given() -> None:
+def test_any_measurement_or_input_can_be_given() -> None:
     by_pressure = operating_point(ARM, {"pressure_1": 3.5e5})
     assert by_pressure["pressure_1"] == pytest.approx(3.5e5)
     by_voltage = operating_point(ARM, {"valve": float(by_pressure.u[0])})
@@ -140,7 +140,7 @@ def test_a_start_nearby_gives_the_same_point() -> None:
 
 def test_table_is_aligned() -> None:
     text = str(operating_point(ARM, {"angle": math.radians(30), "mean_pressure": THREE_BAR}))
-    rows = [line for line in text.splitlines() if line.startswith(("  input", "  reading"))]
+    rows = [line for line in text.splitlines() if line.startswith(("  input", "  output"))]
     assert len({line.index(line.split()[-1]) for line in rows}) == 1
     assert "30 deg" in text and "bar/s" in text and "condition number" in text
 

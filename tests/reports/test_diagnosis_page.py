@@ -136,7 +136,7 @@ def test_bars_are_as_long_as_the_gains() -> None:
     assert widths == [0.0, 3.0, 20.0, 900.0]
 
 
-def test_moving_error_leaves_out_samples_without_reading() -> None:
+def test_moving_error_leaves_out_samples_without_measurement() -> None:
     time = 0.01 * np.arange(100)
     error = np.full(100, 3.0)
     error[10:15] = np.nan

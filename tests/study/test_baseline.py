@@ -66,8 +66,8 @@ def test_a_value_that_is_lost_is_worse_and_one_gained_better() -> None:
 
 def test_a_sliding_mode_is_held_to_its_invariants() -> None:
     before = record(surface_rms=0.2, rmse=0.1)
-    (course,) = compare(before, record(surface_rms=0.2, rmse=0.2))
-    assert course.metric == "rmse" and course.way == "worse" and not course.fails
+    (worse,) = compare(before, record(surface_rms=0.2, rmse=0.2))
+    assert worse.metric == "rmse" and worse.way == "worse" and not worse.fails
     (strays,) = compare(before, record(surface_rms=0.3, rmse=0.1))
     assert strays.metric == "surface_rms" and strays.fails
 

@@ -25,11 +25,11 @@ def double_integrator() -> Model:
         "mass",
         lambda m: (
             {"angle": m.x.speed, "speed": m.x.pull, "pull": 200 * (m.u.force - m.x.pull)},
-            {"reading": m.x.angle},
+            {"measurement": m.x.angle},
         ),
         states=(State("angle", "rad"), State("speed", "rad/s"), State("pull", "rad/s2")),
         inputs=(Input("force", "rad/s2", lower=-1.0, upper=1.0),),
-        outputs=(Output("reading", "rad"),),
+        outputs=(Output("measurement", "rad"),),
     )
 
 

@@ -109,14 +109,14 @@ def _section(
                 "0 to 6 bar: the experiment of the paper's Figure 7. Every contraction gives a "
                 "straight line; the lines cut the pressure axis the farther from the origin the "
                 "more the muscle is contracted, which is what φ(q) describes. Fitting "
-                "F = (D1 + D2 q + D3 q²) p + φ(q) to the noisy readings returns the numbers that "
-                "the plant was built with."
+                "F = (D1 + D2 q + D3 q²) p + φ(q) to the noisy measurements returns the numbers "
+                "that the plant was built with."
             ),
             Picture(
                 "force-lines",
                 figure,
-                "Force over pressure at constant contractions: readings as dots, the identified "
-                "law as lines.",
+                "Force over pressure at constant contractions: measurements as dots, the "
+                "identified law as lines.",
                 "a family of straight force lines, steeper for the longer muscle",
             ),
             _coefficients(fit, pressed, law),
@@ -125,7 +125,7 @@ def _section(
                 (
                     (
                         "identified",
-                        f"least squares on {fit.used} readings in which the muscle pulls "
+                        f"least squares on {fit.used} measurements in which the muscle pulls "
                         f"({fit.slack} slack ones say only that the tension is not positive); "
                         f"{fit.residual_rms:.2f} N rms are left, the noise of pressure sensor and "
                         "load cell",

@@ -24,7 +24,7 @@ class ErrorRow:
     Args:
         output: Name of the output.
         unit: SI unit.
-        spread: Standard deviation of the readings, in ``unit``.
+        spread: Standard deviation of the measurements, in ``unit``.
         noise: Noise of the sensor, in ``unit``.
         rmse: Root mean square error by model, in ``unit``.
     """
@@ -36,7 +36,7 @@ class ErrorRow:
     rmse: Mapping[str, float]
 
     def normalised(self, label: str) -> float:
-        """Return the error of a model over the spread of the readings, dimensionless."""
+        """Return the error of a model over the spread of the measurements, dimensionless."""
         return self.rmse[label] / self.spread if self.spread > 0 else math.nan
 
     def over_noise(self, label: str) -> float:

@@ -161,8 +161,8 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     """Take what a plant does not declare from its recordings, and say so.
 
     The noise of a sensor comes from what successive samples do not share, its resolution from the
-    steps of the readings. Of a plant that declares no disturbance at any port, a fraction of the
-    signal along the recordings may be left out at each port that acts on a rate (`LEFT_OUT`).
+    steps of the measurements. Of a plant that declares no disturbance at any port, a fraction of
+    the signal along the recordings may be left out at each port that acts on a rate (`LEFT_OUT`).
     """
     notes = []
     outputs = []

@@ -7,15 +7,15 @@ from workbench.linearisation.linearise import linearise
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.linearisation.sines import FrequencyValidity, frequency_validity
 from workbench.linearisation.steps import AmplitudeValidity, amplitude_validity
-from workbench.linearisation.validity import Swing, Validity
+from workbench.linearisation.validity import DescribingFunction, Validity
 
 __all__ = [
     "AmplitudeValidity",
+    "DescribingFunction",
     "FrequencyValidity",
     "Kink",
     "LinearModel",
     "Mode",
-    "Swing",
     "Validity",
     "amplitude_validity",
     "find_modes",

@@ -32,7 +32,7 @@ class Kink:
         distance: Where the kink is, from the operating point, in ``unit``; 0 for on the kink.
         below: Linear model on the side of smaller values; its slopes hold up to the kink.
         above: Linear model on the side of larger values.
-        of: Rate or reading whose slope jumps most.
+        of: Rate or measurement whose slope jumps most.
         slope_below: Its slope below the kink, in SI.
         slope_above: Its slope above the kink, in SI.
 
@@ -118,14 +118,14 @@ def find_kinks(
     )
     bends = _bends(around[:, :-1], around[:, 1:], norm)
 
-    # What a swing has replaced stays replaced on both sides.
+    # What an oscillation has replaced stays replaced on both sides.
     swung = matrix != jacobian
     found = []
     for i, quantity in enumerate(quantities):
         if bends[i, 1] > _JUMP:
             jumps = [(0.0, around[i, 1], around[i, 2])]
         else:
-            # A slope that was taken over a swing has crossed what is near.
+            # A slope that was taken over an oscillation has crossed what is near.
             near = () if swung[:, i].any() else (-1, 1)
             jumps = [
                 jump

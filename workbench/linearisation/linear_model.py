@@ -27,8 +27,8 @@ class Trust(Protocol):
         """Kinks of the plant at or next to the point."""
 
     @property
-    def swings(self) -> tuple[Any, ...]:
-        """Slopes that were taken over a swing."""
+    def describing_functions(self) -> tuple[Any, ...]:
+        """Slopes that were taken over an oscillation."""
 
     @property
     def amplitude(self) -> Any:

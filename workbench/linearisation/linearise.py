@@ -12,8 +12,8 @@ from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened
 from workbench.linearisation.kinks import find_kinks
 from workbench.linearisation.linear_model import LinearModel
-from workbench.linearisation.matrices import check_amplitude, slope_over_swing, speeds
-from workbench.linearisation.validity import Swing, Validity
+from workbench.linearisation.matrices import check_amplitude, describing_function, speeds
+from workbench.linearisation.validity import DescribingFunction, Validity
 from workbench.model import EXACT, ActuatorCurve, Form
 from workbench.operating_point import OperatingPoint, derivatives_of
 
@@ -32,16 +32,16 @@ def linearise(
 
     The matrices are exact, automatic derivatives. Where the plant has a kink that is a maximum or
     minimum they are the mean of both sides; the verdict holds both. Slopes by a *speed* are taken
-    over a swing (``amplitude``), because dry friction has no slope at rest.
+    over an oscillation (``amplitude``), because dry friction has no slope at rest.
 
     Args:
         op: Where to linearise.
         input: ``"plant"`` for the plant's own inputs, or the name of an actuator's curve that the
             plant declares and a controller inverts, such as ``"opening"`` of the arm's valve,
             -1..1: the model's ``inverse``. The state behind the curve is then straight in it.
-        amplitude: Swing of states by name over which slopes are taken, in SI; by default every
-            state that is the rate of another swings over its scale. ``{}`` for the slopes at the
-            point.
+        amplitude: DescribingFunction of states by name over which slopes are taken, in SI; by
+            default every state that is the rate of another oscillates over its scale. ``{}`` for
+            the slopes at the point.
         form: Exact equations, or regularised ones, whose slope at a kink is one from both sides.
         verdict: Whether to look for kinks and prepare the verdict; its simulated part is computed
             when it is first asked for.
@@ -54,7 +54,7 @@ def linearise(
             derivatives are not finite.
 
     Source:
-        Automatic differentiation; sinusoidal-input describing function for the swings.
+        Automatic differentiation; sinusoidal-input describing function for the oscillations.
 
     Example:
         >>> from workbench.operating_point import operating_point
@@ -80,16 +80,18 @@ def linearise(
             " little, or linearise the regularised form"
         )
     wanted = speeds(model, jacobian) if amplitude is None else check_amplitude(model, amplitude)
-    swings = []
+    described = []
     matrix = jacobian.copy()
     names = [q.name for q in model.states]
     for name, size in wanted.items():
         i = names.index(name)
-        matrix[:, i] = slope_over_swing(at, point.x, point.u, p, i, size, jacobian[:, i])
+        matrix[:, i] = describing_function(at, point.x, point.u, p, i, size, jacobian[:, i])
         if not np.array_equal(matrix[:, i], jacobian[:, i]):
             row = int(np.argmax(np.abs(matrix[: len(names), i] - jacobian[: len(names), i])))
-            swings.append(
-                Swing(name, size, names[row], float(jacobian[row, i]), float(matrix[row, i]))
+            described.append(
+                DescribingFunction(
+                    name, size, names[row], float(jacobian[row, i]), float(matrix[row, i])
+                )
             )
     linear = _model(op, point, matrix, curve)
     if not verdict:
@@ -101,7 +103,7 @@ def linearise(
         matrix,
         jacobian,
     )
-    return replace(linear, verdict=Validity(linear, kinks, tuple(swings)))
+    return replace(linear, verdict=Validity(linear, kinks, tuple(described)))
 
 
 def model_form(form: Form | str) -> Form:

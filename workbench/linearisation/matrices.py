@@ -1,8 +1,8 @@
-"""Derivatives at a point, with the slope over a swing where a point has none to speak of.
+"""Derivatives at a point, with the slope over an oscillation where a point has none to speak of.
 
-Dry friction has no slope at rest: a regularised one has whatever slope the regularisation gives,
-15 N m s/rad for the bearing of the arm, and a linear model with it is overdamped at any speed
-beyond 1 deg/s. What a linear model needs is the part of the torque in phase with a swing of the
+Dry friction has no slope at rest: a regularised one has whatever slope the regularisation gives, 15
+N m s/rad for the bearing of the arm, and a linear model with it is overdamped at any speed beyond 1
+deg/s. What a linear model needs is the part of the torque in phase with an oscillation of the
 speed, the describing function
 
     N(a) = 2 / (pi a) integral_0^pi f(x + a cos(phi) e) cos(phi) dphi,
@@ -30,7 +30,7 @@ def speeds(model: Model, jacobian: Vector) -> dict[str, float]:
     """Find the states that are the rate of another state, with their scales as amplitudes.
 
     Args:
-        jacobian: Derivatives of rates and readings, shape (n_x + n_y, n_x + n_u), in SI.
+        jacobian: Derivatives of rates and measurements, shape (n_x + n_y, n_x + n_u), in SI.
 
     Returns:
         Amplitudes by name, in SI.
@@ -82,21 +82,21 @@ def check_amplitude(model: Model, amplitude: Mapping[str, float]) -> dict[str, f
     return result
 
 
-def slope_over_swing(
+def describing_function(
     at: Derivatives, x: Vector, u: Vector, p: Vector, index: int, amplitude: float, point: Vector
 ) -> Vector:
-    """Compute the describing function of rates and readings for a swing of one state.
+    """Compute the describing function of rates and measurements for an oscillation of one state.
 
     Args:
         x: States, shape (n_x,), in SI.
         u: Inputs, shape (n_u,), in SI.
         p: Parameters, shape (n_p,), in SI.
-        amplitude: Amplitude of the swing, in SI.
+        amplitude: Amplitude of the oscillation, in SI.
         point: Derivatives by that state at the point, shape (n_x + n_y,), in SI.
 
     Returns:
-        Rates and readings in phase with the swing, per amplitude, shape (n_x + n_y,), in SI;
-        ``point`` where they are linear.
+        Rates and measurements in phase with the oscillation, per amplitude, shape (n_x + n_y,), in
+        SI; ``point`` where they are linear.
 
     Source:
         A. Gelb, W. E. Vander Velde 1968, sinusoidal-input describing function.
@@ -107,7 +107,7 @@ def slope_over_swing(
         >>> axis = servo_axis()
         >>> at = Derivatives(axis, EXACT)
         >>> rest = (np.zeros(2), np.zeros(1), axis.values)
-        >>> slope = slope_over_swing(at, *rest, 1, 0.1, at(*rest)[1][:, 1])
+        >>> slope = describing_function(at, *rest, 1, 0.1, at(*rest)[1][:, 1])
         >>> coulomb = 4 * 20.0 / (np.pi * 0.1)
         >>> abs(95.0 * slope[1] / -(200.0 + coulomb) - 1) < 1e-3
         np.True_

@@ -75,7 +75,7 @@ def frequency_validity(
     linear: LinearModel,
     *,
     output: str = "",
-    swing: float | None = None,
+    amplitude: float | None = None,
     gain_within: float = 0.1,
     phase_within: float = math.radians(10.0),
     points: int = 10,
@@ -83,12 +83,12 @@ def frequency_validity(
     """Find the frequencies at which a sine on the full plant agrees with the linear model.
 
     At each frequency the input's amplitude is chosen so that the linear model predicts the same
-    swing of the output, as far as the input's range allows. After the transient, gain and phase of
-    the fundamental are fitted to both runs alike.
+    oscillation of the output, as far as the input's range allows. After the transient, gain and
+    phase of the fundamental are fitted to both runs alike.
 
     Args:
         output: Output to compare; the first by default.
-        swing: Amplitude of the output, in SI; 5 % of its scale by default.
+        amplitude: Amplitude of the output, in SI; 5 % of its scale by default.
         gain_within: Gain error allowed, as a fraction.
         phase_within: Phase error allowed, in rad.
 
@@ -114,8 +114,8 @@ def frequency_validity(
     check_range("gain error", gain_within, 1e-6, 10.0)
     check_range("phase error", phase_within, 1e-6, math.pi, "rad")
     trial = Comparison(linear, output)
-    wanted = 0.05 * trial.quantity.scale if swing is None else swing
-    check_range("swing", wanted, 1e-12, 1e12, trial.quantity.unit)
+    wanted = 0.05 * trial.quantity.scale if amplitude is None else amplitude
+    check_range("amplitude", wanted, 1e-12, 1e12, trial.quantity.unit)
     corner = 2.0 / horizon_of(linear)
     frequencies = np.logspace(
         math.log10(0.1 * corner), math.log10(min(10.0 * corner, _HIGHEST_HZ)), points
@@ -125,9 +125,9 @@ def frequency_validity(
     amplitudes, ratios = [], []
     for frequency in frequencies:
         gain = abs(trial.gain(2j * math.pi * frequency))
-        amplitude = min(wanted / gain if gain else math.inf, 0.9 * trial.largest)
-        amplitudes.append(amplitude)
-        ratios.append(_sine_ratio(trial, float(frequency), amplitude, settle))
+        driven = min(wanted / gain if gain else math.inf, 0.9 * trial.largest)
+        amplitudes.append(driven)
+        ratios.append(_sine_ratio(trial, float(frequency), driven, settle))
     table = np.array(ratios)
     found = FrequencyValidity(
         input=linear.input_names[0],

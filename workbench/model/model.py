@@ -29,7 +29,7 @@ class Model:
     """A plant: states, inputs, outputs, parameters and the equations that join them.
 
     ``equations`` takes a `Scope` and returns two mappings: the rate of every own state and the
-    reading of every output. Whatever passes through ``scope.port`` can be changed by an effect.
+    measurement of every output. Whatever passes through ``scope.port`` can be changed by an effect.
 
     Args:
         name: Name of the plant.
@@ -48,13 +48,13 @@ class Model:
     Example:
         >>> def equations(m):
         ...     force = m.port("axis.force", m.u.force, unit="N", signals={"speed": m.x.speed})
-        ...     return {"position": m.x.speed, "speed": force / m.p.mass}, {"reading": m.x.position}
+        ...     return {"position": m.x.speed, "speed": force / m.p.mass}, {"sensed": m.x.position}
         >>> axis = Model(
         ...     "axis",
         ...     equations,
         ...     states=(State("position", "m"), State("speed", "m/s")),
         ...     inputs=(Input("force", "N"),),
-        ...     outputs=(Output("reading", "m"),),
+        ...     outputs=(Output("sensed", "m"),),
         ...     parameters=(Parameter("mass", "kg", value=2.0, lower=0.1),),
         ... )
         >>> axis.rates([0.0, 1.0], [4.0])
@@ -261,7 +261,7 @@ class Model:
             values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
 
         Returns:
-            Readings, shape (n_outputs,), in SI.
+            Measurements, shape (n_outputs,), in SI.
 
         Raises:
             WorkbenchError: If a shape is wrong or a number is not finite.

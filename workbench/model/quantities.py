@@ -106,7 +106,7 @@ class Output(Quantity):
     """What a sensor reads.
 
     Args:
-        name: Name of the reading.
+        name: Name of the measurement.
         unit: SI unit.
         scale: Typical size, in ``unit``.
         description: What it is, in a few words.

@@ -19,7 +19,7 @@ from workbench.model.traits import LEFT_OUT, Traits
 Named = Mapping[str, Expression]
 
 Equations = tuple[Mapping[str, Expression], Mapping[str, Expression]]
-"""Rate of every own state and reading of every output, by name."""
+"""Rate of every own state and measurement of every output, by name."""
 
 
 class Written(Protocol):
@@ -105,7 +105,7 @@ class Trace:
 
     @cached_property
     def outputs_by_port(self) -> ca.SX:
-        """Derivatives of the readings by what each port adds, (n_outputs, n_ports), in SI."""
+        """Derivatives of the measurements by what each port adds, (n_outputs, n_ports), in SI."""
         return self._at_rest(ca.jacobian(self.pushed_outputs, self.push))
 
     def _at_rest(self, expression: ca.SX) -> ca.SX:
@@ -165,10 +165,10 @@ def trace(model: Written, form: Form) -> Trace:
         >>> from workbench.model import EXACT, Input, Model, Output, State
         >>> carriage = Model(
         ...     "carriage",
-        ...     lambda m: ({"position": m.u.speed}, {"reading": m.x.position}),
+        ...     lambda m: ({"position": m.u.speed}, {"sensed": m.x.position}),
         ...     states=(State("position", "m"),),
         ...     inputs=(Input("speed", "m/s"),),
-        ...     outputs=(Output("reading", "m"),),
+        ...     outputs=(Output("sensed", "m"),),
         ... )
         >>> trace(carriage, EXACT).rates
         SX(speed)
@@ -232,7 +232,7 @@ def trace(model: Written, form: Form) -> Trace:
         )
         rates, outputs = model.equations(scope)
         rates = _default_rates(model, scope, rates, sizes)
-    outputs = _default_readings(model, scope, outputs, sizes)
+    outputs = _default_measurements(model, scope, outputs, sizes)
     rates = dict(rates)
     starts: dict[str, Expression] = {}
     values = Names("signal", scope.values)
@@ -252,7 +252,7 @@ def trace(model: Written, form: Form) -> Trace:
     start = ca.vcat([starts.get(n, s) for n, s in symbols["state"].items()] or [ca.SX(0, 1)])
     signals = ca.vcat([ca.SX(v) for v in scope.values.values()] or [ca.SX(0, 1)])
     pushed_rates = _stack(model, "rate of state", rates, model.states)
-    pushed_outputs = _stack(model, "reading of output", outputs, model.outputs)
+    pushed_outputs = _stack(model, "measurement of output", outputs, model.outputs)
     push = _vector(pushes)
     sources = {**scope.values, **symbols["parameter"], **known}
     own_signals = [ca.vcat([ca.SX(v) for v in local[q.name].values()]) for q in scope.ports]
@@ -319,7 +319,7 @@ def _default_rates(model: Written, scope: Scope, rates: Named, sizes: Mapping[st
     }
 
 
-def _default_readings(
+def _default_measurements(
     model: Written, scope: Scope, outputs: Named, sizes: Mapping[str, float]
 ) -> Named:
     """Open a port at every output that passes through no port of a sensor."""

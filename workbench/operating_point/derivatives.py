@@ -1,4 +1,4 @@
-"""Rates, readings and all their derivatives at a point, in one call without conversions."""
+"""Rates, measurements and all their derivatives at a point, in one call without conversions."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LOCAL = threading.local()
 
 
 class Derivatives:
-    """Evaluates rates and readings of one form of a model with their automatic derivatives.
+    """Evaluates rates and measurements of one form of a model with their automatic derivatives.
 
     Args:
         model: The plant.
@@ -44,7 +44,7 @@ class Derivatives:
         self._both = _Buffer(_both_function(traced))
 
     def values(self, x: Vector, u: Vector, p: Vector) -> Vector:
-        """Compute rates, then readings.
+        """Compute rates, then measurements.
 
         Args:
             x: States, shape (n_x,), in SI.
@@ -52,12 +52,12 @@ class Derivatives:
             p: Parameters, shape (n_p,), in SI.
 
         Returns:
-            Rates and readings, shape (n_x + n_y,), in SI.
+            Rates and measurements, shape (n_x + n_y,), in SI.
         """
         return self._values(x, u, p)[:, 0]
 
     def __call__(self, x: Vector, u: Vector, p: Vector) -> tuple[Vector, Vector]:
-        """Compute rates and readings, and their derivatives by states and inputs.
+        """Compute rates and measurements, and their derivatives by states and inputs.
 
         Args:
             x: States, shape (n_x,), in SI.

@@ -42,12 +42,12 @@ class OperatingPoint:
         model: The plant.
         x: States, shape (n_states,), in SI.
         u: Inputs, shape (n_inputs,), in SI.
-        y: Readings, shape (n_outputs,), in SI.
+        y: Measurements, shape (n_outputs,), in SI.
         rates: Rates of the states there, shape (n_states,), in SI per second; zero but for drift.
         given: The values that were asked for, by name, in SI.
         drift: Rates of the states that were allowed to drift, by name, in SI per second; empty
             for a true equilibrium.
-        residual: Largest error of the equations, relative to the scales of states and readings.
+        residual: Largest error of the equations, relative to the scales of states and measurements.
         condition_number: Ratio of the largest to the smallest singular value of the scaled
             equations, dimensionless.
         undetermined: States and inputs that rest at any value; they stand where they started.
@@ -71,7 +71,7 @@ class OperatingPoint:
 
     @property
     def values(self) -> dict[str, float]:
-        """Inputs, states and readings by name, in SI; a reading hides a state of its name."""
+        """Inputs, states and measurements by name, in SI; measured values come first."""
         model = self.model
         pairs = [
             *zip(model.inputs, self.u, strict=True),
@@ -81,7 +81,7 @@ class OperatingPoint:
         return {quantity.name: float(value) for quantity, value in pairs}
 
     def __getitem__(self, name: str) -> float:
-        """Return a reading, state or input by name, in SI; readings come first."""
+        """Return a measurement, state or input by name, in SI; measurements come first."""
         values = self.values
         check_choice("quantity", name, values)
         return values[name]
@@ -92,11 +92,11 @@ class OperatingPoint:
         return not self.drift
 
     def __str__(self) -> str:
-        """Return a short aligned table of inputs, readings, states, drift and residual."""
+        """Return a short aligned table of inputs, measurements, states, drift and residual."""
         model = self.model
         lines = [f"operating point of {model.name}: {model.description}".rstrip(": ")]
         lines += [_row("input", q, v) for q, v in zip(model.inputs, self.u, strict=True)]
-        lines += [_row("reading", q, v) for q, v in zip(model.outputs, self.y, strict=True)]
+        lines += [_row("output", q, v) for q, v in zip(model.outputs, self.y, strict=True)]
         lines += [_row("state", q, v) for q, v in zip(model.states, self.x, strict=True)]
         for name, rate in self.drift.items():
             quantity = next(q for q in model.states if q.name == name)
@@ -129,8 +129,9 @@ def operating_point(
     holds both pressures.
 
     Args:
-        given: Values of readings, states or inputs by name, in SI, at most one per input (and one
-            per drifting direction); readings are looked up first. By default the inputs at rest.
+        given: Values of measurements, states or inputs by name, in SI, at most one per input (and
+            one per drifting direction); measurements are looked up first. By default the inputs at
+            rest.
         drifting: Direction in which the rates may differ from zero, as weights of states by name,
             in SI; that of a drifting sum by default.
         bounds: Smallest and largest value of states and inputs by name, in SI, inside those of
@@ -173,12 +174,12 @@ def operating_point(
         solution = _with_effects_at_start(problem, solution, x, u)
     _snap(model, wanted, solution)
     values = derivatives_of(model, EXACT).values(solution.x, solution.u, model.values)
-    at, readings = values[: len(solution.x)], values[len(solution.x) :]
+    at, measurements = values[: len(solution.x)], values[len(solution.x) :]
     return OperatingPoint(
         model=model,
         x=solution.x,
         u=solution.u,
-        y=readings,
+        y=measurements,
         rates=at,
         given=wanted,
         drift={
@@ -225,7 +226,8 @@ def _checked(model: Model, given: Mapping[str, float] | None) -> dict[str, float
         else:
             quantity = everything[name]
             unit = quantity.display_unit if isinstance(quantity, Output) else quantity.unit
-            # The range of a state is that of the laws; a reading shares it if it shows that state.
+            # The range of a state is that of the laws; a measurement shares it if it shows that
+            # state.
             bounded = states[name] if name in shown else quantity
             lower, upper = getattr(bounded, "lower", -math.inf), getattr(bounded, "upper", math.inf)
             si = quantity.unit

@@ -50,7 +50,7 @@ def _alternatives(
 ) -> Iterator[tuple[str, str, float, float, Callable[[float], Problem]]]:
     """Yield name, unit, range and the changed problem for everything that could be different."""
     model = problem.model
-    readings = {q.name: q for q in model.outputs}
+    measurements = {q.name: q for q in model.outputs}
     bounded = {
         q.name: (low, high, q.unit)
         for q, low, high in zip(
@@ -60,12 +60,12 @@ def _alternatives(
     values = {q.name: q.value for q in model.parameters}
     sums = {total.name: total for total in model.traits.sums}
     for i, condition in enumerate(problem.conditions):
-        if condition.label in sums and condition.label not in readings:
+        if condition.label in sums and condition.label not in measurements:
             total = sums[condition.label]
             low, high = bound_value(total.lower, values), bound_value(total.upper, values)
             unit = total.display_unit
-        elif condition.label in readings:
-            quantity = readings[condition.label]
+        elif condition.label in measurements:
+            quantity = measurements[condition.label]
             low, high, unit = quantity.lower, quantity.upper, quantity.display_unit
             if math.isinf(high) and condition.label in bounded:
                 low, high, _ = bounded[condition.label]

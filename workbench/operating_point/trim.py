@@ -19,7 +19,7 @@ from workbench.operating_point.derivatives import derivatives_of
 Vector = npt.NDArray[np.float64]
 
 RESIDUAL_TOLERANCE = 1e-8
-"""Largest residual, in scales of a state per second and scales of a reading."""
+"""Largest residual, in scales of a state per second and scales of a measurement."""
 
 _MAX_STEPS = 60
 _SINGULAR = 1e-10
@@ -27,12 +27,12 @@ _SINGULAR = 1e-10
 
 @dataclass(frozen=True)
 class Condition:
-    """One value that the trim has to meet: a weighted sum of readings, states and inputs.
+    """One value that the trim has to meet: a weighted sum of measurements, states and inputs.
 
     Args:
         label: How it is called in messages.
-        weights: Weights of readings, states and inputs, in this order, shape (n_y + n_x + n_u,),
-            in SI units of the condition per unit of each.
+        weights: Weights of measurements, states and inputs, in this order, shape (n_y + n_x +
+            n_u,), in SI units of the condition per unit of each.
         value: What the sum has to be, in SI.
         scale: Typical size of the sum, in SI.
     """
@@ -163,7 +163,7 @@ class _Equations:
         full = z * self.size
         x, u = full[: self.n_x], full[self.n_x : self.n_x + self.n_u]
         values, jacobian = self.at(x, u, self.p)
-        rates, readings = values[: self.n_x], values[self.n_x :]
+        rates, measurements = values[: self.n_x], values[self.n_x :]
         error = rates / self.rate_size
         slope = jacobian[: self.n_x] / self.rate_size[:, None]
         if self.drifts:
@@ -171,7 +171,7 @@ class _Equations:
             error = error - full[-1] * direction
             slope = np.column_stack([slope, -direction])
         if len(self.wanted):
-            everything = np.concatenate([readings, x, u])
+            everything = np.concatenate([measurements, x, u])
             of_y, of_z = self.weights[:, : self.n_y], self.weights[:, self.n_y :]
             met = (self.weights @ everything - self.wanted) / self.wanted_size
             rows = (of_y @ jacobian[self.n_x :] + of_z) / self.wanted_size[:, None]
@@ -279,7 +279,7 @@ def _singular_values(slope: Vector) -> tuple[Vector, Vector]:
 def conditions_of(
     model: Model, given: Sequence[tuple[str, float]], *, label: str = ""
 ) -> tuple[Condition, ...]:
-    """Turn given values into conditions; a name is looked up in readings, states, then inputs.
+    """Turn given values into conditions; a name is looked up in measurements, states, then inputs.
 
     Args:
         given: Names and values, in SI.

@@ -97,7 +97,7 @@ clock_shift = replace(
     where=_common_clock,
     same_as=_late_command,
     look_alikes=("valve_delay", "spool_bandwidth", "sensor_delay"),
-    separated_by="a common event seen by command and readings, such as a click",
+    separated_by="a common event seen by command and measurements, such as a click",
 )
 
 

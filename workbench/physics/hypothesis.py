@@ -31,7 +31,7 @@ class Hypothesis:
             not a bound of plausibility.
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them, as
             with delays: a refit then begins at the priors too, not only where the last one ended.
-        same_as: Names of entries that give the very same readings, whatever is recorded.
+        same_as: Names of entries that give the very same measurements, whatever is recorded.
 
     Raises:
         WorkbenchError: If the effect has no parameter of that name or the group is unknown.

@@ -58,10 +58,10 @@ def _equations(m: Scope) -> Equations:
         description="level that the lower tank loses",
         disturbance=0.01,
     )
-    reading = m.port("level.reading", FULL - m.form.ramp(FULL - m.x.lower_level, 0.01), unit="V")
+    level = m.port("level.reading", FULL - m.form.ramp(FULL - m.x.lower_level, 0.01), unit="V")
     return (
         {"upper_level": inflow - drained - spilled, "lower_level": gained - left},
-        {"level": reading},
+        {"level": level},
     )
 
 

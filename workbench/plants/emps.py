@@ -43,16 +43,16 @@ def _axis(m: Scope, drive: Expression) -> Equations:
         signals={"position": m.x.position, "speed": m.x.speed},
         disturbance=5.0,
     )
-    reading = m.port("position.reading", m.x.position, unit="m", signals={"speed": m.x.speed})
-    return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": reading}
+    measurement = m.port("position.reading", m.x.position, unit="m", signals={"speed": m.x.speed})
+    return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": measurement}
 
 
 def emps() -> Model:
     """Build the EMPS axis: mass, viscous and dry friction, and an offset of the drive.
 
     ``mass a = force - offset - viscous speed - dry sign(speed)``. The force is the motor's gain
-    times the controller's output; position is the only reading, and the force reaches it through
-    two integrations, so that a simulation drifts unless the readings correct it.
+    times the controller's output; position is the only measurement, and the force reaches it
+    through two integrations, so that a simulation drifts unless the measurements correct it.
 
     Returns:
         Model with the input ``force`` (N), the output ``position`` (m) and the port ``axis.force``.

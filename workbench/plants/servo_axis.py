@@ -18,10 +18,10 @@ def _equations(m: Scope) -> Equations:
         signals={"position": m.x.position, "speed": m.x.speed},
         disturbance=2.0,
     )
-    reading = m.port("position.reading", m.x.position, unit="m", signals={"speed": m.x.speed})
+    measurement = m.port("position.reading", m.x.position, unit="m", signals={"speed": m.x.speed})
     return (
         {"position": m.x.speed, "speed": force / m.p.mass},
-        {"position": reading},
+        {"position": measurement},
     )
 
 

@@ -55,8 +55,8 @@ def _equations(m: Scope) -> Equations:
         disturbance=0.02,
     )
     inertia = m.p.load * m.p.length**2 + m.p.rotor_inertia
-    reading = m.port("angle.reading", m.x.angle, unit="rad", signals={"speed": m.x.speed})
-    return {"angle": m.x.speed, "speed": torque / inertia}, {"angle": reading}
+    measurement = m.port("angle.reading", m.x.angle, unit="rad", signals={"speed": m.x.speed})
+    return {"angle": m.x.speed, "speed": torque / inertia}, {"angle": measurement}
 
 
 def servo_pendulum(load_kg: float = 0.49, *, length: float = 0.1) -> Model:

@@ -103,7 +103,7 @@ def guess_role(name: str) -> Role:
     words = set(re.split(r"[_\s.]+", name.lower()))
     if words & _REFERENCES:
         return "reference"
-    # "input" alone is a command; "input_volts" is as often a reading of the supply.
+    # "input" alone is a command; "input_volts" is as often a measurement of the supply.
     return "command" if words & _COMMANDS or words == {"input"} else "measurement"
 
 

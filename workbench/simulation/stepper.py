@@ -157,7 +157,7 @@ class Stepper:
             u: Inputs, shape (n_inputs,), in SI.
 
         Returns:
-            Readings, shape (n_outputs,), in SI.
+            Measurements, shape (n_outputs,), in SI.
         """
         read = self._read
         read.arguments[0][:, 0] = x

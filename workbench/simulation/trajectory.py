@@ -1,4 +1,4 @@
-"""The result of a simulation: states, readings and signals over time, and how far to trust them."""
+"""The result of a simulation: states, measurements and signals over time, and their accuracy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from workbench.simulation.compiled import Buffered, compiled
 Vector = npt.NDArray[np.float64]
 
 BATCH = 250
-"""Samples at which readings and signals are computed in one call."""
+"""Samples at which measurements and signals are computed in one call."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class Trajectory:
         time: Sample times, shape (n,), in s.
         states: States, shape (n, n_states), in SI.
         inputs: Inputs, held from each sample to the next, shape (n, n_inputs), in SI.
-        outputs: Readings without noise and quantisation, shape (n, n_outputs), in SI.
+        outputs: Measurements without noise and quantisation, shape (n, n_outputs), in SI.
         integrator: Name of the integrator, and whether it ran compiled.
         tolerance: Local error allowed in a step, relative to the scales of the states.
         error: Largest difference to a run with a ten times tighter tolerance, relative to the
@@ -141,7 +141,7 @@ def read_outputs(
         values: Parameter values, shape (n_parameters,), in SI.
 
     Returns:
-        Readings, shape (n, n_outputs), in SI.
+        Measurements, shape (n, n_outputs), in SI.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis

@@ -40,7 +40,7 @@ class LoopAnalysis:
     Args:
         controller: Name of the controller.
         point: Given values of the operating point, by name, in SI.
-        opened: Where the loop is opened: at the reading of the angle, or at the command.
+        opened: Where the loop is opened: at the measurement of the angle, or at the command.
         frequency_Hz: Frequencies, shape (n,), in Hz.
         response: Loop gain L, shape (n,), dimensionless; negative feedback is L / (1 + L).
         stable: Whether the closed loop is stable.

@@ -22,7 +22,8 @@ Vector = npt.NDArray[np.float64]
 class Run:
     """What happened in a closed loop, sample by sample.
 
-    Row k holds the states and readings at t = k h, and the command held from there to (k + 1) h.
+    Row k holds the states and measurements at t = k h, and the command held from there to (k + 1)
+    h.
 
     Args:
         controller: Name of the controller.
@@ -92,7 +93,7 @@ class Run:
         """Return what one of the controller's sensors read.
 
         Returns:
-            Readings, shape (n,), in SI.
+            Measurements, shape (n,), in SI.
 
         Raises:
             WorkbenchError: If the controller has no such sensor.

@@ -151,7 +151,7 @@ def _loop(
     step, hold = controller.step, plant.hold
 
     states = np.empty((n, len(plant.state)))
-    readings, measured, commands, infos = [], [], [], []
+    measurements, measured, commands, infos = [], [], [], []
     parameters = np.empty((n, len(plant.parameters)))
     parameters[:] = plant.parameters
     pending = sorted(events)
@@ -164,7 +164,7 @@ def _loop(
                 assert isinstance(plant, FullPlant)
                 plant.set_parameter(parameter, value)
                 parameters[k:] = plant.parameters
-            seen = sense(k + warm, plant.readings)
+            seen = sense(k + warm, plant.outputs)
             if k == -warm:
                 memory = controller.initial_state(seen)
             command, memory, info = step(memory, seen, rows[k + warm])
@@ -175,7 +175,7 @@ def _loop(
             command = convert(straighten(command) if straight else command)
             if k >= 0:
                 states[k] = plant.scaled_state
-                readings.append(plant.readings)
+                measurements.append(plant.outputs)
                 measured.append(seen)
                 commands.append(command)
                 infos.append(info)
@@ -194,7 +194,7 @@ def _loop(
         time=np.asarray(h * np.arange(n), dtype=float),
         references=targets,
         states=states,
-        outputs=np.array(readings, dtype=float),
+        outputs=np.array(measurements, dtype=float),
         measured=np.array(measured, dtype=float).reshape(n, -1),
         inputs=np.array(commands, dtype=float),
         parameters=parameters,
@@ -246,7 +246,7 @@ def _with_disturbances(
 def _sensors(
     sensors: Sequence[Output], columns: Sequence[int], scenario: Scenario, n: int, seed: int
 ) -> Callable[[int, Sequence[float]], tuple[float, ...]]:
-    """Return a function (sample, readings of all outputs) -> what the controller reads."""
+    """Return a function (sample, measurements of all outputs) -> what the controller reads."""
     rng = np.random.default_rng(seed)
     # Every sensor draws, noisy or not, so that its noise does not depend on its neighbours.
     draws = [rng.standard_normal(n) for _ in sensors]
@@ -259,10 +259,10 @@ def _sensors(
         for i, (q, column) in enumerate(zip(sensors, columns, strict=True))
     ]
 
-    def sense(k: int, readings: Sequence[float]) -> tuple[float, ...]:
+    def sense(k: int, measurements: Sequence[float]) -> tuple[float, ...]:
         seen = []
         for column, drawn, resolution, lower, upper in chain:
-            value = readings[column] + drawn[k]
+            value = measurements[column] + drawn[k]
             if resolution:
                 value = round(value / resolution) * resolution
             seen.append(lower if value < lower else upper if value > upper else value)

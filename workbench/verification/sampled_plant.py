@@ -44,7 +44,7 @@ class FullPlant:
         >>> axis = servo_axis()
         >>> plant = FullPlant(axis, 0.002, axis.initial_state())
         >>> plant.hold((1.0,))
-        >>> len(plant.readings)
+        >>> len(plant.outputs)
         1
     """
 
@@ -75,7 +75,7 @@ class FullPlant:
             buffer.set_arg(i, memoryview(array.data))
         for i, array in enumerate((self._end, self._y)):
             buffer.set_res(i, memoryview(array.data))
-        self.readings: list[float] = self._y.tolist()
+        self.outputs: list[float] = self._y.tolist()
 
     def set_parameter(self, name: str, value: float) -> None:
         """Change a parameter from now on.
@@ -121,10 +121,10 @@ class FullPlant:
         for i, value in enumerate(command):
             self._u[i] = value
         self._call()
-        self.readings = self._y.tolist()
-        # A sum is not finite if any term is not; states that no reading shows are checked at the
-        # end of the run.
-        if self._buffer.ret() or not -1e300 < sum(self.readings) < 1e300:
+        self.outputs = self._y.tolist()
+        # A sum is not finite if any term is not; states that no measurement shows are checked at
+        # the end of the run.
+        if self._buffer.ret() or not -1e300 < sum(self.outputs) < 1e300:
             raise NumericalError(
                 f"the integrator of {self.model.name!r} gave up in a closed loop: the states or"
                 " the parameters have left the range of the model, or the model is stiff (use"
@@ -173,7 +173,7 @@ class LinearPlant:
         if linear.inverse is not None:
             openings = np.linspace(-1.0, 1.0, 20001)
             self._curve = np.ravel(linear.to_plant(openings)), openings
-        self.readings: list[float] = (self._y0 + self._C @ self._x + self._D @ du).tolist()
+        self.outputs: list[float] = (self._y0 + self._C @ self._x + self._D @ du).tolist()
 
     @property
     def parameters(self) -> Vector:
@@ -206,7 +206,7 @@ class LinearPlant:
             u = np.interp(u, *self._curve)
         du = u - self._u0
         self._x = self._A @ self._x + self._B @ du + self._drift
-        self.readings = (self._y0 + self._C @ self._x + self._D @ du).tolist()
+        self.outputs = (self._y0 + self._C @ self._x + self._D @ du).tolist()
 
 
 def _rest(linear: LinearModel, outputs: Mapping[str, float]) -> tuple[Vector, Vector]:
@@ -231,7 +231,7 @@ def _rest(linear: LinearModel, outputs: Mapping[str, float]) -> tuple[Vector, Ve
 def _sample(
     traced: Trace, scale: tuple[float, ...], method: str, sample_time: float, tolerance: float
 ) -> ca.Function:
-    """Build (z, u, p) -> (z one sample later, readings there), with z = x / scale."""
+    """Build (z, u, p) -> (z one sample later, measurements there), with z = x / scale."""
     size = np.array(scale)
     z = ca.SX.sym("z", len(size))
     rates = ca.substitute(traced.rates, traced.x, z * size) / size
@@ -247,5 +247,5 @@ def _sample(
     u = ca.MX.sym("u", traced.u.numel())
     p = ca.MX.sym("p", traced.p.numel())
     end = integrator(x0=z0, u=u, p=p)["xf"]
-    readings = traced.outputs_function(end * size, u, p)
-    return compiled(ca.Function("closed_loop_sample", [z0, u, p], [end, readings]))
+    measurements = traced.outputs_function(end * size, u, p)
+    return compiled(ca.Function("closed_loop_sample", [z0, u, p], [end, measurements]))

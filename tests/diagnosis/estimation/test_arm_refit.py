@@ -76,7 +76,7 @@ def test_force_and_inertia_cannot_be_told_apart_away_from_the_stops(rig_case: Pa
     found = refit(task.model, closed)
     named = [text for text in found.unidentifiable if "arm_inertia" in text]
     assert len(named) == 1
-    # The loaded inertia, forces and frictions grow together without any reading changing.
+    # The loaded inertia, forces and frictions grow together without any measurement changing.
     scale = found.estimate("force_gain")
     names = [e.name for e in found.estimates]
     i, j = names.index("arm_inertia"), names.index("force_gain")

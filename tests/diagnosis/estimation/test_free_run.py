@@ -36,7 +36,7 @@ def test_position_under_constant_force_is_that_of_the_closed_form() -> None:
     assert run.rmse["position"] == pytest.approx(float(np.sqrt(np.mean(exact**2))), rel=1e-4)
 
 
-def test_samples_without_reading_do_not_count() -> None:
+def test_samples_without_measurement_do_not_count() -> None:
     seen = _pushed(force=0.0)
     seen.outputs[::2] = np.nan
     seen.outputs[1::2] = 0.25

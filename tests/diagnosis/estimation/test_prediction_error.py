@@ -67,7 +67,7 @@ def test_length_need_not_be_a_multiple_of_the_block() -> None:
     assert np.array_equal(part.jacobian, whole.jacobian[:123])
 
 
-def test_missing_readings_are_left_out() -> None:
+def test_missing_measurements_are_left_out() -> None:
     seen = made_up_axis(2, samples=200)
     gaps = seen.outputs.copy()
     gaps[50:60] = np.nan

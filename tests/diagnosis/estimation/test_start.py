@@ -1,4 +1,4 @@
-"""Starts that the first readings do not tell."""
+"""Starts that the first measurements do not tell."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def test_the_level_of_a_tank_that_is_not_read_is_found() -> None:
         ),
     )
     seen = observe(tanks, recording)
-    assert abs(seen.start[0] - 9.0) > 1.5  # the first reading says nothing of it
+    assert abs(seen.start[0] - 9.0) > 1.5  # the first measurement says nothing of it
     found = fitted_start(tanks, seen, samples=50)
-    # 50 readings with 0.03 V of noise, the effect of the start on them being of order one.
+    # 50 measurements with 0.03 V of noise, the effect of the start on them being of order one.
     assert found.start == pytest.approx([9.0, 4.0], abs=0.1)
     assert free_run(tanks, found).rmse["level"] < 0.035
 

@@ -50,12 +50,12 @@ def test_the_menu_of_the_arm_stays_within_its_range() -> None:
     for e in offered:
         assert e.duration <= 20.0
         assert np.all((e.inputs >= 0.0) & (e.inputs <= 10.0))
-        read = e.readings(plant, seen.start)
+        read = e.measurements(plant, seen.start)
         assert read is not None
         angle = np.degrees(read[:, names.index("angle")])
         assert angle.min() >= -1.0 and angle.max() <= 61.0
     loops = [e for e in offered if e.text.startswith("in closed loop, a slow triangle")]
-    read = loops[0].readings(plant, seen.start)
+    read = loops[0].measurements(plant, seen.start)
     assert read is not None
     # The loop moves the arm through most of its range, which no open-loop input needs to do.
     assert np.ptp(np.degrees(read[:, names.index("angle")])) > 20.0

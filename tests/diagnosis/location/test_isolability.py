@@ -25,8 +25,8 @@ def two_tanks() -> Model:
         inflow = m.port("upper.inflow", m.u.pump, unit="1")
         between = m.port("upper.outflow", p.drain * x.upper, unit="1")
         outflow = m.port("lower.outflow", p.drain * x.lower, unit="1")
-        readings = {n: m.port(f"{n}.reading", x[n], unit="1") for n in ("upper", "lower")}
-        return {"upper": inflow - between, "lower": between - outflow}, readings
+        measurements = {n: m.port(f"{n}.reading", x[n], unit="1") for n in ("upper", "lower")}
+        return {"upper": inflow - between, "lower": between - outflow}, measurements
 
     return Model(
         "two tanks",
@@ -39,8 +39,8 @@ def two_tanks() -> Model:
 
 
 def test_two_tanks_by_hand() -> None:
-    # Residuals y1' - u + q1(y1) and y2' - q1(y1) + q2(y2): the outflow and the lower reading move
-    # the second alone, the inflow the first alone, the others both in different ways.
+    # Residuals y1' - u + q1(y1) and y2' - q1(y1) + q2(y2): the outflow and the lower measurement
+    # move the second alone, the inflow the first alone, the others both in different ways.
     found = isolability(two_tanks())
     assert set(found.groups) == {
         ("upper.inflow",),

@@ -30,14 +30,14 @@ def test_the_truth_without_effects_is_the_newcomers_model(
     machine: Machine, build: Callable[[], Model]
 ) -> None:
     model, p = build(), plain(machine)
-    course = machine.courses[RECORDED](np.random.default_rng(5), 200, machine.sample_time)
-    commands, readings = machine.record(course, p, None)
+    excitation = machine.excitations[RECORDED](np.random.default_rng(5), 200, machine.sample_time)
+    commands, measurements = machine.record(excitation, p, None)
     initial = dict(zip([q.name for q in model.states], machine.initial(p), strict=False))
     run = simulate(model, commands, sample_time=machine.sample_time, start=initial)
     for i, channel in enumerate(machine.channels):
-        spread = max(float(np.ptp(readings[:, i])), channel.noise)
+        spread = max(float(np.ptp(measurements[:, i])), channel.noise)
         # Two integrators with different steps, the truth's at a fixed one.
-        assert np.max(np.abs(run[channel.name][:200] - readings[:, i])) < 1e-4 * spread
+        assert np.max(np.abs(run[channel.name][:200] - measurements[:, i])) < 1e-4 * spread
 
 
 @EACH
@@ -48,15 +48,15 @@ def test_every_effect_shows(machine: Machine, build: Callable[[], Model]) -> Non
     # Jumps come in the middle of a recording.
     count = round(0.6 * machine.samples)
     before = {}
-    for name, course in machine.courses.items():
-        driven = course(np.random.default_rng(5), machine.samples, machine.sample_time)[:count]
+    for name, excitation in machine.excitations.items():
+        driven = excitation(np.random.default_rng(5), machine.samples, machine.sample_time)[:count]
         before[name] = machine.record(driven, plain(machine), None)
 
     def shown(effect: Concealed, recording: str) -> bool:
         commands, without = before[recording]
         p = plain(machine) | dict(effect.others) | {effect.name: least(effect)}
-        _, readings = machine.record(commands, p, None, replayed=True)
-        return bool(np.max(np.sqrt(np.mean((readings - without) ** 2, axis=0)) / noise) > 3.0)
+        _, measurements = machine.record(commands, p, None, replayed=True)
+        return bool(np.max(np.sqrt(np.mean((measurements - without) ** 2, axis=0)) / noise) > 3.0)
 
     for effect in machine.concealed:
         assert set(effect.ports) <= names and effect.physics in synonyms()

@@ -242,7 +242,7 @@ def test_look_alikes_are_mutual() -> None:
             assert entry in look_alikes(other, entries)
 
 
-def test_sensor_entries_act_on_readings_only() -> None:
+def test_sensor_entries_act_on_measurements_only() -> None:
     for entry in library(arm(3.0)):
         assert (entry.group == "sensor") == all(p.endswith(".reading") for p in entry.ports)
 

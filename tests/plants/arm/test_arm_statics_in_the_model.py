@@ -51,7 +51,7 @@ def test_load_cell_reads_what_the_torques_leave(load: float, plane: str) -> None
     model = arm(load, plane=plane).without("centre_leakage")  # type: ignore[arg-type]
     start = {"angle": 0.0, "pressure_1": 1e5 + ATMOSPHERE, "pressure_2": 4e5 + ATMOSPHERE}
     run = simulate(model, np.full(1500, 5.0), sample_time=0.002, start=start)
-    angle, reading = float(run["angle"][-1]), float(run["load_cell"][-1])
+    angle, measurement = float(run["angle"][-1]), float(run["load_cell"][-1])
     assert abs(run["speed"][-1]) < 1e-5
     space = namespace(parameters.nominal({"load": load, "vertical": float(plane == "vertical")}))
     expected = -rig_arm.gravity(angle, load, space)
@@ -59,7 +59,7 @@ def test_load_cell_reads_what_the_torques_leave(load: float, plane: str) -> None
         fibre = rig_arm.distance(own) - rig_arm.FITTINGS
         force = rig_muscle.force(fibre, float(run[f"pressure_{k + 1}"][-1]), 1.0, space)
         expected += sign * force * rig_arm.distance_slope(own)
-    assert reading * 0.367 == pytest.approx(expected, rel=1e-4)
+    assert measurement * 0.367 == pytest.approx(expected, rel=1e-4)
     # The stop is a spring: it is compressed by just that torque.
     assert -2e4 * angle == pytest.approx(expected, rel=1e-3)
 

@@ -43,7 +43,7 @@ def test_sound_recordings_pass(seed: int, closed: bool) -> None:
 
 @pytest.mark.parametrize("name", ["angle", "pressure_1"])
 @pytest.mark.parametrize("length", [40, 200])
-def test_frozen_reading(name: str, length: int) -> None:
+def test_frozen_measurement(name: str, length: int) -> None:
     values = TRIAL[name].copy()
     # Freeze where the signal moves, or nothing would be lost.
     start = 500 + int(np.argmax(np.abs(values[500 + length : 2500] - values[500 : 2500 - length])))

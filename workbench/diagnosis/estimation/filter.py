@@ -126,10 +126,10 @@ def filter_function(
     Args:
         traced: One form of a model's equations.
         state_scale: Scale of each state, in its SI unit.
-        output_scale: Scale of each reading used, in its SI unit.
-        rows: Places of those readings among the model's outputs.
+        output_scale: Scale of each measurement used, in its SI unit.
+        rows: Places of those measurements among the model's outputs.
         columns: Places of the free parameters.
-        corrected: Places of the states that readings correct.
+        corrected: Places of the states that measurements correct.
         free_scale: Scale of each free parameter, in its SI unit.
         ports: Places of the ports at which an unmodelled signal may act.
         sample_time: Time between samples, in s.
@@ -137,7 +137,8 @@ def filter_function(
         samples: Samples per call.
 
     Returns:
-        Function of z, P, G, the inputs, readings and variances of the readings, sample by sample,
+        Function of z, P, G, the inputs, measurements and variances of the measurements, sample by
+        sample,
         the parameters, and the variance that one sample adds to the signal of each port: a part
         that is constant and a part relative to its square, shape (n_ports, 2). It returns z, P and
         G after each sample, whitened errors, their derivatives, the logarithms of their standard

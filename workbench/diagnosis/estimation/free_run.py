@@ -21,14 +21,14 @@ _TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class FreeRun:
-    """A model simulated along a recording, never corrected by the readings.
+    """A model simulated along a recording, never corrected by the measurements.
 
     Args:
         name: Name of the recording.
         used: Names of the outputs that were read, n_used of them.
         units: Their SI units.
         time: Time from the first sample, shape (n,), in s.
-        measured: Readings, shape (n, n_used), in SI; NaN where there is none.
+        measured: Measurements, shape (n, n_used), in SI; NaN where there is none.
         simulated: What the model would read, shape (n, n_used), in SI; NaN if the run failed.
         failure: Why the run failed; empty if it did not.
     """
@@ -48,7 +48,7 @@ class FreeRun:
 
     @property
     def error(self) -> Vector:
-        """Readings minus simulation, shape (n, n_used), in SI; NaN where there is no reading."""
+        """Measurements minus simulation, shape (n, n_used), in SI; NaN where not measured."""
         return self.measured - self.simulated
 
     @property
@@ -60,7 +60,7 @@ class FreeRun:
 
     @property
     def spread(self) -> dict[str, float]:
-        """Standard deviation of the readings by output, in its SI unit."""
+        """Standard deviation of the measurements by output, in its SI unit."""
         return dict(zip(self.used, np.nanstd(self.measured, axis=0).tolist(), strict=True))
 
     def __str__(self) -> str:
@@ -89,7 +89,7 @@ def free_run(
             model's own by default.
 
     Returns:
-        The run beside the readings. A run that the integrator gives up is returned with the
+        The run beside the measurements. A run that the integrator gives up is returned with the
         reason, because a model that diverges is a result.
 
     Raises:

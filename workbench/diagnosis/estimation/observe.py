@@ -1,4 +1,4 @@
-"""From a recording to what the filter needs: inputs, readings, their noise, the start."""
+"""From a recording to what the filter needs: inputs, measurements, their noise, the start."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from workbench.recordings.recording import Recording
 Vector = npt.NDArray[np.float64]
 
 _START_SAMPLES = 3
-"""Samples averaged for the first reading, which is the best known of a rig at rest."""
+"""Samples averaged for the first measurement, which is the best known of a rig at rest."""
 
 
 def observe(
@@ -28,11 +28,11 @@ def observe(
             outputs.
         recording: A uniformly sampled recording.
         used: Names of the outputs to use; all that were recorded by default.
-        every: Use every n-th reading; inputs are all used.
+        every: Use every n-th measurement; inputs are all used.
 
     Returns:
-        Inputs, readings, noise from the sensors' data, and the start: states that the first
-        readings determine from those, the others where the model starts.
+        Inputs, measurements, noise from the sensors' data, and the start: states that the first
+        measurements determine from those, the others where the model starts.
 
     Raises:
         WorkbenchError: If an input is missing, no output was recorded, or the time is not uniform.
@@ -86,7 +86,7 @@ def observe(
 def _start(
     model: Model, inputs: Vector, read: Vector, names: Sequence[str], noise: Vector
 ) -> tuple[Vector, Vector]:
-    """Correct the model's starting state by the first readings, in one Kalman update."""
+    """Correct the model's starting state by the first measurements, in one Kalman update."""
     spread = np.array([q.start_rms or q.scale for q in model.states])
     rows = [i for i, q in enumerate(model.outputs) if q.name in names]
     known = np.asarray(np.isfinite(read[:_START_SAMPLES]).any(axis=0), dtype=bool)

@@ -36,9 +36,9 @@ class Observed:
         name: Name of the recording.
         sample_time: Time between samples, in s.
         inputs: Inputs held from each sample to the next, shape (n, n_inputs), in SI.
-        outputs: Readings, shape (n, n_used), in SI; NaN where there is none.
+        outputs: Measurements, shape (n, n_used), in SI; NaN where there is none.
         used: Names of the model's outputs that were read, n_used of them.
-        noise_rms: Root mean square of the readings' noise, shape (n_used,), in SI.
+        noise_rms: Root mean square of the measurements' noise, shape (n_used,), in SI.
         start: Estimated states at the first sample, shape (n_states,), in SI.
         start_rms: Their uncertainty, shape (n_states,), in SI.
 
@@ -102,7 +102,7 @@ class PredictionError:
             the port's unit; it is taken as correlated over `CORRELATION_TIME`.
         form: Exact or regularised equations.
         certain: Names of states that are simulated but not corrected by the filter. That is exact
-            for the derivatives at size zero of effects that own these states: there no reading
+            for the derivatives at size zero of effects that own these states: there no measurement
             depends on them.
 
     Raises:
@@ -158,7 +158,7 @@ class PredictionError:
         read = observed.outputs / self._output_scale
         missing = ~np.isfinite(read)
         noise = (observed.noise_rms / self._output_scale) ** 2
-        # A reading that is not there is one with a very large noise.
+        # A measurement that is not there is one with a very large noise.
         variance = np.where(missing, 1e12, noise)
         read = np.where(missing, 0.0, read)
         z = observed.start / self.state_scale
@@ -234,7 +234,7 @@ def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:
 
     Returns:
         Whitened errors, shape (m,), and their derivatives, shape (m, n_free); samples without a
-        reading are left out.
+        measurement are left out.
     """
     errors = np.concatenate([part.whitened.ravel() for part in parts])
     rows = np.concatenate([part.jacobian.reshape(errors_of(part), -1) for part in parts])

@@ -214,8 +214,8 @@ def _blocks(part: Innovations, sample_time: float, block: float) -> Vector:
 def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
     """Return minus the log likelihood to be expected if the model left nothing out.
 
-    The filter runs along readings that the model itself gives for the inputs, with the noise and
-    the smallest scale of the ladder: ``sum (1/2 + log s)``, s the standard deviations of its
+    The filter runs along measurements that the model itself gives for the inputs, with the noise
+    and the smallest scale of the ladder: ``sum (1/2 + log s)``, s the standard deviations of its
     prediction errors.
 
     Args:
@@ -237,7 +237,7 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
     scale = np.array([scales[name] for name in first.used])
     total = 0.0
     for observed in recordings:
-        # A filter that trusts no reading simulates.
+        # A filter that trusts no measurement simulates.
         unread = replace(observed, noise_rms=1e9 * observed.noise_rms)
         run = blind.run(unread, model.values)
         own = observed.outputs - run.whitened * np.exp(run.log_deviation) * scale

@@ -28,7 +28,7 @@ FLOOR_FACTOR = 3.0
 itself known from a few draws only."""
 
 DRIFT_FACTOR = 5.0
-"""An error beyond this many times the noise of the readings is a drift."""
+"""An error beyond this many times the noise of the measurements is a drift."""
 
 EXPLAINED_SHARE = 0.1
 """Up to this process-noise scale, the equations count as complete."""
@@ -50,7 +50,7 @@ class RefitTask:
         stages: Process-noise scales, pass by pass, dimensionless; the most likely
             scale if none.
         start_samples: Samples over which hidden states at the start of a free run are estimated; 0
-            to take the start from the first readings.
+            to take the start from the first measurements.
         starts: Number of starts of the search.
         noise_known: Whether the noise of the recordings is that of the sensors; if it stands for
             what the equations are expected to leave, no floor can be reached.
@@ -85,12 +85,12 @@ class HeldOut:
         recording: Name of the recording.
         output: Name of the output.
         unit: Unit in which people read the output.
-        spread: Standard deviation of the readings, in ``unit``.
+        spread: Standard deviation of the measurements, in ``unit``.
         nominal: Error with the nominal parameters, in ``unit``.
         refitted: Error with the refitted ones, in ``unit``.
-        limited: Error that noise alone would leave: that of the readings and what the uncertainty
-            of the parameters makes of it, in ``unit``.
-        noise: Noise of the readings, in ``unit``.
+        limited: Error that noise alone would leave: that of the measurements and what the
+            uncertainty of the parameters makes of it, in ``unit``.
+        noise: Noise of the measurements, in ``unit``.
     """
 
     recording: str
@@ -109,7 +109,7 @@ class HeldOut:
 
     @property
     def at_floor(self) -> bool:
-        """Whether, besides, it is near the noise of the readings.
+        """Whether, besides, it is near the noise of the measurements.
 
         Where the parameters' uncertainty alone makes a free run drift far off, a small error
         would prove nothing.
@@ -273,7 +273,7 @@ def noise_limited(
     """Return the free-run error that noise alone would leave.
 
     The parameters are drawn from the distribution of their estimates and the model is run with
-    each; what these runs differ by adds to the noise of the readings.
+    each; what these runs differ by adds to the noise of the measurements.
 
     Args:
         found: A refit.

@@ -1,4 +1,4 @@
-"""The start of a recording where the first readings do not tell all states."""
+"""The start of a recording where the first measurements do not tell all states."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ _ITERATIONS = 12
 def fitted_start(
     model: Model, observed: Observed, *, samples: int, values: npt.ArrayLike | None = None
 ) -> Observed:
-    """Estimate the start of a recording so that a free run meets its first readings.
+    """Estimate the start of a recording so that a free run meets its first measurements.
 
     Levenberg-Marquardt on the free-run error over the first samples, with the start that the
-    recording came with, and its uncertainty, as prior. States that the readings determine at once
-    keep their value; a hidden one, such as the level of an upper tank, takes some samples to show.
+    recording came with, and its uncertainty, as prior. States that the measurements determine at
+    once keep their value; a hidden one, such as the level of an upper tank, takes some samples to
+    show.
 
     Args:
         model: The plant.

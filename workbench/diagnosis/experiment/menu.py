@@ -60,7 +60,7 @@ class Experiment:
         """Time from the first sample to the last, in s."""
         return self.sample_time * (len(self.inputs) - 1)
 
-    def readings(self, model: Model, start: npt.ArrayLike) -> Vector | None:
+    def measurements(self, model: Model, start: npt.ArrayLike) -> Vector | None:
         """Simulate what the sensors of a model would read, without noise.
 
         Args:
@@ -68,7 +68,7 @@ class Experiment:
             start: States at the first sample, shape (n_states,), in SI.
 
         Returns:
-            All readings, shape (n, n_outputs), in SI; None if the integrator gives up.
+            All measurements, shape (n, n_outputs), in SI; None if the integrator gives up.
         """
         if self.planned is not None and self.planned[0] is model:
             return self.planned[1]
@@ -93,7 +93,7 @@ class Experiment:
 def menu(model: Model, recordings: Sequence[Observed]) -> tuple[Experiment, ...]:
     """Return experiments that stay within what the recordings show.
 
-    Amplitudes are half, once and twice those of the recorded inputs. Readings stay within the
+    Amplitudes are half, once and twice those of the recorded inputs. Measurements stay within the
     validity of the state that they show or the range of their sensor; where neither is known,
     within the recorded range and a quarter of it on either side. References use 80 % of that.
 
@@ -177,7 +177,7 @@ class _Plan:
         )
 
     def _limits(self, outputs: Vector) -> tuple[Vector, Vector]:
-        """Return where the readings may be."""
+        """Return where the measurements may be."""
         ends = np.array([np.nanmin(outputs, axis=0), np.nanmax(outputs, axis=0)])
         ends += _OUTSIDE * np.array([[-1.0], [1.0]]) * (ends[1] - ends[0])
         states = {q.name: (q, x) for q, x in zip(self.model.states, self.start, strict=True)}
@@ -191,8 +191,8 @@ class _Plan:
         return ends[0], ends[1]
 
     def kept(self, experiment: Experiment) -> Experiment | None:
-        """Return an experiment with its prediction if every reading stays near the recorded."""
-        read = experiment.readings(self.model, self.start)
+        """Return an experiment with its prediction if every measurement stays near the recorded."""
+        read = experiment.measurements(self.model, self.start)
         if read is None:
             return None
         seen = read[:, self.rows]
@@ -266,7 +266,7 @@ class _Plan:
                 continue
             # A recorded input may have left the bounds of the model.
             unread = Experiment("", self.sample_time, np.clip(inputs, *self.limits))
-            read = unread.readings(self.model, self.start)
+            read = unread.measurements(self.model, self.start)
             if read is None:
                 continue
             # What the loop reaches, which is less than what it is asked for.
@@ -303,7 +303,7 @@ class _Loop:
         step = 0.5 * plan.sign[self.channel] * plan.reach[self.channel]
         pushed[:, self.channel] += step
         reads = [
-            Experiment("step", plan.sample_time, u).readings(plan.model, plan.start)
+            Experiment("step", plan.sample_time, u).measurements(plan.model, plan.start)
             for u in (rest, pushed)
         ]
         if reads[0] is None or reads[1] is None:

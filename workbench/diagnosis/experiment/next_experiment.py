@@ -227,7 +227,7 @@ def _locating(diagnosis: Diagnosis, outputs: Sequence[str]) -> dict[str, object]
     return {
         "sensor": best.text,
         "separation_sigma": None,
-        "sentence": f"A sensor of {best.text} would tell apart what these readings cannot:"
+        "sentence": f"A sensor of {best.text} would tell apart what these measurements cannot:"
         f" {parts}.",
     }
 

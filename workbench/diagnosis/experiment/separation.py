@@ -95,7 +95,7 @@ class Separator:
             A recording without noise; None if the model does not reach the end.
         """
         begin = self.start(truth, experiment.inputs)
-        read = experiment.readings(truth.fit.model, begin.start)
+        read = experiment.measurements(truth.fit.model, begin.start)
         if read is None:
             return None
         names = [q.name for q in truth.fit.model.outputs]
@@ -326,7 +326,7 @@ def sensors(
 ) -> list[tuple[str, float]]:
     """Predict by how much a further sensor would separate two explanations.
 
-    The other explanation's filter follows the present readings; what its equations make of the
+    The other explanation's filter follows the present measurements; what its equations make of the
     signal is compared with the signal of the truth, less what its free parameters can make up for.
     Values within the correlation time of disturbances count once.
 
@@ -354,13 +354,13 @@ def sensors(
     ]
     slopes = followed[1]
     names = other.fit.model.exact.signal_names
-    readings = {*seen.used, *(f"{q}.reading" for q in seen.used)}
+    measurements = {*seen.used, *(f"{q}.reading" for q in seen.used)}
     ports = {q.name: q.scale for q in other.fit.model.ports}
     information = _information(other)
     each = min(1.0, seen.sample_time / (2 * CORRELATION_TIME))
     found = []
     for i, name in enumerate(names):
-        if name not in truth.fit.model.exact.signal_names or name in readings:
+        if name not in truth.fit.model.exact.signal_names or name in measurements:
             continue
         j = truth.fit.model.exact.signal_names.index(name)
         scale = ports.get(name, float(np.abs(signals[1][:, i]).max()))

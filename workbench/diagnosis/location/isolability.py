@@ -1,7 +1,7 @@
 """What could be located at all: which ports the sensors can tell apart, before any recording.
 
 Two routes, and only what both tell apart counts: the structure of the equations, and the directions
-in which a signal at each port moves the readings. Ports whose directions are the same at every
+in which a signal at each port moves the measurements. Ports whose directions are the same at every
 frequency and operating point cannot be told apart by any recording.
 """
 
@@ -67,10 +67,11 @@ class Isolability:
         groups: Ports that cannot be told apart, group by group.
         unseen: Ports at which nothing that is missing could be seen.
         nearest: For each group, by its first port: the first port of the group that is hardest to
-            tell from it, and the largest angle between the directions of their readings, in rad.
+            tell from it, and the largest angle between the directions of their measurements, in
+            rad.
         structure: The structure that the groups follow from.
         readable: Unknowns in each signal that could be read.
-        transfers: How each port moves the readings.
+        transfers: How each port moves the measurements.
     """
 
     model: str
@@ -117,7 +118,9 @@ class Isolability:
         found: dict[tuple[Groups, ...], Sensor] = {}
         for name, holds in self.readable.items():
             sines = self.transfers.sines(name)
-            finer = _joined(self.structure.with_reading(holds).groups()[0], self.transfers, sines)
+            finer = _joined(
+                self.structure.with_measurement(holds).groups()[0], self.transfers, sines
+            )
             splits = []
             for old in wanted:
                 parts = tuple(p for f in finer if (p := tuple(n for n in old if n in f)))
@@ -152,11 +155,11 @@ def isolability(
 ) -> Isolability:
     """Find out which ports the sensors could tell apart, from the equations alone.
 
-    A port is told from another if its equation can still be checked against the readings when the
-    equation of the other is not used (Krysander and Frisk 2008). Structure alone may promise too
-    much, so ports are joined whose signals move the readings in the same direction,
-    ``G_i(jw) = a(jw) G_j(jw)`` with the linearised transfers from ports to readings, at every one
-    of several operating points and frequencies.
+    A port is told from another if its equation can still be checked against the measurements when
+    the equation of the other is not used (Krysander and Frisk 2008). Structure alone may promise
+    too much, so ports are joined whose signals move the measurements in the same direction,
+    ``G_i(jw) = a(jw) G_j(jw)`` with the linearised transfers from ports to measurements, at every
+    one of several operating points and frequencies.
 
     Args:
         model: The plant.
@@ -202,7 +205,7 @@ def isolability(
 
 
 def _joined(groups: Groups, moved: Transfers, sines: Vector) -> Groups:
-    """Join groups in which two ports move the readings in the same direction."""
+    """Join groups in which two ports move the measurements in the same direction."""
     joined: list[tuple[str, ...]] = []
     for group in groups:
         same = [

@@ -43,7 +43,7 @@ class Located:
         argument_unit: Its SI unit.
         argument_values: Its values, shape (n,), in ``argument_unit``.
         explained: Share of the mean square of the signal that the law takes away where the
-            readings determine it, dimensionless; NaN without law.
+            measurements determine it, dimensionless; NaN without law.
         recordings: Names of the recordings.
         law_name: What the law is, in plain words.
     """
@@ -63,7 +63,7 @@ class Located:
 
     @property
     def known(self) -> npt.NDArray[np.bool_]:
-        """Where the readings determine the signal to half its own size or better, shape (n,)."""
+        """Where the signal is determined to half its own size or better, shape (n,)."""
         return _known(self.signal, self.std)
 
 
@@ -85,7 +85,7 @@ def located_signal(
 
     Returns:
         One signal per port; a single one at the port of the group where the ports act on the same
-        rates, so that no reading can tell them apart.
+        rates, so that no measurement can tell them apart.
 
     Raises:
         NumericalError: If the model without the effect cannot follow the recordings at all.
@@ -179,8 +179,8 @@ def added_at_ports(
 ) -> Vector:
     """Return what an effect adds at some ports along a recording.
 
-    The difference that it makes to the rates (or, at a sensor, to the readings) at the same states,
-    divided by the effect of a unit signal at the port.
+    The difference that it makes to the rates (or, at a sensor, to the measurements) at the same
+    states, divided by the effect of a unit signal at the port.
 
     Args:
         extended: The model with the effect.
@@ -232,7 +232,7 @@ def added_at_ports(
 
 
 def told_apart(model: Model, ports: Sequence[str], observed: Observed) -> tuple[str, ...]:
-    """Return the ports whose signals the readings can tell apart.
+    """Return the ports whose signals the measurements can tell apart.
 
     Args:
         model: The model.
@@ -338,13 +338,13 @@ def correlation_ratio(signal: Vector, argument: Vector, *, bins: int = BINS) -> 
 
 
 def _known(signal: Vector, std: Vector) -> npt.NDArray[np.bool_]:
-    # While a machine rests, its readings say nothing about forces that do not move it.
+    # While a machine rests, its measurements say nothing about forces that do not move it.
     known = std < 0.5 * np.sqrt(np.mean(signal**2 + std**2))
     return known if np.count_nonzero(known) > 10 else np.ones(len(signal), dtype=bool)
 
 
 def _explained(signal: Vector, std: Vector, law: Vector) -> float:
-    """Share of the mean square that a law takes away, where the readings tell the signal."""
+    """Share of the mean square that a law takes away, where the measurements tell the signal."""
     rows = _known(signal, std)
     whole = float(np.mean(signal[rows] ** 2))
     return 1 - float(np.mean((signal - law)[rows] ** 2)) / whole if whole else math.nan

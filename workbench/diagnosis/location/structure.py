@@ -115,7 +115,7 @@ class Structure:
         kept = {p: row for p, row in self.suspects.items() if p in ports}
         return Structure(self.holds, self.equations, self.unknowns, kept)
 
-    def with_reading(self, holds: Sequence[str]) -> Structure:
+    def with_measurement(self, holds: Sequence[str]) -> Structure:
         """Return the structure with another sensor.
 
         Args:
@@ -147,9 +147,9 @@ class Cut:
         symbols: What leaves each port, shape (n_ports, 1), in the ports' SI units.
         entering: What enters each port, shape (n_ports, 1), in the same units.
         rates: Rates of the states, shape (n_states, 1), in SI per second.
-        outputs: Readings, shape (n_outputs, 1), in SI.
+        outputs: Measurements, shape (n_outputs, 1), in SI.
         signals: What else could be read, by name: what enters a port under its name with
-            `` before``, published signals, readings that are not recorded; in SI.
+            `` before``, published signals, measurements that are not recorded; in SI.
     """
 
     model: Model

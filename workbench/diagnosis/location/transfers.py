@@ -1,4 +1,4 @@
-"""How a small signal at each port of a model moves the readings, at several operating points."""
+"""How a small signal at each port of a model moves the measurements, at operating points."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ _REACH = 0.4
 
 @dataclass(frozen=True)
 class Transfers:
-    """Transfers from the ports to the readings.
+    """Transfers from the ports to the measurements.
 
     Args:
         ports: Names of the n_p ports.
-        readings: From each port at its scale to each recorded output over its noise, shape
+        measurements: From each port at its scale to each recorded output over its noise, shape
             (n, n_outputs, n_p): n pairs of an operating point and a frequency.
         signals: The same to each further signal that could be read, not scaled, shape (n, n_p), by
             name.
     """
 
     ports: tuple[str, ...]
-    readings: Complex
+    measurements: Complex
     signals: Mapping[str, Complex]
 
     def rows(self, ports: Sequence[str]) -> list[int]:
@@ -42,20 +42,20 @@ class Transfers:
         return [self.ports.index(port) for port in ports]
 
     def sines(self, sensor: str | None = None) -> Vector:
-        """Return how far the directions in which two ports move the readings are apart.
+        """Return how far the directions in which two ports move the measurements are apart.
 
         Args:
             sensor: Name of a further signal that is read; none by default.
 
         Returns:
             Largest sine of the angle between the directions, shape (n_p, n_p), dimensionless; NaN
-            where one of the ports moves no reading, like a stop that is not touched.
+            where one of the ports moves no measurement, like a stop that is not touched.
         """
-        g = self.readings
+        g = self.measurements
         if sensor is not None:
             row = self.signals[sensor]
             size = np.abs(row).max(initial=0.0)
-            # As strong as the other readings: only its direction matters here.
+            # As strong as the other measurements: only its direction matters here.
             strength = np.abs(g).max(initial=0.0) or 1.0
             g = np.concatenate([g, row[:, None, :] * (strength / size if size else 0.0)], axis=1)
         size = np.linalg.norm(g, axis=1)[:, None, :]
@@ -97,7 +97,7 @@ def transfers(parts: Cut, outputs: Sequence[str]) -> Transfers:
         ],
     )
     between = _between(parts, further)
-    readings: list[Complex] = []
+    measurements: list[Complex] = []
     signals: dict[str, list[Complex]] = {n: [] for n in (*states, *further)}
     for x, u in _points(parts):
         a, b, c, d = (np.asarray(part, dtype=float) for part in whole(x, u, model.values))
@@ -110,14 +110,14 @@ def transfers(parts: Cut, outputs: Sequence[str]) -> Transfers:
         for frequency in FREQUENCIES:
             moved = np.linalg.solve(1j * frequency * np.eye(n_x) - a, b)
             left = through @ (made[:, :n_x] @ moved + np.eye(len(made)))
-            readings.append((c @ moved + d) * scale / noise[:, None])
+            measurements.append((c @ moved + d) * scale / noise[:, None])
             rows = read[:, :n_x] @ moved + read[:, n_x:] @ left
             for name, row in zip((*states, *further), (*moved, *rows), strict=True):
                 signals[name].append(row * scale)
     empty = np.zeros((0, len(chosen), len(scale)), dtype=np.complex128)
     return Transfers(
         tuple(q.name for q in model.ports),
-        np.stack(readings) if readings else empty,
+        np.stack(measurements) if measurements else empty,
         {n: np.stack(rows) if rows else empty[:, 0] for n, rows in signals.items()},
     )
 

@@ -1,8 +1,9 @@
 """The unknown input at a port, smoothed: what the equations there would have to add.
 
-The signal of one or several ports gets an unknown addition that is random but correlated in time.
-A smoother finds the addition, the states and their uncertainty that explain the readings best; all
-other equations are trusted but for a small disturbance. Nothing is assumed of the law behind it.
+The signal of one or several ports gets an unknown addition that is random but correlated in time. A
+smoother finds the addition, the states and their uncertainty that explain the measurements best;
+all other equations are trusted but for a small disturbance. Nothing is assumed of the law behind
+it.
 """
 
 from __future__ import annotations
@@ -120,7 +121,7 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
 
 
 def _filtered(model: Model, observed: Observed, ports: Sequence[str]) -> Vector:
-    """States that follow the readings, as the first estimate of the smoother."""
+    """States that follow the measurements, as the first estimate of the smoother."""
     rms = {q.name: q.disturbance for q in model.ports if q.disturbance > 0}
     rms |= {q.name: 0.1 * q.scale for q in model.ports if q.name in ports}
     filter_ = PredictionError(model, observed.sample_time, observed.used, (), rms)
@@ -132,7 +133,7 @@ class _Linear:
     """Linear equations about an estimate, state and unknown input stacked and scaled.
 
     ``transition`` and ``offset`` carry one time to the next, ``slope`` and ``error`` give the
-    whitened readings, ``noise`` is the covariance that one step adds to the states.
+    whitened measurements, ``noise`` is the covariance that one step adds to the states.
     """
 
     transition: Vector

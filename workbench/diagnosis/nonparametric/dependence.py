@@ -72,7 +72,7 @@ class Evidence:
     Args:
         located: Names of the ports at which they were smoothed.
         signal: Signals one below the other, shape (n_located n,), in the ports' unit.
-        known: Where the readings determine them, of that shape.
+        known: Where the measurements determine them, of that shape.
         nominal: What a step of each free parameter adds there, shape (n_located n, n_free), in
             the ports' unit, for a step of one prior standard deviation.
         toward: Step from each estimate to its prior, shape (n_free,), in prior standard deviations.

@@ -51,7 +51,7 @@ def gather(
     u = np.concatenate([part.inputs[::every] for part in parts])
     signal = np.concatenate([part.signal[::every] for part in parts])
     std = np.concatenate([part.std[::every] for part in parts])
-    # While a machine rests, its readings say nothing about forces that do not move it.
+    # While a machine rests, its measurements say nothing about forces that do not move it.
     known = std < 0.5 * np.sqrt(np.mean(signal**2 + std**2))
     known &= ~_pushed(model, x, u)[:, None]
     if np.count_nonzero(known) < _LEAST_KNOWN:

@@ -124,8 +124,8 @@ def over_floor(
     """Return how far the runs of a fitted model on held-out recordings are from the noise.
 
     The floor is what the same runs would be off by if the model were right: they are repeated on
-    readings that the model itself gives, with the noise of the sensors, for parameters drawn from
-    the distribution of their estimates.
+    measurements that the model itself gives, with the noise of the sensors, for parameters drawn
+    from the distribution of their estimates.
 
     Returns:
         Root mean square error over that floor, by output, dimensionless; infinite where a run

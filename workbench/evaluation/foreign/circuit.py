@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from workbench.evaluation.foreign.courses import chirp, pulses, sines, steps
+from workbench.evaluation.foreign.excitation import chirp, pulses, sines, steps
 from workbench.evaluation.foreign.machine import Channel, Concealed, Machine, Parameters, State
 
 KNEE = 5e-3

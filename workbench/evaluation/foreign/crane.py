@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.evaluation.foreign.courses import chirp, pulses, sines, steps
+from workbench.evaluation.foreign.excitation import chirp, pulses, sines, steps
 from workbench.evaluation.foreign.laws import dry_friction
 from workbench.evaluation.foreign.machine import (
     Array,

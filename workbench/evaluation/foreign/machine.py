@@ -67,9 +67,9 @@ class Channel:
 
 
 Loop = Callable[[Array, Array, Array], Array]
-"""Commands from the references, the readings and the last readings."""
+"""Commands from the references, the measurements and the last measurements."""
 
-Course = Callable[[np.random.Generator, int, float], Array]
+Excitation = Callable[[np.random.Generator, int, float], Array]
 """Commands or references, shape (n, inputs), of n samples at a sample time."""
 
 
@@ -85,7 +85,7 @@ class Machine:
         concealed: What it may hide.
         rates: Derivative of the state from time, state, commands and parameters.
         initial: State at rest from the parameters.
-        courses: What drives the recordings ``fit_1``, ``fit_2``, ``hold_1``, ``hold_2``.
+        excitations: What drives the recordings ``fit_1``, ``fit_2``, ``hold_1``, ``hold_2``.
         sample_time: Time between samples.
         steps: Integration steps per sample.
         samples: Samples of a recording.
@@ -99,7 +99,7 @@ class Machine:
     concealed: tuple[Concealed, ...]
     rates: Callable[[float, State, Sequence[float], Parameters], State]
     initial: Callable[[Parameters], State]
-    courses: Mapping[str, Course]
+    excitations: Mapping[str, Excitation]
     sample_time: float
     steps: int
     samples: int
@@ -115,43 +115,46 @@ class Machine:
 
     def record(
         self,
-        course: Array,
+        excitation: Array,
         p: Parameters,
         rng: np.random.Generator | None,
         *,
         replayed: bool = False,
         start: State | None = None,
     ) -> tuple[Array, Array]:
-        """Run the machine along a course.
+        """Run the machine along an excitation.
 
         Args:
-            course: Commands, or references if there is a loop, shape (n, inputs).
+            excitation: Commands, or references if there is a loop, shape (n, inputs).
             p: Parameters.
             rng: Source of the sensors' noise; without it they are exact.
-            replayed: Whether the course holds commands although there is a loop.
+            replayed: Whether the excitation holds commands although there is a loop.
             start: State at the start; at rest by default.
 
         Returns:
-            Commands, shape (n, inputs), and readings, shape (n, channels).
+            Commands, shape (n, inputs), and measurements, shape (n, channels).
         """
         x = list(start if start is not None else self.initial(p))
         h = self.sample_time / self.steps
         actuators = [Actuator(name, p, h) for name, _ in self.inputs]
         sensors = [Sensor(c, p, self.sample_time, rng) for c in self.channels]
-        commands, readings = np.empty(course.shape), np.empty((len(course), len(sensors)))
+        commands = np.empty(excitation.shape)
+        measurements = np.empty((len(excitation), len(sensors)))
         last: Array | None = None
-        for k in range(len(course)):
+        for k in range(len(excitation)):
             t = k * self.sample_time
-            readings[k] = [s.read(x[s.channel.state]) for s in sensors]
-            u = course[k]
+            measurements[k] = [s.read(x[s.channel.state]) for s in sensors]
+            u = excitation[k]
             if self.loop is not None and not replayed:
-                u = self.loop(course[k], readings[k], readings[k] if last is None else last)
-                last = readings[k]
+                u = self.loop(
+                    excitation[k], measurements[k], measurements[k] if last is None else last
+                )
+                last = measurements[k]
             commands[k] = u
             for j in range(self.steps):
                 w = [a.step(float(v)) for a, v in zip(actuators, u, strict=True)]
                 x = self._step(t + j * h, x, w, p, h)
-        return commands, readings
+        return commands, measurements
 
     def _step(self, t: float, x: State, u: Sequence[float], p: Parameters, h: float) -> State:
         def moved(slope: State, by: float) -> State:
@@ -210,7 +213,7 @@ class Sensor:
         self._slow: float | None = None
 
     def read(self, true: float) -> float:
-        """Return the reading at a sample."""
+        """Return the measurement at a sample."""
         self._slow = true if self._slow is None else self._slow
         self._slow += self._share * (true - self._slow)
         self._past.append(self._slow)

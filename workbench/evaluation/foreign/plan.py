@@ -69,13 +69,15 @@ class Case:
         """Record the machine: two recordings to fit on, two to judge on."""
         rng, m, p = np.random.default_rng([self.seed, 1]), self.machine, self.parameters()
         made = {}
-        for name, course in m.courses.items():
-            commands, readings = m.record(course(rng, m.samples, m.sample_time), p, rng)
+        for name, excitation in m.excitations.items():
+            commands, measurements = m.record(excitation(rng, m.samples, m.sample_time), p, rng)
             columns = [
                 Signal(n, commands[:, i], unit, role="command")
                 for i, (n, unit) in enumerate(m.inputs)
             ]
-            columns += [Signal(c.name, readings[:, i], c.unit) for i, c in enumerate(m.channels)]
+            columns += [
+                Signal(c.name, measurements[:, i], c.unit) for i, c in enumerate(m.channels)
+            ]
             time = m.sample_time * np.arange(m.samples, dtype=np.float64)
             made[name] = Recording(name, time, tuple(columns))
         return made
@@ -84,7 +86,7 @@ class Case:
         """Return the errors that the truth itself would make, root mean square by output.
 
         It runs with its true parameters along the recorded commands, from rest but for the states
-        that the first readings tell.
+        that the first measurements tell.
         """
         m, p, squares = self.machine, self.parameters(), []
         for recording in held_out:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from workbench.evaluation.foreign.courses import steps, together
+from workbench.evaluation.foreign.excitation import steps, together
 from workbench.evaluation.foreign.machine import Channel, Concealed, Machine, Parameters, State
 
 HEAT, GRAVITY, BOLTZMANN = 4.18e6, 9.81, 5.67e-8

@@ -41,7 +41,7 @@ def isometric_recording(
         Length, speed and mass flow as commanded, force and gauge pressure as read.
     """
     p = namespace(nominal(parameters))
-    length, flow = _courses(contractions_mm, p)
+    length, flow = _trajectories(contractions_mm, p)
     force, pressure = _sensed(_integrated(length, flow, p), p, np.random.default_rng(seed))
     return Recording(
         name,
@@ -57,7 +57,7 @@ def isometric_recording(
     )
 
 
-def _courses(contractions_mm: Sequence[float], p: SimpleNamespace) -> tuple[Vector, Vector]:
+def _trajectories(contractions_mm: Sequence[float], p: SimpleNamespace) -> tuple[Vector, Vector]:
     """Return the length at the ends of all samples, in m, and the flow in each, in kg/s."""
     lengths, flows = [], []
     stands = [muscle.NOMINAL_LENGTH - 1e-3 * q for q in contractions_mm]

@@ -22,8 +22,8 @@ def _axis(m: Scope, drive: Expression) -> Equations:
         signals={"position": m.x.position, "speed": m.x.speed},
         disturbance=5.0,
     )
-    reading = m.port("position.reading", m.x.position, unit="m", scale=0.1)
-    return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": reading}
+    measurement = m.port("position.reading", m.x.position, unit="m", scale=0.1)
+    return {"position": m.x.speed, "speed": force / m.p.mass}, {"position": measurement}
 
 
 def _axis_in_loop(m: Scope) -> Equations:
@@ -67,8 +67,8 @@ def _tanks(m: Scope) -> Equations:
     drained = flow("upper.outflow", p.upper_drain * sqrt(m.form.ramp(upper, 0.01)))
     gained = flow("lower.inflow", drained)
     left = flow("lower.outflow", p.lower_drain * sqrt(m.form.ramp(lower, 0.01)))
-    reading = m.port("level.reading", lower, unit="V", scale=5.0)
-    return {"upper_level": pumped - drained, "lower_level": gained - left}, {"level": reading}
+    measurement = m.port("level.reading", lower, unit="V", scale=5.0)
+    return {"upper_level": pumped - drained, "lower_level": gained - left}, {"level": measurement}
 
 
 def tanks() -> Model:

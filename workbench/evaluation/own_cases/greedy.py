@@ -73,9 +73,9 @@ def greedy(
             stopped = "the refit failed"
             break
         own = entry_priors(best)[0]
-        readings = sum(r.outputs.size for r in heads)
+        measurements = sum(r.outputs.size for r in heads)
         gain = _cost(diagnosis, current, heads) - _cost(diagnosis, fit, heads)
-        if gain <= 0.5 * len(own) * math.log(readings):
+        if gain <= 0.5 * len(own) * math.log(measurements):
             stopped = "the criterion"
             break
         name = best.entry.name

@@ -12,15 +12,15 @@ from workbench.evaluation.rig import plant, simulate
 
 Array = NDArray[np.float64]
 _FIRST = 3
-"""Readings averaged for the start."""
+"""Measurements averaged for the start."""
 
 
 def limited_errors(folder: Path) -> dict[str, float]:
     """Return the errors of the rig itself on the held-out recordings of a case.
 
     The rig runs with its true parameters and without noise, from the true start except that the
-    angle and the pressures are those read: what is left is the noise of the readings and what it
-    does to the start.
+    angle and the pressures are those read: what is left is the noise of the measurements and what
+    it does to the start.
 
     Args:
         folder: A case as `workbench.evaluation.rig.cases.make_case` makes it, with its truth.
@@ -46,7 +46,7 @@ def limited_errors(folder: Path) -> dict[str, float]:
 
 
 def _read_start(state: Array, data: Array, p: dict[str, float]) -> Array:
-    """Move a true start to what the first readings say, as they stand beside what is true."""
+    """Move a true start to what the first measurements say, as they stand beside what is true."""
     seen = data[:_FIRST].mean(axis=0)
     # The recording without noise from the true start says what the sensors make of it.
     quiet = p | {"pressure_noise": 0.0, "pressure_step": 0.0, "angle_step": 0.0}

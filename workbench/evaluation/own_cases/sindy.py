@@ -199,7 +199,7 @@ def _terms_and_residuals(
 
 
 def _filled(x: Array) -> Array:
-    """Bridge readings that were not taken."""
+    """Bridge measurements that were not taken."""
     known = np.isfinite(x)
     at = np.arange(len(x))
     return np.asarray(np.interp(at, at[known], x[known]))

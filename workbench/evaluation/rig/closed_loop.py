@@ -1,6 +1,6 @@
 """A controller of the workbench on the rig: the rig's sensors, command path and integrator.
 
-The controller is met through its protocol only: readings in SI, a command in volt.
+The controller is met through its protocol only: measurements in SI, a command in volt.
 
 Units: SI.
 """
@@ -26,7 +26,7 @@ class Law(Protocol):
     """What a controller offers."""
 
     def initial_state(self, measurement: tuple[float, ...]) -> Any:
-        """Return the state at the first readings."""
+        """Return the state at the first measurements."""
 
     def step(self, state: Any, measurement: tuple[float, ...], reference: tuple[float, ...]) -> Any:
         """Return the command, the next state, and what the step tells about itself."""

@@ -174,7 +174,7 @@ class ArmEquations:
             geometry=self.geometry,
             body=self.body,
         )
-        readings = {
+        measurements = {
             "angle": (x.angle, "rad", 1.0, {"speed": x.speed}),
             "pressure_1": (muscles[0].gauge_pressure, "Pa", 1e5, {}),
             "pressure_2": (muscles[1].gauge_pressure, "Pa", 1e5, {}),
@@ -189,7 +189,7 @@ class ArmEquations:
                 description="what the sensor reads, before noise and conversion",
                 signals=signals,
             )
-            for name, (value, unit, scale, signals) in readings.items()
+            for name, (value, unit, scale, signals) in measurements.items()
         }
         rates = {**flows.rates, **muscles[0].rates, **muscles[1].rates, **motion.rates}
         return rates, outputs

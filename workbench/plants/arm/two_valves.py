@@ -91,7 +91,7 @@ def two_valves(
 
 @dataclass(frozen=True)
 class _Plant:
-    """The arm's equations with the mean pressure as one more reading."""
+    """The arm's equations with the mean pressure as one more measurement."""
 
     equations: ArmEquations
 

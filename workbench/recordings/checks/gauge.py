@@ -12,7 +12,7 @@ from workbench.recordings.column_assignment import AMBIENT_PA
 from workbench.recordings.recording import Recording
 
 _NEAR = 0.06e5
-"""Weather and sensor offsets move the ambient reading by some 0.05 bar."""
+"""Weather and sensor offsets move the ambient measurement by some 0.05 bar."""
 
 
 def check_gauge(recording: Recording, expected: Expected) -> Finding:

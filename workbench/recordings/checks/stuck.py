@@ -32,7 +32,7 @@ def _jumps_out(values: Vector, first: int, last: int, step: float) -> bool:
 
 
 def stuck_samples(values: Vector) -> npt.NDArray[np.bool_]:
-    """Find samples that repeat a frozen reading.
+    """Find samples that repeat a frozen measurement.
 
     A run of equal samples counts as frozen if the signal's own noise makes it impossible (the
     chance of one such run in the recording is below one in a million), or if it ends in a jump of
@@ -74,7 +74,7 @@ def stuck_samples(values: Vector) -> npt.NDArray[np.bool_]:
 
 
 def check_stuck(recording: Recording, expected: Expected) -> Finding:
-    """Check for frozen readings; bridge them and exclude them from judgement."""
+    """Check for frozen measurements; bridge them and exclude them from judgement."""
     notes = []
     changed = recording
     for name in recording.measurements:
@@ -100,7 +100,7 @@ def check_stuck(recording: Recording, expected: Expected) -> Finding:
         notes.append(text + "; bridged and excluded")
     if notes:
         return Finding("corrected", "; ".join(notes), recording=changed)
-    return Finding("pass", "no reading freezes")
+    return Finding("pass", "no measurement freezes")
 
 
 STUCK = Check(

@@ -156,9 +156,11 @@ def margins_table(result: StudyResult) -> Table | None:
         own = [
             r for r in result.records if r.controller == key[1] and r.variation == late.get(case)
         ]
-        swing = _shown(own[0].metrics, "oscillation") if own and own[0].metrics else "–"
+        oscillation = _shown(own[0].metrics, "oscillation") if own and own[0].metrics else "–"
         over = _shown(own[0].metrics, "overshoot") if own and own[0].metrics else "–"
-        rows.append((case, key[1], *(number(v) for v in record.margins.values()), over, swing))
+        rows.append(
+            (case, key[1], *(number(v) for v in record.margins.values()), over, oscillation)
+        )
     if not rows:
         return None
     head = ("speed rad/s", "Ms", "Mt", "late: Ms", "late: overshoot", "late: oscillation")
@@ -536,7 +538,7 @@ def plan_table(result: StudyResult) -> Table:
                     worst([e.of_size(controller, k, "overshoot", _size(s)) for k in kinds]).value
                     for s in steps
                 ]
-                swing = worst([e.metric(controller, k, "oscillation") for k in kinds]).value
+                oscillation = worst([e.metric(controller, k, "oscillation") for k in kinds]).value
                 limit = _limit_of(result, e, controller, "oscillation")
                 rows.append(
                     (
@@ -544,7 +546,7 @@ def plan_table(result: StudyResult) -> Table:
                         f"× {pace:g}",
                         *(Cell(number(r), _mark(r, e.want.ratio)) for r in ratios),
                         *(Cell(number(100 * o), _mark(o, e.want.overshoot)) for o in overs),
-                        Cell(number(_degrees(swing)), _mark(swing, limit)),
+                        Cell(number(_degrees(oscillation)), _mark(oscillation, limit)),
                     )
                 )
     sizes = [f"{_degrees(_size(s)):g}°" for s in steps]
@@ -630,7 +632,7 @@ def known_table(result: StudyResult) -> Table:
                 if not e.has(controller, kind):
                     continue
                 over = e.metric(controller, kind, "overshoot").value
-                swing = e.metric(controller, kind, "oscillation").value
+                oscillation = e.metric(controller, kind, "oscillation").value
                 ratios = [e.ratio(controller, kind, s).value for s in steps]
                 rows.append(
                     (
@@ -639,7 +641,7 @@ def known_table(result: StudyResult) -> Table:
                         "as known" if kind == NOMINAL else kind,
                         *(number(r) for r in ratios),
                         number(100 * over),
-                        number(_degrees(swing)),
+                        number(_degrees(oscillation)),
                     )
                 )
     sizes = [f"{_degrees(_size(s)):g}° / limit" for s in steps]

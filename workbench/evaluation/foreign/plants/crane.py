@@ -36,11 +36,11 @@ def _equations(m: Scope) -> Equations:
     rates = {
         "position": x.speed, "speed": acceleration, "angle": x.turn, "turn": turning,
     }  # fmt: skip
-    readings = {
+    measurements = {
         "position": m.port("position.reading", x.position, unit="m", scale=0.5),
         "angle": m.port("angle.reading", x.angle, unit="rad", scale=0.2),
     }
-    return rates, readings
+    return rates, measurements
 
 
 def crane() -> Model:

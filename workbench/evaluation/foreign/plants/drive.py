@@ -35,11 +35,11 @@ def _equations(m: Scope) -> Equations:
         "motor_speed": motor / p.motor_inertia,
         "load_speed": load / p.load_inertia,
     }
-    readings = {
+    measurements = {
         name: m.port(f"{name}.reading", x[name], unit="rad/s", scale=20.0)
         for name in ("motor_speed", "load_speed")
     }
-    return rates, readings
+    return rates, measurements
 
 
 def drive() -> Model:

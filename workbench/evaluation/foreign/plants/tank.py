@@ -37,11 +37,11 @@ def _equations(m: Scope) -> Equations:
         "level": (inflow - outflow) / p.area,
         "temperature": heat / (HEAT * p.area * m.form.ramp(level, 1e-3)),
     }
-    readings = {
+    measurements = {
         "level": m.port("level.reading", level, unit="m", scale=0.2),
         "temperature": m.port("temperature.reading", temperature, unit="K", scale=20.0),
     }
-    return rates, readings
+    return rates, measurements
 
 
 def tank() -> Model:

@@ -7,15 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.evaluation.foreign.machine import Array, Course
+from workbench.evaluation.foreign.machine import Array, Excitation
 
 
 def pulses(
     largest: float, hold: tuple[float, float], *, middle: float = 0.0, rest: float = 0.25
-) -> Course:
+) -> Excitation:
     """Return random pulses about a middle, each held for a time in s; some return to it."""
 
-    def course(rng: np.random.Generator, n: int, dt: float) -> Array:
+    def excitation(rng: np.random.Generator, n: int, dt: float) -> Array:
         u, i = np.full(n, middle), round(0.5 * hold[1] / dt)
         while i < n:
             length = max(1, round(rng.uniform(*hold) / dt))
@@ -24,13 +24,13 @@ def pulses(
             i += length
         return u[:, None]
 
-    return course
+    return excitation
 
 
-def steps(low: float, high: float, hold: tuple[float, float], *, first: float) -> Course:
+def steps(low: float, high: float, hold: tuple[float, float], *, first: float) -> Excitation:
     """Return random levels between two ends, after a first one."""
 
-    def course(rng: np.random.Generator, n: int, dt: float) -> Array:
+    def excitation(rng: np.random.Generator, n: int, dt: float) -> Array:
         u, i = np.full(n, first), round(0.5 * hold[1] / dt)
         while i < n:
             length = max(1, round(rng.uniform(*hold) / dt))
@@ -38,13 +38,13 @@ def steps(low: float, high: float, hold: tuple[float, float], *, first: float) -
             i += length
         return u[:, None]
 
-    return course
+    return excitation
 
 
-def sines(largest: float, periods: tuple[float, ...], *, middle: float = 0.0) -> Course:
+def sines(largest: float, periods: tuple[float, ...], *, middle: float = 0.0) -> Excitation:
     """Return a sum of sines of about the given periods in s, growing from rest in one period."""
 
-    def course(rng: np.random.Generator, n: int, dt: float) -> Array:
+    def excitation(rng: np.random.Generator, n: int, dt: float) -> Array:
         t = np.arange(n) * dt
         u = np.zeros(n)
         for period in periods:
@@ -54,26 +54,26 @@ def sines(largest: float, periods: tuple[float, ...], *, middle: float = 0.0) ->
         grown = middle + u * np.minimum(1.0, t / max(periods))
         return np.asarray(grown[:, None], dtype=float)
 
-    return course
+    return excitation
 
 
-def chirp(largest: float, longest: float, shortest: float) -> Course:
+def chirp(largest: float, longest: float, shortest: float) -> Excitation:
     """Return a sine whose period falls from the longest to the shortest, in s."""
 
-    def course(rng: np.random.Generator, n: int, dt: float) -> Array:
+    def excitation(rng: np.random.Generator, n: int, dt: float) -> Array:
         t = np.arange(n) * dt
         rate = np.log(longest / shortest) / t[-1]
         turns = (np.exp(rate * t) - 1.0) / (longest * rate)
         u = rng.uniform(0.8, 1.0) * largest * np.sin(2 * np.pi * turns)
         return np.asarray(u[:, None], dtype=float)
 
-    return course
+    return excitation
 
 
-def together(*parts: Course) -> Course:
+def together(*parts: Excitation) -> Excitation:
     """Return several commands side by side."""
 
-    def course(rng: np.random.Generator, n: int, dt: float) -> Array:
+    def excitation(rng: np.random.Generator, n: int, dt: float) -> Array:
         return np.hstack([part(rng, n, dt) for part in parts])
 
-    return course
+    return excitation
