@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 
 from tests.study.small_study import TEXT
 from workbench.study.baseline import write_baseline
+from workbench.study.conditions import conditions
 from workbench.study.result import StudyResult, run_study
 from workbench.study.schema import load_study
 
@@ -52,6 +54,11 @@ class Gate:
         """Return the baseline of the unchanged study."""
         return self.folder / "gate.baseline.json"
 
+    @property
+    def kept(self) -> Path:
+        """Return the folder of its finished runs."""
+        return self.folder / "kept"
+
     def text(self, *changes: tuple[str, str]) -> str:
         """Return the text of the study, changed."""
         text = STUDY
@@ -60,18 +67,21 @@ class Gate:
             text = text.replace(before, after)
         return text
 
-    def compared(self, *changes: tuple[str, str]) -> StudyResult:
+    def compared(self, *changes: tuple[str, str], against: bool = True) -> StudyResult:
         """Return what comes of the changed study; only changed runs are done."""
+        if self.kept.exists():
+            shutil.copytree(self.kept, self.folder / "out" / "runs", dirs_exist_ok=True)
         path = self.folder / "gate.toml"
         path.write_text(self.text(*changes), encoding="utf-8")
-        baseline = self.baseline if self.baseline.exists() else None
+        baseline = self.baseline if against else None
         return run_study(load_study(path), self.folder / "out", baseline=baseline)
 
 
 def finished_gate(folder: Path) -> Gate:
     """Run the study and accept its results."""
     gate = Gate(folder)
-    first = gate.compared()
+    first = gate.compared(against=False)
     assert first.passed, first.headline()
-    write_baseline(gate.baseline, first.study.name, first.records)
+    write_baseline(gate.baseline, first.study.name, first.records, conditions(first.study))
+    shutil.copytree(folder / "out" / "runs", gate.kept)
     return gate

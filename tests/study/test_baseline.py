@@ -110,9 +110,9 @@ def test_a_baseline_reads_back(tmp_path: Path) -> None:
     ("text", "word"),
     [
         ("{", "no JSON"),
-        ("[]", "neither a baseline nor results"),
+        ("[]", "it must be a table"),
         ('{"schema": 9, "runs": []}', "schema 9"),
-        ('{"schema": 1, "runs": [{"controller": "pid"}]}', "incomplete"),
+        ('{"schema": 1, "runs": [{"controller": "pid"}]}', "has no 'variation'"),
     ],
 )
 def test_a_bad_baseline(text: str, word: str, tmp_path: Path) -> None:

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from tests.study.gate import Gate, finished_gate
+from workbench.reports.results import json_text
 from workbench.reports.study_page import study_page
+from workbench.study.baseline import read_baseline
+from workbench.study.bless import bless
 from workbench.study.junit import junit
 from workbench.study.result import StudyResult
 from workbench.study.summary import plain_summary, summary
@@ -37,7 +42,7 @@ def said(outcome: StudyResult) -> dict[str, str]:
 def test_nominal_variations_box_and_soft_misses_are_in_the_first_line(
     gate: Gate, place: str
 ) -> None:
-    line = said(gate.compared(NARROW, INFORMS))[place]
+    line = said(gate.compared(NARROW, INFORMS, against=False))[place]
     assert "2 of 2 hard requirements met nominally" in line
     assert "2 of 2 on the variations" in line
     assert "box missed by 1 of 1" in line and "settling time" in line and "of 4 plants" in line
@@ -45,14 +50,14 @@ def test_nominal_variations_box_and_soft_misses_are_in_the_first_line(
 
 
 def test_a_requirement_on_the_box_is_hard_unless_said_otherwise(gate: Gate) -> None:
-    outcome = gate.compared(NARROW)
+    outcome = gate.compared(NARROW, against=False)
     assert not outcome.missed and not outcome.passed
     assert "failed, box missed" in outcome.verdict() and "### Missed in the box" in summary(outcome)
     assert "worst plant of the box" in junit(outcome) and "<failure" in junit(outcome)
 
 
 def test_a_box_that_only_informs_is_named_in_title_table_and_junit(gate: Gate) -> None:
-    outcome = gate.compared(NARROW, INFORMS)
+    outcome = gate.compared(NARROW, INFORMS, against=False)
     page = study_page(outcome)
     assert "passed, box missed, 4 soft missed" in page.title and "box missed" in page.lead
     assert "⚠️ pid" in summary(outcome) and "pid                  box" in plain_summary(outcome)
@@ -60,3 +65,112 @@ def test_a_box_that_only_informs_is_named_in_title_table_and_junit(gate: Gate) -
     names = [picture.name for picture in page.pictures]
     # The trajectory on the worst plant stands beside the nominal one.
     assert names.index("worst-1") == names.index("tracking-1") + 1
+
+
+WEAKER = {
+    "a looser limit": (("limit = 0.6", "limit = 0.7"), "limit 0.6 -> 0.7 s, looser"),
+    "a looser limit in another unit": (
+        ('limit = 0.6\nunit = "s"', 'limit = 700\nunit = "ms"'),
+        "limit 0.6 -> 0.7 s, looser",
+    ),
+    "a hard limit made soft": (
+        ('unit = "deg"\nscenario = "sine"', 'unit = "deg"\nhard = false\nscenario = "sine"'),
+        "requirement on rmse in sine: hard -> soft",
+    ),
+    "a removed requirement": (
+        ('[[requirements]]\nmetric = "rmse"\nlimit = 20.0\nunit = "deg"\nscenario = "sine"', ""),
+        "requirement on rmse in sine: removed",
+    ),
+    "a requirement on fewer variations": (
+        ('unit = "deg"\nscenario = "sine"', 'variations = ["nominal"]\nscenario = "sine"'),
+        "requirement on rmse in sine: removed",
+    ),
+    "a gentler step": (("values = [25, 35]", "values = [25, 34]"), "scenario step: references"),
+    "a later end": (('duration = "1.5 s"', 'duration = "1.6 s"'), "duration 1.5 -> 1.6"),
+    "sensors without noise": (
+        ('settle = "0.1 s"', 'settle = "0.1 s"\nnoise = false'),
+        "scenario step: noise as usual -> False",
+    ),
+    "errors counted later": (
+        ('duration = "1 s"', 'duration = "1 s"\ncount_from = "0.5 s"'),
+        "scenario sine: count_from",
+    ),
+    "a removed variation": (
+        ('[variations."4 kg"]\nparameters = { load = "4 kg" }', ""),
+        "variation 4 kg: removed",
+    ),
+    "a milder variation": (('load = "4 kg" }', 'load = "3.1 kg" }'), "4 -> 3.1"),
+    "a variation that is not judged": (
+        ('load = "4 kg" }', 'load = "4 kg" }\njudged = false'),
+        "variation 4 kg: judged as usual -> False",
+    ),
+    "a variation in one scenario only": (
+        ('load = "4 kg" }', 'load = "4 kg" }\nscenarios = ["sine"]'),
+        "variation 4 kg: scenarios",
+    ),
+    "an easier plant": (('[plant]\nload = "3 kg"', '[plant]\nload = "2 kg"'), "3 -> 2"),
+    "a controller that is not judged": (
+        ('design = "pid"', 'design = "pid"\njudged = false'),
+        "judging of pid: no longer judged",
+    ),
+    "a narrower box": (("load = [2, 6]", "load = [2, 5]"), "2 to 6 -> 2 to 5, narrower"),
+    "no box": (
+        ("[robustness]\ndraws = 4\nsearch = 0\n\n[robustness.box]\nload = [2, 6]", ""),
+        "box of load: removed",
+    ),
+    "a box that only informs": (INFORMS, "box of hard: True -> False"),
+    "another seed of the draws": (("draws = 4", "seed = 7\ndraws = 4"), "box of seed: 1 -> 7"),
+    "a wider tolerance": (
+        ("[robustness]\n", "[tolerances.rmse]\nrelative = 5.0\n[robustness]\n"),
+        "tolerance of rmse: relative",
+    ),
+    "a metric that no longer gates": (
+        ("[robustness]\n", "[tolerances.rmse]\ngates = false\n[robustness]\n"),
+        "tolerance of rmse: gates True -> False",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", WEAKER)
+def test_weaker_conditions_are_red_and_named(gate: Gate, name: str) -> None:
+    change, sentence = WEAKER[name]
+    outcome = gate.compared(change)
+    text = summary(outcome)
+    assert not outcome.passed and outcome.weakened
+    assert "### Changed conditions, which must be accepted" in text and sentence in text
+    assert "changed condition: " in plain_summary(outcome) and "conditions" in junit(outcome)
+
+
+STRICTER = {
+    "a tighter limit": ("limit = 0.6", "limit = 0.55"),
+    "a wider box": ("load = [2, 6]", "load = [2, 6.5]"),
+    "a narrower tolerance": (
+        "[robustness]\n",
+        "[tolerances.air]\nrelative = 1e-3\n[robustness]\n",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", STRICTER)
+def test_stricter_conditions_are_told_and_pass(gate: Gate, name: str) -> None:
+    outcome = gate.compared(STRICTER[name])
+    assert outcome.passed, outcome.headline()
+    assert outcome.condition_changes and "Stricter conditions" in summary(outcome)
+
+
+def test_changed_conditions_are_accepted_like_any_other_change(gate: Gate, tmp_path: Path) -> None:
+    outcome = gate.compared(("limit = 0.6", "limit = 0.7"))
+    (tmp_path / "results.json").write_text(json_text(outcome.table()), encoding="utf-8")
+    kept = tmp_path / "kept.json"
+    kept.write_bytes(gate.baseline.read_bytes())
+    said = bless(tmp_path, kept)
+    assert "accepted 1 changed conditions" in said and "0.6 -> 0.7 s" in said
+    accepted = replace(outcome, baseline=read_baseline(kept))
+    assert accepted.passed and not accepted.condition_changes
+
+
+def test_a_baseline_of_the_first_form_says_what_it_cannot_see(gate: Gate) -> None:
+    outcome = gate.compared(("limit = 0.6", "limit = 0.7"))
+    assert outcome.baseline is not None
+    old = replace(outcome, baseline=replace(outcome.baseline, conditions=None))
+    assert old.passed and "so weaker ones are not seen" in summary(old)

@@ -22,7 +22,7 @@ from workbench.study.grouped import changes_by_plant, missed_by_plant
 from workbench.study.judgements import Judgement
 from workbench.study.result import StudyResult, installed_version
 from workbench.study.study import Case, Demand, Variation
-from workbench.study.summary import parameter_text, score_text
+from workbench.study.summary import OLD_BASELINE, parameter_text, score_text
 from workbench.study.tasks import Record
 from workbench.verification import Metrics
 from workbench.verification.metrics import columns
@@ -177,9 +177,10 @@ def _list(title: str, found: Sequence[Judgement]) -> Table:
 
 def _baseline(outcome: StudyResult) -> Section:
     assert outcome.baseline is not None
+    blocks = _conditions(outcome)
     if not outcome.changes:
         text = "Nothing differs from the baseline by more than its tolerance."
-        return Section("baseline", "Against the baseline", (Words(text),))
+        return Section("baseline", "Against the baseline", (Words(text), *blocks))
     order = {"worse": 0, "gone": 0, "better": 1}
     found = sorted(
         changes_by_plant(outcome.changes, outcome.required),
@@ -203,7 +204,19 @@ def _baseline(outcome: StudyResult) -> Section:
     table = Table("Differences beyond their tolerance", head, tuple(rows), note)
     command = Commands((f"workbench bless DIR --baseline {outcome.baseline.path.name}",))
     words = Words("If the changes are intended, this command shows and accepts them.")
-    return Section("baseline", "Against the baseline", (table, words, command))
+    return Section("baseline", "Against the baseline", (table, *blocks, words, command))
+
+
+def _conditions(outcome: StudyResult) -> list[Block]:
+    if outcome.baseline is not None and outcome.baseline.conditions is None:
+        return [Words(OLD_BASELINE.replace("`", "'"), "note")]
+    if not outcome.condition_changes:
+        return []
+    found = sorted(outcome.condition_changes, key=lambda c: not c.fails)
+    rows = tuple(
+        (breakable(c.name), Cell(breakable(c.text), "missed" if c.fails else "")) for c in found
+    )
+    return [Table("Conditions that differ from the baseline's", ("condition", "how"), rows)]
 
 
 def _scenario(outcome: StudyResult, name: str, index: int, figures: Sequence[Figure]) -> Section:

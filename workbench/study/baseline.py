@@ -7,16 +7,32 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
+from workbench.checked_json import (
+    TableShape,
+    anything,
+    flag,
+    listed,
+    named,
+    number,
+    one_of,
+    read_json,
+    text,
+    whole,
+)
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
-from workbench.study.tasks import Record, record_from_table
+from workbench.model.units import convert, same_dimension
+from workbench.study.tasks import RECORD, Record, record_from_table
 from workbench.verification import Metric, MetricValue, Tolerance
 from workbench.verification.metrics import metric_of
 
-BASELINE_SCHEMA = 1
+BASELINE_SCHEMA = 2
+"""Version of a baseline; the first one had runs alone, without conditions."""
+
 KIND = "workbench baseline"
+RESULTS_KIND = "workbench results"
 
 Way = Literal["worse", "better", "changed", "new", "gone"]
 Key = tuple[str, str, str, int]
@@ -88,6 +104,8 @@ class Baseline:
         records: Records by controller, variation, scenario and seed.
         study: Name of the study.
         path: File it was read from.
+        conditions: What was required, and under which conditions; None in a baseline of the first
+            schema.
 
     Example:
         >>> Baseline({}, "arm", Path("arm.baseline.json")).study
@@ -97,6 +115,7 @@ class Baseline:
     records: Mapping[Key, Record]
     study: str
     path: Path
+    conditions: Mapping[str, Any] | None = None
 
 
 def read_baseline(path: str | Path) -> Baseline:
@@ -118,37 +137,102 @@ def read_baseline(path: str | Path) -> Baseline:
         workbench.errors.WorkbenchError: baseline 'nowhere.json' cannot be read: no such file ...
     """
     place = Path(path)
-    try:
-        table = json.loads(place.read_text(encoding="utf-8"))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise WorkbenchError(
-            f"baseline {str(place)!r} cannot be read: {reason}; write one with 'workbench bless"
-            f" DIR --baseline {place}'"
-        ) from None
-    except ValueError as error:
-        raise WorkbenchError(f"baseline {str(place)!r} is no JSON: {error}") from None
-    fix = "write it with 'workbench bless'"
-    if not isinstance(table, dict) or "runs" not in table or "schema" not in table:
-        raise WorkbenchError(f"{str(place)!r} is neither a baseline nor results; {fix}")
-    if table["schema"] != BASELINE_SCHEMA:
+    fix = f"write one with 'workbench bless DIR --baseline {place}'"
+    table = read_json(place, "baseline", _BASELINE, fix=fix)
+    if table.get("kind", KIND) == RESULTS_KIND:
+        table["schema"] = BASELINE_SCHEMA
+    if table["schema"] not in (1, BASELINE_SCHEMA):
         raise WorkbenchError(
             f"baseline {str(place)!r} has schema {table['schema']!r}; this version reads"
-            f" {BASELINE_SCHEMA}; {fix}"
+            f" {BASELINE_SCHEMA} and before; {fix}"
         )
-    try:
-        records = [record_from_table(row) for row in table["runs"]]
-    except (KeyError, TypeError, ValueError, AttributeError):
-        raise WorkbenchError(f"baseline {str(place)!r} is incomplete; {fix}") from None
-    return Baseline({r.key: r for r in records}, str(table.get("study", "")), place)
+    return Baseline(
+        records_of(table["runs"], f"baseline {str(place)!r}"),
+        table.get("study", ""),
+        place,
+        table.get("conditions"),
+    )
 
 
-def baseline_text(study: str, records: Iterable[Record]) -> str:
+def records_of(rows: Iterable[Mapping[str, Any]], what: str) -> dict[Key, Record]:
+    """Return the records that checked tables describe.
+
+    Raises:
+        WorkbenchError: If a run stands there twice, or has a unit that there is not.
+    """
+    found: dict[Key, Record] = {}
+    for row in rows:
+        record = record_from_table(row)
+        name = ", ".join(map(str, record.key))
+        if record.key in found:
+            raise WorkbenchError(f"{what} has the run {name} twice; write it anew")
+        for metric in record.metrics.values if record.metrics else ():
+            try:
+                metric.shown()
+            except WorkbenchError as error:
+                raise WorkbenchError(f"{what}, {name}, {metric.name}: {error}") from None
+        found[record.key] = record
+    return found
+
+
+def _box_entry(value: Any, place: str) -> Any:
+    if isinstance(value, dict):
+        return TableShape({"low": number, "high": number})(value, place)
+    if isinstance(value, list):
+        return listed(text)(value, place)
+    return value if isinstance(value, bool) else whole(value, place)
+
+
+TOLERANCE = TableShape(
+    {},
+    {
+        "better": one_of("less", "more", "neither"),
+        "absolute": number,
+        "relative": number,
+        "gates": flag,
+        "repeats": flag,
+    },
+)
+"""Shape of a rule of comparison in a file."""
+
+CONDITIONS = TableShape(
+    {},
+    {
+        "requirements": named(
+            TableShape(
+                {
+                    "limit": number,
+                    "unit": text,
+                    "kind": one_of("at_most", "at_least"),
+                    "hard": flag,
+                    "weight": number,
+                }
+            )
+        ),
+        "scenarios": named(named(anything)),
+        "variations": named(named(anything)),
+        "box": named(_box_entry),
+        "tolerances": named(TOLERANCE),
+        "unjudged": named(flag),
+    },
+)
+"""Shape of the conditions in a file."""
+
+_BASELINE = TableShape(
+    {"schema": whole, "runs": listed(RECORD)},
+    {"study": text, "kind": one_of(KIND, RESULTS_KIND), "conditions": CONDITIONS},
+)
+
+
+def baseline_text(
+    study: str, records: Iterable[Record], conditions: Mapping[str, Any] | None = None
+) -> str:
     """Return a baseline as text that changes only where numbers do.
 
     Args:
         study: Name of the study.
         records: Its runs.
+        conditions: What was required, as `workbench.study.conditions` tells it.
 
     Returns:
         JSON with one run per entry, sorted, numbers to 9 digits, nothing that differs from machine
@@ -178,16 +262,31 @@ def baseline_text(study: str, records: Iterable[Record]) -> str:
             f'  {head}, "metrics": {{\n{body}\n  }}}}' if body else f'  {head}, "metrics": {{}}}}'
         )
     top = json.dumps({"kind": KIND, "schema": BASELINE_SCHEMA, "study": study}, ensure_ascii=False)
+    if conditions is not None:
+        parts = []
+        for part, entries in conditions.items():
+            own = ",\n".join(
+                f"    {json.dumps(name, ensure_ascii=False)}: {json.dumps(e, ensure_ascii=False)}"
+                for name, e in entries.items()
+            )
+            parts.append(f'   "{part}": {{\n{own}}}' if own else f'   "{part}": {{}}')
+        top = f'{top[:-1]}, "conditions": {{\n' + ",\n".join(parts) + "}}"
     return f'{top[:-1]}, "runs": [' + ",\n".join(["", *rows])[1:] + "\n]}\n"
 
 
-def write_baseline(path: str | Path, study: str, records: Iterable[Record]) -> Path:
+def write_baseline(
+    path: str | Path,
+    study: str,
+    records: Iterable[Record],
+    conditions: Mapping[str, Any] | None = None,
+) -> Path:
     """Write a baseline.
 
     Args:
         path: The file.
         study: Name of the study.
         records: Its runs.
+        conditions: What was required.
 
     Returns:
         The path of the file.
@@ -201,7 +300,7 @@ def write_baseline(path: str | Path, study: str, records: Iterable[Record]) -> P
         ...     write_baseline(Path(place) / "b.json", "arm", []).name
         'b.json'
     """
-    return write_whole(path, baseline_text(study, records))
+    return write_whole(path, baseline_text(study, records, conditions))
 
 
 def changes(
@@ -263,6 +362,18 @@ def _metrics(rules: Mapping[str, Tolerance], before: Record, after: Record) -> l
         old = before.metrics[name].value if name in before.metrics else math.nan
         metric = after.metrics[name] if name in after.metrics else before.metrics[name]
         new = metric.value if name in after.metrics else math.nan
+        stored = before.metrics[name].unit if name in before.metrics else metric.unit
+        if stored != metric.unit:
+            # Numbers of another unit are no numbers to compare with.
+            if not same_dimension(stored, metric.unit):
+                shown = _shown(metric, new)
+                unit = metric.display_unit or metric.unit
+                reason = f"the baseline has it in {stored!r}"
+                found.append(
+                    Change(after.key, name, math.nan, shown, unit, "worse", True, 0.0, reason)
+                )
+                continue
+            old = float(convert(old, stored, metric.unit))
         if math.isnan(old) and math.isnan(new):
             continue
         tolerance = own.absolute + own.relative * (abs(old) if not math.isnan(old) else 0.0)

@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
+from workbench.checked_json import TableShape, flag, listed, named, one_of, read_json, text
 from workbench.errors import WorkbenchError
 from workbench.study.baseline import (
+    CONDITIONS,
+    RESULTS_KIND,
+    TOLERANCE,
     Baseline,
     changes,
     read_baseline,
+    records_of,
     write_baseline,
 )
-from workbench.study.tasks import record_from_table
+from workbench.study.conditions import condition_changes
+from workbench.study.tasks import RECORD
 from workbench.verification import Tolerance
 from workbench.verification.metrics import tolerance_of
+
+_RESULTS = TableShape(
+    {"kind": one_of(RESULTS_KIND), "study": text, "runs": listed(RECORD)},
+    {
+        "conditions": CONDITIONS,
+        "tolerances": named(TOLERANCE),
+        "requirements": listed(TableShape({"hard": flag, "met": flag})),
+    },
+)
 
 
 def bless(folder: str | Path, baseline: str | Path) -> str:
@@ -37,13 +50,10 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
         'bless'
     """
     path = Path(folder) / "results.json"
-    table = _results(path)
+    table = read_json(path, "results", _RESULTS, fix="write them with 'workbench compare'")
     place = Path(baseline)
-    try:
-        records = [record_from_table(row) for row in table["runs"]]
-    except (KeyError, TypeError, ValueError):
-        raise WorkbenchError(f"results {str(path)!r} are incomplete; run the study again") from None
-    study = str(table["study"])
+    records = list(records_of(table["runs"], f"results {str(path)!r}").values())
+    study = table["study"]
     before = read_baseline(place) if place.exists() else Baseline({}, study, place)
     if before.study not in ("", study):
         raise WorkbenchError(
@@ -56,11 +66,13 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
     rules = {name: own.get(name) or tolerance_of(name) for name in names}
     found = changes(rules, records, before)
     failed = [r for r in records if r.failed]
-    write_baseline(place, study, records)
+    kept = table.get("conditions")
+    other = condition_changes(before.conditions, kept) if kept and before.conditions else ()
+    write_baseline(place, study, records, kept)
     lines = []
     if not before.records:
         lines.append(f"accepted {len(records)} runs of study {study} as the first baseline")
-    elif not found:
+    elif not found and not other:
         lines.append(f"nothing changed beyond its tolerance; {len(records)} runs written")
     else:
         counts = {way: sum(c.way == way for c in found) for way in ("worse", "better")}
@@ -70,6 +82,9 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
             f" {rest} other"
         )
         lines += [f"  {change}" for change in found]
+    if other:
+        lines.append(f"accepted {len(other)} changed conditions:")
+        lines += [f"  {change}" for change in other]
     if failed:
         lines.append(f"{len(failed)} failed runs are accepted as failed; a study with them fails")
     missed = [r for r in table.get("requirements", ()) if r["hard"] and not r["met"]]
@@ -79,18 +94,3 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
             " so the study still fails"
         )
     return "\n".join([*lines, f"written to {place}"])
-
-
-def _results(path: Path) -> dict[str, Any]:
-    try:
-        table = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise WorkbenchError(
-            f"results {str(path)!r} cannot be read: {reason}; write them with 'workbench compare'"
-        ) from None
-    except ValueError:
-        table = None
-    if not isinstance(table, dict) or table.get("kind") != "workbench results":
-        raise WorkbenchError(f"{str(path)!r} holds no results of 'workbench compare'")
-    return table

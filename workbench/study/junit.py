@@ -59,6 +59,12 @@ def junit(outcome: StudyResult) -> str:
             message = f"score {r.worst_score:.3g} at {dict(r.worst)}: {r.judgement or r.why()}"
             kind, tail = ("failure", "") if r in outcome.fragile else ("skipped", " (only informs)")
             ET.SubElement(test, kind, message=_clean(message + tail))
+    for change in outcome.condition_changes:
+        if "conditions" not in suites:
+            suites["conditions"] = ET.SubElement(root, "testsuite", name="conditions")
+        test = case("conditions", "baseline", f"{change.name} is as in the baseline")
+        if change.fails:
+            ET.SubElement(test, "failure", message=_clean(str(change)))
     if outcome.baseline is not None:
         for key in dict.fromkeys([*(r.key for r in outcome.records), *outcome.baseline.records]):
             if key[0] not in suites:

@@ -11,7 +11,8 @@ from typing import Any
 
 from workbench.errors import check_range
 from workbench.files import check_folder
-from workbench.study.baseline import Baseline, Change, changes, read_baseline
+from workbench.study.baseline import RESULTS_KIND, Baseline, Change, changes, read_baseline
+from workbench.study.conditions import ConditionChange, condition_changes, conditions
 from workbench.study.execution import run_tasks, store_of
 from workbench.study.judgements import Judgement, Score, judge_records, scores
 from workbench.study.limits import Distances, distances, find_limits
@@ -90,6 +91,17 @@ class StudyResult:
         return tuple(c for c in self.changes if c.way == "better")
 
     @property
+    def condition_changes(self) -> tuple[ConditionChange, ...]:
+        """What differs from the conditions that the baseline keeps."""
+        kept = self.baseline.conditions if self.baseline is not None else None
+        return () if kept is None else condition_changes(kept, conditions(self.study))
+
+    @property
+    def weakened(self) -> tuple[ConditionChange, ...]:
+        """Changed conditions that must be accepted."""
+        return tuple(c for c in self.condition_changes if c.fails)
+
+    @property
     def fragile(self) -> tuple[Robustness, ...]:
         """What misses a hard requirement in the box, where that fails the study."""
         return self.box_missed if self.study.box is not None and self.study.box.hard else ()
@@ -101,8 +113,8 @@ class StudyResult:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing failed, nothing hard is missed and nothing is worse."""
-        return not (self.failed or self.missed or self.worse or self.fragile)
+        """Whether nothing failed, nothing hard is missed, and nothing is worse or weaker."""
+        return not (self.failed or self.missed or self.worse or self.fragile or self.weakened)
 
     def headline(self) -> str:
         """Return in one line what was found: nominal, varied, in the box, soft, baseline."""
@@ -124,6 +136,8 @@ class StudyResult:
             said.append(f"{len(self.failed)} of {len(self.records)} runs failed")
         if self.baseline is not None:
             said.append(f"{len(self.worse)} worse and {len(self.better)} better than the baseline")
+            if self.weakened:
+                said.append(f"{len(self.weakened)} conditions weaker or other than its own")
         return ", ".join(said)
 
     def _box_words(self) -> str:
@@ -138,6 +152,8 @@ class StudyResult:
         said = ["passed" if self.passed else "failed"]
         if self.box_missed:
             said.append("box missed")
+        if self.weakened:
+            said.append("conditions changed")
         if self.missed_softly:
             said.append(f"{len(self.missed_softly)} soft missed")
         return ", ".join(said)
@@ -145,7 +161,7 @@ class StudyResult:
     def table(self) -> dict[str, Any]:
         """Return everything as plain numbers and words, for ``results.json``."""
         return {
-            "kind": "workbench results",
+            "kind": RESULTS_KIND,
             "schema": RESULTS_SCHEMA,
             "workbench": installed_version(),
             "study": self.study.name,
@@ -190,6 +206,10 @@ class StudyResult:
                 }
                 for name, rule in self.rules().items()
             },
+            "conditions": conditions(self.study),
+            "changed_conditions": [
+                {"name": c.name, "text": c.text, "fails": c.fails} for c in self.condition_changes
+            ],
             "runs": [r.table() for r in self.records],
             "changes": [
                 {

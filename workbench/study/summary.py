@@ -21,6 +21,12 @@ MOST = 20
 """Entries of a list that are written out; a pull request is read, not searched."""
 
 
+OLD_BASELINE = (
+    "The baseline keeps no requirements, scenarios and plants, so weaker ones are not seen; "
+    "`workbench bless` writes them."
+)
+
+
 def summary(outcome: StudyResult) -> str:
     """Write the outcome as Markdown.
 
@@ -46,6 +52,10 @@ def summary(outcome: StudyResult) -> str:
     missed = [f"**{r.controller}**: {r.why()}" for r in outcome.box_missed]
     lines += _list(title, len(missed), missed)
     lines += _list("Failed runs", len(outcome.failed), [_failed(r) for r in outcome.failed])
+    weaker = [f"**{c}**" for c in outcome.weakened]
+    lines += _list("Changed conditions, which must be accepted", len(weaker), weaker)
+    if outcome.baseline is not None and outcome.baseline.conditions is None:
+        lines += [OLD_BASELINE, ""]
     if outcome.baseline is not None:
         rest = [c for c in outcome.changes if not c.fails and c.way != "better"]
         for title, found in (
@@ -56,6 +66,8 @@ def summary(outcome: StudyResult) -> str:
             groups = changes_by_plant(found, outcome.required)
             entries = [f"{_bold(g.worst)}{_also(g)}" for g in groups]
             lines += _list(title, len(found), entries, fold=not title.startswith("Worse"))
+    stricter = [str(c) for c in outcome.condition_changes if not c.fails]
+    lines += _list("Stricter conditions", len(stricter), stricter, fold=True)
     soft = missed_by_plant(outcome.missed_softly)
     entries = [f"{g.worst}{_also(g)}" for g in soft]
     lines += _list("Soft requirements missed", len(outcome.missed_softly), entries, fold=True)
@@ -64,7 +76,7 @@ def summary(outcome: StudyResult) -> str:
             lines += _metrics(outcome, scenario, case)
     lines += _limits(outcome)
     lines += _robustness(outcome)
-    if outcome.baseline is not None and outcome.changes:
+    if outcome.baseline is not None and (outcome.changes or outcome.condition_changes):
         lines += [
             "Intended? `workbench bless DIR --baseline FILE` shows these changes and accepts them.",
             "",
@@ -102,6 +114,7 @@ def plain_summary(outcome: StudyResult) -> str:
     for title, entries in (
         ("missed", [f"{g.worst}{_also(g)}" for g in missed_by_plant(outcome.missed)]),
         ("failed", [_failed(r).replace("*", "") for r in outcome.failed]),
+        ("changed condition", [str(c) for c in outcome.weakened]),
         (
             "worse",
             [f"{g.worst}{_also(g)}" for g in changes_by_plant(outcome.worse, outcome.required)],

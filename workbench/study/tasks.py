@@ -12,6 +12,17 @@ import numpy as np
 
 from controllers.largest_bandwidth import MarginedDesign
 from controllers.protocol import Controller
+from workbench.checked_json import (
+    TableShape,
+    anything,
+    listed,
+    named,
+    number,
+    one_of,
+    optional,
+    text,
+    whole,
+)
 from workbench.errors import WorkbenchError
 from workbench.registry import user_code
 from workbench.study.designs import ControllerRecipe, with_plan
@@ -137,6 +148,46 @@ class Record:
         return found
 
 
+RECORD = TableShape(
+    {
+        "controller": text,
+        "variation": text,
+        "scenario": text,
+        "seed": whole,
+        "status": one_of("done", "failed"),
+        "reason": text,
+        "metrics": named(
+            TableShape(
+                {"value": optional(number), "unit": text}, {"reason": text, "display_unit": text}
+            )
+        ),
+    },
+    {
+        "seconds": number,
+        "traces": named(anything),
+        "margins": named(number),
+        "steps": listed(
+            TableShape(
+                {"output": text, "begin_s": number, "from": number, "to": number, "reason": text},
+                {k: optional(number) for k in ("settling_s", "overshoot", "planned_s")},
+            )
+        ),
+        "events": listed(
+            TableShape(
+                {
+                    "output": text,
+                    "time": number,
+                    "what": text,
+                    "peak": optional(number),
+                    "left": optional(number),
+                }
+            )
+        ),
+    },
+)
+"""Shape of a record in a file."""
+
+
 def record_from_table(table: Mapping[str, Any]) -> Record:
     """Return the record that a table describes.
 
@@ -174,9 +225,14 @@ def record_from_table(table: Mapping[str, Any]) -> Record:
         seconds=float(table.get("seconds", 0.0)),
         traces=table.get("traces", {}),
         steps=tuple(StepResponse.from_table(row) for row in table.get("steps", ())),
-        events=tuple(EventResponse(**row) for row in table.get("events", ())),
+        events=tuple(_event(row) for row in table.get("events", ())),
         margins=table.get("margins", {}),
     )
+
+
+def _event(row: Mapping[str, Any]) -> EventResponse:
+    sizes = (math.nan if row[key] is None else float(row[key]) for key in ("peak", "left"))
+    return EventResponse(row["output"], row["time"], row["what"], *sizes)
 
 
 def tasks(study: Study) -> tuple[Task, ...]:
