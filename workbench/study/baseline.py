@@ -366,11 +366,11 @@ def _metrics(rules: Mapping[str, Tolerance], before: Record, after: Record) -> l
         if stored != metric.unit:
             # Numbers of another unit are no numbers to compare with.
             if not same_dimension(stored, metric.unit):
-                shown = _shown(metric, new)
+                now = _shown(metric, new)
                 unit = metric.display_unit or metric.unit
                 reason = f"the baseline has it in {stored!r}"
                 found.append(
-                    Change(after.key, name, math.nan, shown, unit, "worse", True, 0.0, reason)
+                    Change(after.key, name, math.nan, now, unit, "worse", True, 0.0, reason)
                 )
                 continue
             old = float(convert(old, stored, metric.unit))
