@@ -30,7 +30,6 @@ NAMES = STRINGS - {"angle", "load", "opening", "plane"} | {"angle_deg", "from_de
 
 ALLOWED = {
     "verification/joint_metrics.py": "metrics of joints, for plants with such signals",
-    "study/linear_loop.py": "writes an angle in degrees",
     "recordings/column_matching.py": "what columns of files are called, in several languages",
     "recordings/headers.py": "angle is a quantity",
     "recordings/quantity_kinds.py": "angle is a quantity",

@@ -64,6 +64,7 @@ def report(
     from workbench.cli.compare import study_file
     from workbench.cli.counter import Counter
     from workbench.errors import WorkbenchError, check_choice
+    from workbench.reports.figures.study_traces import point_text
     from workbench.reports.page import write_page
     from workbench.reports.study_files import linear_page, write_pictures
     from workbench.reports.study_page import study_page
@@ -95,7 +96,9 @@ def report(
                 f"disk margin {loop.disk_margin:.2f}, Ms {loop.sensitivity:.2f},"
                 f" Mt {loop.complementary:.2f}, delay margin {1e3 * loop.delay_margin:.1f} ms"
             )
-            typer.echo(f"{loop.controller:<20} {loop.where:<8} {loop.opened:<8} {said}")
+            typer.echo(
+                f"{loop.controller:<20} {point_text(chosen, loop.point):<8} {loop.opened:<8} {said}"
+            )
     else:
         counter = Counter()
         try:

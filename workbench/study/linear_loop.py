@@ -1,7 +1,7 @@
 """Loops of linear controllers on linear models: responses, margins and disk margins.
 
 The controller's law is differentiated around rest (`controllers.linear_law`), on the linear model
-by the valve's voltage or opening that is sampled with held inputs, so that filters, inner loops,
+by its command that is sampled with held inputs, so that filters, inner loops,
 the observer and the delay of sampling all count. An MPC is its unconstrained law there, a sliding
 mode the law inside its boundary layer.
 
@@ -40,7 +40,7 @@ class LoopAnalysis:
     Args:
         controller: Name of the controller.
         point: Given values of the operating point, by name, in SI.
-        opened: Where the loop is opened: at the measurement of the angle, or at the command.
+        opened: Where the loop is opened: at the first sensor, or at the command.
         frequency_Hz: Frequencies, shape (n,), in Hz.
         response: Loop gain L, shape (n,), dimensionless; negative feedback is L / (1 + L).
         stable: Whether the closed loop is stable.
@@ -53,10 +53,6 @@ class LoopAnalysis:
         complementary: Mt, the peak of ``L / (1 + L)``, dimensionless.
         disk_margin: Disk margin alpha, dimensionless.
         reason: Why there is no analysis.
-
-    Example:
-        >>> sorted(LoopAnalysis.__dataclass_fields__)[:2]
-        ['complementary', 'controller']
     """
 
     controller: str
@@ -86,16 +82,8 @@ class LoopAnalysis:
         """Angle in rad by which the phase may move while the gain moves too."""
         return 2 * math.atan(self.disk_margin / 2)
 
-    @property
-    def where(self) -> str:
-        """The operating point in words."""
-        return ", ".join(
-            f"{math.degrees(v):g}°" if name == "angle" else f"{name} {v:g}"
-            for name, v in self.point
-        )
-
     def table(self) -> dict[str, Any]:
-        """Return the figures as plain numbers, with units in their names."""
+        """Return the metrics as plain numbers, with units in their names."""
         return {
             "controller": self.controller,
             "point": dict(self.point),
@@ -268,10 +256,6 @@ def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
 
     Returns:
         Two analyses per controller and point; one with a reason where there is none.
-
-    Example:
-        >>> analyse_study.__name__
-        'analyse_study'
     """
     found: list[LoopAnalysis] = []
     for recipe in study.controllers.values():

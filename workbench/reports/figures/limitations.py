@@ -9,9 +9,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
-from workbench.model.units import from_si
+from workbench.model import Output
+from workbench.model.units import from_si, to_si
 from workbench.reports.figure import Figure
+from workbench.reports.figures.study_traces import output_of, value_text, written
 from workbench.reports.metrics_table import metric_title
 from workbench.reports.page import Block, Words
 from workbench.reports.tables import Cell, Mark, Table, number
@@ -47,6 +50,24 @@ class Evidence:
     def steps(self) -> tuple[Step, ...]:
         """Steps that are compared with the physical limit, in SI."""
         return self.result.study.report.limit_steps
+
+    @cached_property
+    def output(self) -> Output:
+        """The controlled output that steps."""
+        scenario = self.result.study.scenarios[self.want.scenario]
+        return output_of(self.result.study, next(iter(scenario.references)))
+
+    def shown(self, value: float) -> float:
+        """Return an SI value of the output in its display unit."""
+        return round(float(from_si(value, self.output.display_unit)), 6)
+
+    def words(self, step: Step) -> str:
+        """Write a step as people read it."""
+        return " to ".join(value_text(v, self.output.display_unit) for v in step)
+
+    def size(self, step: Step) -> str:
+        """Write the size of a step as people read it."""
+        return value_text(_size(step), self.output.display_unit)
 
     @property
     def variations(self) -> list[Variation]:
@@ -173,7 +194,7 @@ def margins_table(result: StudyResult) -> Table | None:
 
 def _shown(metrics: Metrics, name: str) -> str:
     value, unit = metrics[name].shown()
-    return f"{number(value)} {unit}".replace(" deg", "°").strip()
+    return f"{number(value)} {written(unit)}".replace(" °", "°").strip()
 
 
 def _limitations(result: StudyResult) -> list[Block]:
@@ -216,15 +237,6 @@ def limitation_tables(result: StudyResult) -> list[Table]:
         missed_table(result),
     ]
     return [table for table in found if table is not None and table.rows]
-
-
-def step_words(step: Step) -> str:
-    """Write a step as people read it."""
-    return " to ".join(f"{_degrees(v):g}°" for v in step)
-
-
-def _degrees(value: float) -> float:
-    return round(float(from_si(value, "deg")), 6)
 
 
 def _size(step: Step) -> float:
@@ -295,12 +307,13 @@ def steps_table(result: StudyResult, *, nominal: bool) -> Table:
                         for r in ratios
                     ),
                     *(
-                        Cell(number(100 * v if n == "overshoot" else _degrees(v)), _mark(v, limit))
+                        Cell(number(100 * v if n == "overshoot" else e.shown(v)), _mark(v, limit))
                         for n, v, limit in zip(names, rest, limits, strict=True)
                     ),
                 )
             )
-    sizes = [f"{_degrees(_size(s)):g}°" for s in steps]
+    sizes = [cases[0].size(s) for s in steps]
+    unit = written(cases[0].output.display_unit)
     which = "nominal" if nominal else "worst of all variations"
     head = (
         "plant",
@@ -308,8 +321,8 @@ def steps_table(result: StudyResult, *, nominal: bool) -> Table:
         *(f"settling {s} s" for s in sizes),
         *(f"{s} / limit" for s in sizes),
         "overshoot %",
-        "steady error °",
-        "oscillation °",
+        f"steady error {unit}",
+        f"oscillation {unit}",
     )
     return Table(f"Steps, {which}", head, tuple(rows))
 
@@ -324,8 +337,7 @@ def _limit_of(result: StudyResult, e: Evidence, controller: str, metric: str) ->
             and j.scenario == e.want.scenario
             and j.demand.step is None
         ):
-            factor = {"deg": math.radians(1.0), "%": 0.01}.get(required.unit, 1.0)
-            return required.limit * factor
+            return float(to_si(required.limit, required.unit))
     return math.inf
 
 
@@ -343,7 +355,7 @@ def missed_table(result: StudyResult) -> Table:
                     (
                         e.case.name,
                         controller,
-                        f"settling {_degrees(_size(step)):g}° / limit",
+                        f"settling {e.size(step)} / limit",
                         number(nominal.value),
                         number(most.value),
                         f"{e.want.ratio:g}",
@@ -374,8 +386,7 @@ def _missed_requirements(result: StudyResult, e: Evidence, controller: str) -> R
             continue
         most = max(own.values(), key=lambda j: j.score)
         required = demand.requirement
-        step = "" if demand.step is None else f" {_degrees(demand.step):g}°"
-        unit = required.unit.replace("deg", "°")
+        step = "" if demand.step is None else f" {e.size((0.0, demand.step))}"
         rows.append(
             (
                 e.case.name,
@@ -383,7 +394,7 @@ def _missed_requirements(result: StudyResult, e: Evidence, controller: str) -> R
                 f"{metric_title(required.metric)}{step}, {most.scenario}",
                 number(own[NOMINAL].value) if NOMINAL in own else "–",
                 number(most.value),
-                f"{required.limit:g} {unit}".strip(),
+                f"{required.limit:g} {written(required.unit)}".strip(),
                 cause_of_miss(result, e, controller, own),
             )
         )
@@ -428,10 +439,9 @@ def cause_of_miss(
         without = e.metric(controller, e.want.neglected.variation, name).value
         if demand.step is not None:
             without = e.of_size(controller, e.want.neglected.variation, name, demand.step).value
-        limit = _limit_of(result, e, controller, name) if demand.step is None else math.nan
-        limit = demand.requirement.limit if demand.step is not None else limit
+        limit = float(to_si(demand.requirement.limit, demand.requirement.unit))
         if without <= limit and demand.requirement.scenario == e.want.scenario:
-            shown = _degrees(without) if demand.requirement.unit == "deg" else without
+            shown = from_si(without, demand.requirement.unit)
             return f"{e.want.neglected.name}: {both}; {number(shown)} without it."
     return f"{e.want.loop.name}: {both}."
 
@@ -494,7 +504,7 @@ def _unknown_words(found: Sequence[Evidence]) -> str:
     ratio, e, step = max(grown, key=lambda row: row[0])
     light, heavy = e.limit(step), e.limit(step, e.want.unknown.variation)
     return (
-        f" The limit itself grows with it, for {e.case.name} and {step_words(step)} from"
+        f" The limit itself grows with it, for {e.case.name} and {e.words(step)} from"
         f" {number(light)} s to {number(heavy)} s: a move in {number(2 * heavy)} s, twice the limit"
         f" with it, is {number(2 * ratio)} times that of the plant as known. What shorter plans"
         " cost is shown next, on the same plants."
@@ -546,16 +556,17 @@ def plan_table(result: StudyResult) -> Table:
                         f"× {pace:g}",
                         *(Cell(number(r), _mark(r, e.want.ratio)) for r in ratios),
                         *(Cell(number(100 * o), _mark(o, e.want.overshoot)) for o in overs),
-                        Cell(number(_degrees(oscillation)), _mark(oscillation, limit)),
+                        Cell(number(e.shown(oscillation)), _mark(oscillation, limit)),
                     )
                 )
-    sizes = [f"{_degrees(_size(s)):g}°" for s in steps]
+    one = evidence(result)[0]
+    sizes = [one.size(s) for s in steps]
     head = (
         "plant",
         "duration of the plan",
         *(f"as known: {s} / limit" for s in sizes),
         *(f"worst: overshoot {s}, %" for s in sizes),
-        "worst: oscillation °",
+        f"worst: oscillation {written(one.output.display_unit)}",
     )
     note = "The feedback is the same in all rows of a plant."
     return Table(f"{names} with its planned moves made shorter and longer", head, tuple(rows), note)
@@ -610,7 +621,7 @@ def limits_table(result: StudyResult) -> Table:
             values = [e.limit(step, kind) for step in steps]
             name = e.case.name if kind == NOMINAL else f"{e.case.name}, {kind}"
             rows.append((name, *(number(v) for v in values)))
-    head = ("plant", *(f"{step_words(s)}, s" for s in steps))
+    head = ("plant", *(f"{evidence(result)[0].words(s)}, s" for s in steps))
     note = (
         "Full command one way, then the other, known to the last parameter, without noise and"
         " without what the design models leave out."
@@ -641,11 +652,13 @@ def known_table(result: StudyResult) -> Table:
                         "as known" if kind == NOMINAL else kind,
                         *(number(r) for r in ratios),
                         number(100 * over),
-                        number(_degrees(oscillation)),
+                        number(e.shown(oscillation)),
                     )
                 )
-    sizes = [f"{_degrees(_size(s)):g}° / limit" for s in steps]
-    head = ("plant", "controller", "varied", *sizes, "overshoot %", "oscillation °")
+    first = evidence(result)[0]
+    sizes = [f"{first.size(s)} / limit" for s in steps]
+    unit = written(first.output.display_unit)
+    head = ("plant", "controller", "varied", *sizes, "overshoot %", f"oscillation {unit}")
     return Table("Speed against tolerance of what nobody announced", head, tuple(rows))
 
 
@@ -671,7 +684,7 @@ def ladder_table(result: StudyResult) -> Table:
                         mark = _mark(ratio.value, e.want.ratio)
                         cells.append(Cell(f"{text} ({number(ratio.value)})", mark))
                 rows.append((e.case.name, controller, what, *cells))
-    head = ("plant", "controller", "the plant has", *(step_words(s) for s in steps))
+    head = ("plant", "controller", "the plant has", *(evidence(result)[0].words(s) for s in steps))
     note = (
         "Each row has what the row above has, less what it names. What is left in the last row is"
         " the smooth plan, the sample time and the margins of the loop."
@@ -699,7 +712,7 @@ def ladder_words(e: Evidence) -> list[str]:
         plan = e.planned(controller, step)
         planned = "" if math.isnan(plan) else f" the plan takes {number(plan)} s and"
         found.append(
-            f"{e.case.name}, {step_words(step)}: the limit is {number(limit)} s,{planned}"
+            f"{e.case.name}, {e.words(step)}: the limit is {number(limit)} s,{planned}"
             f" the output {number(times[0])} s. Of that {'; '.join(parts)}; the other"
             f" {1e3 * (times[-1] - limit):.0f} ms lie between the limit, which knows the plant"
             " exactly and commands fully, and a smooth move followed by a loop with margins."
@@ -725,7 +738,7 @@ def time_table(result: StudyResult) -> Table:
                 for step in steps
             ]
             rows.append((e.case.name, controller, *cells))
-    head = ("plant", "controller", *(step_words(s) for s in steps))
+    head = ("plant", "controller", *(evidence(result)[0].words(s) for s in steps))
     title = "Time into the 2 % band: limit / planned move / output, in s"
     return Table(title, head, tuple(rows))
 

@@ -65,12 +65,12 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
         # A loop that nothing passes has no magnitude that a logarithm could show.
         if not any(np.any(np.abs(a.response) > 0.0) for a in outer):
             continue
-        curves = {a.where: a.response for a in outer}
+        curves = {point_text(study, a.point): a.response for a in outer}
         margins = [a.disk_margin for a in outer if a.stable]
         loop_gain = bode(outer[0].frequency_Hz, curves, unit="1")
         loop_gain.axes[0].set_ylabel("loop gain")
         blocks += [
-            Words(_sentence(name, own)),
+            Words(_sentence(study, name, own)),
             Picture(
                 f"bode-{index}",
                 loop_gain,
@@ -84,21 +84,22 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
                 f"Nyquist plot of the loop gain of {name}",
             ),
         ]
-    blocks.append(margin_table(loops))
+    blocks.append(margin_table(study, loops))
     return blocks
 
 
-def _sentence(name: str, own: list[LoopAnalysis]) -> str:
+def _sentence(study: Study, name: str, own: list[LoopAnalysis]) -> str:
     stable = [a for a in own if a.stable]
     if len(stable) < len(own):
-        where = ", ".join(dict.fromkeys(a.where for a in own if not a.stable))
+        where = ", ".join(dict.fromkeys(point_text(study, a.point) for a in own if not a.stable))
         return f"{name}: no margins at {where}; the table says why."
     least = min(stable, key=lambda a: a.disk_margin)
     late = min(stable, key=lambda a: a.delay_margin)
+    near, slow = (point_text(study, a.point) for a in (least, late))
     return (
-        f"{name}: the smallest disk margin is {number(least.disk_margin, 2)} at {least.where}, "
+        f"{name}: the smallest disk margin is {number(least.disk_margin, 2)} at {near}, "
         f"opened at the {least.opened}; the smallest delay margin is "
-        f"{number(1e3 * late.delay_margin, 2)} ms at {late.where}, opened at the {late.opened}."
+        f"{number(1e3 * late.delay_margin, 2)} ms at {slow}, opened at the {late.opened}."
     )
 
 
@@ -163,7 +164,7 @@ def map_picture(study: Study) -> list[Picture]:
     return [Picture("plant-map", figure, caption, f"frequency, damping and gain over the {name}")]
 
 
-def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
+def margin_table(study: Study, loops: tuple[LoopAnalysis, ...]) -> Table:
     """List the margins of all loops."""
     rows: list[tuple[Cell | str, ...]] = []
     for a in loops:
@@ -171,7 +172,7 @@ def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
             rows.append(
                 (
                     a.controller,
-                    a.where,
+                    point_text(study, a.point),
                     a.opened or "–",
                     Cell("none", "missed", a.reason),
                     *([""] * 6),
@@ -186,7 +187,7 @@ def margin_table(loops: tuple[LoopAnalysis, ...]) -> Table:
         rows.append(
             (
                 a.controller,
-                a.where,
+                point_text(study, a.point),
                 a.opened,
                 number(a.crossover_Hz, 2, unit="Hz"),
                 number(a.gain_margin, 3) + down,

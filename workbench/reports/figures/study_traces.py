@@ -44,6 +44,17 @@ def shown(values: Any, quantity: Output) -> Vector:
     return from_si(vector(values), quantity.display_unit)
 
 
+def value_text(value: float, unit: str) -> str:
+    """Write an SI value in a display unit.
+
+    Example:
+        >>> value_text(0.5235987755982988, "deg"), value_text(0.012, "mm")
+        ('30°', '12 mm')
+    """
+    size = f"{round(float(from_si(value, unit)), 6):g}"
+    return f"{size} {written(unit)}".replace(" °", "°").strip()
+
+
 def point_text(study: Study, point: tuple[tuple[str, float], ...]) -> str:
     """Write where a controller was designed, each value in its display unit.
 
