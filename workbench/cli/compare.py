@@ -42,6 +42,10 @@ def compare(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Do all runs again, also finished ones.")
     ] = False,
+    verify_cache: Annotated[
+        bool,
+        typer.Option("--verify-cache", help="Do a sample of the finished runs again and compare."),
+    ] = False,
 ) -> int:
     """Run a study: every controller on every plant in every scenario, judged and compared.
 
@@ -58,6 +62,7 @@ def compare(
         dask: Address of a Dask scheduler, or None.
         limit: Whether steps are compared with the physical limit, or None as the study says.
         fresh: Whether finished runs are done again.
+        verify_cache: Whether a sample of them is done again and must come out the same.
 
     Returns:
         Exit status: 1 if the study does not pass.
@@ -90,6 +95,7 @@ def compare(
             jobs=(os.cpu_count() or 1) if jobs is None else jobs,
             dask=dask,
             fresh=fresh,
+            verify_cache=verify_cache,
             progress=counter,
         )
     finally:

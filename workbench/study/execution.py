@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+import random
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TypeVar
 
 from workbench.errors import WorkbenchError, check_range
+from workbench.study.inputs import Seen, seen
 from workbench.study.store import Store, code_digest
 from workbench.study.study import Study
 from workbench.study.tasks import Record, Task, execute
+from workbench.verification.metrics import tolerance_of
 
 T = TypeVar("T")
 FINISHED_BEFORE = "finished before"
@@ -59,16 +63,55 @@ def run_tasks(
     def call(i: int) -> tuple[Callable[..., Any], tuple[Any, ...]]:
         return _numbered, (i, asked[i])
 
-    for i, record in parallel([call(i) for i in open_tasks], jobs=jobs, dask=dask):
+    for i, record, read in parallel([call(i) for i in open_tasks], jobs=jobs, dask=dask):
         found[i] = record
-        store.keep(asked[i], record)
+        store.keep(asked[i], record, read)
         if progress:
             progress(len(found), len(asked), " / ".join(str(part) for part in record.key))
     return tuple(found[i] for i in range(len(asked)))
 
 
-def _numbered(number: int, task: Task) -> tuple[int, Record]:
-    return number, execute(task)
+def _numbered(number: int, task: Task) -> tuple[int, Record, Seen]:
+    return number, execute(task), seen()
+
+
+SAMPLE = 3
+"""Finished runs that `verify_kept` does again at least."""
+
+
+def verify_kept(asked: Sequence[Task], store: Store) -> None:
+    """Do a sample of the finished runs again, 5 % of them, and compare.
+
+    Raises:
+        WorkbenchError: If one does not come out as it was kept.
+    """
+    kept = [(task, record) for task in asked if (record := store.record(task)) is not None]
+    count = min(len(kept), max(SAMPLE, len(kept) // 20))
+    for task, record in random.sample(kept, count):
+        differs = _difference(record, execute(task))
+        if differs:
+            name = " / ".join(str(part) for part in record.key)
+            raise WorkbenchError(
+                f"the finished run {name} does not come out as it was kept: {differs}; something"
+                " that it depends on is not seen; run the study with --fresh"
+            )
+
+
+def _difference(kept: Record, now: Record) -> str:
+    if kept.metrics is None or now.metrics is None:
+        return (
+            "" if kept.failed == now.failed else f"{kept.reason or 'done'}, {now.reason or 'done'}"
+        )
+    for metric in now.metrics.values:
+        if not tolerance_of(metric.name).repeats:
+            continue
+        old = kept.metrics[metric.name].value if metric.name in kept.metrics else math.nan
+        if not (
+            math.isclose(old, metric.value, rel_tol=1e-6, abs_tol=1e-12)
+            or (math.isnan(old) and math.isnan(metric.value))
+        ):
+            return f"{metric.name} was {old:.6g} and is {metric.value:.6g} {metric.unit}"
+    return ""
 
 
 def parallel(
@@ -148,4 +191,4 @@ def store_of(study: Study, folder: Path) -> Store:
         'runs'
     """
     own = (str(study.path.resolve().parent),) if study.has_own_code else ()
-    return Store(Path(folder) / "runs", code_digest(*own))
+    return Store(Path(folder) / "runs", code_digest(*own), study.path.parent)

@@ -13,7 +13,7 @@ from workbench.errors import check_range
 from workbench.files import check_folder
 from workbench.study.baseline import RESULTS_KIND, Baseline, Change, changes, read_baseline
 from workbench.study.conditions import ConditionChange, condition_changes, conditions
-from workbench.study.execution import run_tasks, store_of
+from workbench.study.execution import run_tasks, store_of, verify_kept
 from workbench.study.judgements import Judgement, Score, judge_records, scores
 from workbench.study.limits import Distances, distances, find_limits
 from workbench.study.linear_loop import LoopAnalysis, analyse_study
@@ -269,6 +269,7 @@ def run_study(
     jobs: int = 1,
     dask: str | None = None,
     fresh: bool = False,
+    verify_cache: bool = False,
     progress: Callable[[str, int, int, str], None] | None = None,
 ) -> StudyResult:
     """Run a study, judge it, and compare it with a baseline.
@@ -283,6 +284,7 @@ def run_study(
         jobs: Number of local processes.
         dask: Address of a Dask scheduler that does the runs instead, or None.
         fresh: Whether finished runs are done again.
+        verify_cache: Whether a sample of the finished runs is done again and must agree.
         progress: Told the part of the study, finished and all runs of it, and what was finished.
 
     Returns:
@@ -309,6 +311,8 @@ def run_study(
             return None
         return lambda done, total, what: progress(name, done, total, what)
 
+    if verify_cache:
+        verify_kept(tasks(study), store)
     records = run_tasks(
         tasks(study),
         store,

@@ -20,6 +20,7 @@ from workbench.plants import DEFAULT_PLANT
 from workbench.plants.registry import PLANTS
 from workbench.study.designs import ControllerRecipe, Fastest, Pairs
 from workbench.study.feasible import check_demand, check_demands
+from workbench.study.inputs import new_study, watched
 from workbench.study.plants import PlantRecipe, checked_noise
 from workbench.study.study import (
     NOMINAL,
@@ -166,7 +167,9 @@ def resolve(file: StudyFile, *, optional: bool = False) -> Study:
                 for name, row in rows.items()
                 if not (isinstance(row, dict) and row.get("optional") is True)
             }
-    return _Resolver(file.path, table, file.lines).study()
+    new_study(file.path.parent)
+    with watched():
+        return _Resolver(file.path, table, file.lines).study()
 
 
 def load_study(path: str | Path, *, optional: bool = False) -> Study:

@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import re
 from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from workbench.checked_json import TableShape, named, read_json, text
+from workbench.errors import WorkbenchError
 from workbench.files import write_whole
-from workbench.study.tasks import Record, Task, record_from_table
+from workbench.study.inputs import Seen, digest, installed, seen, versions
+from workbench.study.tasks import RECORD, Record, Task, record_from_table
 
 _OWN = (".py", ".json", ".csv", ".npz", ".npy", ".mat", ".parquet", ".yaml", ".toml", ".txt")
 """Endings of files that a user's own code may read."""
+
+_RESULTS = ("results.json", "baseline.json")
+_KEPT = TableShape({"inputs": TableShape({"files": named(text), "packages": named(text)})})
 
 
 class Store:
@@ -25,16 +32,20 @@ class Store:
     Args:
         folder: The folder; made when the first run is kept.
         code: Digest of the code that the runs depend on.
+        base: Folder of the study; files below it are known by their path from there.
 
     Example:
         >>> Store(Path("nowhere"), "0").get("1") is None
         True
     """
 
-    def __init__(self, folder: Path, code: str) -> None:
+    def __init__(self, folder: Path, code: str, base: Path | None = None) -> None:
         self.folder = folder
         self.code = code
+        self.base = str((base or Path.cwd()).resolve())
         self.touched: set[str] = set()
+        self._now: dict[str, str] = {}
+        self._versions: dict[str, str] = {}
 
     def key(self, task: Any) -> str:
         """Return the name under which a task's result is kept.
@@ -54,27 +65,58 @@ class Store:
             key: What `key` returned.
 
         Returns:
-            The table; None if there is none, or only a damaged one.
+            The table; None if there is none, only a damaged one, or something that it was made
+            from has changed since.
         """
         self.touched.add(f"{key}.json")
         try:
-            found = json.loads((self.folder / f"{key}.json").read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            found = read_json(self.folder / f"{key}.json", "run", _KEPT)
+        except WorkbenchError:
             return None
-        return found if isinstance(found, dict) else None
+        return dict(found) if self._current(found["inputs"]) else None
 
-    def put(self, key: str, table: dict[str, Any]) -> None:
+    def _current(self, inputs: dict[str, Any]) -> bool:
+        for name, known in inputs["files"].items():
+            path = str(Path(self.base) / name)
+            if path not in self._now:
+                self._now[path] = digest(path)
+            if self._now[path] != known:
+                return False
+        for name, known in inputs["packages"].items():
+            if name not in self._versions:
+                self._versions[name] = installed(name)
+            if self._versions[name] != known:
+                return False
+        return True
+
+    def put(self, key: str, table: dict[str, Any], read: Seen | None = None) -> None:
         """Keep a table.
 
         Args:
             key: What `key` returned.
             table: Plain numbers, words, lists and mappings.
+            read: What the process that made it has read, beside what this one has.
 
         Raises:
             WorkbenchError: If the folder cannot be written.
         """
         self.touched.add(f"{key}.json")
-        write_whole(self.folder / f"{key}.json", json.dumps(table))
+        write_whole(
+            self.folder / f"{key}.json", json.dumps({**table, "inputs": self._inputs(read)})
+        )
+
+    def _inputs(self, read: Seen | None) -> dict[str, Any]:
+        results = str(self.folder.resolve().parent) + os.sep
+        files, packages = seen()
+        if read is not None:
+            files, packages = {**files, **read.files}, (*packages, *read.packages)
+        below = self.base + os.sep
+        named = {
+            path.removeprefix(below): known
+            for path, known in files.items()
+            if not path.startswith(results) and not path.endswith(_RESULTS)
+        }
+        return {"files": named, "packages": versions(packages)}
 
     def record(self, task: Task) -> Record | None:
         """Return the finished run of a task, or None.
@@ -89,22 +131,23 @@ class Store:
         if table is None:
             return None
         try:
-            record = record_from_table(table)
-        except (KeyError, TypeError, ValueError):
+            record = record_from_table(RECORD(table, "run"))
+        except WorkbenchError:
             return None
         return record if record.key == task.key else None
 
-    def keep(self, task: Task, record: Record) -> None:
+    def keep(self, task: Task, record: Record, read: Seen | None = None) -> None:
         """Keep a finished run.
 
         Args:
             task: The run.
             record: What came of it.
+            read: What the process that did it has read.
 
         Raises:
             WorkbenchError: If the folder cannot be written.
         """
-        self.put(self.key(task), {**record.table(), "traces": dict(record.traces)})
+        self.put(self.key(task), {**record.table(), "traces": dict(record.traces)}, read)
 
     def prune(self) -> None:
         """Remove the files of runs that the finished study no longer has, and no other files."""
@@ -120,11 +163,7 @@ def _own_files(folder: Path) -> list[Path]:
     """
     packages = {p.parent for p in folder.rglob("*.py")} | {folder}
     found = (p for place in sorted(packages) for p in sorted(place.iterdir()) if p.is_file())
-    return [
-        p
-        for p in found
-        if p.suffix in _OWN and not p.name.endswith(("results.json", "baseline.json"))
-    ]
+    return [p for p in found if p.suffix in _OWN and not p.name.endswith(_RESULTS)]
 
 
 @lru_cache(maxsize=4)

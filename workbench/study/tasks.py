@@ -26,6 +26,7 @@ from workbench.checked_json import (
 from workbench.errors import WorkbenchError
 from workbench.registry import user_code
 from workbench.study.designs import ControllerRecipe, with_plan
+from workbench.study.inputs import watched
 from workbench.study.study import Study, Variation, load_metrics
 from workbench.verification import Metrics, MetricValue, Run, Scenario, metrics, verify
 from workbench.verification.each_event import EventResponse, response_to_each_event
@@ -279,7 +280,7 @@ def execute(task: Task) -> Record:
     begin = time.perf_counter()
     # A run of a study never ends the study: what one's own code raises is a reason like any other.
     try:
-        with user_code("run"):
+        with watched(), user_code("run"):
             design = task.controller.designed()
             controller, variation = design.controller, task.variation
             if variation.plan_duration != 1.0 or variation.lead != 0.0:

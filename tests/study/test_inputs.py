@@ -1,0 +1,115 @@
+"""Stale runs do not pass: whatever a run opened, imported or used must be as it was."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from tests.study.small_study import small_study
+from workbench.errors import WorkbenchError
+from workbench.study import store as store_module
+from workbench.study.execution import run_tasks, store_of, verify_kept
+from workbench.study.inputs import new_study, watched
+from workbench.study.result import run_study
+from workbench.study.schema import load_study
+from workbench.study.store import Store
+from workbench.study.tasks import tasks
+
+KEY = "0" * 32
+
+
+def kept(folder: Path) -> bool:
+    """Tell whether the result is found by a later study."""
+    return Store(folder / "out" / "runs", "0", folder).get(KEY) is not None
+
+
+def keep(folder: Path, *read: Path) -> None:
+    new_study(folder)
+    with watched():
+        for path in read:
+            path.read_bytes()
+    Store(folder / "out" / "runs", "0", folder).put(KEY, {"value": 1})
+
+
+@pytest.mark.parametrize("name", ["gains.json", "tuning/gains.bin", "../elsewhere-{}/map.dat"])
+def test_a_file_that_was_opened_is_part_of_the_run(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name.format(tmp_path.name)
+    path.parent.mkdir(exist_ok=True)
+    path.write_text("1")
+    keep(tmp_path, path)
+    assert kept(tmp_path)
+    path.write_text("2")
+    assert not kept(tmp_path)
+    path.unlink()
+    assert not kept(tmp_path)
+
+
+def test_a_folder_that_moved_keeps_its_runs(tmp_path: Path) -> None:
+    here = tmp_path / "here"
+    here.mkdir()
+    (here / "gains.json").write_text("1")
+    keep(here, here / "gains.json")
+    here.rename(tmp_path / "there")
+    assert kept(tmp_path / "there")
+
+
+def test_another_version_of_a_package_is_another_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep(tmp_path)
+    assert kept(tmp_path)
+    monkeypatch.setattr(store_module, "installed", lambda _: "99")
+    assert not kept(tmp_path)
+
+
+def test_a_file_that_is_only_written_is_no_input(tmp_path: Path) -> None:
+    with watched():
+        (tmp_path / "log.txt").write_text("1")
+    keep(tmp_path)
+    (tmp_path / "log.txt").write_text("2")
+    assert kept(tmp_path)
+
+
+@pytest.mark.parametrize("damage", ["{", "[]", '{"value": 1}', '{"inputs": {"files": 3}}', "null"])
+def test_a_damaged_result_is_none(tmp_path: Path, damage: str) -> None:
+    keep(tmp_path)
+    (tmp_path / "out" / "runs" / f"{KEY}.json").write_text(damage)
+    assert not kept(tmp_path)
+
+
+def test_gains_that_a_design_reads_from_elsewhere_are_seen(tmp_path: Path) -> None:
+    gains = tmp_path / "tuning" / "gains.txt"
+    gains.parent.mkdir()
+    gains.write_text("30")
+    place = tmp_path / "study"
+    place.mkdir()
+    (place / "own_gains_of_this_test.py").write_text(
+        "from pathlib import Path\nfrom controllers.pid import PIDSpecification, design_pid\n"
+        "def design(linear, specification):\n"
+        f"    speed = float(Path({str(gains)!r}).read_text())\n"
+        "    return design_pid(linear, PIDSpecification(bandwidth=speed))\n"
+    )
+    own = (
+        'design = "pid"\nspecification = { bandwidth = 30.0 }',
+        'design = "own_gains_of_this_test:design"',
+    )
+    study = load_study(small_study(place, own))
+    task = tasks(study)[0]
+    run_tasks([task], store_of(study, tmp_path / "out"))
+    assert store_of(study, tmp_path / "out").record(task) is not None
+    gains.write_text("12")
+    assert store_of(study, tmp_path / "out").record(task) is None
+
+
+def test_a_sample_of_the_finished_runs_is_done_again(tmp_path: Path) -> None:
+    study = load_study(small_study(tmp_path))
+    run_study(study, tmp_path / "out", verify_cache=True)
+    verify_kept(tasks(study), store_of(study, tmp_path / "out"))
+    for path in (tmp_path / "out" / "runs").glob("*.json"):
+        table = json.loads(path.read_text())
+        table["metrics"]["rmse"]["value"] *= 0.9
+        path.write_text(json.dumps(table))
+    with pytest.raises(WorkbenchError, match=r"does not come out .*: rmse was .* with --fresh"):
+        run_study(study, tmp_path / "out", verify_cache=True)

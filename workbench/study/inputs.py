@@ -1,0 +1,157 @@
+"""What a run depends on beside its description: files that were read, modules, packages.
+
+A finished run is taken again only if all of it is as it was. Python itself tells which files are
+opened (an audit hook, PEP 578), so that gains in a JSON file count wherever it stands.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import sys
+import sysconfig
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import lru_cache
+from importlib.metadata import PackageNotFoundError, packages_distributions, version
+from pathlib import Path
+from typing import Any, NamedTuple
+
+_WORKBENCH = str(Path(__file__).resolve().parents[1])
+_CONTROLLERS = str(Path(_WORKBENCH).parent / "controllers")
+_SITE = tuple({sysconfig.get_path("purelib"), sysconfig.get_path("platlib")})
+_SYSTEM = (
+    sysconfig.get_path("stdlib"),
+    sysconfig.get_path("platstdlib"),
+    "/proc/",
+    "/sys/",
+    "/dev/",
+    "/etc/",
+    "/usr/",
+)
+_WRITES = os.O_WRONLY | os.O_RDWR
+
+
+class Seen(NamedTuple):
+    """What a process has read while it was watched.
+
+    Args:
+        files: Digest by path, of modules and of data.
+        packages: Names of imported top-level modules of installed packages.
+    """
+
+    files: dict[str, str]
+    packages: tuple[str, ...]
+
+
+class _Watch:
+    """State of the process: an audit hook cannot be taken off again."""
+
+    def __init__(self) -> None:
+        self.depth = 0
+        self.hooked = False
+        self.opened: dict[str, None] = {}
+        self.digests: dict[str, str] = {}
+        self.past: set[str] = set()
+
+
+_WATCH = _Watch()
+
+
+def _hook(event: str, arguments: tuple[Any, ...]) -> None:
+    if event != "open" or not _WATCH.depth:
+        return
+    path, _, flags = arguments
+    if isinstance(path, (str, bytes)) and not (flags or 0) & _WRITES:
+        place = str(Path(os.fsdecode(path)).absolute())
+        _WATCH.opened[place] = None
+        _WATCH.digests.pop(place, None)
+        _WATCH.past.discard(place)
+
+
+@contextmanager
+def watched() -> Iterator[None]:
+    """Note every file that is read inside."""
+    if not _WATCH.hooked:
+        _WATCH.hooked = True
+        sys.addaudithook(_hook)
+    _WATCH.depth += 1
+    try:
+        yield
+    finally:
+        _WATCH.depth -= 1
+        if not _WATCH.depth:
+            # A file that changes from now on is not the one that was read.
+            seen()
+
+
+def new_study(folder: Path) -> None:
+    """Leave out what earlier studies of this process have read elsewhere, where it changed since.
+
+    Args:
+        folder: Folder of the new study.
+    """
+    own = str(folder.resolve()) + os.sep
+    _WATCH.past = {
+        path
+        for path, known in _WATCH.digests.items()
+        if not path.startswith(own) and digest(path) != known
+    }
+
+
+def seen() -> Seen:
+    """Return what this process has read and imported."""
+    files, packages = set(_WATCH.opened), set()
+    for name, module in list(sys.modules.items()):
+        place = getattr(module, "__file__", None)
+        if not isinstance(place, str):
+            continue
+        if place.startswith(_SITE):
+            packages.add(name.partition(".")[0])
+        else:
+            files.add(place)
+    return Seen(
+        {p: d for p in sorted(files - _WATCH.past) if _counts(p) and (d := _at_first_sight(p))},
+        tuple(sorted(packages)),
+    )
+
+
+@lru_cache(maxsize=4096)
+def _counts(path: str) -> bool:
+    own = path.startswith((_WORKBENCH, _CONTROLLERS)) and path.endswith(".py")
+    return not (own or path.endswith((".pyc", ".so")) or path.startswith((*_SITE, *_SYSTEM)))
+
+
+def _at_first_sight(path: str) -> str:
+    if path not in _WATCH.digests:
+        _WATCH.digests[path] = digest(path)
+    return _WATCH.digests[path]
+
+
+def digest(path: str) -> str:
+    """Return a digest of a file as it is now; empty if it cannot be read."""
+    try:
+        with Path(path).open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()[:32]
+    except OSError:
+        return ""
+
+
+@lru_cache(maxsize=1)
+def _distributions() -> Mapping[str, list[str]]:
+    return packages_distributions()
+
+
+def versions(modules: tuple[str, ...]) -> dict[str, str]:
+    """Return the installed version of the packages that hold some top-level modules."""
+    known = _distributions()
+    names = {name for module in modules for name in known.get(module, ())}
+    return {name: installed(name) for name in sorted(names)}
+
+
+def installed(package: str) -> str:
+    """Return the installed version of a package; empty if it is not installed."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
