@@ -33,8 +33,8 @@ class Registry(Generic[Member]):
     Args:
         kind: What a member is, as the user knows it: ``"plant"``.
         member: Class of the members.
-        package: Package of the workbench whose modules define the built-in members; searched when
-            a name is first asked for.
+        package: Package of the workbench whose modules define the built-in members, or several;
+            searched when a name is first asked for.
         group: Group of entry points through which installed packages add members.
         adopt: Turns another object that a user named, such as a plain function, into a member; it
             gets the object and the reference. Without it only objects of ``member`` are taken.
@@ -51,11 +51,12 @@ class Registry(Generic[Member]):
         kind: str,
         member: type[Member],
         *,
-        package: str,
+        package: str | tuple[str, ...],
         group: str,
         adopt: Callable[[Any, str], Member] | None = None,
     ) -> None:
-        self.kind, self.member, self.package, self.group = kind, member, package, group
+        self.kind, self.member, self.group = kind, member, group
+        self.packages = (package,) if isinstance(package, str) else package
         self._adopt = adopt
         self._members: dict[str, Member] | None = None
 
@@ -121,7 +122,7 @@ class Registry(Generic[Member]):
 
     def _built_in(self) -> Iterator[tuple[str, Member]]:
         seen: set[int] = set()
-        for module in _modules(self.package):
+        for module in (m for package in self.packages for m in _modules(package)):
             for value in vars(module).values():
                 if isinstance(value, self.member) and id(value) not in seen:
                     seen.add(id(value))

@@ -19,8 +19,8 @@ from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.physics.maxwell_slip import muscle_slip
-from workbench.physics.tilt import tilt_gravity
 from workbench.plants.arm.arm import ARM, arm
+from workbench.plants.arm.load_laws import tilt_gravity
 from workbench.plants.registry import PLANTS
 from workbench.verification import Scenario, Sine, verify
 

@@ -18,6 +18,7 @@ from workbench.physics.gas import (
 )
 
 AMBIENT = 293.15
+AREA = 0.0126
 V0 = 1e-4
 PERIOD = 1.0
 
@@ -66,7 +67,11 @@ def closed(t: float, p: float, T: float) -> tuple[float, float, float]:
 def open_port(t: float, p: float, T: float) -> tuple[float, float, float]:
     """Flow in and out with its own temperature, and heat through the wall."""
     flow = 4e-4 * np.sin(2 * np.pi * t / PERIOD + 0.7)
-    return flow, float(port_enthalpy_flow(flow, 280.0, T)), wall_heat(T, AMBIENT)
+    return (
+        flow,
+        float(port_enthalpy_flow(flow, 280.0, T)),
+        wall_heat(T, AMBIENT, coefficient=150.0, area=AREA),
+    )
 
 
 def test_adiabatic_limit() -> None:
@@ -77,7 +82,7 @@ def test_adiabatic_limit() -> None:
 
 def test_isothermal_limit() -> None:
     def perfect_wall(t: float, p: float, T: float) -> tuple[float, float, float]:
-        return 0.0, 0.0, wall_heat(T, AMBIENT, coefficient=1e7)
+        return 0.0, 0.0, wall_heat(T, AMBIENT, coefficient=1e7, area=AREA)
 
     end = integrate(perfect_wall, end=PERIOD / 2)
     # the wall lags by the heat it has to carry over h S: p dV/dt / (h S) = 1e-3 K
@@ -87,7 +92,7 @@ def test_isothermal_limit() -> None:
 
 def test_polytropic_exponent_lies_between_the_limits() -> None:
     def wall(t: float, p: float, T: float) -> tuple[float, float, float]:
-        return 0.0, 0.0, wall_heat(T, AMBIENT)
+        return 0.0, 0.0, wall_heat(T, AMBIENT, coefficient=150.0, area=AREA)
 
     end = integrate(wall, end=PERIOD / 2)
     exponent = -np.log(end[0] / 4e5) / np.log(1.6)
@@ -125,7 +130,7 @@ def test_energy_over_a_closed_cycle_with_flow_and_heat() -> None:
 def test_energy_over_a_closed_cycle_without_flow() -> None:
     # Work in = heat out after the gas has come back to where it began, here after many cycles.
     def wall(t: float, p: float, T: float) -> tuple[float, float, float]:
-        return 0.0, 0.0, wall_heat(T, AMBIENT, coefficient=600.0)
+        return 0.0, 0.0, wall_heat(T, AMBIENT, coefficient=600.0, area=AREA)
 
     before = integrate(wall, end=12 * PERIOD)
     after = integrate(wall, end=13 * PERIOD)

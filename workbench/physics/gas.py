@@ -142,15 +142,15 @@ def wall_heat(
     temperature: Expression,
     wall_temperature: Expression,
     *,
-    coefficient: Expression = 150.0,
-    area: Expression = 0.0126,
+    coefficient: Expression,
+    area: Expression,
 ) -> Expression:
     """Return the heat flow from the wall into the gas, ``Q = h S (T_wall - T)``.
 
     Args:
         temperature: Gas temperature T, K; any shape.
         wall_temperature: Wall temperature, K.
-        coefficient: Heat transfer coefficient h, W/(m^2 K); the paper states 200.
+        coefficient: Heat transfer coefficient h, W/(m^2 K).
         area: Wetted area S, m^2.
 
     Returns:
@@ -160,7 +160,7 @@ def wall_heat(
         Line [15] of the paper's Figure 3.
 
     Example:
-        >>> round(wall_heat(283.15, 293.15), 3)
+        >>> round(wall_heat(283.15, 293.15, coefficient=150.0, area=0.0126), 3)
         18.9
     """
     return coefficient * area * (wall_temperature - temperature)

@@ -417,8 +417,10 @@ class Law:
         )
 
 
-LAWS = Registry("effect", Law, package="workbench.physics", group="workbench.effects")
-"""Every law of the library, and those that installed packages add."""
+LAWS = Registry(
+    "effect", Law, package=("workbench.physics", "workbench.plants"), group="workbench.effects"
+)
+"""Every law of the library, those that stand beside a plant, those that installed packages add."""
 
 
 def each(

@@ -5,25 +5,27 @@ from __future__ import annotations
 from workbench.model import PortView
 from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, shape, size, twins
-from workbench.physics.place import COORDINATES, per
+from workbench.physics.place import COORDINATES, Place, per
 
 
 def _pushed(at: PortView) -> Expression:
     reach = at.signals.penetration + at.p.thickness
-    return at.value + at.p.stiffness * at.form.ramp(reach, 0.02 * THICKNESS)
+    return at.value + at.p.stiffness * at.form.ramp(reach, 0.02 * at.p.thickness)
 
 
-THICKNESS = 0.05
-"""Usual distance before the stop at which a bumper touches, in the unit of the position."""
+def _travel(at: Place) -> float:
+    """Typical size of the position, in its unit."""
+    return at.signals["penetration"].scale if "penetration" in at.signals else 1.0
+
 
 stop_compliance = Law(
     "stop_compliance",
     "T = T + stiffness max(0, penetration + thickness)",
     twins("stop", needs=("penetration",)),
     lambda at: (
-        size("stiffness", per(at.unit, COORDINATES.get(at.unit, "1")), 50.0, 5.0, 2e4,
-             "stiffness of the bumper"),
-        shape("thickness", COORDINATES.get(at.unit, "1"), THICKNESS,
+        size("stiffness", per(at.unit, COORDINATES.get(at.unit, "1")), 5.0 * at.scale / _travel(at),
+             0.5 * at.scale / _travel(at), 2e3 * at.scale / _travel(at), "stiffness of the bumper"),
+        shape("thickness", COORDINATES.get(at.unit, "1"), 0.05 * _travel(at),
               "distance before the stop at which it touches", around=(0.05, 10.0)),
     ),
     _pushed,

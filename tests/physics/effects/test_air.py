@@ -11,22 +11,19 @@ from tests.physics.effects.bench import bench, read
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.physics.flow import iso6358
-from workbench.physics.heat_exchange import (
-    extra_heat_exchange,
-    gas_energy_balance,
-    heat_exchange,
-    isothermal_gas,
-    polytropic_exchange,
-)
+from workbench.physics.gas_energy import isothermal_gas, polytropic_exchange
 from workbench.physics.leakage import chamber_leakage, cross_leakage, edge_leakage
 from workbench.physics.line import line, silencer
 from workbench.physics.overflow import overflow
 from workbench.physics.supply import regulator_droop, supply_droop
 from workbench.plants.arm import arm, pneumatic_muscle, servovalve
+from workbench.plants.arm.wall_heat import extra_heat_exchange, gas_energy_balance, heat_exchange
 
 TANKS = ("upper_tank.flow", "lower_tank.flow")
 GAS = ("pressure", "temperature", "ambient_pressure", "ambient_temperature")
 AMBIENT = {"temperature": 293.15, "ambient_pressure": 1e5, "ambient_temperature": 293.15}
+
+CHAMBERS = ("chamber_1.heat", "chamber_2.heat")
 
 
 def test_a_leak_is_choked_at_high_pressure() -> None:
@@ -176,7 +173,7 @@ MOVING = {"temperature_1": 280.0, "spool": 0.6, "speed": 0.7, "pressure_2": 5e5}
 
 
 def test_isothermal_gas_neither_warms_nor_cools() -> None:
-    model = arm(3.0).with_effect(isothermal_gas())
+    model = arm(3.0).with_effect(isothermal_gas(CHAMBERS))
     x = model.initial_state(MOVING | {"temperature_1": 293.15})
     rates = dict(zip((q.name for q in model.states), model.rates(x, [5.5]), strict=True))
     assert rates["temperature_1"] == pytest.approx(0.0, abs=1e-9)
@@ -193,7 +190,7 @@ def test_isothermal_gas_neither_warms_nor_cools() -> None:
 
 def test_the_energy_balance_gives_back_what_isothermal_gas_leaves_out() -> None:
     whole = arm(3.0)
-    restored = whole.with_effect(isothermal_gas()).with_effect(gas_energy_balance())
+    restored = whole.with_effect(isothermal_gas(CHAMBERS)).with_effect(gas_energy_balance())
     x = whole.initial_state(MOVING)
     np.testing.assert_allclose(restored.rates(x, [5.5]), whole.rates(x, [5.5]), rtol=1e-9)
 

@@ -8,13 +8,11 @@ import numpy as np
 import pytest
 
 from tests.physics.effects.bench import bench, read
-from workbench.physics.load_error import load_error
-from workbench.physics.loose_load import loose_load
 from workbench.physics.position_torque import local_catch, local_friction, ripple
 from workbench.physics.stiffness import cubic_stiffness, linear_spring
 from workbench.physics.stop_compliance import stop_compliance
-from workbench.physics.tilt import tilt_gravity
 from workbench.plants.arm import arm
+from workbench.plants.arm.load_laws import load_error, loose_load, tilt_gravity
 
 TORQUE = "joint.torque"
 MOVING = {"angle": 0.6, "speed": 0.7, "pressure_1": 5e5, "pressure_2": 3e5}

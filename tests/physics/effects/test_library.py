@@ -10,7 +10,7 @@ import pytest
 
 from workbench.model import Model
 from workbench.physics.braid_volume import flattened_ends
-from workbench.physics.heat_exchange import isothermal_gas
+from workbench.physics.gas_energy import isothermal_gas
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import LAWS, library, look_alikes
 from workbench.plants.arm import arm
@@ -31,7 +31,7 @@ PLANTS = {
     "vertical": arm(3.0, plane="vertical"),
     "bare": bare_arm(),
     "constant": arm(3.0).with_effect(constant_volume()),
-    "isothermal": arm(3.0).with_effect(isothermal_gas()),
+    "isothermal": arm(3.0).with_effect(isothermal_gas(("chamber_1.heat", "chamber_2.heat"))),
     "servo": servo_axis(),
     "tanks": cascaded_tanks().without("overflow"),
 }

@@ -8,15 +8,15 @@ import pytest
 from tests.physics.effects.bench import bench, read, run
 from workbench.physics.creep import creep
 from workbench.physics.force_laws import PaperLaw, Sarosi
-from workbench.physics.force_shape import (
+from workbench.physics.offset_gain import gain
+from workbench.physics.series_elasticity import series_elasticity
+from workbench.plants.arm import arm
+from workbench.plants.arm.muscle_laws import (
     contraction_force_correction,
     force_shape,
     phi_term,
     pressure_force_correction,
 )
-from workbench.physics.offset_gain import gain
-from workbench.physics.series_elasticity import series_elasticity
-from workbench.plants.arm import arm
 
 TENSION = ("muscle.tension",)
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.integrate import trapezoid
 
 from workbench.experiments import pulse_train
-from workbench.physics.heat_exchange import heat_exchange
 from workbench.plants.arm import arm, arm_joint
+from workbench.plants.arm.wall_heat import heat_exchange
 from workbench.simulation import Trajectory, simulate
 
 GAMMA, GAS_CONSTANT, AMBIENT = 1.4, 287.05, 293.15

@@ -10,7 +10,6 @@ from typing import Literal
 from workbench.model import Effect, Model, Output, Scope
 from workbench.model.trace import Equations
 from workbench.physics.force_laws import ForceLaw, PaperLaw, Petrovic, Sarosi, TonduLopez
-from workbench.physics.heat_exchange import heat_exchange
 from workbench.physics.hysteresis import muscle_hysteresis
 from workbench.physics.leakage import centre_leakage
 from workbench.physics.line import line, silencer
@@ -28,6 +27,7 @@ from workbench.plants.arm.servovalve import COMMAND, ValveFlows, valve
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
 from workbench.plants.arm.servovalve import STATES as VALVE_STATES
 from workbench.plants.arm.volume_effects import printed_volume
+from workbench.plants.arm.wall_heat import heat_exchange
 from workbench.plants.plant import Option, Plant
 
 Variant = Literal["corrected", "as_printed"]

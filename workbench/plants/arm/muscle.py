@@ -18,9 +18,9 @@ from workbench.physics.force_laws import (
     slack,
 )
 from workbench.physics.gas import chamber_rates, port_enthalpy_flow
-from workbench.physics.heat_exchange import heat_exchange
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
+from workbench.plants.arm.wall_heat import heat_exchange
 
 PARAMETERS = (
     Parameter(

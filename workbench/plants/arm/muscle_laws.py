@@ -1,4 +1,4 @@
-"""Other shapes of a muscle's static force: another law, slopes, and the term phi(q)."""
+"""Other shapes of the static force of the arm's muscles: another law, slopes, the term phi(q)."""
 
 from __future__ import annotations
 
