@@ -1,6 +1,7 @@
 """Controllers: pure sampled laws, designed from linear models."""
 
 from controllers.angle_pd import AnglePD
+from controllers.guard import Guard, Guarded
 from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
 from controllers.open_loop import ConstantCommand
 from controllers.pid import CascadePID, PIDSpecification, cascade_pid, design_pid
@@ -13,6 +14,8 @@ __all__ = [
     "CascadePID",
     "ConstantCommand",
     "Controller",
+    "Guard",
+    "Guarded",
     "LinearMPC",
     "MPCSpecification",
     "PIDSpecification",

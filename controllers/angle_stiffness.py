@@ -37,7 +37,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
-from controllers.c_export import CSource, closed_form
+from controllers.c_source import CSource, closed_form
 from controllers.design import Design
 from controllers.joint.at_one_point import UNIT
 from controllers.joint.model import joint_model
@@ -293,6 +293,11 @@ class AngleStiffness:
     def c_source(self, name: str) -> CSource:
         """Write the law as C."""
         return closed_form(self, name)
+
+    @property
+    def rest_command(self) -> Command:
+        """Commands that shut both valves, in V."""
+        return (self.outer.valve.centre,) * 2
 
     def linear_command(self, command: Command) -> Command:
         """Return the commands that give a linear model the same openings."""

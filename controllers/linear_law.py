@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.arithmetic import SYMBOLS
+from controllers.guard import unguarded
 from controllers.named_state import flat, restored
 from controllers.protocol import Controller
 
@@ -53,6 +54,7 @@ def linear_law(
         >>> linear_law(pid, (0.5, 3e5, 3e5), (0.5,)).J.round(6).tolist()
         [[-60.0, -0.0001, 0.0001]]
     """
+    controller = unguarded(controller)
     if hasattr(controller, "linear_law"):
         return _differentiated(controller, measurement, reference)
     return _differenced(controller, measurement, reference)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from controllers.guard import unguarded
 from controllers.joint.opening_input import OPENING
 from controllers.linear_law import linear_law
 from controllers.protocol import Controller
@@ -108,7 +109,7 @@ def loop_matrices(controller: Controller, linear: LinearModel) -> LoopMatrices:
         check_choice("output of the linear model", name, linear.output_names)
     rows = [linear.output_names.index(name) for name in controller.sensors]
     A, B, C, _ = linear.discretise(controller.sample_time)
-    valve = getattr(controller, "valve", None)
+    valve = getattr(unguarded(controller), "valve", None)
     if isinstance(valve, ValveInverse) and OPENING in linear.input_names:
         B = B[:, [linear.input_names.index(OPENING)]] * valve.gain_at_rest
     else:

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number
-from controllers.c_export import CSource, closed_form
+from controllers.c_source import CSource, closed_form
 from controllers.protocol import Command, Info, Measurement, Reference
 from workbench.errors import WorkbenchError, check_finite
 
@@ -110,6 +110,11 @@ class ThroughValve:
     """A controller with one command, bent by the inverse of the valve's curve."""
 
     valve: ValveInverse
+
+    @property
+    def rest_command(self) -> Command:
+        """Command that shuts the valve, in V."""
+        return (self.valve.centre,)
 
     def linear_command(self, command: Command) -> Command:
         """Return the command that gives a linear model the same opening."""

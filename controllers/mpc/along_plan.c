@@ -27,8 +27,6 @@ static int mpc_step(const double *measurement, const double *reference, double *
   const double before = state[DEVIATION], reach = UPPER[0];
   double steps, share, forward, move[1], opening;
   int i, place = 0, iterations = 0, status;
-  if (!all_finite(measurement, SENSORS) || !all_finite(reference, 1))
-    return shut(0.0, command, report);
   arg[0] = state;
   arg[1] = measurement;
   arg[2] = reference;

@@ -14,9 +14,7 @@ P is the cost to go of the unconstrained regulator. One valve commands the diffe
 mean drifts while the difference moves; the last condition holds for any mean. The integral in the
 controlled output leads to the reference without offset, whatever the plant does at rest. The
 matrices are condensed at every angle of the schedule and interpolated between them. If the solver
-fails, the unconstrained regulator u = -K z, clipped, takes its place (fallback "regulator"). A
-measurement or reference that is no number leaves the state as it was and shuts the valve for the
-sample (fallback "shut").
+fails, the unconstrained regulator u = -K z, clipped, takes its place (fallback "regulator").
 
 With a lag tau of spool and sample, y is that of the pressures tau later, y - tau b g l
 (`controllers.joint.tracking.arrived_opening`). The planned reference is known over the horizon by
@@ -28,7 +26,6 @@ Automatica 36, 2000 (scheduling).
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -37,7 +34,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.arithmetic import FLOATS, SYMBOLS, Arithmetic, Number
-from controllers.c_export import CSource, generated
+from controllers.c_source import CSource, generated
 from controllers.design import Design
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import (
@@ -49,7 +46,7 @@ from controllers.joint.tracking import (
 from controllers.mpc.c_text import mpc_source
 from controllers.mpc.fixed_order import product
 from controllers.mpc.prediction import Prediction, condense
-from controllers.mpc.whole_model import not_finite, told
+from controllers.mpc.whole_model import told
 from controllers.named_state import flat, names, restored
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
@@ -139,11 +136,8 @@ class ScheduledMPC(ValveController):
         """Compute the valve voltage of one sample.
 
         Its information holds ``opening`` (fraction), ``plan`` (rad), ``status``, ``iterations``,
-        ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the regulator acted or the
-        valve was shut).
+        ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the regulator acted).
         """
-        if not all(map(math.isfinite, (*measurement, reference[0]))):
-            return (self.valve.command(0.0),), state, {**not_finite(0.0), "plan": math.nan}
         problem, front = self.problem(state, measurement, reference[0], FLOATS)
         low, high, share = self._neighbours(measurement[0])
 

@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from controllers.c_export import CSource
+from controllers.c_source import CSource, table
+from controllers.c_source import defined as macro
 from controllers.quadratic_program.compiled import solver_bytes, solver_source
 from controllers.quadratic_program.solver import most_iterations
 from controllers.valve_inverse import ValveInverse
@@ -65,20 +66,20 @@ def mpc_source(
     source = (
         generated
         + solver_source(n, n + m, limit=limit, factor=factor)
-        + "".join(f"\n#define {key} {_written(value)}" for key, value in numbers.items())
+        + "".join(macro(key, value) for key, value in numbers.items())
         + "\n"
-        + "".join(_table(key, value) for key, value in (curve | dict(tables)).items())
+        + "".join(table(key, value) for key, value in (curve | dict(tables)).items())
         + "\n"
         + _text("helpers.c")
         + "\n"
         + _text(step)
         + f"""
-int {name}_start(const double *measurement, double *state) {{
+static int {name}_start(const double *measurement, double *state) {{
   return mpc_start(measurement, state);
 }}
 
-int {name}_step(const double *measurement, const double *reference, double *state,
-{" " * (len(name) + 10)}double *command, double *report) {{
+static int {name}_step(const double *measurement, const double *reference, double *state,
+{" " * (len(name) + 17)}double *command, double *report) {{
   return mpc_step(measurement, reference, state, command, report);
 }}
 """
@@ -90,41 +91,17 @@ int {name}_step(const double *measurement, const double *reference, double *stat
     notes = (
         f"Each step solves a quadratic program with {n} variables (the moves of the opening and",
         f"one slack), {m} constraints and {n} bounds by a dual active-set method.",
-        "Status: 0 solved, 1 given up after too many iterations, 2 constraints that contradict",
-        "each other, 3 a number that is not finite.",
+        "Status of the law: 0 solved, 1 given up after too many iterations, 2 constraints that",
+        "contradict each other, 3 a number that is not finite.",
         f"At most {limit} iterations; {prepared} multiplications without active constraints, at",
         f"most {iteration} more per iteration. A step takes longer where constraints",
         "are met: measure it on the target with large steps of the reference.",
         f"Memory: {static} bytes static, {constants} bytes of constants. The static memory holds",
         "nothing from step to step, but two steps must not run at the same time.",
         "Fallback where the status is not 0: the unconstrained regulator, clipped to the",
-        "opening's limits. Where a measurement or the reference is no number, the valve is shut",
-        "and the estimate stays as it was.",
+        "opening's limits.",
     )
     return CSource(source, states, notes, REPORTS, prepared + limit * iteration)
-
-
-def _table(name: str, values: npt.NDArray[np.float64]) -> str:
-    """Write numbers as a constant array, by rows, each with the digits that restore it."""
-    words = [
-        repr(v) if np.isfinite(v) else ("INFINITY" if v > 0 else "-INFINITY")
-        for v in np.ravel(values).tolist()
-    ]
-    lines, line = [], "  "
-    for word in words:
-        if len(line) + len(word) > 98:
-            lines.append(line.rstrip())
-            line = "  "
-        line += word + ", "
-    lines.append(line.rstrip(" ,"))
-    return f"\nstatic const double {name}[{len(words)}] = {{\n" + "\n".join(lines) + "\n};\n"
-
-
-def _written(value: float | int | str) -> str:
-    if isinstance(value, str):
-        return value
-    # In brackets: a negative number may stand after a minus.
-    return f"({value!r})" if value < 0 else repr(value)
 
 
 def _text(name: str) -> str:

@@ -28,23 +28,6 @@ static double voltage_for(double opening) {
   return VALVE_CENTRE + (opening < 0.0 ? -distance : distance);
 }
 
-static int all_finite(const double *values, int count) {
-  int i;
-  for (i = 0; i < count; ++i)
-    if (!isfinite(values[i])) return 0;
-  return 1;
-}
-
-/* What is done and reported where a measurement or the reference is no number. */
-static int shut(double opening, double *command, double *report) {
-  command[0] = voltage_for(opening);
-  report[0] = opening;
-  report[1] = NAN;
-  report[2] = 0.0;
-  report[3] = 1.0;
-  return QP_NOT_FINITE;
-}
-
 /* Give the command for an opening, and tell how it was found. */
 static int given(double opening, int status, double slack, int iterations, double *command,
                  double *report) {

@@ -30,10 +30,6 @@ static int mpc_step(const double *measurement, const double *reference, double *
   const double before = state[N_Z] - REST_OPENING;
   double move, opening;
   int i, iterations, status;
-  if (!all_finite(measurement, SENSORS) || !all_finite(reference, REFERENCES)) {
-    state[N_Z] = REST_OPENING;
-    return shut(REST_OPENING, command, report);
-  }
   product(C, state, SENSORS, N_Z, residual);
   for (i = 0; i < SENSORS; ++i) residual[i] = measurement[i] - REST[i] - residual[i];
   product(M, residual, N_Z, SENSORS, part);

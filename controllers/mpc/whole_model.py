@@ -16,9 +16,7 @@ prediction samples of time T, the controller minimises over blocked moves u and 
 P is the cost to go of the unconstrained regulator. The first move is applied; the sample after, all
 is solved anew. The moves are openings: the inverse valve curve follows, because a solver that
 optimises the voltage sees almost no gradient at the valve's flat centre. If the solver fails, the
-unconstrained regulator u = us - K (x - xs), clipped, takes its place (fallback "regulator"). A
-measurement or reference that is no number leaves the state as it was and shuts the valve for the
-sample (fallback "shut").
+unconstrained regulator u = us - K (x - xs), clipped, takes its place (fallback "regulator").
 
 Source: Maciejowski, Predictive Control with Constraints, 2002, chapters 2 and 3 (condensing, move
 blocking, soft constraints); Rawlings, Mayne and Diehl, Model Predictive Control, 2017, sections 1.3
@@ -36,7 +34,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.arithmetic import Arithmetic, Number
-from controllers.c_export import CSource
+from controllers.c_source import CSource
 from controllers.design import Design
 from controllers.joint.opening_input import opening_input
 from controllers.mpc.c_text import mpc_source
@@ -49,7 +47,7 @@ from controllers.mpc.fixed_order import product
 from controllers.mpc.prediction import Prediction, condense
 from controllers.named_state import names
 from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.quadratic_program.solver import NOT_FINITE, Solution, quadratic_program
+from controllers.quadratic_program.solver import Solution, quadratic_program
 from controllers.reference.horizon import lagged
 from controllers.valve_inverse import ValveController, ValveInverse
 from workbench.errors import check_range
@@ -112,12 +110,8 @@ class LinearMPC(ValveController):
 
         Returns:
             Voltage in V, next state, and ``opening`` (fraction), ``status``, ``iterations``,
-            ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the regulator acted or
-            the valve was shut).
+            ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the regulator acted).
         """
-        if not np.isfinite((*measurement, *reference)).all():
-            shut = state._replace(opening=self.rest_opening)
-            return (self.valve.command(self.rest_opening),), shut, not_finite(self.rest_opening)
         p = self.prediction
         estimate = self.observer.correct(state.predicted, measurement)
         if self.preview:
@@ -242,16 +236,6 @@ def told(opening: float, solution: Solution, slack: float) -> dict[str, float | 
         "slack": slack,
         "fallback": 0.0 if solution.solved else 1.0,
     }
-
-
-def not_finite(opening: float) -> dict[str, float | str]:
-    """Return what a step tells, in SI, whose measurement or reference is no number.
-
-    Args:
-        opening: Opening of the valve, a fraction.
-    """
-    nothing = Solution(np.zeros(0), False, NOT_FINITE, 0.0, 0.0)
-    return told(opening, nothing, float("nan"))
 
 
 def _reference_path(fresh: float, index: tuple[int, ...]) -> Matrix:

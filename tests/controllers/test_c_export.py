@@ -26,6 +26,7 @@ import pytest
 
 from controllers import AnglePD, MPCSpecification, design_mpc, design_pid, design_sliding_mode
 from controllers.c_export import ExportedC, export_c
+from controllers.guard import FAULTS, Guarded
 from controllers.joint.schedule import JointSchedule
 from controllers.mpc.along_plan import design_scheduled_mpc
 from controllers.named_state import flat
@@ -36,10 +37,11 @@ from controllers.state_feedback import design_state_feedback
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.simulation.compiled import compiler
+from workbench.verification import guarded
 
 STEPS = 10_000
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
-PLAIN = ("-Wall", "-Werror=implicit")
+PLAIN = ("-std=c99", "-Wall", "-Wextra", "-Werror")
 
 
 def built(exported: ExportedC, *flags: str) -> ctypes.CDLL:
@@ -102,6 +104,7 @@ def compare(
     law: Any, in_c: InC, measurements: Any, reference: Any, *, openings: float = 1e-13
 ) -> dict[str, Any]:
     """Run both from one start; return the largest differences and what the run passed."""
+    law = law if isinstance(law, Guarded) else Guarded(law)
     state = law.initial_state(tuple(measurements[0].tolist()))
     in_c.start(measurements[0].tolist())
     wanted = np.lib.stride_tricks.sliding_window_view(reference, 1 + law.preview)
@@ -117,16 +120,17 @@ def compare(
             drift = max(drift, float(np.max(np.abs(np.array(in_c.state) - now) / size)))
         seen["commands"].append(command)
         seen["statuses"].add(status)
-        if in_c.is_mpc:
-            assert STATUSES[status] == info["status"]
-            assert in_c.report[3] == info["fallback"] == float(status != 0)
+        assert FAULTS[status // 16].name == info.get("guard", "clear")
+        if in_c.is_mpc and "status" in info:
+            assert STATUSES[status % 16] == info["status"]
+            assert in_c.report[3] == info["fallback"] == float(status % 16 != 0)
             assert abs(in_c.report[0] - info["opening"]) <= openings
             # The slack in Pa, of 10 bar and more; with a fallback there is none.
             slack = info["slack"]
             assert abs(in_c.report[1] - slack) <= 1e7 * openings or math.isnan(
                 in_c.report[1] + slack
             )
-            assert math.isnan(in_c.report[1]) == (status != 0)
+            assert math.isnan(in_c.report[1]) == (status % 16 != 0)
             seen["slack"].append(slack)
     return {"difference": difference, "drift": drift, **seen}
 
@@ -187,6 +191,27 @@ def test_mpc_in_c_agrees_over_ten_thousand_chained_steps(
     assert (slack < 1.0).any()
 
 
+def test_guard_of_c_is_that_of_the_law(linear: LinearModel, tmp_path: Path) -> None:
+    # Everything that can be found, again and again: the whole guard against its twin in C.
+    law = guarded(AnglePD(20.0, 0.02), linear, patience=80, hold=3, stuck=30)
+    rng = np.random.default_rng(3)
+    measurements = 0.5 + 1e-3 * rng.normal(size=(3000, 1))
+    reference = np.full(3000, 0.5)
+    measurements[50:300], reference[50:300] = measurements[50], 0.8  # stuck
+    reference[400:700] = 0.9  # saturated
+    reference[900:1300] = 0.53  # no progress
+    for k in rng.integers(1500, 2900, 30):
+        measurements[k : k + rng.integers(1, 12)] += rng.choice([np.nan, np.inf, 0.2, -0.8])
+    reference[1500:][rng.random(1500) < 0.02] = np.nan
+    reference[2000:2400] = 1.5
+    found = compare(law, InC(law, tmp_path, *PLAIN), measurements, reference)
+    assert {FAULTS[status // 16].name for status in found["statuses"]} == {
+        fault.name for fault in FAULTS if fault.name != "law"
+    }
+    assert found["difference"] / 10.0 <= 1e-12
+    assert found["drift"] <= 1e-12
+
+
 def without_slack(mpc: Any) -> Any:
     """Make the pressure limits hard, so that they contradict the valve's limits at times."""
     matrix = mpc.prediction.A.copy()
@@ -202,7 +227,9 @@ def test_fallbacks_of_c_are_those_of_the_law(linear: LinearModel, tmp_path: Path
     measurements[2000, 0] = np.inf
     reference[3000:3003] = np.nan
     found = compare(mpc, InC(mpc, tmp_path, *STRICT, is_mpc=True), measurements, reference)
-    assert found["statuses"] == {0, 2, 3}
+    # Contradictions by the law; a measurement and a reference that are no numbers by the guard.
+    assert found["statuses"] & {0, 2, 48, 32, 16} == {0, 2, 48, 32, 16}
+    assert {status // 16 for status in found["statuses"]} == {0, 1, 2, 3}
     assert found["difference"] / 10.0 <= 1e-12
     assert found["drift"] <= 1e-12
     assert np.isfinite(found["commands"]).all()
@@ -221,7 +248,9 @@ def test_fallback_of_the_scheduled_mpc_in_c(schedule: JointSchedule, tmp_path: P
     measurements[2000, 0] = np.inf
     reference[3000:3003] = np.nan
     found = compare(mpc, InC(mpc, tmp_path, *STRICT, is_mpc=True), measurements, reference)
-    assert found["statuses"] == {0, 2, 3}
+    # Contradictions by the law; a measurement and a reference that are no numbers by the guard.
+    assert found["statuses"] & {0, 2, 48, 32, 16} == {0, 2, 48, 32, 16}
+    assert {status // 16 for status in found["statuses"]} == {0, 1, 2, 3}
     assert found["difference"] / 10.0 <= 1e-12
     assert found["drift"] <= 1e-12
     assert np.isfinite(found["commands"]).all()
@@ -296,7 +325,8 @@ def test_mpc_in_c_runs_clean_under_sanitizers(
     assert done.returncode == 0, done.stderr
     mean, status = done.stdout.split()
     assert 0.0 <= float(mean) <= 10.0
-    assert status == "3"
+    # One measurement was not finite, and nothing else happened.
+    assert status == "48"
 
 
 def test_header_documents_the_interface(schedule: JointSchedule, tmp_path: Path) -> None:
@@ -305,7 +335,9 @@ def test_header_documents_the_interface(schedule: JointSchedule, tmp_path: Path)
     text = exported.header.read_text()
     for word in ("pressure_1, Pa, gauge", "wanted angle now, rad", "valve, V", "integral", "0.002"):
         assert word in text
-    assert f"#define RIG_PID_STATES {len(flat(law.initial_state((0.5, 3e5, 3e5))))}" in text
+    assert (
+        f"#define RIG_PID_STATES {len(flat(Guarded(law).initial_state((0.5, 3e5, 3e5))))}" in text
+    )
 
 
 def test_header_of_an_mpc_says_what_can_happen(linear: LinearModel, tmp_path: Path) -> None:

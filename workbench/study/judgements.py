@@ -141,9 +141,10 @@ def _judged(study: Study, demand: Demand, record: Record) -> bool:
     scenario = study.scenarios.get(record.scenario)
     if scenario is not None and not can_have(metric, scenario, study.metrics):
         return False
-    # A PID neither solves nor slides; a failed run is judged by what it would have had.
+    # A PID neither solves nor slides, and few have a guard with limits; a failed run is judged by
+    # what it would have had.
     known = metric_of(metric, study.metrics)
-    if known is not None and known.needs in ("solver", "surface"):
+    if known is not None and known.needs in ("solver", "surface", "guard"):
         return record.metrics is not None and metric in record.metrics
     return True
 

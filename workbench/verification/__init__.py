@@ -1,6 +1,7 @@
 """The sampled loop on the full plant: scenarios, runs, metrics and requirements."""
 
 from workbench.verification.closed_loop_run import Run
+from workbench.verification.guard_limits import guarded
 from workbench.verification.loop import verify
 from workbench.verification.metrics import (
     METRICS,
@@ -21,6 +22,7 @@ from workbench.verification.scenario import (
     Change,
     Disturbance,
     Scenario,
+    SignalFault,
     scenario_from_table,
     step_scenario,
 )
@@ -40,9 +42,11 @@ __all__ = [
     "Run",
     "Scenario",
     "Signal",
+    "SignalFault",
     "Sine",
     "Steps",
     "Tolerance",
+    "guarded",
     "judge",
     "metrics",
     "requirement_from_table",

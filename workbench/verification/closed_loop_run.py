@@ -47,6 +47,7 @@ class Run:
         tolerance: Tolerance of the integrator, relative to the scales of the states.
         state_names: Names of the columns of ``states``.
         surface_layer: Boundary layer of a sliding controller, in the unit of its surface.
+        guarded: Whether the controller came with limits of a guard.
     """
 
     controller: str
@@ -70,6 +71,7 @@ class Run:
     tolerance: float = 0.0
     state_names: tuple[str, ...] = field(default=())
     surface_layer: float = 1.0
+    guarded: bool = False
 
     def __getitem__(self, name: str) -> Vector:
         """Return an output, input, state or signal over time, shape (n,), in SI."""

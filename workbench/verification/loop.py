@@ -8,17 +8,20 @@ At t = k h, in this order:
 4. the command is clipped to the input's range and converted (quantised);
 5. the command is held over [k h, (k + 1) h) while the plant moves.
 
-The controller's own computing time is not simulated as a delay.
+The controller's own computing time is not simulated as a delay. It runs inside its guard; one that
+has none is given that without limits, which refuses what is not finite (`controllers.guard`).
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from controllers.guard import Guarded, unguarded
 from controllers.protocol import Controller
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite, check_range
 from workbench.model import Effect, Input, Model, Output, Parameter
@@ -138,6 +141,8 @@ def _loop(
     *,
     straight: bool,
 ) -> Run:
+    law = controller
+    controller = law if isinstance(law, Guarded) else Guarded(law)
     h, n = scenario.sample_time, scenario.samples
     warm = round(scenario.settle / h)
     names = [q.name for q in outputs]
@@ -146,6 +151,7 @@ def _loop(
     columns = [names.index(sensor) for sensor in controller.sensors]
     sense = _sensors([outputs[i] for i in columns], columns, scenario, warm + n, seed)
     rows, targets = _references(controller, scenario, warm, n)
+    spoil = _spoiled(controller, scenario)
     convert = _actuators(controller, inputs, scenario, real=not straight)
     straighten = controller.linear_command
     step, hold = controller.step, plant.hold
@@ -164,10 +170,12 @@ def _loop(
                 assert isinstance(plant, FullPlant)
                 plant.set_parameter(parameter, value)
                 parameters[k:] = plant.parameters
-            seen = sense(k + warm, plant.outputs)
+            seen, asked = sense(k + warm, plant.outputs), rows[k + warm]
+            if spoil and k >= 0:
+                seen, asked = spoil(k, seen, asked)
             if k == -warm:
                 memory = controller.initial_state(seen)
-            command, memory, info = step(memory, seen, rows[k + warm])
+            command, memory, info = step(memory, seen, asked)
             if scenario.late_samples:
                 # Before the first one arrives, it is the command that holds the start.
                 late.extend([command] * (1 if k > -warm else 1 + scenario.late_samples))
@@ -207,7 +215,8 @@ def _loop(
         integrator=plant.integrator,
         tolerance=plant.tolerance,
         state_names=state_names,
-        surface_layer=float(getattr(controller, "layer", 1.0)),
+        surface_layer=float(getattr(unguarded(controller), "layer", 1.0)),
+        guarded=isinstance(law, Guarded),
     )
 
 
@@ -269,6 +278,39 @@ def _sensors(
         return tuple(seen)
 
     return sense
+
+
+def _spoiled(
+    controller: Controller, scenario: Scenario
+) -> Callable[[int, tuple[float, ...], tuple[float, ...]], tuple[Any, Any]] | None:
+    """Return a function that puts the scenario's faults into measurements and references."""
+    if not scenario.faults:
+        return None
+    names = [*controller.sensors, *(f"reference.{name}" for name in controller.controlled)]
+    sensors, references = len(controller.sensors), len(controller.controlled)
+    spans = []
+    for fault in scenario.faults:
+        check_choice("faulty signal", fault.signal, names)
+        begin, end = (
+            math.ceil(min(t, scenario.duration) / scenario.sample_time - 1e-6)
+            for t in (fault.time, fault.until)
+        )
+        spans.append((names.index(fault.signal), begin, end, fault))
+    kept: dict[int, float] = {}
+
+    def spoil(
+        k: int, seen: tuple[float, ...], asked: tuple[float, ...]
+    ) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        values = [*seen, *asked]
+        for number, (i, begin, end, fault) in enumerate(spans):
+            if begin <= k < end:
+                places = [i] if i < sensors else range(i, len(values), references)
+                kept.setdefault(number, values[i])
+                for place in places:
+                    values[place] = fault.of(values[place], kept[number])
+        return tuple(values[:sensors]), tuple(values[sensors:])
+
+    return spoil
 
 
 def _actuators(

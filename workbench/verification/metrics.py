@@ -62,7 +62,8 @@ class Metric:
         display_unit: Unit in which people read it, ``{unit}`` for the display unit of the output.
         of: Whether there is one per run, per controlled output or per command.
         needs: What a run must have: a ``"step"`` of the reference, a reference that comes to
-            ``"rest"``, a controller that is a ``"solver"`` or has a sliding ``"surface"``.
+            ``"rest"``, a controller that is a ``"solver"`` or has a sliding ``"surface"``, or a
+            ``"guard"`` with limits or with something to do.
         fits: Tells from the names of a plant's outputs and signals whether it has the metric.
         tolerance: How it is compared with a baseline.
         zero: Whether a good run has it at zero, so that zero is a limit that can be met.
@@ -82,7 +83,7 @@ class Metric:
     unit: str = "1"
     display_unit: str = ""
     of: Literal["run", "output", "command"] = "run"
-    needs: Literal["", "step", "rest", "solver", "surface"] = ""
+    needs: Literal["", "step", "rest", "solver", "surface", "guard"] = ""
     fits: Callable[[Set[str]], bool] = lambda signals: True
     tolerance: Tolerance = Tolerance()
     zero: bool = False
@@ -224,6 +225,7 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
     """
     found: list[MetricValue] = []
     told = run.infos[0] if run.infos else {}
+    guard = run.guarded or any("guard" in info for info in run.infos)
     signals = {q.name for q in run.output_quantities} | set(run.signal_names)
     outputs = {q.name: (q.unit, q.display_unit) for q in run.output_quantities}
     commands = {q.name: (q.unit, "") for q in run.input_quantities}
@@ -231,6 +233,8 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
         if metric.needs == "solver" and "solve_time" not in told:
             continue
         if metric.needs == "surface" and "surface" not in told:
+            continue
+        if metric.needs == "guard" and not guard:
             continue
         if not metric.fits(signals):
             continue
@@ -472,7 +476,7 @@ COMMAND_HIGHEST = Metric(
 )
 SOLVE_TIME_MEDIAN = Metric(
     "solve_time_median",
-    lambda run: float(np.median(run.info("solve_time"))),
+    lambda run: float(np.nanmedian(run.info("solve_time"))),
     "time of one optimisation on this machine, exceeded by every second sample",
     unit="s",
     display_unit="ms",
@@ -482,7 +486,7 @@ SOLVE_TIME_MEDIAN = Metric(
 )
 SOLVE_TIME_P99 = Metric(
     "solve_time_p99",
-    lambda run: float(np.percentile(run.info("solve_time"), 99)),
+    lambda run: float(np.nanpercentile(run.info("solve_time"), 99)),
     "the same, exceeded by one sample in a hundred; whatever else the machine does adds to it",
     unit="s",
     display_unit="ms",
@@ -510,8 +514,41 @@ DEADLINE_MISSES = Metric(
 )
 
 
+def _guard(*actions: str) -> Callable[[Run], float]:
+    """Return how often the guard did something; on the way back it does not count."""
+    return lambda run: float(sum(info.get("guard_action") in actions for info in run.infos))
+
+
+GUARD_CLAMPED = Metric(
+    "guard_clamped",
+    _guard("clamp"),
+    "samples whose reference was out of its range or no number, and was replaced",
+    needs="guard",
+    tolerance=Tolerance(relative=0.0),
+    zero=True,
+)
+GUARD_HELD = Metric(
+    "guard_held",
+    _guard("hold"),
+    "samples at which the guard held the command, because a measurement could not be believed",
+    needs="guard",
+    tolerance=Tolerance(relative=0.0),
+    zero=True,
+)
+GUARD_SAFE = Metric(
+    "guard_safe",
+    _guard("safe"),
+    "samples at which the guard gave the safe command",
+    needs="guard",
+    tolerance=Tolerance(relative=0.0),
+    zero=True,
+)
+
+
 def _surface(run: Run) -> Vector:
-    return np.abs(run.info("surface")) / run.surface_layer
+    surface = run.info("surface")
+    # Where the guard did not let the law step there is none.
+    return np.abs(surface[np.isfinite(surface)]) / run.surface_layer
 
 
 SURFACE_RMS = Metric(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import MISSING, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +74,58 @@ class Disturbance:
             )
 
 
+FAULTS = ("missing", "stuck", "offset", "value")
+"""What may be wrong with a signal: it is no number, stays at its last value, is too large by a
+level, or is a level."""
+
+
+@dataclass(frozen=True)
+class SignalFault:
+    """A measurement or a reference that the controller gets wrong for a time.
+
+    Args:
+        time: Time, in s.
+        signal: Name of a sensor, or ``reference.NAME`` of a controlled output.
+        kind: One of `FAULTS`.
+        level: The offset or the value, in the signal's SI unit.
+        until: Time at which it ends, in s.
+
+    Raises:
+        WorkbenchError: If the times are not in order or the kind is unknown.
+
+    Example:
+        >>> SignalFault(1.0, "angle", "offset", 0.1, until=1.5).of(0.5, 0.4)
+        0.6
+    """
+
+    time: float
+    signal: str
+    kind: str
+    level: float = 0.0
+    until: float = math.inf
+
+    def __post_init__(self) -> None:
+        """Check the times and the kind."""
+        check_range(f"time of the fault of {self.signal}", self.time, 0.0, 1e6, "s")
+        check_choice(f"kind of the fault of {self.signal}", self.kind, FAULTS)
+        if not self.until > self.time:
+            raise WorkbenchError(
+                f"the fault of {self.signal} ends at {self.until:g} s, before it begins at"
+                f" {self.time:g} s; give a later end"
+            )
+
+    def of(self, value: float, first: float) -> float:
+        """Return what is given in the place of a value, in SI.
+
+        Args:
+            value: The right one, in SI.
+            first: The right one when the fault began, in SI.
+        """
+        if self.kind == "missing":
+            return math.nan
+        return {"stuck": first, "offset": value + self.level, "value": self.level}[self.kind]
+
+
 @dataclass(frozen=True)
 class Scenario:
     """What a closed loop has to do.
@@ -88,6 +140,7 @@ class Scenario:
         settle: Time for which the loop holds the start before t = 0, in s. It is not recorded.
         changes: Parameters that change during the run.
         disturbances: Loads on ports of the plant during the run.
+        faults: Measurements and references that are wrong for a time.
         noise: Whether sensors are noisy.
         quantise: Whether sensors and commands have the resolution of their converters.
         late_samples: Samples by which every command is late, as from a slow computer.
@@ -112,6 +165,7 @@ class Scenario:
     settle: float = 0.5
     changes: tuple[Change, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
+    faults: tuple[SignalFault, ...] = ()
     noise: bool = True
     quantise: bool = True
     late_samples: int = 0
@@ -201,7 +255,7 @@ def scenario_from_table(
 
     Args:
         table: The fields of `Scenario`; ``references`` maps an output to a signal's table,
-            ``changes`` and ``disturbances`` are lists of tables.
+            ``changes``, ``disturbances`` and ``faults`` are lists of tables.
         folder: Where signals of one's own are found.
 
     Raises:
@@ -222,7 +276,7 @@ def scenario_from_table(
         output: signal_from_table(signal, folder=folder)
         for output, signal in entries["references"].items()
     }
-    for key, build in (("changes", Change), ("disturbances", Disturbance)):
+    for key, build in (("changes", Change), ("disturbances", Disturbance), ("faults", SignalFault)):
         entries[key] = tuple(_build(build, name, key, row) for row in entries.get(key, ()))
     for key in ("duration", "sample_time", "settle", "rest_window", "count_from"):
         if key in entries:
@@ -237,7 +291,7 @@ def _build(build: type[Any], name: str, key: str, row: Mapping[str, Any]) -> Any
     fields = build.__dataclass_fields__
     for entry in row:
         check_choice(f"key of {key} in scenario {name!r}", entry, fields)
-    missing = [n for n, f in fields.items() if n not in row and n != "until"]
+    missing = [n for n, f in fields.items() if n not in row and f.default is MISSING]
     if missing:
         raise WorkbenchError(f"an entry of {key} in scenario {name!r} has no {missing[0]!r}")
     return build(**row)

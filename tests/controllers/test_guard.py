@@ -1,0 +1,258 @@
+"""The guard: nothing on clean data, a documented reaction to every fault, and a way back."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controllers import AnglePD, design_mpc, design_pid, design_sliding_mode
+from controllers.guard import (
+    FAULTS,
+    CommandLimits,
+    Guard,
+    Guarded,
+    ReferenceLimits,
+    SensorLimits,
+    unguarded,
+)
+from controllers.joint.schedule import JointSchedule
+from controllers.linear_law import linear_law
+from controllers.mpc.along_plan import design_scheduled_mpc
+from controllers.pid import design_scheduled_pid
+from controllers.sliding_mode import design_scheduled_sliding_mode
+from controllers.state_feedback import design_state_feedback
+from workbench.errors import WorkbenchError
+from workbench.linearisation import LinearModel
+from workbench.model import Model
+from workbench.verification import Run, SignalFault, guarded, metrics, step_scenario, verify
+
+DEG = math.pi / 180.0
+STEP = step_scenario("angle", 30, 40, unit="deg", hold=0.5)
+BEGIN = 0.504
+"""After the step, with the joint at rest still."""
+
+Make = Callable[[JointSchedule, LinearModel], Any]
+
+FAMILIES: dict[str, Make] = {
+    "PD on the angle": lambda schedule, linear: AnglePD(0.4, 0.02),
+    "fixed PID": lambda schedule, linear: design_pid(linear),
+    "scheduled PID": lambda schedule, linear: design_scheduled_pid(schedule),
+    "sliding mode": lambda schedule, linear: design_sliding_mode(linear),
+    "super-twisting": lambda schedule, linear: design_scheduled_sliding_mode(schedule),
+    "state feedback": lambda schedule, linear: design_state_feedback(schedule),
+    "linear MPC": lambda schedule, linear: design_mpc(linear),
+    "scheduled MPC": lambda schedule, linear: design_scheduled_mpc(schedule),
+}
+
+SPOILED = {
+    "a missing angle": SignalFault(BEGIN, "angle", "missing", until=BEGIN + 0.002),
+    "a missing reference": SignalFault(BEGIN, "reference.angle", "missing", until=BEGIN + 0.002),
+    "a spike of the angle": SignalFault(BEGIN, "angle", "offset", 0.3, until=BEGIN + 0.002),
+}
+"""Faults of one sample: what each may cost is one held command, and nothing afterwards."""
+
+
+@pytest.fixture(scope="module", params=list(FAMILIES))
+def family(
+    request: pytest.FixtureRequest, schedule: JointSchedule, linear: LinearModel, plant: Model
+) -> tuple[Any, Run]:
+    """A controller of each family in its guard, and its run without a fault."""
+    law = guarded(FAMILIES[request.param](schedule, linear), plant, at={"angle": 30 * DEG})
+    return law, verify(law, plant, STEP)
+
+
+def actions(run: Run) -> list[str]:
+    return [str(info["guard_action"]) for info in run.infos if "guard" in info]
+
+
+def test_guard_changes_no_bit_of_a_clean_run(family: tuple[Guarded, Run], plant: Model) -> None:
+    law, clean = family
+    bare = verify(law.controller, plant, STEP)
+    np.testing.assert_array_equal(bare.inputs, clean.inputs)
+    assert actions(clean) == []
+    found = metrics(clean)
+    assert [found[f"guard_{what}"].value for what in ("clamped", "held", "safe")] == [0, 0, 0]
+    assert not any(name.startswith("guard") for name in metrics(bare))
+
+
+@pytest.mark.parametrize("fault", SPOILED.values(), ids=SPOILED.keys())
+def test_one_bad_sample_costs_one_command(
+    fault: SignalFault, family: tuple[Guarded, Run], plant: Model
+) -> None:
+    law, clean = family
+    run = verify(law, plant, replace(STEP, faults=(fault,)))
+    assert actions(run) == [("clamp" if "reference" in fault.signal else "hold")]
+    assert np.isfinite(run.inputs).all()
+    # It does the same, one sample later at most; a hundredth of a degree for the noise.
+    late = np.abs(np.diff(clean["angle"])).max() + 0.01 * DEG
+    assert np.abs(run["angle"] - clean["angle"]).max() < 1.1 * late
+
+
+def test_missing_for_long_gives_the_safe_command_and_a_return_without_a_bump(
+    family: tuple[Guarded, Run], plant: Model
+) -> None:
+    law, _ = family
+    fault = SignalFault(0.3, "angle", "missing", until=0.4)
+    run = verify(law, plant, replace(STEP, references=STEP.references, faults=(fault,)))
+    held, safe = (actions(run).count(what) for what in ("hold", "safe"))
+    # 50 samples missing: 5 held, then the valve shut, also for 10 more that are plausible again.
+    assert (held, safe) == (5, 55)
+    np.testing.assert_array_equal(run["valve"][155:210], 5.0)
+    # No more than what the noise of the sensors makes of a valve at rest.
+    assert np.abs(np.diff(run["valve"][209:240])).max() < 1.0
+    assert abs(run["angle"][249] - 30 * DEG) < 0.5 * DEG
+
+
+def test_controller_without_limits_survives_a_missing_sample(linear: LinearModel) -> None:
+    scenario = replace(STEP, faults=(SPOILED["a missing angle"],))
+    run = verify(design_pid(linear), linear, scenario)
+    assert actions(run) == ["hold"]
+    assert metrics(run)["guard_held"].value == 1.0
+    assert np.isfinite(run.inputs).all()
+
+
+@dataclass(frozen=True)
+class Told:
+    """A law that commands what it is told by its reference, and remembers how often it stepped."""
+
+    name: str = "told"
+    sample_time: float = 0.01
+    sensors: tuple[str, ...] = ("y",)
+    controlled: tuple[str, ...] = ("y",)
+    actuators: tuple[str, ...] = ("u",)
+    preview: int = 0
+
+    def initial_state(self, measurement: tuple[float, ...]) -> int:
+        return 0
+
+    def step(self, state: int, measurement: Any, reference: Any) -> Any:
+        if measurement[0] == 7.0:
+            raise ZeroDivisionError
+        command = math.nan if measurement[0] == 6.0 else reference[0]
+        return (command,), state + 1, {}
+
+    def linear_command(self, command: tuple[float, ...]) -> tuple[float, ...]:
+        return command
+
+
+def told(**changes: Any) -> Guarded:
+    limits = {
+        "sensors": (SensorLimits(-10.0, 10.0, jump=2.0, watched=1.0),),
+        "references": (ReferenceLimits(-5.0, 5.0, tolerance=0.5, sensor=0.0),),
+        "commands": (CommandLimits(0.0, -4.0, 4.0),),
+        "hold": 2,
+        "settle": 3,
+        "ramp": 4,
+        **changes,
+    }
+    return Guarded(Told(), Guard(**limits))  # type: ignore[arg-type]
+
+
+def played(law: Guarded, rows: list[tuple[float, float]]) -> list[tuple[float, str]]:
+    """Return command and action of every sample, for measurements and references."""
+    state = law.initial_state((rows[0][0],))
+    found = []
+    for y, r in rows:
+        (command,), state, info = law.step(state, (y,), (r,))
+        found.append((command, str(info.get("guard", "clear"))))
+    return found
+
+
+def test_reference_is_clamped_to_what_the_plant_declares() -> None:
+    assert played(told(), [(0, 1.0), (0, 9.0), (0, -9.0), (0, math.nan), (0, 1.0)]) == [
+        (1.0, "clear"),
+        (5.0, "reference"),
+        (-5.0, "reference"),
+        (-5.0, "reference"),
+        (1.0, "clear"),
+    ]
+
+
+def test_another_level_is_believed_after_the_safe_command() -> None:
+    found = played(told(hold=1), [(0.0, 1.0)] * 2 + [(9.0, 1.0)] * 12)
+    assert [name for _, name in found] == [
+        *["clear"] * 2, *["jump"] * 2, *["returning"] * 7, *["clear"] * 3,
+    ]  # fmt: skip
+    # Held, safe, settled; then the reference moves from what is measured to what is asked.
+    assert [command for command, _ in found[2:]] == [
+        *[1, 0, 0, 0, 0],
+        *[8.171875, 5, 1.828125, 1, 1, 1, 1],
+    ]
+
+
+def test_law_that_fails_is_started_anew() -> None:
+    for bad in (6.0, 7.0):
+        law = told(sensors=(SensorLimits(),))
+        found = played(law, [(0.0, 1.0)] * 2 + [(bad, 1.0)] * 4 + [(0.0, 1.0)] * 9)
+        assert [name for _, name in found[2:]] == [
+            *["law"] * 3, *["returning"] * 7, *["clear"] * 3,
+        ]  # fmt: skip
+        assert [command for command, _ in found[2:9]] == [1, 1, 0, 0, 0, 0, 0.103515625]
+
+
+def test_start_without_a_measurement_is_safe() -> None:
+    found = played(told(), [(math.nan, 1.0)] * 2 + [(3.0, 1.0)] * 8)
+    assert [command for command, _ in found] == [
+        *[0] * 6,
+        *[2.79296875, 2, 1.20703125, 1],
+    ]
+
+
+def test_reading_that_stays_while_the_plant_must_move_is_stuck() -> None:
+    law = told(stuck=6)
+    # Half of the full command: twice as long. At rest, or within tolerance, nothing is stuck.
+    found = played(law, [(1.0, 1.2)] * 30 + [(1.0, 2.0)] * 20 + [(1.1, 2.0)] * 8)
+    assert [name for _, name in found[:42]] == ["clear"] * 42
+    assert {name for _, name in found[43:50]} == {"stuck"}
+    assert found[-1] == (2.0, "clear")
+
+
+def test_what_gets_no_better_is_given_up_for_a_time() -> None:
+    for reference, name in ((4.5, "saturated"), (2.0, "no_progress")):
+        rows = [(0.01 * (k % 2), reference) for k in range(40)]
+        found = [what for _, what in played(told(patience=10), rows)]
+        first = found.index(name)
+        assert first in (9, 10, 11)
+        # As long as it was tried it is left alone; then it is tried again.
+        assert found[first + 1 : first + 15] == ["returning"] * 14
+        assert found[first + 15] == "clear"
+
+
+def test_limits_are_what_the_plant_declares(plant: Model, linear: LinearModel) -> None:
+    law = design_pid(linear)
+    for found in (guarded(law, plant, at={"angle": 30 * DEG}).guard, guarded(law, linear).guard):
+        angle, pressure, _ = found.sensors
+        assert (pressure.lower, pressure.upper) == (0.0, 10e5)
+        # Under full command from rest the arm runs at up to 9 rad/s; a sample has 2 ms.
+        assert 0.02 < angle.jump < 0.1
+        low, high = found.references[0][:2]
+        assert (low, high) == (0.0, pytest.approx(60 * DEG))
+        assert found.commands[0] == (5.0, 0.0, 10.0)
+        assert 25 <= found.stuck < 200
+
+
+def test_guard_is_no_part_of_the_linear_law(linear: LinearModel) -> None:
+    law = design_pid(linear)
+    rest, reference = tuple(linear.y0[:3].tolist()), (float(linear.y0[0]),)
+    for own, inside in zip(
+        linear_law(law, rest, reference),
+        linear_law(guarded(law, linear), rest, reference),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(own, inside)
+    assert unguarded(guarded(law, linear)) is law
+
+
+def test_refusals(linear: LinearModel) -> None:
+    with pytest.raises(WorkbenchError, match="has a guard already"):
+        Guarded(told())
+    with pytest.raises(WorkbenchError, match="limits for 1 sensors"):
+        Guarded(design_pid(linear), told().guard)
+    with pytest.raises(WorkbenchError, match="hold of a guard"):
+        told(hold=-1)
+    assert len({fault.name for fault in FAULTS}) == len(FAULTS)
