@@ -84,9 +84,6 @@ def read_names(path: str | Path | None = None) -> Names:
     Args:
         path: A TOML file whose entries come on top of those that ship; None for those alone.
 
-    Returns:
-        Groups of ports and effects.
-
     Raises:
         WorkbenchError: If the file cannot be read or an entry is incomplete.
 
@@ -206,9 +203,6 @@ def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) ->
 
 def read_json(path: str | Path, what: str) -> dict[str, Any]:
     """Read a JSON object.
-
-    Returns:
-        Its content.
 
     Raises:
         WorkbenchError: If it cannot be read or is no object.

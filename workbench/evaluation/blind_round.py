@@ -196,10 +196,8 @@ def score_verdicts(
 
     Args:
         verdicts: Folder with ``CASE.json`` or ``CASE/verdict.json`` for each case.
-        key: JSON file of the answers.
         commitments: Text file with the SHA-256 of each answer, fixed before the verdicts.
         names: TOML file on how words of the key are read, beyond those that ship.
-        seed: Seed of the random answers.
 
     Returns:
         The score of every case of the key.

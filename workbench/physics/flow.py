@@ -59,7 +59,6 @@ def flow_function(
         ratio: Ratio r of the downstream to the upstream absolute pressure, 0..1; any shape.
             Larger values count as 1.
         critical_ratio: Critical ratio b, below which the flow is choked.
-        form: Exact or regularised.
 
     Returns:
         psi, 0..1, of the shape of ``ratio``.
@@ -91,7 +90,6 @@ def iso6358(
         T_up: Upstream temperature, K.
         conductance: Sonic conductance C, m^3/(s Pa) of the reference atmosphere.
         critical_ratio: Critical pressure ratio b.
-        form: Exact or regularised.
 
     Returns:
         Mass flow, kg/s, not negative.
@@ -129,7 +127,6 @@ def orifice_flow(
         T_b: Temperature of side b, K.
         conductance: Sonic conductance C, m^3/(s Pa), the same in both directions.
         critical_ratio: Critical pressure ratio b.
-        form: Exact or regularised.
 
     Returns:
         Mass flow, kg/s.
@@ -157,9 +154,6 @@ def mass_flow_from_litres(volume_flow_l_min: float) -> float:
 
     Args:
         volume_flow_l_min: Volume flow, l/min ANR.
-
-    Returns:
-        Mass flow, kg/s.
 
     Source:
         ISO 8778 reference atmosphere with 1.185 kg/m^3.

@@ -21,7 +21,6 @@ def saved_plant(
     Args:
         reference: Name of the plant, or ``module:object``.
         options: Its options that are not at their defaults, in their units.
-        nominal: The plant with these options.
         model: The model to keep: the nominal one with other effects and parameters.
 
     Example:

@@ -121,12 +121,6 @@ class Baseline:
 def read_baseline(path: str | Path) -> Baseline:
     """Read a baseline, or the ``results.json`` of a study.
 
-    Args:
-        path: The file.
-
-    Returns:
-        The baseline.
-
     Raises:
         WorkbenchError: If it cannot be read or is neither.
 
@@ -230,8 +224,6 @@ def baseline_text(
     """Return a baseline as text that changes only where numbers do.
 
     Args:
-        study: Name of the study.
-        records: Its runs.
         conditions: What was required, as `workbench.study.conditions` tells it.
 
     Returns:
@@ -282,15 +274,6 @@ def write_baseline(
 ) -> Path:
     """Write a baseline.
 
-    Args:
-        path: The file.
-        study: Name of the study.
-        records: Its runs.
-        conditions: What was required.
-
-    Returns:
-        The path of the file.
-
     Raises:
         WorkbenchError: If it cannot be written.
 
@@ -310,11 +293,6 @@ def changes(
 
     Of a run with a sliding surface only the invariants fail a study: when the surface is crossed
     depends on rounding, how far the trajectory strays from it does not.
-
-    Args:
-        rules: How each metric is compared.
-        records: The runs.
-        baseline: What they are compared with.
 
     Returns:
         Every difference beyond its tolerance, and runs that are new or gone.

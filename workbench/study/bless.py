@@ -34,20 +34,12 @@ _RESULTS = TableShape(
 def bless(folder: str | Path, baseline: str | Path) -> str:
     """Write the results in a folder as a baseline.
 
-    Args:
-        folder: Folder of results.
-        baseline: File to write.
-
     Returns:
         In words, what changes against the file that was there.
 
     Raises:
         WorkbenchError: If there are no results, or the baseline is of another study or cannot be
             written.
-
-    Example:
-        >>> bless.__name__
-        'bless'
     """
     path = Path(folder) / "results.json"
     table = read_json(path, "results", _RESULTS, fix="write them with 'workbench compare'")

@@ -268,7 +268,6 @@ def with_plan(controller: Controller, *, duration: float = 1.0, lead: float = 0.
     feedback stays, so that it shows what a faster plan costs.
 
     Args:
-        controller: A controller with a `JointTracking`.
         duration: Duration k of every move relative to its own, a ratio.
         lead: What is added to the lead of the feedforward, in s.
 

@@ -22,11 +22,6 @@ CONFIDENCE = 0.95
 def unit_draws(parameters: int, draws: int, seed: int) -> Vector:
     """Draw points of the unit cube by a scrambled Sobol sequence.
 
-    Args:
-        parameters: Number of dimensions.
-        draws: Number of points.
-        seed: Seed of the scrambling.
-
     Returns:
         Points, shape (draws, parameters), dimensionless.
 
@@ -45,7 +40,6 @@ def scaled(box: Box, unit: Vector) -> Vector:
     """Return points of the box for points of the unit cube.
 
     Args:
-        box: The box.
         unit: Points, shape (n, n_parameters), 0 to 1.
 
     Returns:
@@ -64,12 +58,7 @@ def interval(met: int, draws: int, confidence: float = CONFIDENCE) -> tuple[floa
     """Return the exact interval of a probability of which some draws were seen.
 
     Args:
-        met: Draws that met the requirement.
-        draws: Number of draws.
         confidence: Probability that the interval covers, a ratio.
-
-    Returns:
-        Lower and upper end, ratios.
 
     Source:
         Clopper and Pearson, Biometrika 26, 1934.

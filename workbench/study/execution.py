@@ -35,11 +35,8 @@ def run_tasks(
     """Do runs that are not finished yet, and keep each as soon as it is.
 
     Args:
-        asked: The runs.
         store: Where finished runs are kept.
-        jobs: Number of processes.
         dask: Address of a Dask scheduler that does the work, instead of local processes.
-        progress: Told after each run.
 
     Returns:
         Records in the order of the runs.
@@ -123,7 +120,6 @@ def parallel(
     """Yield the results of calls as they come, from this process, others, or a cluster.
 
     Args:
-        calls: Functions of modules with their arguments.
         jobs: Number of processes; 1 stays in this one.
         dask: Address of a Dask scheduler such as ``tcp://host:8786``, or None.
 

@@ -23,11 +23,9 @@ def check_demand(
     """Check that a requirement can be judged and met.
 
     Args:
-        demand: The requirement.
         units: SI unit of each metric by name.
         scenarios: Scenarios by name.
         controllers: Controllers by name.
-        own_metrics: Metrics of the study's own.
 
     Raises:
         WorkbenchError: If its unit does not fit, or nothing can meet it.
@@ -89,9 +87,6 @@ def check_demand(
 def check_demands(demands: Sequence[Demand]) -> None:
     """Check that the last requirement does not contradict one before it.
 
-    Args:
-        demands: Requirements, the one to check last.
-
     Raises:
         WorkbenchError: If no value can meet both.
 
@@ -124,8 +119,6 @@ def can_have(metric: str, scenario: Scenario, own: Sequence[Metric] = ()) -> boo
 
     Args:
         metric: Name of the metric, with or without its output.
-        scenario: The scenario.
-        own: Metrics of the study's own.
 
     Returns:
         Whether it can: the settling time of a sine does not exist.

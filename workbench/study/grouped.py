@@ -39,9 +39,6 @@ class Group(Generic[T]):
 def missed_by_plant(judgements: Iterable[Judgement]) -> tuple[Group[Judgement], ...]:
     """Put together a missed requirement on several plants.
 
-    Args:
-        judgements: Missed requirements.
-
     Returns:
         One group per requirement, controller and scenario, the worst first.
 
@@ -61,10 +58,6 @@ def changes_by_plant(
     changes: Iterable[Change], required: Iterable[str] = ()
 ) -> tuple[Group[Change], ...]:
     """Put together a change of one metric on several plants.
-
-    Args:
-        changes: Differences from a baseline.
-        required: Names of metrics that come first.
 
     Returns:
         One group per controller, scenario, metric and way; required metrics first, then those that

@@ -86,11 +86,7 @@ def watched() -> Iterator[None]:
 
 
 def new_study(folder: Path) -> None:
-    """Leave out what earlier studies of this process have read elsewhere, where it changed since.
-
-    Args:
-        folder: Folder of the new study.
-    """
+    """Leave out what earlier studies of this process have read elsewhere, if it changed since."""
     own = str(folder.resolve()) + os.sep
     _WATCH.past = {
         path

@@ -109,7 +109,6 @@ def judge_records(study: Study, records: Iterable[Record]) -> tuple[Judgement, .
     """Judge every requirement on every run it applies to.
 
     Args:
-        study: The study.
         records: Runs; a failed one meets no requirement.
 
     Returns:
@@ -117,10 +116,6 @@ def judge_records(study: Study, records: Iterable[Record]) -> tuple[Judgement, .
 
     Raises:
         WorkbenchError: If a unit does not fit.
-
-    Example:
-        >>> judge_records.__name__
-        'judge_records'
     """
     most: dict[tuple[int, str, str, str], Judgement] = {}
     for record in records:
@@ -167,9 +162,6 @@ def _judgement(demand: Demand, record: Record) -> Judgement:
 def worst_score(judgements: Sequence[Judgement]) -> float:
     """Return the worst score of the hard requirements.
 
-    Args:
-        judgements: Judged requirements.
-
     Returns:
         A ratio, at most 1 if all are met; 0 if none is hard.
 
@@ -181,19 +173,7 @@ def worst_score(judgements: Sequence[Judgement]) -> float:
 
 
 def scores(study: Study, judgements: Sequence[Judgement]) -> tuple[Score, ...]:
-    """Return one score per controller.
-
-    Args:
-        study: The study.
-        judgements: Judged requirements.
-
-    Returns:
-        Scores in the order of the study's controllers.
-
-    Example:
-        >>> scores.__name__
-        'scores'
-    """
+    """Return one score per controller."""
     found = []
     for name in study.controllers:
         if not study.selection(name).judged:

@@ -13,17 +13,10 @@ _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 def junit(outcome: StudyResult) -> str:
     """Write the outcome as JUnit XML.
 
-    Args:
-        outcome: What a study found.
-
     Returns:
         One suite per controller. A test per requirement, scenario and variation fails if a hard
         one is missed, and is skipped, with the reason, if a soft one is; a test per run is an error
         if the run failed; a test per run fails if it is worse than the baseline.
-
-    Example:
-        >>> junit.__name__
-        'junit'
     """
     root = ET.Element("testsuites", name=_clean(outcome.study.name))
     suites = {}

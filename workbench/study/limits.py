@@ -182,10 +182,6 @@ class Distances:
 def no_limit(scenario: Scenario, plant: Model) -> str:
     """Say why the steps of a scenario have no physical limit.
 
-    Args:
-        scenario: The scenario.
-        plant: The plant.
-
     Returns:
         The reason; empty if they have one.
 
@@ -225,11 +221,8 @@ def find_limits(
     """Find the physical limit of every step of a study on its nominal plant.
 
     Args:
-        study: The study.
         store: Where finished results are kept.
-        jobs: Number of processes.
         dask: Address of a Dask scheduler, or None.
-        progress: Told after each limit.
 
     Returns:
         Limit by move, in s, or NaN with a reason; none if the study does not ask.
@@ -291,9 +284,6 @@ def _found(move: Move) -> tuple[Move, Value]:
 def limit_of(move: Move) -> Value:
     """Find the physical limit of one move; whatever goes wrong becomes the reason.
 
-    Args:
-        move: The move.
-
     Returns:
         Time until the plant is within the band for good, in s, or NaN with a reason.
 
@@ -328,16 +318,10 @@ def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Val
     """Compare every step on the nominal plant with its limit.
 
     Args:
-        study: The study.
-        records: Its runs.
         limits: What `find_limits` found, in s.
 
     Returns:
         Steps, and the worst per controller and scenario; of several seeds the worst counts.
-
-    Example:
-        >>> distances.__name__
-        'distances'
     """
     steps: list[StepDistance] = []
     worst: list[Distance] = []

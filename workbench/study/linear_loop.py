@@ -111,7 +111,6 @@ def analyse_loop(
     """Open the loop at the first sensor and at the command, and compute its margins.
 
     Args:
-        controller: The controller, with one actuator.
         linear: Linear model with its sensors and actuator.
         point: Given values of the operating point, by name, in SI, for the record.
         points: Number of frequencies between 0.05 Hz and 0.98 of the Nyquist frequency.
@@ -251,9 +250,6 @@ def _between(
 def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
     """Open the loops of every controller of a study at its operating points.
 
-    Args:
-        study: The study.
-
     Returns:
         Two analyses per controller and point; one with a reason where there is none.
     """
@@ -273,9 +269,6 @@ def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
 
 def by_controller(found: tuple[LoopAnalysis, ...]) -> Mapping[str, list[LoopAnalysis]]:
     """Group analyses by their controller.
-
-    Args:
-        found: Analyses.
 
     Returns:
         Analyses by the name of the controller, in their order.

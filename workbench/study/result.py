@@ -40,10 +40,6 @@ class StudyResult:
         changes: Differences from the baseline.
         seconds: Time the study took, in s.
         distances: Distance to the physical limit, where the study asks for it.
-
-    Example:
-        >>> "judgements" in StudyResult.__dataclass_fields__
-        True
     """
 
     study: Study
@@ -278,10 +274,7 @@ def run_study(
     goes on where it was.
 
     Args:
-        study: The study.
-        out: Folder of results.
         baseline: File to compare with, or None.
-        jobs: Number of local processes.
         dask: Address of a Dask scheduler that does the runs instead, or None.
         fresh: Whether finished runs are done again.
         verify_cache: Whether a sample of the finished runs is done again and must agree.
@@ -292,10 +285,6 @@ def run_study(
 
     Raises:
         WorkbenchError: If the baseline or the cluster is not there, or the folder not writable.
-
-    Example:
-        >>> run_study.__name__
-        'run_study'
     """
     begin = time.perf_counter()
     # Wrong use is told before an hour of runs, not after.

@@ -80,10 +80,6 @@ class Robustness:
         judgement: The requirement that gives the worst score there, or None.
         failed: Reasons of failed runs.
         worst_runs: Runs at the worst plant, one per scenario, with their trajectories.
-
-    Example:
-        >>> "effects" in Robustness.__dataclass_fields__
-        True
     """
 
     controller: str
@@ -159,18 +155,11 @@ def robustness(
     """Search the parameter box of a study.
 
     Args:
-        study: The study.
         store: Where finished runs are kept.
-        jobs: Number of processes.
         dask: Address of a Dask scheduler, or None.
-        progress: Told after each run.
 
     Returns:
         One result per controller of the box; none if the study has no box.
-
-    Example:
-        >>> robustness.__name__
-        'robustness'
     """
     box = study.box
     if box is None:
@@ -242,10 +231,6 @@ class Search:
         start: Point of the unit cube where it begins.
         corner: Point of the unit cube that is tried first.
         start_score: Score at the start, a ratio.
-
-    Example:
-        >>> list(Search.__dataclass_fields__)[0]
-        'tasks'
     """
 
     tasks: tuple[Task, ...]
@@ -263,10 +248,6 @@ def search(asked: Search) -> list[tuple[tuple[float, ...], list[Any]]]:
 
     Returns:
         Points of the unit cube that were tried, with the tables of their records.
-
-    Example:
-        >>> search.__name__
-        'search'
     """
     study, box = asked.study, asked.study.box
     assert box is not None

@@ -152,7 +152,6 @@ def resolve(file: StudyFile, *, optional: bool = False) -> Study:
     requirements that nothing can meet.
 
     Args:
-        file: What `read_study` returned.
         optional: Whether plants, variations and scenarios that are marked as optional count.
 
     Raises:
@@ -176,7 +175,6 @@ def load_study(path: str | Path, *, optional: bool = False) -> Study:
     """Read and resolve a study file.
 
     Args:
-        path: TOML file.
         optional: Whether parts that are marked as optional count.
 
     Raises:

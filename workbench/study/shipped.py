@@ -11,9 +11,6 @@ from workbench.errors import check_choice
 def shipped_study(name: str) -> Path:
     """Return the file of a shipped study.
 
-    Args:
-        name: Name of the study.
-
     Returns:
         Path of its TOML file; its baseline stands beside it as ``NAME.baseline.json``.
 

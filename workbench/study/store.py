@@ -52,17 +52,11 @@ class Store:
 
         Args:
             task: A frozen task, whose representation says all it depends on.
-
-        Returns:
-            Hexadecimal digits.
         """
         return hashlib.sha256(f"{self.code}\0{task!r}".encode()).hexdigest()[:32]
 
     def get(self, key: str) -> dict[str, Any] | None:
         """Return what was kept under a key, or None.
-
-        Args:
-            key: What `key` returned.
 
         Returns:
             The table; None if there is none, only a damaged one, or something that it was made
@@ -93,8 +87,6 @@ class Store:
         """Keep a table.
 
         Args:
-            key: What `key` returned.
-            table: Plain numbers, words, lists and mappings.
             read: What the process that made it has read, beside what this one has.
 
         Raises:
@@ -121,9 +113,6 @@ class Store:
     def record(self, task: Task) -> Record | None:
         """Return the finished run of a task, or None.
 
-        Args:
-            task: The run.
-
         Returns:
             The record, if it was kept whole.
         """
@@ -140,8 +129,6 @@ class Store:
         """Keep a finished run.
 
         Args:
-            task: The run.
-            record: What came of it.
             read: What the process that did it has read.
 
         Raises:
@@ -172,9 +159,6 @@ def code_digest(*own: str) -> str:
 
     Args:
         own: Folders with plants and designs of one's own, whose modules count too.
-
-    Returns:
-        Hexadecimal digits.
 
     Example:
         >>> len(code_digest())

@@ -30,17 +30,10 @@ OLD_BASELINE = (
 def summary(outcome: StudyResult) -> str:
     """Write the outcome as Markdown.
 
-    Args:
-        outcome: What a study found.
-
     Returns:
         A headline, what is missed or worse, one table of metrics per scenario with the change
         against the baseline, the distance to the physical limit where asked for, and the
         robustness.
-
-    Example:
-        >>> summary.__name__
-        'summary'
     """
     study = outcome.study
     mark = "✅" if outcome.passed else "❌"
@@ -87,15 +80,8 @@ def summary(outcome: StudyResult) -> str:
 def plain_summary(outcome: StudyResult) -> str:
     """Write the outcome as a few lines for a terminal.
 
-    Args:
-        outcome: What a study found.
-
     Returns:
         A score per controller, then what is missed, failed or worse.
-
-    Example:
-        >>> plain_summary.__name__
-        'plain_summary'
     """
     lines = []
     for s in outcome.scores:
@@ -194,9 +180,6 @@ def parameter_text(value: float, unit: str) -> str:
     Args:
         value: The value, in ``unit``.
         unit: Its SI unit.
-
-    Returns:
-        Three digits and a unit; pressures in bar.
 
     Example:
         >>> parameter_text(4.5e5, "Pa"), parameter_text(0.25, "1")

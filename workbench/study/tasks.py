@@ -48,10 +48,6 @@ class Task:
         seed: Seed of the sensors' noise.
         own_metrics: Metrics of the study's own, as ``module:object``.
         traces: Whether the trajectories are kept for pictures.
-
-    Example:
-        >>> "seed" in Task.__dataclass_fields__
-        True
     """
 
     controller: ControllerRecipe
@@ -195,9 +191,6 @@ def record_from_table(table: Mapping[str, Any]) -> Record:
     Args:
         table: What `Record.table` returned, with ``traces`` if they were kept.
 
-    Returns:
-        The record.
-
     Raises:
         KeyError: If the table is incomplete.
 
@@ -238,9 +231,6 @@ def _event(row: Mapping[str, Any]) -> EventResponse:
 
 def tasks(study: Study) -> tuple[Task, ...]:
     """List every run of a study, without those of its parameter box.
-
-    Args:
-        study: The study.
 
     Returns:
         Controller x variation x scenario x seed; plant by plant, so that a process that took one

@@ -60,13 +60,7 @@ class TomlTables:
         """Return a table whose keys are all known.
 
         Args:
-            table: What stands in the file.
-            known: Names of the keys.
             what: What the table describes, as the user knows it.
-            path: Path of the table.
-
-        Returns:
-            A copy of the table.
 
         Raises:
             WorkbenchError: If it is no table or has another key.
@@ -82,12 +76,6 @@ class TomlTables:
     def tables(self, key: str) -> list[tuple[str, Any]]:
         """Return the named tables below a key of the file.
 
-        Args:
-            key: The key.
-
-        Returns:
-            Pairs of a name and what stands under it.
-
         Raises:
             WorkbenchError: If the key holds no table.
         """
@@ -100,9 +88,6 @@ class TomlTables:
 
 def toml_lines(text: str) -> dict[Place, int]:
     """Return the line of every table and entry of a TOML text.
-
-    Args:
-        text: A valid TOML document.
 
     Returns:
         Line, counted from 1, by path: keys, and indices of arrays.
@@ -118,11 +103,7 @@ def line_of(lines: Mapping[Place, int], path: Place) -> int:
     """Return the line of an entry, or of the innermost table that holds it.
 
     Args:
-        lines: What `toml_lines` returned.
         path: Place of the entry, which need not exist.
-
-    Returns:
-        Line, counted from 1.
 
     Example:
         >>> line_of({("a",): 3}, ("a", "missing"))

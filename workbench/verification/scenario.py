@@ -220,7 +220,6 @@ def step_scenario(
     """Build a step of an output's reference, which rests for 0.5 s before it.
 
     Args:
-        output: Name of the controlled output.
         begin: Reference before the step, in ``unit``.
         end: Reference after the step, in ``unit``.
         unit: Unit of both, such as ``"deg"``; by default they are in SI.

@@ -126,7 +126,6 @@ class Machine:
 
         Args:
             excitation: Commands, or references if there is a loop, shape (n, inputs).
-            p: Parameters.
             rng: Source of the sensors' noise; without it they are exact.
             replayed: Whether the excitation holds commands although there is a loop.
             start: State at the start; at rest by default.

@@ -36,11 +36,9 @@ def run_plan(
 
     Args:
         out: Where finished cases are kept, one JSON file each; those found there are not run again.
-        count: Cases of the plan.
         first_seed: Seed of the first case; None for that of the plan.
         part: Part K of N, counted from 1: every Nth case.
         only: Names of cases; all of them without a name.
-        jobs: Processes of one diagnosis.
     """
     cases = plan(count, FIRST_SEED if first_seed is None else first_seed)
     k, n = part

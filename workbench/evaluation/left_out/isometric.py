@@ -33,8 +33,6 @@ def isometric_recording(
 
     Args:
         contractions_mm: Contractions, in mm.
-        seed: Seed of the sensors' noise.
-        name: Name of the recording.
         parameters: Parameters of the rig that are not nominal, in its units.
 
     Returns:

@@ -70,11 +70,9 @@ def run(
     """Diagnose one reduced plant.
 
     Args:
-        case: What is left out.
         folder: Where the recordings are written.
         seconds: Length of a recording of the arm, in s.
         only: Names of the effects to try; the whole library by default.
-        jobs: Number of processes.
         progress: Called with a line of text before each step.
 
     Returns:

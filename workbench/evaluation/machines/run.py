@@ -60,7 +60,6 @@ def run_all(
         data: Folder with the recordings; None reads ``WORKBENCH_DATA``, and what it does not hold
             is fetched from the publishers.
         only: Names of machines; all of them without a name.
-        jobs: Processes of one diagnosis.
     """
     for name in only:
         check_choice("machine", name, table())

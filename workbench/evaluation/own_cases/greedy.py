@@ -48,9 +48,6 @@ def greedy(
 
     Args:
         diagnosis: The tool's diagnosis, whose refit and first scores are taken over.
-        fitting: Recordings to fit on.
-        judging: Held-out recordings, for the error alone.
-        priors: Priors of the nominal model's parameters.
 
     Returns:
         Findings as a verdict has them, held-out errors by output in SI, and why it stopped.

@@ -74,7 +74,6 @@ def sizes(effect: str, factor: float) -> dict[str, float]:
     """Return the rig's parameters that give an effect another size.
 
     Args:
-        effect: Effect of the rig.
         factor: Size relative to the rig's own.
 
     Returns:

@@ -66,7 +66,6 @@ def follow(
         state: State of the rig at the start.
         reference: Wanted angle in rad over time in s.
         seconds: Duration.
-        seed: Seed of the sensors' noise.
     """
     rng = np.random.default_rng(seed)
     sensors = Sensors(parameters, rng)

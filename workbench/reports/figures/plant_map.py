@@ -32,7 +32,6 @@ def draw_plant_map(
         frequency_hz: Frequency of the oscillation, shape (n,), in Hz.
         damping: Damping ratio, shape (n,), dimensionless.
         gain: Gain, shape (n,), in the unit ``gain_unit``.
-        name: Name of the output.
         marked: Operating points that are marked, in ``unit``.
     """
     figure, panels = new_figure([1.15, 1.15, 1.15])

@@ -60,7 +60,6 @@ def tracking(
         reference: Reference, shape (n,), in ``unit``.
         unit: Its unit as written.
         command: The command and its unit.
-        lines: What solid and dashed lines show.
         error_limit: Steady error allowed, in ``unit``, drawn as lines about zero error.
 
     Returns:
