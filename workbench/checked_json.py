@@ -1,8 +1,9 @@
-"""JSON files that users keep, read through a shape: a wrong entry is a sentence with its place."""
+"""Shapes of files that users keep: a wrong entry is a sentence with its place."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,8 +11,23 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 
-Shape = Callable[[Any, str], Any]
-"""Takes a value and where it stands; returns the value or raises `WorkbenchError`."""
+Place = tuple[str | int, ...]
+Shape = Callable[[Any, Place], Any]
+"""Takes a value and where it stands; returns the value or raises `ShapeError`."""
+
+
+class ShapeError(WorkbenchError):
+    """An entry that is not what it must be.
+
+    Args:
+        place: Keys and indices that lead to it.
+        text: What is wrong, without the place.
+    """
+
+    def __init__(self, place: Place, text: str) -> None:
+        self.place, self.text = place, text
+        named = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in place).lstrip(".")
+        super().__init__(f"{named or 'its content'} {text}")
 
 
 def read_json(path: str | Path, what: str, shape: Shape, *, fix: str = "") -> Any:
@@ -36,46 +52,57 @@ def read_json(path: str | Path, what: str, shape: Shape, *, fix: str = "") -> An
     except (ValueError, RecursionError) as error:
         raise WorkbenchError(f"{name} is no JSON: {str(error)[:120]}{tail}") from None
     try:
-        return shape(content, "")
+        return shape(content, ())
     except WorkbenchError as error:
         raise WorkbenchError(f"{name}: {error}{tail}") from None
 
 
-def _wrong(value: Any, place: str, wanted: str) -> WorkbenchError:
+def _wrong(value: Any, place: Place, wanted: str) -> ShapeError:
     text = repr(value)
     shown = text if len(text) <= 60 else f"{text[:57]}..."
-    return WorkbenchError(f"{place or 'its content'} is {shown}; it must be {wanted}")
+    return ShapeError(place, f"is {shown}; it must be {wanted}")
 
 
-def number(value: Any, place: str) -> Any:
+def number(value: Any, place: Place) -> Any:
     """Accept a number; true and false are none."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise _wrong(value, place, "a number")
     return value
 
 
-def whole(value: Any, place: str) -> Any:
+def size(value: Any, place: Place) -> Any:
+    """Accept a finite number, or text such as ``"20 ms"``."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > 1 << 1000:
+        raise _wrong(value, place, "a number of usual size")
+    if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
+        raise _wrong(value, place, 'a number, or text with a unit such as "20 ms"')
+    return value
+
+
+def whole(value: Any, place: Place) -> Any:
     """Accept a whole number."""
     if isinstance(value, bool) or not isinstance(value, int):
         raise _wrong(value, place, "a whole number")
     return value
 
 
-def text(value: Any, place: str) -> Any:
+def text(value: Any, place: Place) -> Any:
     """Accept text."""
     if not isinstance(value, str):
         raise _wrong(value, place, "text")
     return value
 
 
-def flag(value: Any, place: str) -> Any:
+def flag(value: Any, place: Place) -> Any:
     """Accept true or false."""
     if not isinstance(value, bool):
         raise _wrong(value, place, "true or false")
     return value
 
 
-def anything(value: Any, _place: str) -> Any:
+def anything(value: Any, _place: Place) -> Any:
     """Accept whatever stands there."""
     return value
 
@@ -83,7 +110,7 @@ def anything(value: Any, _place: str) -> Any:
 def one_of(*words: Any) -> Shape:
     """Return a shape that accepts some words or numbers."""
 
-    def check(value: Any, place: str) -> Any:
+    def check(value: Any, place: Place) -> Any:
         if isinstance(value, (list, dict)) or value not in words:
             raise _wrong(value, place, f"one of {', '.join(map(repr, words))}")
         return value
@@ -99,10 +126,10 @@ def optional(shape: Shape) -> Shape:
 def listed(shape: Shape, *, length: int | None = None) -> Shape:
     """Return a shape that accepts a list, of a given length if one is given."""
 
-    def check(value: Any, place: str) -> Any:
+    def check(value: Any, place: Place) -> Any:
         if not isinstance(value, list) or length not in (None, len(value)):
             raise _wrong(value, place, "a list" + (f" of {length}" if length else ""))
-        return [shape(item, f"{place}[{i}]") for i, item in enumerate(value)]
+        return [shape(item, (*place, i)) for i, item in enumerate(value)]
 
     return check
 
@@ -110,10 +137,10 @@ def listed(shape: Shape, *, length: int | None = None) -> Shape:
 def named(shape: Shape) -> Shape:
     """Return a shape that accepts a table of any names."""
 
-    def check(value: Any, place: str) -> Any:
+    def check(value: Any, place: Place) -> Any:
         if not isinstance(value, dict):
             raise _wrong(value, place, "a table")
-        return {name: shape(item, _inner(place, name)) for name, item in value.items()}
+        return {name: shape(item, (*place, name)) for name, item in value.items()}
 
     return check
 
@@ -130,19 +157,15 @@ class TableShape:
     needed: Mapping[str, Shape]
     usual: Mapping[str, Shape] = field(default_factory=dict)
 
-    def __call__(self, value: Any, place: str) -> Any:
+    def __call__(self, value: Any, place: Place) -> Any:
         """Accept a table that has every needed entry."""
         if not isinstance(value, dict):
             raise _wrong(value, place, "a table")
         lacking: Sequence[str] = [name for name in self.needed if name not in value]
         if lacking:
-            raise WorkbenchError(f"{place or 'it'} has no {lacking[0]!r}")
+            raise ShapeError(place, f"has no {lacking[0]!r}")
         found = dict(value)
         for name, shape in {**self.needed, **self.usual}.items():
             if name in value:
-                found[name] = shape(value[name], _inner(place, name))
+                found[name] = shape(value[name], (*place, name))
         return found
-
-
-def _inner(place: str, name: str) -> str:
-    return f"{place}.{name}" if place else name

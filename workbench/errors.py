@@ -53,9 +53,10 @@ def check_range(
     tail = f"; {fix}" if fix else ""
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise WorkbenchError(
-            f"{name} is {value!r}, which is not a number; give {lower:g} to {upper:g}{suffix}{tail}"
+            f"{name} is {str(value)[:60]!r}, which is not a number; give"
+            f" {lower:g} to {upper:g}{suffix}{tail}"
         ) from None
     if not math.isfinite(number) or not lower <= number <= upper:
         raise WorkbenchError(
@@ -104,7 +105,7 @@ def check_finite(name: str, values: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """
     try:
         array = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise WorkbenchError(f"{name} holds something that is not a number") from None
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:

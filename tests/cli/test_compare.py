@@ -115,6 +115,9 @@ def test_a_baseline_of_another_study_is_not_overwritten(
     assert run(["bless", str(out), "--baseline", str(baseline)]) == 0
     before = baseline.read_text(encoding="utf-8")
     other = small_study(tmp_path, ('name = "small"', 'name = "other"'))
+    assert compare(other, out) == WRONG_USE
+    assert "holds the results of study 'small'" in capsys.readouterr().err
+    out = tmp_path / "another"
     assert compare(other, out) == 0
     assert run(["bless", str(out), "--baseline", str(baseline)]) == WRONG_USE
     assert "is the baseline of study 'small'" in capsys.readouterr().err

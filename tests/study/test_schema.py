@@ -82,7 +82,7 @@ MORE = {
     "tolerance of nothing": ("[tolerances.rmsee]\nrelative = 0.1", 2, "did you mean 'rmse'"),
     "negative tolerance": ("[tolerances.rmse]\nrelative = -0.1", 3, "tolerance is -0.1"),
     "no such report": ("[report]\nphysical_limits = true", 3, "did you mean 'physical_limit'"),
-    "neither true nor false": ('[report]\nphysical_limit = "yes"', 3, "give true or false"),
+    "neither true nor false": ('[report]\nphysical_limit = "yes"', 3, "must be true or false"),
     "report is no table": ("[[report]]", 2, "must be a table"),
     "angle out of reach": ('[linear]\nangles = ["30 deg", "80 deg"]', 3, "80"),
 }

@@ -201,7 +201,6 @@ def _drifting(model: Model, names: Iterable[str]) -> list[str]:
 
 def _checked(model: Model, given: Mapping[str, float] | None) -> dict[str, float]:
     everything: dict[str, Quantity] = {q.name: q for q in (*model.inputs, *model.states)}
-    states = {q.name: q for q in model.states}
     everything |= {q.name: q for q in model.outputs}
     given = dict(given or {})
     sums = _drifting(model, given)
@@ -214,33 +213,46 @@ def _checked(model: Model, given: Mapping[str, float] | None) -> dict[str, float
             f"{len(given)} values are given ({', '.join(given)}); {model.name!r} has"
             f" {len(model.inputs)} input(s) and can hold as many values: drop the others"
         )
-    shown = _shown_states(model)
-    values = {q.name: q.value for q in model.parameters}
-    result = {}
     for name, value in given.items():
-        check_finite(name, value)
-        if name in sums:
-            total = next(t for t in model.traits.sums if t.name == name)
-            unit, si = total.display_unit, total.unit
-            lower, upper = bound_value(total.lower, values), bound_value(total.upper, values)
-        else:
-            quantity = everything[name]
-            unit = quantity.display_unit if isinstance(quantity, Output) else quantity.unit
-            # The range of a state is that of the laws; a measurement shares it if it shows that
-            # state.
-            bounded = states[name] if name in shown else quantity
-            lower, upper = getattr(bounded, "lower", -math.inf), getattr(bounded, "upper", math.inf)
-            si = quantity.unit
-        check_range(
-            name.replace("_", " ") if name in sums else name,
-            from_si(float(value), unit),
-            from_si(lower, unit),
-            from_si(upper, unit),
-            unit,
-            fix="" if unit == si else f"values are given in {si}",
-        )
-        result[name] = float(value)
-    return result
+        check_value(model, name, value)
+    return {name: float(value) for name, value in given.items()}
+
+
+def check_value(model: Model, name: str, value: float, *, what: str = "") -> None:
+    """Check that an input, a state, an output or a sum of a plant can have a value.
+
+    Args:
+        name: Its name.
+        value: The value, in SI.
+        what: How it is called in the sentence; by its name if empty.
+
+    Raises:
+        WorkbenchError: If it is outside the range of the plant's laws or of the sensor.
+    """
+    check_finite(name, value)
+    total = next((t for t in model.traits.sums if t.name == name), None)
+    if total is not None:
+        values = {q.name: q.value for q in model.parameters}
+        unit, si = total.display_unit, total.unit
+        lower, upper = bound_value(total.lower, values), bound_value(total.upper, values)
+    else:
+        states = {q.name: q for q in model.states}
+        quantity: Quantity = {q.name: q for q in (*model.inputs, *model.states, *model.outputs)}[
+            name
+        ]
+        unit = quantity.display_unit if isinstance(quantity, Output) else quantity.unit
+        # The range of a state is that of the laws; a measurement shares it if it shows that state.
+        bounded = states[name] if name in _shown_states(model) else quantity
+        lower, upper = getattr(bounded, "lower", -math.inf), getattr(bounded, "upper", math.inf)
+        si = quantity.unit
+    check_range(
+        what or (name.replace("_", " ") if total is not None else name),
+        from_si(float(value), unit),
+        from_si(lower, unit),
+        from_si(upper, unit),
+        unit,
+        fix="" if unit == si else f"values are given in {si}",
+    )
 
 
 def _shown_states(model: Model) -> set[str]:

@@ -68,6 +68,8 @@ def _settings(name: str) -> dict[str, object]:
         "font.family": ["DejaVu Sans"],
         "font.size": FONT_POINTS,
         "axes.unicode_minus": True,
+        # A name of the user's own may hold a dollar sign, which is no formula.
+        "text.parse_math": False,
         "svg.fonttype": "none",
         "svg.hashsalt": name,
         "path.simplify": True,

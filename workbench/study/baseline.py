@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from workbench.checked_json import (
+    Place,
     TableShape,
     anything,
     flag,
@@ -169,7 +170,7 @@ def records_of(rows: Iterable[Mapping[str, Any]], what: str) -> dict[Key, Record
     return found
 
 
-def _box_entry(value: Any, place: str) -> Any:
+def _box_entry(value: Any, place: Place) -> Any:
     if isinstance(value, dict):
         return TableShape({"low": number, "high": number})(value, place)
     if isinstance(value, list):

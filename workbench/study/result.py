@@ -9,8 +9,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import check_range
-from workbench.files import check_folder
+from workbench.errors import WorkbenchError, check_range
+from workbench.files import check_folder, write_whole
 from workbench.study.baseline import RESULTS_KIND, Baseline, Change, changes, read_baseline
 from workbench.study.conditions import ConditionChange, condition_changes, conditions
 from workbench.study.execution import run_tasks, store_of, verify_kept
@@ -257,6 +257,21 @@ def installed_version() -> str:
         return "unknown"
 
 
+def _claim(folder: Path, study: str) -> None:
+    """Note whose runs a folder holds; a study never takes the folder of another."""
+    note = folder / "of-study"
+    try:
+        owner = note.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        owner = study
+    if owner != study:
+        raise WorkbenchError(
+            f"folder {str(folder.parent)!r} holds the results of study {owner!r}, this one is"
+            f" {study!r}; give another folder"
+        )
+    write_whole(note, study)
+
+
 def run_study(
     study: Study,
     out: str | Path,
@@ -292,6 +307,7 @@ def run_study(
     check_range("number of processes", jobs, 1, 1024)
     store = store_of(study, Path(out))
     check_folder(out)
+    _claim(store.folder, study.name)
     if fresh:
         store.prune()
 

@@ -6,6 +6,7 @@ metrics, a user's own beside the file, and checks everything that can be known w
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -13,15 +14,21 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from workbench.checked_json import Place, ShapeError
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Model
 from workbench.model.units import quantity, same_dimension
+from workbench.operating_point.operating_point import check_value
 from workbench.plants import DEFAULT_PLANT
 from workbench.plants.registry import PLANTS
+from workbench.registry import user_code
 from workbench.study.designs import ControllerRecipe, Fastest, Pairs
 from workbench.study.feasible import check_demand, check_demands
 from workbench.study.inputs import new_study, watched
 from workbench.study.plants import PlantRecipe, checked_noise
+from workbench.study.shapes import STUDY
 from workbench.study.study import (
     NOMINAL,
     Box,
@@ -46,6 +53,7 @@ from workbench.verification import (
 )
 from workbench.verification.metrics import metric_units, tolerance_of
 from workbench.verification.scenario import scenario_from_table
+from workbench.verification.signals import Signal
 
 SCHEMA = 1
 """Version of the study file; a file may say ``schema = 1``."""
@@ -195,6 +203,11 @@ class _Resolver(TomlTables):
 
     def study(self) -> Study:
         top = self.table
+        try:
+            STUDY(top, ())
+        except ShapeError as error:
+            with self.at(*error.place):
+                raise WorkbenchError(f"{_word(error.place)} {error.text}") from None
         base, model = self.plant(top.get("plant", {}))
         plants = self.plants(base)
         scenarios = self.scenarios("", model)
@@ -218,6 +231,7 @@ class _Resolver(TomlTables):
         with self.at("controllers"):
             if not any(c.controllers for c in cases.values()):
                 raise WorkbenchError("no controller is left; see requires and plants")
+        self.check_rates(cases)
         controllers: dict[str, ControllerRecipe] = {}
         for name, _ in self.tables("controllers"):
             owns = [c.controllers[name] for c in cases.values() if name in c.controllers]
@@ -250,6 +264,21 @@ class _Resolver(TomlTables):
             report=self.report(top.get("report", {}), scenarios, controllers, variations),
             own_metrics=tuple(n for n in top.get("metrics", []) if ":" in n),
         )
+
+    def check_rates(self, cases: Mapping[str, Case]) -> None:
+        """Check that controllers step as often as the scenarios that they run."""
+        for case in cases.values():
+            for name, recipe in case.controllers.items():
+                designed = getattr(recipe.checked_specification(), "sample_time", None)
+                chosen = self.table["controllers"][name].get("scenarios") or case.scenarios
+                for scenario in (case.scenarios[s] for s in chosen):
+                    h = scenario.sample_time
+                    if isinstance(designed, float) and abs(designed - h) > 1e-9:
+                        with self.at("controllers", name, "specification", "sample_time"):
+                            raise WorkbenchError(
+                                f"controller {name!r} steps every {designed:g} s and scenario"
+                                f" {scenario.name!r} every {h:g} s; give both the same sample_time"
+                            )
 
     def scenarios(self, case: str, model: Model) -> dict[str, Scenario]:
         own = self.table.get("plants", {}).get(case, {}).get("scenarios", {})
@@ -518,6 +547,7 @@ class _Resolver(TomlTables):
             )
         for key, value in specification.items():
             with self.at(*path, "specification", key):
+                _check_flag(recipe, key, value)
                 recipe.checked_specification({key: _hashable(value)})
         recipe = replace(
             recipe, specification=tuple((k, _hashable(v)) for k, v in specification.items())
@@ -626,7 +656,7 @@ class _Resolver(TomlTables):
         for key in times:
             if key in table:
                 with self.at(*path, key):
-                    table[key] = quantity(key, table[key], "s")
+                    table[key] = check_range(key, quantity(key, table[key], "s"), 0.0, 1e6, "s")
         if "late_samples" in table:
             with self.at(*path, "late_samples"):
                 table["late_samples"] = int(
@@ -663,7 +693,18 @@ class _Resolver(TomlTables):
                 rows.append(entry)
             table[key] = rows
         with self.at(*path):
-            return scenario_from_table(name, table, folder=self.folder)
+            scenario = scenario_from_table(name, table, folder=self.folder)
+        for key in ("changes", "disturbances"):
+            for i, event in enumerate(getattr(scenario, key)):
+                with self.at(*path, key, i):
+                    _check_before_end(f"an entry of {key}", event.time, scenario.duration)
+        for output, given in (scenario.start or {}).items():
+            with self.at(*path, "start", output):
+                check_value(model, output, given)
+        for output, signal in scenario.references.items():
+            with self.at(*path, "references", output):
+                _check_reference(model, output, signal, scenario)
+        return scenario
 
     def metrics(self, given: Any) -> tuple[Metric, ...]:
         with self.at("metrics"):
@@ -728,6 +769,18 @@ class _Resolver(TomlTables):
                         raise WorkbenchError("step is for settling_time and overshoot only")
                     output = recipe.plant.plant().controlled_outputs(recipe.plant.build())[0]
                     step = quantity("step", table.pop("step"), outputs[output])
+                    sizes = {
+                        abs(after - before)
+                        for s in scenarios.values()
+                        for signal in s.references.values()
+                        for _, before, after in signal.changes
+                        if table.get("scenario") in (None, "", s.name)
+                    }
+                    if not any(math.isclose(step, size, rel_tol=1e-6) for size in sizes):
+                        raise WorkbenchError(
+                            f"no scenario of the requirement has a step of {row['step']}; give the"
+                            " size of a step, which is positive"
+                        )
             with self.at(*path, "scenario"):
                 if table.get("scenario"):
                     check_choice("scenario of a requirement", table["scenario"], scenarios)
@@ -750,7 +803,9 @@ class _Resolver(TomlTables):
 
     def seeds(self, given: Any) -> tuple[int, ...]:
         with self.at("seeds"):
-            whole = isinstance(given, list) and all(type(s) is int and s >= 0 for s in given)
+            whole = isinstance(given, list) and all(
+                type(s) is int and 0 <= s < 2**63 for s in given
+            )
             if not whole or not given or len(set(given)) != len(given):
                 raise WorkbenchError(
                     f"seeds is {given!r}; give a list of different whole numbers from 0 on"
@@ -843,6 +898,8 @@ class _Resolver(TomlTables):
                 if not isinstance(ends, list) or len(ends) != 2:
                     raise WorkbenchError(f"a step is {ends!r}; give the values before and after")
                 steps.append(tuple(quantity(output, end, units[output]) for end in ends))
+                for end in steps[-1]:
+                    check_value(model, output, end)
         kinds = {v.kind: v for v in variations.values()}
         with self.at("report", "limit_variations"):
             varied = _names("variations", table.get("limit_variations", []), kinds)
@@ -895,7 +952,7 @@ class _Resolver(TomlTables):
         for key in ("ratio", "overshoot"):
             if key in table:
                 with self.at(*path, key):
-                    table[key] = quantity(key, table[key], "1")
+                    table[key] = check_range(key, quantity(key, table[key], "1"), 0.0, 1e3)
         return Limitations(**{k: _hashable(v) for k, v in table.items()})
 
     def tolerances(self, units: Mapping[str, str], own: tuple[Metric, ...]) -> dict[str, Tolerance]:
@@ -916,6 +973,54 @@ class _Resolver(TomlTables):
             self.flag(table, "gates", True, *path)
             found[name] = tolerance_of(name, own)._replace(**table)
         return found
+
+
+def _check_flag(recipe: ControllerRecipe, key: str, value: Any) -> None:
+    """Refuse true where a number belongs: Python would take it for 1."""
+    kind = recipe.kind().specification
+    usual = getattr(kind, "__dataclass_fields__", {}).get(key)
+    if isinstance(value, bool) and usual is not None and "bool" not in str(usual.type):
+        raise WorkbenchError(f"{key} is {value!r}; give a number")
+
+
+def _check_reference(model: Model, output: str, signal: Signal, scenario: Scenario) -> None:
+    """Check that a reference is one that the plant can have and the loop can see."""
+    rate = 1.0 / scenario.sample_time
+    frequency = getattr(signal, "frequency_Hz", 0.0)
+    if frequency >= 0.5 * rate:
+        raise WorkbenchError(
+            f"the reference of {output} is a sine of {frequency:g} Hz; at {rate:g} samples per"
+            f" second it must be below {0.5 * rate:g} Hz"
+        )
+    with user_code(f"reference of {output}"):
+        changes = signal.changes
+        values = signal.sample(np.linspace(0.0, scenario.duration, 1001))
+    for time, _, _ in changes:
+        _check_before_end(f"a step of the reference of {output}", time, scenario.duration)
+    _check_before_end(
+        f"the reference of {output}", getattr(signal, "begin", 0.0), scenario.duration
+    )
+    reached = [
+        *np.ravel(values).tolist(),
+        *(v for _, before, after in changes for v in (before, after)),
+    ]
+    for value in (min(reached), max(reached)):
+        check_value(model, output, value, what=f"the reference of {output}")
+
+
+def _check_before_end(what: str, time: float, end: float) -> None:
+    if time >= end:
+        raise WorkbenchError(
+            f"{what} begins at {time:g} s, and the scenario ends at {end:g} s; it would never"
+            " happen"
+        )
+
+
+def _word(place: Place) -> str:
+    """Return the last key of a place, with the indices behind it."""
+    last = max((i for i, p in enumerate(place) if isinstance(p, str)), default=0)
+    rest = "".join(f"[{p}]" for p in place[last + 1 :])
+    return f"{place[last]}{rest}" if place else "the study"
 
 
 def _names(key: str, given: Any, known: Any) -> tuple[str, ...]:

@@ -120,7 +120,7 @@ class Store:
         if table is None:
             return None
         try:
-            record = record_from_table(RECORD(table, "run"))
+            record = record_from_table(RECORD(table, ()))
         except WorkbenchError:
             return None
         return record if record.key == task.key else None

@@ -217,6 +217,8 @@ def signal_from_table(table: Mapping[str, Any], *, folder: Path | None = None) -
             raise WorkbenchError(f"the {kind.name} reference has no {key!r}; add it")
     arguments: dict[str, Any] = {}
     for key, value in entries.items():
+        if any(isinstance(v, bool) for v in (value if isinstance(value, list) else [value])):
+            raise WorkbenchError(f"{key} of the {kind.name} reference is {value!r}; give numbers")
         numbers = check_finite(f"{key} of the {kind.name} reference", value)
         converted = to_si(numbers, unit) if key in kind.valued else numbers
         arguments[key] = (
