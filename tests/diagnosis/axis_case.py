@@ -7,11 +7,11 @@ nothing of the workbench's simulation takes part.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
+from tests.once import once
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
@@ -92,7 +92,7 @@ def observed(seed: int, *, hidden: bool, n: int = 1600) -> Observed:
     return observe(servo_axis(), recording(seed, hidden=hidden, n=n))
 
 
-@lru_cache(maxsize=2)
+@once
 def diagnosed(hidden: bool) -> Diagnosis:
     """Diagnose the axis with or without hidden friction, once for all tests."""
     fitted = [recording(1, hidden=hidden), recording(2, hidden=hidden)]

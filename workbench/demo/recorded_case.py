@@ -53,11 +53,6 @@ def recorded_case_part(names: Sequence[str] = ()) -> Part:
 
     Returns:
         The section and its numbers.
-
-    Example:
-        >>> found = recorded_case_part(["practice-07"]).results["practice-07"]
-        >>> found["nominal"]["angle_rms_deg"] > 0.3, found["refitted"]["angle_rms_deg"] < 0.03
-        (True, True)
     """
     blocks: list[Picture] = []
     rows: list[tuple[str, ...]] = []

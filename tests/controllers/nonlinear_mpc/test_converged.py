@@ -111,7 +111,7 @@ def solved_by_do_mpc(
 @pytest.mark.filterwarnings("ignore::FutureWarning")
 @pytest.mark.parametrize("limit", [1.0, 0.3], ids=["free", "opening at its limit"])
 def test_the_converged_plan_is_that_of_do_mpc(plant: Model, limit: float) -> None:
-    wanted = NonlinearMPCSpecification(stages=10, steps=20, opening_limit=limit)
+    wanted = NonlinearMPCSpecification(stages=6, steps=20, opening_limit=limit)
     mpc = design_nonlinear_mpc(plant.without("bearing_friction"), wanted)
     point = operating_point(plant, {"angle": math.radians(20)})
     start = mpc.predicted(point.x / mpc.observer.rates.scale)

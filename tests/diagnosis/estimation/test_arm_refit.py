@@ -94,7 +94,9 @@ def test_volumes_and_conductances_cannot_be_told_apart(rig_case: Path) -> None:
 
 
 @pytest.mark.system
-@pytest.mark.parametrize("number", range(1, 7))
+@pytest.mark.parametrize(
+    "number", [1, 2, *(pytest.param(n, marks=pytest.mark.long) for n in range(3, 7))]
+)
 def test_a_case_with_hidden_physics_stays_above_the_floor(
     number: int, external_folder: Path
 ) -> None:

@@ -82,7 +82,7 @@ class ArmCase:
 @pytest.fixture(scope="module")
 def cogging(tmp_path_factory: pytest.TempPathFactory) -> ArmCase:
     """The arm of the independent rig with a torque that is periodic in the angle."""
-    folder = make_case(7, ["cogging"], 3.0, tmp_path_factory.mktemp("case"), seconds=12.0)
+    folder = make_case(7, ["cogging"], 3.0, tmp_path_factory.mktemp("case"), seconds=6.0)
     case, model = read_case(folder), arm(3)
     seen = {k: _observed(model, r) for k, r in (*case.fit.items(), *case.hold_out.items())}
     fit_on = [seen[name] for name in case.fit]
