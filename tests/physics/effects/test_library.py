@@ -62,12 +62,14 @@ def inputs_of(plant: str) -> list[list[float]]:
     return INPUTS[plant if plant in INPUTS else "arm"]
 
 
+LIBRARY = {plant: library(model) for plant, model in PLANTS.items()}
+OF_THE_ARM = {entry.name for entry in LIBRARY["arm"]}
 CASES = [
-    pytest.param(plant, entry, id=f"{plant}-{entry.name}")
-    for plant, model in PLANTS.items()
-    for entry in library(model)
+    pytest.param((plant, entry), id=f"{plant}-{entry.name}")
+    for plant, entries in LIBRARY.items()
+    for entry in entries
     # The other arms differ from the first in a few entries only.
-    if plant in STATES or entry.name not in {e.name for e in library(PLANTS["arm"])}
+    if plant in STATES or entry.name not in OF_THE_ARM
 ]
 
 
@@ -82,7 +84,9 @@ class Excited:
     u: list[list[float]]
 
 
-def excite(plant: str, entry: Hypothesis) -> Excited:
+@pytest.fixture(scope="module", params=CASES)
+def case(request: pytest.FixtureRequest) -> Excited:
+    plant, entry = request.param
     base = PLANTS[plant]
     model = base.with_effect(entry.effect)
     inputs = inputs_of(plant)
@@ -96,9 +100,8 @@ def excite(plant: str, entry: Hypothesis) -> Excited:
     return Excited(entry, base, model, states, inputs)
 
 
-@pytest.mark.parametrize(("plant", "entry"), CASES)
-def test_zero_size_changes_nothing_and_has_a_derivative(plant: str, entry: Hypothesis) -> None:
-    case = excite(plant, entry)
+def test_zero_size_changes_nothing_and_has_a_derivative(case: Excited) -> None:
+    entry = case.entry
     n = len(case.base.states)
     scale = np.array(
         [q.scale for q in case.base.states] + [q.scale for q in case.base.outputs], dtype=float
@@ -130,26 +133,25 @@ def test_zero_size_changes_nothing_and_has_a_derivative(plant: str, entry: Hypot
         assert strongest > 1e-4, "the derivative at zero size vanishes in every state"
 
 
-@pytest.mark.parametrize(("plant", "entry"), CASES)
-def test_derivatives_are_finite_also_at_rest(plant: str, entry: Hypothesis) -> None:
-    case = excite(plant, entry)
+def test_derivatives_are_finite_also_at_rest(case: Excited) -> None:
+    entry = case.entry
     rest = case.model.initial_state(u=case.base.nominal_input)
     sized = case.model.with_parameters({f"{entry.name}.{entry.size_parameter}": entry.typical_size})
-    for model in (case.model, sized):
-        for form in ("exact", "regularised"):
-            trace = model.form(form)
-            everything = ca.vertcat(trace.rates, trace.outputs)
-            derivatives = trace.function(
-                "derivatives", ca.jacobian(everything, trace.x), ca.jacobian(everything, trace.p)
-            )
-            for x, u in [(rest, case.base.nominal_input), *zip(case.x, case.u, strict=True)]:
-                for block in derivatives(x, u, model.values):
+    points = [(rest, case.base.nominal_input), *zip(case.x, case.u, strict=True)]
+    for form in ("exact", "regularised"):
+        trace = case.model.form(form)
+        everything = ca.vertcat(trace.rates, trace.outputs)
+        derivatives = trace.function(
+            "derivatives", ca.jacobian(everything, trace.x), ca.jacobian(everything, trace.p)
+        )
+        for values in (case.model.values, sized.values):
+            for x, u in points:
+                for block in derivatives(x, u, values):
                     assert np.all(np.isfinite(np.asarray(block)))
 
 
-@pytest.mark.parametrize(("plant", "entry"), CASES)
-def test_only_stiff_entries_are_fast(plant: str, entry: Hypothesis) -> None:
-    case = excite(plant, entry)
+def test_only_stiff_entries_are_fast(case: Excited) -> None:
+    entry = case.entry
     n = len(case.base.states)
     model = case.model.with_parameters({f"{entry.name}.{entry.size_parameter}": entry.typical_size})
     trace = model.regularised
@@ -167,8 +169,8 @@ def test_only_stiff_entries_are_fast(plant: str, entry: Hypothesis) -> None:
     assert (fastest > 1500.0) <= entry.stiff, f"rate {fastest:.0f} 1/s"
 
 
-@pytest.mark.parametrize(("plant", "entry"), CASES)
-def test_entries_are_described(plant: str, entry: Hypothesis) -> None:
+def test_entries_are_described(case: Excited) -> None:
+    entry = case.entry
     about = entry.effect.about
     assert about.equation
     assert about.source
@@ -186,10 +188,10 @@ def test_entries_are_described(plant: str, entry: Hypothesis) -> None:
 
 @pytest.mark.parametrize("plant", PLANTS)
 def test_names_are_unique_and_look_alikes_exist(plant: str) -> None:
-    entries = library(PLANTS[plant])
+    entries = LIBRARY[plant]
     names = [entry.name for entry in entries]
     assert len(set(names)) == len(names)
-    everywhere = {n for m in PLANTS.values() for e in library(m) for n in (e.name, e.law)}
+    everywhere = {n for own in LIBRARY.values() for e in own for n in (e.name, e.law)}
     everywhere |= {law.name for law in LAWS.members().values()}
     nominal = {"spool_bandwidth"}
     for entry in entries:
@@ -198,20 +200,20 @@ def test_names_are_unique_and_look_alikes_exist(plant: str) -> None:
 
 
 def test_what_is_attached_is_not_offered_again() -> None:
-    names = {entry.name for entry in library(arm(3.0))}
+    names = {entry.name for entry in LIBRARY["arm"]}
     assert names.isdisjoint(
         {"coulomb_friction", "viscous_friction", "heat_exchange", "centre_leakage", "phi_term"}
     )
     assert "flattened_ends" not in names
     assert {"coulomb_friction", "viscous_friction", "heat_exchange", "centre_leakage"} <= {
-        entry.name for entry in library(bare_arm())
+        entry.name for entry in LIBRARY["bare"]
     }
-    assert {"phi_term", "flattened_ends"} <= {entry.name for entry in library(bare_arm())}
-    assert "braid_volume" in {entry.name for entry in library(PLANTS["constant"])}
+    assert {"phi_term", "flattened_ends"} <= {entry.name for entry in LIBRARY["bare"]}
+    assert "braid_volume" in {entry.name for entry in LIBRARY["constant"]}
 
 
 def test_a_store_runs_over_into_the_next() -> None:
-    entries = {entry.name: entry for entry in library(PLANTS["tanks"])}
+    entries = {entry.name: entry for entry in LIBRARY["tanks"]}
     assert entries["overflow_upper"].ports == ("upper.inflow", "lower.inflow")
     assert entries["overflow_lower"].ports == ("lower.inflow",)
     assert not any(entry.law == "overflow" for entry in library(cascaded_tanks()))
@@ -236,18 +238,18 @@ def test_outputs_limit_the_sensors() -> None:
 
 
 def test_look_alikes_are_mutual() -> None:
-    entries = library(arm(3.0))
+    entries = LIBRARY["arm"]
     for entry in entries:
         for other in look_alikes(entry, entries):
             assert entry in look_alikes(other, entries)
 
 
 def test_sensor_entries_act_on_measurements_only() -> None:
-    for entry in library(arm(3.0)):
+    for entry in LIBRARY["arm"]:
         assert (entry.group == "sensor") == all(p.endswith(".reading") for p in entry.ports)
 
 
 def test_entry_refuses_an_unknown_size() -> None:
-    entry = library(servo_axis())[0]
+    entry = LIBRARY["servo"][0]
     with pytest.raises(Exception, match="size"):
         replace(entry, size_parameter="size")
