@@ -11,6 +11,7 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import sys
+import sysconfig
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -192,18 +193,39 @@ def user_code(what: str) -> Iterator[None]:
     except WorkbenchError:
         raise
     except (Exception, SystemExit) as error:
-        raise WorkbenchError(f"{what} failed: {_told(error)}") from error
+        raise WorkbenchError(f"{what} failed: {told(error)}") from error
 
 
-def _told(error: BaseException) -> str:
-    text = f"{type(error).__name__}: {error}"
+def told(error: BaseException) -> str:
+    """Return what went wrong, with file and line: in the user's own code where it passed there."""
+    text = f"{type(error).__name__}: {error}".removesuffix(": ")
+    if isinstance(error, SystemExit):
+        text = f"it left the process with {error}, which a module must not do"
     if isinstance(error, SyntaxError):
         return f"{text.split(' (')[0]} ({error.filename}, line {error.lineno})"
+    place = own_place(error)
+    if place or isinstance(error, ModuleNotFoundError):
+        return f"{text} ({place})" if place else text
     frames = traceback.extract_tb(error.__traceback__)
     outside = [f for f in frames if not f.filename.startswith("<") and f.filename != __file__]
-    if not outside or isinstance(error, ModuleNotFoundError):
-        return text
-    return f"{text} ({outside[-1].filename}, line {outside[-1].lineno})"
+    return f"{text} ({outside[-1].filename}, line {outside[-1].lineno})" if outside else text
+
+
+_ROOT = Path(__file__).resolve().parent
+_NOT_OWN = (
+    str(_ROOT),
+    str(_ROOT.parent / "controllers"),
+    *(sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")),
+    sys.exec_prefix,
+    "<",
+)
+
+
+def own_place(error: BaseException) -> str:
+    """Return file and line of the user's own code that an error passed last; empty if none did."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [f for f in frames if not f.filename.startswith(_NOT_OWN)]
+    return f"{own[-1].filename}, line {own[-1].lineno}" if own else ""
 
 
 def _plain(name: str) -> str:

@@ -24,6 +24,7 @@ from workbench.cli.report import report
 from workbench.cli.simulate import simulate
 from workbench.cli.verify import verify
 from workbench.errors import WorkbenchError
+from workbench.registry import own_place, told
 
 REQUIREMENTS_MISSED = 1
 """Exit status of a verb that ran and found a requirement missed."""
@@ -96,6 +97,12 @@ def run(arguments: Sequence[str]) -> int:
         return WRONG_USE
     except WorkbenchError as error:
         _complain(str(error))
+        return WRONG_USE
+    except (Exception, SystemExit) as error:
+        # A module of the user's own must neither show our insides nor leave with a good status.
+        if not isinstance(error, SystemExit) and not own_place(error):
+            raise
+        _complain(told(error))
         return WRONG_USE
     return status if isinstance(status, int) else 0
 

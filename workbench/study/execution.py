@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import os
 import random
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, TypeVar
 
 from workbench.errors import WorkbenchError, check_range
+from workbench.study.children import call_within
 from workbench.study.inputs import Seen, seen
 from workbench.study.store import Store, code_digest
 from workbench.study.study import Study
@@ -156,7 +159,16 @@ def parallel(
         workers_pool = joblib.Parallel(
             n_jobs=count, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
         )
-        yield from workers_pool(joblib.delayed(function)(*given) for function, given in calls)
+        try:
+            yield from workers_pool(
+                joblib.delayed(call_within)(os.getpid(), function, given)
+                for function, given in calls
+            )
+        except BrokenProcessPool:
+            raise WorkbenchError(
+                "a process that did a run ended in the middle of it: it ran out of memory, or a"
+                " module of your own ended it; what was finished is kept, and --jobs 1 shows where"
+            ) from None
 
 
 def _client(address: str) -> Any:

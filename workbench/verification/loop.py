@@ -15,6 +15,7 @@ has none is given that without limits, which refuses what is not finite (`contro
 from __future__ import annotations
 
 import math
+import numbers
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
@@ -174,6 +175,7 @@ def _loop(
             if spoil and k >= 0:
                 seen, asked = spoil(k, seen, asked)
             if k == -warm:
+                _check_step(unguarded(law), seen, asked)
                 memory = controller.initial_state(seen)
             command, memory, info = step(memory, seen, asked)
             if scenario.late_samples:
@@ -218,6 +220,26 @@ def _loop(
         surface_layer=float(getattr(unguarded(controller), "layer", 1.0)),
         guarded=isinstance(law, Guarded),
     )
+
+
+def _check_step(law: Controller, seen: Any, asked: Any) -> None:
+    """Try one sample of a user's own law: it must return command, state and information."""
+    if type(law).__module__.partition(".")[0] in ("controllers", "workbench"):
+        return
+    returned: Any = law.step(law.initial_state(seen), seen, asked)
+    parts: Any = (
+        returned if isinstance(returned, tuple) and len(returned) == 3 else ((), None, None)
+    )
+    command, info = parts[0], parts[2]
+    if isinstance(command, (str, bytes)) or not hasattr(command, "__len__"):
+        command = ()
+    good = len(command) == len(law.actuators) and all(isinstance(c, numbers.Real) for c in command)
+    if not good or not isinstance(info, Mapping):
+        raise WorkbenchError(
+            f"step of controller {law.name!r} returned {str(returned)[:80]}; it must return the"
+            f" command as {len(law.actuators)} number(s), one per actuator, the next state, and a"
+            " mapping with information, which may be empty"
+        )
 
 
 def _named(quantities: Sequence[Any], names: Sequence[str]) -> tuple[Any, ...]:

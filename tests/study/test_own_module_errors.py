@@ -1,0 +1,224 @@
+"""A mistake in a user's own module is a sentence with file and line, or a failed run."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from workbench.cli.main import WRONG_USE, run
+from workbench.errors import WorkbenchError
+from workbench.registry import told
+from workbench.study import execution
+from workbench.study.children import PAUSE
+from workbench.study.schema import load_study
+from workbench.study.tasks import execute, tasks
+
+STUDY = """
+[controllers.mine]
+design = "MODULE:design"
+
+[scenarios.rest]
+duration = "0.1 s"
+settle = "0.02 s"
+
+[scenarios.rest.references.angle]
+kind = "steps"
+unit = "deg"
+times = [0.0]
+values = [25]
+
+[[requirements]]
+metric = "rmse"
+limit = 1.0
+unit = "deg"
+"""
+
+GOOD = """
+from dataclasses import dataclass
+
+@dataclass(frozen=True)
+class Mine:
+    sample_time: float = 0.002
+    name: str = "mine"
+    sensors: tuple = ("angle",)
+    controlled: tuple = ("angle",)
+    actuators: tuple = ("valve",)
+    preview: int = 0
+
+    def initial_state(self, measurement):
+        return 0
+
+    def step(self, state, measurement, reference):
+        return (5.0,), state + 1, {}
+
+    def linear_command(self, command):
+        return command
+
+def design(linear, specification):
+    return Mine()
+"""
+
+BEFORE_RUNS = {
+    "wrong syntax": (("def design(", "def (("), "SyntaxError", "def (("),
+    "an unknown name": (("def design(", "nowhere\ndef design("), "NameError", "nowhere"),
+    "an exception": (
+        ("def design(", "raise RuntimeError('no licence')\ndef design("),
+        "RuntimeError: no licence",
+        "no licence",
+    ),
+    "leaving with status 0": (
+        ("def design(", "import sys\nsys.exit(0)\ndef design("),
+        "it left the process with 0",
+        "sys.exit",
+    ),
+    "a package that is missing": (
+        ("from dataclasses", "import nowhere\nfrom dataclasses"),
+        "No module named 'nowhere'",
+        "import nowhere",
+    ),
+    "no such function": (("def design(", "def desing("), "did you mean 'desing'?", ""),
+    "a number for a function": (("def design(", "design = 3\ndef other("), "is a int", ""),
+}
+
+IN_A_RUN = {
+    "leaving with status 0 in the design": (
+        ("return Mine()", "raise SystemExit(0)"),
+        "it left the process with 0",
+        "SystemExit",
+    ),
+    "leaving with status 0 in a step": (
+        ("return (5.0,), state + 1, {}", "raise SystemExit(0)"),
+        "it left the process with 0",
+        "SystemExit",
+    ),
+    "an unknown name in a step": (("state + 1", "stat + 1"), "NameError", "stat +"),
+    "a design of one argument": (("design(linear, ", "design("), "TypeError", ""),
+    "no preview": (("    preview: int = 0\n", ""), "it has no preview", ""),
+    "no step": (("def step(", "def steps("), "it has no step", ""),
+    "no linear_command": (("def linear_command(", "def linear("), "it has no linear_command", ""),
+    "no sample time": (("    sample_time: float = 0.002\n", ""), "it has no sample_time", ""),
+    "a sample time in words": (("float = 0.002", 'str = "2 ms"'), "sample_time", ""),
+    "one name as sensors": (('("angle",)', '"angle"'), "give a tuple of names", ""),
+    "an unknown sensor": (('("angle",)', '("angel",)'), "did you mean 'angle'?", ""),
+    "an unknown actuator": (('("valve",)', '("pump",)'), "actuator is 'pump'", ""),
+    "a class": (("return Mine()", "return Mine"), "returned the class Mine", ""),
+    "nothing": (("return Mine()", "return None"), "is no controller", ""),
+    "a step that returns nothing": (("return (5.0,), state + 1, {}", "pass"), "returned None", ""),
+    "a step of two parts": ((", {}", ""), "it must return the command", ""),
+    "a command that is no tuple": (("(5.0,)", "5.0"), "it must return the command", ""),
+    "a command of two": (("(5.0,)", "(5.0, 1.0)"), "the command as 1 number(s)", ""),
+    "no information": ((", {}", ", None"), "a mapping with information", ""),
+}
+
+MOVE = ("--from", "25deg", "--to", "30deg")
+_NUMBERS = count()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One folder for all, so that the plant is linearised once."""
+    return tmp_path_factory.mktemp("own")
+
+
+def line_of(change: tuple[str, str], marker: str) -> str:
+    """Return how a message ends that names the line with a marker."""
+    lines = GOOD.replace(*change).splitlines()
+    return f"line {[marker in line for line in lines].index(True) + 1})" if marker else ""
+
+
+def own_study(folder: Path, change: tuple[str, str]) -> Path:
+    """Write the study and the module with a mistake beside it."""
+    module = f"own_mistake_{os.getpid()}_{next(_NUMBERS)}"
+    assert change[0] in GOOD
+    (folder / f"{module}.py").write_text(GOOD.replace(*change), encoding="utf-8")
+    path = folder / "study.toml"
+    path.write_text(STUDY.replace("MODULE", module), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("name", BEFORE_RUNS)
+def test_a_module_that_cannot_be_used_is_a_sentence(name: str, folder: Path) -> None:
+    change, what, marker = BEFORE_RUNS[name]
+    with pytest.raises(WorkbenchError) as caught:
+        load_study(own_study(folder, change))
+    said = str(caught.value)
+    assert "study.toml, line 3: " in said and what in said
+    assert said.endswith(line_of(change, marker))
+
+
+@pytest.mark.parametrize("name", IN_A_RUN)
+def test_a_run_that_goes_wrong_is_a_failed_row(name: str, folder: Path) -> None:
+    change, what, marker = IN_A_RUN[name]
+    record = execute(tasks(load_study(own_study(folder, change)))[0])
+    assert record.failed and what in record.reason, record.reason
+    assert record.reason.endswith(line_of(change, marker))
+
+
+def test_leaving_with_status_0_is_not_green(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    change = BEFORE_RUNS["leaving with status 0"][0]
+    words = ["compare", str(own_study(folder, change)), "--out", str(tmp_path / "out")]
+    assert run([*words, "--jobs", "1"]) == WRONG_USE
+    assert "which a module must not do" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        (IN_A_RUN["an unknown name in a step"][0], "NameError"),
+        (IN_A_RUN["leaving with status 0 in a step"][0], "which a module must not do"),
+    ],
+)
+def test_other_verbs_say_it_too(
+    change: tuple[str, str],
+    what: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    own_study(tmp_path, change)
+    (module,) = tmp_path.glob("own_mistake_*.py")
+    monkeypatch.chdir(tmp_path)
+    words = ["verify", "--controller", f"{module.stem}:design", *MOVE]
+    assert run(words) == WRONG_USE
+    error = capsys.readouterr().err.strip().splitlines()[-1]
+    assert what in error and f"{module.name}, line " in error
+
+
+def test_our_own_frames_are_not_named_where_the_users_are() -> None:
+    try:
+        execution.parallel([(len, (3,))]).__next__()
+    except TypeError as error:
+        assert Path(__file__).name in told(error)
+
+
+def test_a_process_that_ends_in_the_middle_is_a_sentence() -> None:
+    with pytest.raises(WorkbenchError, match="ended in the middle"):
+        list(execution.parallel([(os._exit, (0,)), (len, ("a",))], jobs=2))
+
+
+def test_children_end_when_their_parent_is_killed(tmp_path: Path) -> None:
+    child = (
+        "import os, time\nfrom workbench.study.children import call_within\n"
+        "call_within(os.getppid(), print, (os.getpid(),))\nprint(end='', flush=True)\n"
+        "time.sleep(60)\n"
+    )
+    parent = f"import subprocess, sys\nsubprocess.run([sys.executable, '-uc', {child!r}])\n"
+    with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        number = int(process.stdout.readline())
+        process.kill()
+    end = time.monotonic() + 20 * PAUSE
+    while time.monotonic() < end and Path(f"/proc/{number}").exists():
+        state = Path(f"/proc/{number}/stat").read_text().rpartition(")")[2].split()[0]
+        if state == "Z":
+            return
+        time.sleep(0.05)
+    assert not Path(f"/proc/{number}").exists()
