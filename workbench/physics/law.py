@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model import (
@@ -331,7 +332,7 @@ class Law:
         return next(q for q in self.parameters(at) if q.typical > 0.0)
 
     def _sites(self, names: Sequence[str | Sequence[str]], model: Model) -> tuple[Site, ...]:
-        survey = Survey(model)
+        survey = _surveyed(model)
         if tuple(names) == EVERYWHERE:
             fits = list(self.where(survey))
             if not fits:
@@ -516,6 +517,17 @@ def by_number(place: Place) -> str:
 def by_end(place: Place) -> str:
     """Return the part of a port's name behind the dot."""
     return place.name.partition(".")[2]
+
+
+_survey = lru_cache(maxsize=4)(Survey)
+
+
+def _surveyed(model: Model) -> Survey:
+    """Survey a model once for all effects that are attached to it together."""
+    try:
+        return _survey(model)
+    except TypeError:  # A model with a list or an array among its fields has no hash.
+        return Survey(model)
 
 
 def _first(sites: Sequence[Site]) -> Place:
