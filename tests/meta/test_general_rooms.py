@@ -16,6 +16,7 @@ from tests.meta.sources import ROOT
 ROOMS = (
     "errors.py", "files.py", "data_folder.py", "registry.py", "model", "simulation",
     "operating_point", "linearisation", "verification", "study", "recordings", "cli", "reports",
+    "physics", "diagnosis",
 )  # fmt: skip
 
 STRINGS = {
@@ -34,6 +35,10 @@ ALLOWED = {
     "recordings/headers.py": "angle is a quantity",
     "recordings/quantity_kinds.py": "angle is a quantity",
     "recordings/checks/excitation.py": "angle is a quantity",
+    "physics/place.py": "angle is a quantity, load what weighs on a bearing",
+    "physics/supply.py": "supply_pressure is a role of ports",
+    "diagnosis/experiment/menu.py": "settings of rigs that a user can change",
+    "diagnosis/nonparametric/dependence.py": "angle is a quantity",
     "recordings/example.py": "makes up the recording of an arm",
 }
 

@@ -273,8 +273,8 @@ class Survey:
             s: self._local(port, s, o) for s, o in zip(port.signals, port.origins, strict=True)
         }
         directed = elastic = True
-        muscle = self._muscle(port, index) if role in ("force", "muscle_tension") else {}
-        signals |= muscle
+        pressed = self._pressed(port, index) if role in ("force", "muscle_tension") else {}
+        signals |= pressed
         if role in EFFORTS:
             motion, directed = self._directed(index, self._motion(port, index, signals))
             signals |= motion | _bearing_loads(signals)
@@ -287,7 +287,7 @@ class Survey:
             signals.setdefault("measured", self._of(self._measured[output.name]))
         return Place(
             port, role, signals, self._reached[index],
-            commanded=index in self._commanded, shaped=bool(muscle),
+            commanded=index in self._commanded, shaped=bool(pressed),
             empty=self.trace.signals[self.trace.signal_names.index(name)].is_zero(),
             parameters=self._entering[index],
             whole=self._whole(index), elastic=role in EFFORTS and elastic, directed=directed,
@@ -409,7 +409,7 @@ class Survey:
         sign = next((q for q in signs if q), 0.0)
         return {k: q.turned(sign) for k, q in motion.items()}, bool(sign)
 
-    def _muscle(self, port: Port, index: int) -> dict[str, Local]:
+    def _pressed(self, port: Port, index: int) -> dict[str, Local]:
         """Find pressure and length of a force whose slope over the one depends on the other."""
         own = {s: self._local(port, s, o) for s, o in zip(port.signals, port.origins, strict=True)}
         known = {k: q for k, q in own.items() if self._symbol(index, q) is not None}

@@ -17,8 +17,6 @@ _SYNONYMS = (
     {"position", "x", "y", "displacement", "pos", "stroke", "weg", "qm"},
     {"speed", "velocity", "omega", "v", "angular_speed", "geschwindigkeit"},
     {"valve", "u", "command", "valve_command", "valve_voltage", "input", "ventil", "control"},
-    {"pressure_1", "p1", "p_1", "pressure1", "pressure_a", "pa", "p_a", "druck_1"},
-    {"pressure_2", "p2", "p_2", "pressure2", "pressure_b", "pb", "p_b", "druck_2"},
     {"pressure", "p", "druck"},
     {"time", "t", "timestamp", "time_stamp", "zeit", "elapsed", "elapsed_time", "tiempo", "temps"},
 )
@@ -118,18 +116,26 @@ def is_time(header: Header) -> bool:
     return right_unit and _plain(header.name) in names
 
 
+def _meaning(name: str) -> tuple[object, str]:
+    """Return what a name stands for, and its number: ``p_1``, ``pa`` and ``pressure1`` agree."""
+    plain = _plain(name)
+    ends = re.fullmatch(r"(.+?)(\d+|[ab])", plain)
+    parts = [
+        (plain, ""),
+        *([(ends[1], {"a": "1", "b": "2"}.get(ends[2], ends[2]))] if ends else []),
+    ]
+    for stem, number in parts:
+        for index, group in enumerate(_SYNONYMS):
+            if stem in {_plain(s) for s in group}:
+                return index, number
+    return plain, ""
+
+
 def _same(requested: Requested, header: Header) -> int:
     """Return how well a name fits: 0 not at all, 1 a synonym, 2 the name itself."""
     if _plain(requested.name) in (_plain(header.name), _plain(header.column)):
         return 2
-    plain = _plain(header.name)
-    return int(
-        any(
-            _plain(requested.name) in {_plain(s) for s in group}
-            and plain in {_plain(s) for s in group}
-            for group in _SYNONYMS
-        )
-    )
+    return int(_meaning(requested.name) == _meaning(header.name))
 
 
 def _units_agree(requested: Requested, header: Header) -> bool:
