@@ -20,6 +20,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.design import Design
 from controllers.valve_inverse import ClosedForm
 from workbench.errors import check_choice, check_range
+from workbench.linearisation.state_space import linear_model
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -111,6 +112,7 @@ def design_angle_pd(
     Raises:
         WorkbenchError: If a gain or time constant is outside its range, or there is no angle.
     """
+    linear = linear_model(linear)
     check_choice("sensor of the linear model", "angle", linear.output_names)
     return AnglePD(proportional, derivative, derivative_filter)
 

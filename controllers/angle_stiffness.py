@@ -49,6 +49,7 @@ from controllers.pid import (
 )
 from controllers.protocol import Command, Info, Measurement, Reference
 from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.linearisation.state_space import linear_model
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -336,6 +337,7 @@ def design_angle_stiffness(
         >>> design_angle_stiffness(linearise(point, verdict=False)).name
         'angle and stiffness'
     """
+    linear = linear_model(linear)
     one = opposed(linear)
     outer = design_pid(one, specification or SPECIFICATION)
     span = pressure_limits[1] - pressure_limits[0]

@@ -41,8 +41,8 @@ class Design:
         function: Called with the source and the specification; returns a controller.
         needs: What it starts from.
         specification: Class of the specification; None if its fields are keywords of ``function``.
-        sensors: Outputs of the plant that its controllers read.
-        actuators: Inputs of the plant that they command.
+        sensors: Outputs of the plant that its controllers read; none if any linear model will do.
+        actuators: Inputs of the plant that they command; none if any linear model will do.
         solves: Whether they solve an optimisation at each sample.
         slides: Whether they have a sliding surface, and are judged by invariants.
         exports: Whether they can be written as C.

@@ -46,6 +46,7 @@ from controllers.joint.tracking import Tracking, arrived_opening, kalman_trackin
 from controllers.sensitivity import peak_sensitivities
 from controllers.valve_inverse import ClosedForm, ValveInverse
 from workbench.errors import WorkbenchError, check_range
+from workbench.linearisation.state_space import linear_model
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -364,6 +365,7 @@ def design_pid(
         >>> design_pid(linearise(point, verdict=False)).gains.inner > 0
         True
     """
+    linear = linear_model(linear)
     want = specification or PIDSpecification()
     valve = valve or ValveInverse()
     joint = joint_model(linear, valve=valve)

@@ -50,6 +50,7 @@ from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import Tracking, arrived_opening, kalman_tracking
 from controllers.valve_inverse import ClosedForm, ValveInverse
 from workbench.errors import check_choice, check_range
+from workbench.linearisation.state_space import linear_model
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -232,6 +233,7 @@ def design_sliding_mode(
         >>> round(law.layer_bandwidth)
         80
     """
+    linear = linear_model(linear)
     want = specification or SlidingModeSpecification()
     valve = valve or ValveInverse()
     joint = joint_model(linear, valve=valve)

@@ -152,13 +152,32 @@ def synthesise(
         >>> found.gamma < 1.5, len(found.A) < found.full_order
         (True, True)
     """
-    require_slycot()
-    import control as ct
-
     h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
     check_range("bandwidth of the pressure loop", inner_bandwidth, 1.0, 1.0 / h, "rad/s")
     check_range("delay", delay, 1e-6, 1.0, "s")
     plant = joint_behind_pressure_loop(joint, inner_bandwidth, delay)
+    return sampled_synthesis(plant, weights, tolerance=tolerance, sample_time=h)
+
+
+def sampled_synthesis(
+    plant: System, weights: Weights, *, tolerance: float = 0.03, sample_time: float = 0.002
+) -> Synthesis:
+    """Synthesise a controller for a plant from (disturbance, command) to its output, and sample it.
+
+    Args:
+        plant: Two inputs, one output, no direct path; about as large as a double integrator at the
+            speed of the weights.
+        tolerance: How much larger the norm may become by the reduction, a fraction.
+        sample_time: Time between samples, in s.
+
+    Raises:
+        WorkbenchError: If slycot is not installed.
+        NumericalError: If there is no stabilising controller, or no stable one.
+    """
+    require_slycot()
+    import control as ct
+
+    h = sample_time
     generalised = ct.ss(*generalised_plant(plant, weights))
     try:
         full, _, gamma, _ = ct.hinfsyn(generalised, 1, 1)

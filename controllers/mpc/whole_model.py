@@ -51,6 +51,7 @@ from controllers.quadratic_program.solver import Solution, quadratic_program
 from controllers.reference.horizon import lagged
 from controllers.valve_inverse import ValveController, ValveInverse
 from workbench.errors import check_range
+from workbench.linearisation.state_space import linear_model
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -339,6 +340,7 @@ def design_mpc(
         >>> voltage > 5.0, info["status"]
         (True, 'SOLVER_RET_SUCCESS')
     """
+    linear = linear_model(linear)
     want = specification or MPCSpecification()
     valve = valve or ValveInverse()
     entry = opening_input(linear, valve, actuator)

@@ -103,7 +103,7 @@ def verify(
     requirements = _requirements(chosen, require or ())
     results = {}
     worst = 0.0
-    for designed in _designed(linear, controller or ()):
+    for designed in _designed(linear, controller or (), scenario):
         found = metrics(run_loop(designed, chosen.model, scenario, seed=seed))
         total, verdicts = score(requirements, [found])
         worst = max(worst, total)
@@ -214,24 +214,43 @@ def _requirements(chosen: Chosen, given: Sequence[str]) -> tuple[Requirement, ..
     return tuple(wanted) or tuple(Requirement(*item) for item in chosen.plant.requirements)
 
 
-def _designed(linear: LinearModel, names: Sequence[str]) -> list[Any]:
+def _designed(linear: LinearModel, names: Sequence[str], scenario: Scenario) -> list[Any]:
+    """Return the named controllers, or those made for such a plant, or those for any plant."""
     from controllers.design import DESIGNS
 
-    found = [DESIGNS.get(name, folder=Path.cwd()) for name in names]
+    # What a design for any linear model must be told: which output, and how often.
+    told = {"measured": next(iter(scenario.references)), "sample_time": scenario.sample_time}
+
+    def made(design: Any) -> Any:
+        return design.controller(
+            linear, design.specified({} if design.sensors or design.own else told)
+        )
+
     one = {n: d for n, d in DESIGNS.members().items() if d.needs == "linear"}
-    if not names:
-        found = [
-            d
-            for d in one.values()
-            if set(d.sensors) <= set(linear.output_names)
-            and set(d.actuators) <= set(linear.input_names)
-        ]
-        if not found:
-            raise WorkbenchError(
-                f"no design of the workbench fits {linear.operating_point.model.name!r}; give one"
-                " of your own with --controller module:function"
-            )
-    for design in found:
-        if design.needs != "linear":
-            check_choice("controller", design.name, one)
-    return [design.controller(linear, design.specified({})) for design in found]
+    if names:
+        found = [DESIGNS.get(name, folder=Path.cwd()) for name in names]
+        for design in found:
+            if design.needs != "linear":
+                check_choice("controller", design.name, one)
+        return [made(design) for design in found]
+    own = [
+        d
+        for d in one.values()
+        if d.sensors
+        and set(d.sensors) <= set(linear.output_names)
+        and set(d.actuators) <= set(linear.input_names)
+    ]
+    if own:
+        return [made(design) for design in own]
+    plain = []
+    for design in (d for d in one.values() if not d.sensors):
+        try:
+            plain.append(made(design))
+        except WorkbenchError as error:
+            typer.echo(f"{design.name}: {error}")
+    if not plain:
+        raise WorkbenchError(
+            f"no design of the workbench fits {linear.operating_point.model.name!r}; give one of"
+            " your own with --controller module:function"
+        )
+    return plain

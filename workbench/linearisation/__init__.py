@@ -6,6 +6,7 @@ from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.linearise import linearise
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.linearisation.sines import FrequencyValidity, frequency_validity
+from workbench.linearisation.state_space import linear_model
 from workbench.linearisation.steps import AmplitudeValidity, amplitude_validity
 from workbench.linearisation.validity import DescribingFunction, Validity
 
@@ -20,6 +21,7 @@ __all__ = [
     "amplitude_validity",
     "find_modes",
     "frequency_validity",
+    "linear_model",
     "linearise",
     "to_iosystem",
 ]

@@ -92,10 +92,10 @@ class LinearModel:
 
     @cached_property
     def system(self) -> Any:
-        """The same as a ``control.StateSpace`` with the signal names."""
+        """The same as a ``control.StateSpace`` with the signal names, which a design takes too."""
         import control as ct
 
-        return ct.ss(
+        found = ct.ss(
             self.A,
             self.B,
             self.C,
@@ -105,6 +105,9 @@ class LinearModel:
             outputs=list(self.output_names),
             name=self.operating_point.model.name,
         )
+        # Its operating point goes with it (`workbench.linearisation.state_space.linear_model`).
+        found.linear_model = self
+        return found
 
     @property
     def poles(self) -> npt.NDArray[np.complex128]:

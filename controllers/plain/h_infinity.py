@@ -1,0 +1,111 @@
+"""H-infinity mixed sensitivity for any linear model, by the synthesis of the joint's controller.
+
+The command is counted in units of |P(iw)| w^2, w the speed of the weights, so that the plant is as
+large there as a double integrator and the weights of `controllers.h_infinity.synthesis` mean the
+same for every plant; its disturbance enters with the command.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controllers.design import Design
+from controllers.h_infinity.synthesis import Weights, sampled_synthesis
+from controllers.plain.single_loop import single_loop
+from controllers.plain.transfer_law import TransferLaw, transfer_controller
+from workbench.errors import check_range
+from workbench.linearisation.transfer import transfer_function
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+
+@dataclass(frozen=True)
+class PlainHInfinitySpecification:
+    """What an H-infinity controller for any linear model is designed for.
+
+    Args:
+        measured: Name of the controlled output; the first one by default.
+        actuator: Name of the command; the first one by default.
+        speed: Speed w below which the error is made small, in rad/s.
+        delay: Delay of sample and converter, in s; one and a half samples by default (0).
+        sample_time: Time between steps, in s.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+    """
+
+    measured: str = ""
+    actuator: str = ""
+    speed: float = 10.0
+    delay: float = 0.0
+    sample_time: float = 0.002
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
+        check_range("speed", self.speed, 1e-6, 0.5 / self.sample_time, "rad/s")
+        check_range("delay", self.delay, 0.0, 1e3, "s")
+
+
+def design_plain_h_infinity(
+    linear: LinearModel, specification: PlainHInfinitySpecification | None = None
+) -> TransferLaw:
+    """Design an H-infinity controller between one command and one output of any linear model.
+
+    Args:
+        linear: A `LinearModel` or a python-control system.
+
+    Raises:
+        WorkbenchError: If slycot is not installed.
+        NumericalError: If there is no such controller.
+
+    Example:
+        >>> import control
+        >>> design_plain_h_infinity(control.tf([50.0], [0.1, 1.0, 0.0])).name
+        'H-infinity'
+    """
+    import control as ct
+
+    want = specification or PlainHInfinitySpecification()
+    loop = single_loop(linear, want.measured, want.actuator)
+    own, w, h = loop.linear, want.speed, want.sample_time
+    size = abs(complex(transfer_function(own.A, own.B, own.C, own.D, np.array([1j * w]))[0, 0, 0]))
+    unit = 1.0 / (size * w * w)
+    # The command passes a delay (first-order Pade); a disturbance enters beside it.
+    p = 2.0 / (want.delay or 1.5 * h)
+    n = len(own.A)
+    B = own.B * unit
+    A = np.block([[own.A, 2.0 * B], [np.zeros((1, n)), np.array([[-p]])]])
+    entries = np.block([[B, -B], [np.zeros((1, 1)), np.array([[p]])]])
+    C = np.hstack([own.C, np.zeros((1, 1))])
+    found = sampled_synthesis(
+        (A, entries, C, np.zeros((1, 2))), Weights(w), tolerance=0.3, sample_time=h
+    )
+    law = ct.ss(found.A, found.B, unit * found.C, unit * found.D, h)
+    return transfer_controller(
+        law,
+        measured=loop.measured,
+        actuator=loop.actuator,
+        tracking_time=1.0 / w,
+        rest=loop.rest_command,
+        rest_output=loop.rest_output,
+        lower=loop.lower,
+        upper=loop.upper,
+        sample_time=h,
+        name="H-infinity",
+    )
+
+
+PLAIN_H_INFINITY = Design(
+    name="plain-h-infinity",
+    family="H-infinity",
+    summary="H-infinity mixed sensitivity for any linear model; needs slycot",
+    function=design_plain_h_infinity,
+    specification=PlainHInfinitySpecification,
+    sensors=(),
+    actuators=(),
+)

@@ -1,0 +1,110 @@
+"""Linear MPC of one output by one command, for any linear model.
+
+It is that of `controllers.mpc.whole_model`: the command's range takes the place of the opening, -1
+to 1 about rest, on a curve that is a straight line, and the disturbance is one of the command.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from controllers.design import Design
+from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
+from controllers.plain.single_loop import single_loop
+from controllers.valve_inverse import ValveInverse
+from workbench.errors import check_range
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+
+@dataclass(frozen=True)
+class PlainMPCSpecification:
+    """What a linear MPC for any linear model is designed for.
+
+    Args:
+        measured: Name of the controlled output; the first one by default.
+        actuator: Name of the command; the first one by default.
+        speed: Speed of the reference's lags, in rad/s; the horizon is four of its time constants.
+        error_scale: Error that weighs as much as a third of the command, in SI of the output; a
+            hundredth of its scale by default (0).
+        rate_time: Time in which the command may cross half of its range, in s; two prediction
+            samples by default (0).
+        noise: Noise rms of the measurement, in SI; by default what the sensor declares, and 1e-4
+            of its scale at least (0).
+        sample_time: Time between steps, in s.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+    """
+
+    measured: str = ""
+    actuator: str = ""
+    speed: float = 10.0
+    error_scale: float = 0.0
+    rate_time: float = 0.0
+    noise: float = 0.0
+    sample_time: float = 0.002
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
+        check_range("speed", self.speed, 1e-6, 0.5 / self.sample_time, "rad/s")
+        for name in ("error_scale", "rate_time", "noise"):
+            check_range(name.replace("_", " "), getattr(self, name), 0.0, 1e12)
+
+
+def design_plain_mpc(
+    linear: LinearModel, specification: PlainMPCSpecification | None = None
+) -> LinearMPC:
+    """Design a linear MPC without offset for any linear model.
+
+    Args:
+        linear: A `LinearModel` or a python-control system.
+
+    Raises:
+        WorkbenchError: If the output cannot be led to a reference by the command, or a Riccati
+            equation has no solution.
+
+    Example:
+        >>> import control
+        >>> mpc = design_plain_mpc(control.tf([50.0], [0.1, 1.0, 0.0]))
+        >>> mpc.step(mpc.initial_state((0.0,)), (0.0,), (0.1,))[2]["status"]
+        'SOLVER_RET_SUCCESS'
+    """
+    want = specification or PlainMPCSpecification()
+    loop = single_loop(linear, want.measured, want.actuator)
+    own, h = loop.linear, want.sample_time
+    step = h * max(1, round(0.1 / want.speed / h))
+    scales = {q.name: q.scale for q in own.operating_point.model.states}
+    size = np.array([scales.get(name, 1.0) for name in own.state_names])
+    entered = int(np.argmax(np.abs(own.B[:, 0]) / size))
+    walk = float(abs(own.B[entered, 0])) * loop.command_scale
+    plain = MPCSpecification(
+        angle_scale=want.error_scale or 0.01 * loop.output_scale,
+        prediction_time=step,
+        rate_limit=1.0 / (want.rate_time or 2.0 * step),
+        disturbances={own.state_names[entered]: walk},
+        sensor_noise=(want.noise or max(loop.noise, 1e-4 * loop.output_scale),),
+        reference_speed=want.speed,
+        sample_time=h,
+    )
+    straight = ValveInverse((0.0, loop.command_scale), (0.0, 1.0), loop.rest_command)
+    law = design_mpc(own, plain, valve=straight, sensors=(loop.measured,), actuator=loop.actuator)
+    return replace(law, name="linear MPC")
+
+
+PLAIN_MPC = Design(
+    name="plain-mpc",
+    family="linear MPC",
+    summary="linear MPC without offset, for any linear model",
+    function=design_plain_mpc,
+    specification=PlainMPCSpecification,
+    sensors=(),
+    actuators=(),
+    solves=True,
+    colour=("#00805c", "#36d6a4"),
+)

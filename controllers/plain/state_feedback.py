@@ -1,0 +1,488 @@
+"""State feedback and sliding mode for any linear model, on a Kalman filter of its states.
+
+With deviations from rest, the estimate x and the reference r of the output y = C x behind two lags
+of speed w_r, sample k:
+
+    x     = xp + M (y - C xp)                        Kalman filter, gain M
+    s     = S x - Sr r - Sq q                        the surface; 0 for a state feedback
+    u     = u0 + Kr r - K x + Kq q - rho sat(s / layer), clipped to its ends
+    xp+   = F x + G (u_clipped - u0),    q+ = q + h (r - y) unless u is at an end
+
+State feedback: K and Kq minimise the sum of (y / y_scale)^2 + (q / (T y_scale))^2 + (u / u_scale)^2
+(LQI), or K is given. Sliding mode: s = 0 is the surface on which the model with its integral has
+given poles (Ackermann and Utkin's formula), K, Kr and Kq keep the model on it, and rho, a share of
+the command, leads there. With xs r and us r the state and command at which the output is r, Kr is
+us + K xs, or the share of it whose zero takes the place of the slowest pole: the integral then
+holds the rest, and no overshoot is needed to empty it. Sr is found the same way.
+
+Source: Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, chapters 3 to 5; Ackermann and
+Utkin, Sliding mode control design based on Ackermann's formula, IEEE Trans. AC-43, 1998.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
+from controllers.plain.single_loop import (
+    Matrix,
+    PlainLaw,
+    Rows,
+    SingleLoop,
+    peaks,
+    rows,
+    single_loop,
+    total,
+)
+from controllers.reference.horizon import lagged
+from controllers.sampling import zero_order_hold
+from workbench.errors import WorkbenchError, check_range
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+
+class ObservedState(NamedTuple):
+    """What a `ObserverLaw` remembers.
+
+    Args:
+        predicted: Predicted states xp, deviations in SI.
+        error_integral: Integral q of the error, in SI of the output times s.
+        filtered: Reference after the first lag, a deviation in SI.
+        target: Reference after the second lag, a deviation in SI.
+    """
+
+    predicted: tuple[Number, ...]
+    error_integral: Number
+    filtered: Number
+    target: Number
+
+
+@dataclass(frozen=True, kw_only=True)
+class ObserverLaw(PlainLaw):
+    """State feedback with integral action, with or without a sliding mode.
+
+    Args:
+        F: Transition of the states over a sample, shape (n, n), in SI.
+        G: Effect of the command, shape (n,), in SI.
+        C: Output, shape (n,), in SI.
+        M: Gain of the Kalman filter, shape (n,), in SI.
+        gain: K, shape (n,), in SI of the command per SI of the states.
+        integral_gain: Kq, in SI of the command per SI of the output and s.
+        reference_gain: Kr, in SI of the command per SI of the output.
+        target: xs, shape (n,), in SI of the states per SI of the output.
+        start: Integral at rest, in s.
+        surface: S, shape (n,), in SI of the command per SI of the states.
+        surface_integral: Sq, in SI of the command per SI of the output and s.
+        surface_reference: Sr, in SI of the command per SI of the output.
+        reach: rho, in SI of the command per s; 0 for a state feedback.
+        layer: Half width of the boundary layer, in the unit of the surface.
+        reference_speed: Speed w_r of the reference's lags, in rad/s; 0 for none.
+        rest_output: Output at rest, in SI.
+    """
+
+    F: Rows
+    G: tuple[float, ...]
+    C: tuple[float, ...]
+    M: tuple[float, ...]
+    gain: tuple[float, ...]
+    integral_gain: float
+    reference_gain: float
+    target: tuple[float, ...]
+    start: float = 0.0
+    surface: tuple[float, ...] = ()
+    surface_integral: float = 0.0
+    surface_reference: float = 0.0
+    reach: float = 0.0
+    layer: float = 1.0
+    reference_speed: float = 0.0
+    rest_output: float = 0.0
+
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> ObservedState:
+        """Return the state of a plant that the command at rest holds where it is measured."""
+        y = measurement[0] - self.rest_output
+        return ObservedState(tuple(gain * y for gain in self.target), self.start * y, y, y)
+
+    def law(
+        self,
+        state: ObservedState,
+        measurement: tuple[Number, ...],
+        reference: tuple[Number, ...],
+        arithmetic: Arithmetic,
+    ) -> tuple[tuple[Number, ...], ObservedState, dict[str, Number]]:
+        """Compute one sample on floats or on symbols, in SI."""
+        y, r = measurement[0] - self.rest_output, reference[0] - self.rest_output
+        filtered = r
+        if self.reference_speed:
+            fresh = self.reference_speed * self.sample_time
+            filtered, r = lagged(state.filtered, state.target, r, fresh)
+        residual = y - total(0.0, self.C, state.predicted)
+        x = tuple(p + m * residual for p, m in zip(state.predicted, self.M, strict=True))
+        q = state.error_integral
+        asked = self.rest + self.reference_gain * r + self.integral_gain * q
+        asked = asked - total(0.0, self.gain, x)
+        told: dict[str, Number] = {}
+        if self.reach:
+            s = total(0.0, self.surface, x)
+            s = s - self.surface_reference * r - self.surface_integral * q
+            asked = asked - self.reach * arithmetic.clip(s / self.layer, -1.0, 1.0)
+            told["surface"] = s
+        command = arithmetic.clip(asked, self.lower, self.upper)
+        summed = q + self.sample_time * (r - y)
+        free = arithmetic.where(command == asked, summed, q)
+        move = command - self.rest
+        predicted = tuple(total(g * move, row, x) for row, g in zip(self.F, self.G, strict=True))
+        return (command,), ObservedState(predicted, free, filtered, r), {"asked": asked, **told}
+
+
+@dataclass(frozen=True)
+class LQISpecification:
+    """What a state feedback for any linear model is designed for.
+
+    Args:
+        measured: Name of the controlled output; the first one by default.
+        actuator: Name of the command; the first one by default.
+        error_scale: Error that weighs as much as all of the command, in SI of the output; a
+            tenth of its scale by default (0). It is raised until the limit on Ms holds.
+        maximum_sensitivity: Limit on Ms, the peak of the sensitivity (ratio).
+        integral_time: Time T in which the integral of an error weighs as much as the error, in s;
+            by default twice the slowest time constant of the feedback without it (0).
+        reference_speed: Speed of the reference's lags, in rad/s; by default twice that of the
+            slowest pole of the feedback without the integral (0).
+        noise: Noise rms of the measurement for the Kalman filter, in SI; by default what the
+            sensor declares, and 1e-4 of its scale at least (0).
+        disturbance: Random disturbance of the command for the Kalman filter, as a fraction of it.
+        sample_time: Time between steps, in s.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+    """
+
+    measured: str = ""
+    actuator: str = ""
+    error_scale: float = 0.0
+    maximum_sensitivity: float = 1.8
+    integral_time: float = 0.0
+    reference_speed: float = 0.0
+    noise: float = 0.0
+    disturbance: float = 0.3
+    sample_time: float = 0.002
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
+        for name in ("error_scale", "integral_time", "reference_speed", "noise"):
+            check_range(name.replace("_", " "), getattr(self, name), 0.0, 1e12)
+        check_range("disturbance of the command", self.disturbance, 1e-9, 1e3)
+
+
+def design_lqi(linear: LinearModel, specification: LQISpecification | None = None) -> ObserverLaw:
+    """Design a state feedback with integral action for any linear model.
+
+    A Kalman filter takes away the margins that an LQR has: the command is made dearer until Ms of
+    the sampled loop is within its limit.
+
+    Args:
+        linear: A `LinearModel` or a python-control system.
+
+    Raises:
+        WorkbenchError: If the output cannot be led to a reference by the command, or a Riccati
+            equation has no solution.
+
+    Example:
+        >>> import control
+        >>> design_lqi(control.tf([50.0], [0.1, 1.0, 0.0])).name
+        'state feedback'
+    """
+    want = specification or LQISpecification()
+    loop = single_loop(linear, want.measured, want.actuator)
+    first = want.error_scale or 0.1 * loop.output_scale
+    for error in np.geomspace(first, 1e4 * first, 60).tolist():
+        law = _lqi(loop, want, error)
+        if peaks(law, loop)[0] <= want.maximum_sensitivity:
+            return law
+    raise WorkbenchError(
+        f"no state feedback of {loop.measured} by {loop.actuator} has Ms <="
+        f" {want.maximum_sensitivity:g} behind its Kalman filter; allow a larger peak, or say that"
+        " the command is disturbed more"
+    )
+
+
+def _lqi(loop: SingleLoop, want: LQISpecification, error: float) -> ObserverLaw:
+    h = want.sample_time
+    F, G = zero_order_hold(loop.linear.A, loop.linear.B, h)
+    C = loop.linear.C
+    cost = np.array([[1.0 / loop.command_scale**2]])
+    gain = _regulator(F, G, C.T @ C / error**2, cost)
+    slowest = np.max(np.abs(np.linalg.eigvals(F - G @ gain)))
+    speed = -math.log(min(max(slowest, 1e-12), 1.0 - 1e-9)) / h
+    time = want.integral_time or 2.0 / speed
+    n = len(F)
+    joined = np.block([[F, np.zeros((n, 1))], [-h * C, np.ones((1, 1))]])
+    weight = np.zeros((n + 1, n + 1))
+    weight[:n, :n], weight[n, n] = C.T @ C / error**2, 1.0 / (time * error) ** 2
+    gains = _regulator(joined, np.vstack([G, [[0.0]]]), weight, cost)[0]
+    closed = np.linalg.eigvals(joined - np.vstack([G, [[0.0]]]) @ gains[None, :])
+    slow = -math.log(min(max(np.max(np.abs(closed)), 1e-12), 1.0 - 1e-9)) / h
+    speed = min(want.reference_speed or 2.0 * speed, 0.5 / h)
+    return _observed(loop, want, gains[:n], -float(gains[n]), slow, reference_speed=speed)
+
+
+def state_feedback_by_hand(
+    linear: LinearModel,
+    gain: Sequence[float],
+    *,
+    integral_gain: float = 0.0,
+    specification: LQISpecification | None = None,
+) -> ObserverLaw:
+    """Return the state feedback u = u0 + (us + K xs) r - K x + Kq q with K given.
+
+    The states are those of the linear model, in its order, estimated by a Kalman filter.
+
+    Args:
+        linear: A `LinearModel` or a python-control system.
+        gain: K, shape (n_states,), in SI of the command per SI of the states.
+        integral_gain: Kq, in SI of the command per SI of the output and s; 0 for none.
+        specification: Names, noise and sample time; its weights are not used.
+
+    Raises:
+        WorkbenchError: If K has another length.
+
+    Example:
+        >>> import control
+        >>> plant = control.ss([[0, 1], [0, -2]], [[0], [1]], [[1, 0]], 0)
+        >>> state_feedback_by_hand(plant, (9.0, 4.0)).gain
+        (9.0, 4.0)
+    """
+    want = specification or LQISpecification()
+    loop = single_loop(linear, want.measured, want.actuator)
+    if len(gain) != len(loop.linear.state_names):
+        raise WorkbenchError(
+            f"the gain has {len(gain)} entries and the model the states"
+            f" {', '.join(loop.linear.state_names)}; give one entry for each"
+        )
+    return _observed(loop, want, np.asarray(gain, dtype=float), integral_gain)
+
+
+@dataclass(frozen=True)
+class PlainSlidingModeSpecification(LQISpecification):
+    """What a sliding mode for any linear model is designed for.
+
+    Args:
+        measured: Name of the controlled output; the first one by default.
+        actuator: Name of the command; the first one by default.
+        error_scale: Not used.
+        maximum_sensitivity: Not used.
+        integral_time: Not used.
+        reference_speed: Speed of the reference's lags, in rad/s; that of the slope by default (0).
+        noise: Noise rms of the measurement for the Kalman filter, in SI; by default what the
+            sensor declares, and 1e-4 of its scale at least (0).
+        disturbance: Random disturbance of the command for the Kalman filter, as a fraction of it.
+        sample_time: Time between steps, in s.
+        slope: Speed of the poles on the surface, in rad/s; poles of the model that are faster stay.
+        reach: What may lead to the surface, as a fraction of the command.
+        layer_bandwidth: Pole inside the boundary layer, in rad/s; twice the slope by default (0).
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+    """
+
+    slope: float = 10.0
+    reach: float = 0.5
+    layer_bandwidth: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        super().__post_init__()
+        check_range("slope of the surface", self.slope, 1e-6, 0.2 / self.sample_time, "rad/s")
+        check_range("reach to the surface", self.reach, 1e-6, 10.0)
+        top = 0.5 / self.sample_time
+        check_range("bandwidth of the layer", self.layer_bandwidth, 0.0, top, "rad/s")
+
+
+def design_plain_sliding_mode(
+    linear: LinearModel, specification: PlainSlidingModeSpecification | None = None
+) -> ObserverLaw:
+    """Design a sliding mode with boundary layer and integral for any linear model.
+
+    Args:
+        linear: A `LinearModel` or a python-control system.
+
+    Raises:
+        WorkbenchError: If the command does not reach all states.
+
+    Example:
+        >>> import control
+        >>> law = design_plain_sliding_mode(control.tf([50.0], [0.1, 1.0, 0.0]))
+        >>> law.name, law.layer > 0
+        ('sliding mode', True)
+    """
+    want = specification or PlainSlidingModeSpecification()
+    loop = single_loop(linear, want.measured, want.actuator)
+    A, B, C = loop.linear.A, loop.linear.B, loop.linear.C
+    n = len(A)
+    # With q' = -C x in the place of the error's integral, whose reference is at rest.
+    joined = np.block([[A, np.zeros((n, 1))], [-C, np.zeros((1, 1))]])
+    entry = np.vstack([B, [[0.0]]])
+    poles = [-abs(p) if abs(p) > want.slope else -want.slope for p in np.linalg.eigvals(A)]
+    surface = _surface(joined, entry, sorted(poles)[:n], loop.actuator)
+    kept = surface @ joined
+    bandwidth = want.layer_bandwidth or 2.0 * want.slope
+    reach = want.reach * loop.command_scale
+    return _observed(
+        loop,
+        want,
+        kept[:n],
+        -float(kept[n]),
+        slow=want.slope,
+        name="sliding mode",
+        surface=tuple(surface[:n].tolist()),
+        surface_integral=-float(surface[n]),
+        reach=reach,
+        reference_speed=want.reference_speed or want.slope,
+        layer=reach / bandwidth,
+    )
+
+
+def _surface(A: Matrix, B: Matrix, poles: list[float], actuator: str) -> Matrix:
+    """Return S with S B = 1 such that the model has these poles on S x = 0."""
+    n = len(A)
+    size = _balance(A)
+    a, b = A * size / size[:, None], B / size[:, None]
+    reached = np.hstack([np.linalg.matrix_power(a, k) @ b for k in range(n)])
+    size_of = np.linalg.norm(reached, axis=0)
+    if np.any(size_of == 0.0) or np.linalg.cond(reached / size_of) > 1e13:
+        raise WorkbenchError(
+            f"{actuator} does not reach all states of the linear model with the integral of the"
+            " error; select() fewer states, or take a PID"
+        )
+    # Last row of the inverse, on columns of equal size.
+    row = np.linalg.solve((reached / size_of).T, np.eye(n)[-1]) / size_of[-1]
+    for pole in poles:
+        row = row @ (a - pole * np.eye(n))
+    row = row / size
+    return np.asarray(row / float((row @ B)[0]))
+
+
+def _balance(A: Matrix) -> Matrix:
+    from scipy.linalg import matrix_balance
+
+    _, (size, _) = matrix_balance(A, permute=False, separate=True)
+    return np.asarray(size, dtype=float).reshape(len(A))
+
+
+def _regulator(F: Matrix, G: Matrix, weight: Matrix, cost: Matrix) -> Matrix:
+    from scipy.linalg import LinAlgError, solve_discrete_are
+
+    size = _balance(F)
+    f, g = F * size / size[:, None], G / size[:, None]
+    q = weight * size * size[:, None] / cost[0, 0]
+    try:
+        p = solve_discrete_are(f, g, q + 1e-12 * np.trace(q) * np.eye(len(f)), np.eye(1))
+    except (LinAlgError, ValueError) as error:
+        raise WorkbenchError(
+            f"no regulator exists for this linear model ({str(error).rstrip('.')}); a mode that"
+            " grows or integrates is out of the command's reach: select() fewer states, or follow"
+            " another output"
+        ) from None
+    return np.asarray(np.linalg.solve(1.0 + g.T @ p @ g, g.T @ p @ f) / size)
+
+
+def _observed(
+    loop: SingleLoop,
+    want: LQISpecification,
+    gain: Matrix,
+    integral_gain: float,
+    slow: float = 0.0,
+    name: str = "state feedback",
+    surface: tuple[float, ...] = (),
+    surface_integral: float = 0.0,
+    **more: Any,
+) -> ObserverLaw:
+    """Put a state feedback on a Kalman filter; slow is the pole that a zero takes the place of."""
+    own, h = loop.linear, want.sample_time
+    F, G = zero_order_hold(own.A, own.B, h)
+    n = len(F)
+    noise = want.noise or max(loop.noise, 1e-4 * loop.output_scale)
+    # The disturbance is a random walk of the command over a second.
+    walk = want.disturbance * loop.command_scale
+    q = G @ G.T * (walk * walk / h) + 1e-12 * walk * walk * np.diag((G[:, 0] ** 2) + 1e-300)
+    predictor = _regulator(F.T, own.C.T, q, np.array([[noise * noise]])).ravel()
+    # From the gain of the predictor to that of the correction.
+    correction = np.linalg.solve(F, predictor)
+    rest = np.block([[own.A, own.B], [own.C, np.zeros((1, 1))]])
+    right = np.append(np.zeros(n), 1.0)
+    scale = np.maximum(np.max(np.abs(rest), axis=1), 1e-300)
+    target = np.linalg.lstsq(rest / scale[:, None], right / scale, rcond=None)[0]
+    if np.max(np.abs((rest @ target - right) / scale)) > 1e-6 / np.max(scale):
+        raise WorkbenchError(
+            f"{loop.measured} cannot be held at a reference by {loop.actuator}; follow another"
+            " output"
+        )
+    xs = target[:n]
+    forward = float(target[n] + gain @ xs)
+    share = start = along = 0.0
+    if surface:
+        along = float(np.array(surface) @ xs)
+        share = min(max(surface_integral / (slow * along), 0.0), 1.0)
+        start = (1.0 - share) * along / surface_integral
+        along *= share
+    elif integral_gain:
+        share = min(max(integral_gain / (slow * forward), 0.0), 1.0) if slow else 1.0
+        start = (1.0 - share) * forward / integral_gain
+        forward *= share
+    return ObserverLaw(
+        F=rows(F),
+        G=tuple(G[:, 0].tolist()),
+        C=tuple(own.C[0].tolist()),
+        M=tuple(correction.tolist()),
+        gain=tuple(np.asarray(gain, dtype=float).tolist()),
+        integral_gain=float(integral_gain),
+        reference_gain=forward,
+        target=tuple(xs.tolist()),
+        start=start,
+        surface=surface,
+        surface_integral=surface_integral,
+        surface_reference=along,
+        rest_output=loop.rest_output,
+        sensors=(loop.measured,),
+        controlled=(loop.measured,),
+        actuators=(loop.actuator,),
+        rest=loop.rest_command,
+        lower=loop.lower,
+        upper=loop.upper,
+        sample_time=h,
+        name=name,
+        **more,
+    )
+
+
+LQI = Design(
+    name="lqi",
+    family="state feedback",
+    summary="state feedback with integral action and Kalman filter, for any linear model",
+    function=design_lqi,
+    specification=LQISpecification,
+    sensors=(),
+    actuators=(),
+)
+
+PLAIN_SLIDING_MODE = Design(
+    name="plain-sliding-mode",
+    family="sliding mode",
+    summary="sliding mode with boundary layer and integral, for any linear model",
+    function=design_plain_sliding_mode,
+    specification=PlainSlidingModeSpecification,
+    sensors=(),
+    actuators=(),
+    slides=True,
+    colour=("#c24a00", "#ff9152"),
+)

@@ -1,0 +1,398 @@
+"""Any transfer function as a controller, the textbook PID with gains by hand among them.
+
+With r and y as deviations from rest, sample k, and the command u clipped to its ends:
+
+    u[k]   = u0 + C z[k] + Dr r[k] - Dy y[k]
+    z[k+1] = A z[k] + Br r[k] - By y[k] + L (u_clipped - u)[k]
+
+L moves a mode of A that integrates, or nearly does, to the time constant Tt while the command is at
+its end (anti-windup in observer form). A PID has the integral and the filtered derivative as z:
+
+    u = u0 + Kp (beta r - y) + I + Kd (v - w) / (Tf + h)         v = c r - y
+    I[k+1] = I[k] + h Ki (r - y) + (h / Tt) (u_clipped - u)
+    w[k+1] = f w[k] + (1 - f) v                                  f = Tf / (Tf + h)
+
+Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, sections 8.5 (PID) and 9.4
+(anti-windup); Åström and Hägglund, Advanced PID Control, 2006, section 13.3.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.design import Design
+from controllers.plain.single_loop import (
+    Matrix,
+    PlainLaw,
+    Rows,
+    SingleLoop,
+    peaks,
+    rows,
+    single_loop,
+    total,
+)
+from workbench.errors import WorkbenchError, check_range
+from workbench.linearisation.transfer import transfer_function
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferLaw(PlainLaw):
+    """A sampled linear controller with two degrees of freedom, and anti-windup.
+
+    Args:
+        A: State matrix, shape (n, n), dimensionless.
+        by_reference: Br, shape (n,), per SI of the output.
+        by_output: By, shape (n,), per SI of the output.
+        C: To the command, shape (n,), in SI of the command.
+        reference_gain: Dr, in SI of the command per SI of the output.
+        output_gain: Dy, in SI of the command per SI of the output.
+        back: L, shape (n,), per SI of the command.
+        at_rest: States at rest per deviation of the output, shape (n,), per SI of the output.
+        rest_output: Output at rest, in SI.
+    """
+
+    A: Rows
+    by_reference: tuple[float, ...]
+    by_output: tuple[float, ...]
+    C: tuple[float, ...]
+    reference_gain: float
+    output_gain: float
+    back: tuple[float, ...]
+    at_rest: tuple[float, ...]
+    rest_output: float = 0.0
+
+    def initial_state(
+        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+    ) -> tuple[Number, ...]:
+        """Return the state of a loop at rest where it is measured."""
+        return tuple(gain * (measurement[0] - self.rest_output) for gain in self.at_rest)
+
+    def law(
+        self,
+        state: tuple[Number, ...],
+        measurement: tuple[Number, ...],
+        reference: tuple[Number, ...],
+        arithmetic: Arithmetic,
+    ) -> tuple[tuple[Number, ...], Any, dict[str, Number]]:
+        """Compute one sample on floats or on symbols, in SI."""
+        y, r = measurement[0] - self.rest_output, reference[0] - self.rest_output
+        start = self.rest + self.reference_gain * r - self.output_gain * y
+        asked = total(start, self.C, state)
+        command = arithmetic.clip(asked, self.lower, self.upper)
+        missing = command - asked
+        following = tuple(
+            total(b * r - c * y + gain * missing, row, state)
+            for row, b, c, gain in zip(
+                self.A, self.by_reference, self.by_output, self.back, strict=True
+            )
+        )
+        return (command,), following, {"asked": asked}
+
+
+def pid_by_hand(
+    proportional: float,
+    integral: float = 0.0,
+    derivative: float = 0.0,
+    *,
+    measured: str,
+    actuator: str,
+    filter_time: float = 0.0,
+    setpoint_weight: float = 1.0,
+    derivative_weight: float = 0.0,
+    tracking_time: float | None = None,
+    rest: float = 0.0,
+    rest_output: float = 0.0,
+    lower: float = -math.inf,
+    upper: float = math.inf,
+    sample_time: float = 0.002,
+    name: str = "PID",
+) -> TransferLaw:
+    """Return a textbook P, PI, PD or PID with gains given by hand.
+
+    Args:
+        proportional: Kp, in SI of the command per SI of the output.
+        integral: Ki, in SI of the command per SI of the output and s.
+        derivative: Kd, in SI of the command per SI of the output, times s.
+        measured: Name of the measured and controlled output.
+        actuator: Name of the command.
+        filter_time: Time constant Tf of the derivative's filter, in s.
+        setpoint_weight: Weight beta of the reference in the proportional part, dimensionless.
+        derivative_weight: Weight c of the reference in the derivative part, dimensionless.
+        tracking_time: Time constant Tt of the anti-windup, in s; Kp / Ki by default.
+        rest: Command at rest, in SI.
+        rest_output: Output at rest, in SI.
+        lower: Lower end of the command, in SI.
+        upper: Upper end of the command, in SI.
+        sample_time: Time between steps, in s.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+
+    Example:
+        >>> pi = pid_by_hand(2.0, 10.0, measured="speed", actuator="voltage", upper=24.0)
+        >>> pi.step(pi.initial_state((0.0,)), (0.0,), (3.0,))[0]
+        (6.0,)
+    """
+    h = check_range("sample time", sample_time, 1e-6, 1e4, "s")
+    check_range("filter time", filter_time, 0.0, 1e4, "s")
+    fade = filter_time / (filter_time + h)
+    slope = derivative / (filter_time + h)
+    if tracking_time is None:
+        tracking_time = proportional / integral if proportional and integral else 50.0 * h
+    tracking = max(check_range("tracking time", abs(tracking_time), 0.0, 1e6, "s"), 2.0 * h)
+    return TransferLaw(
+        A=((1.0, 0.0), (0.0, fade)),
+        by_reference=(h * integral, (1.0 - fade) * derivative_weight),
+        by_output=(h * integral, 1.0 - fade),
+        C=(1.0, -slope),
+        reference_gain=setpoint_weight * proportional + derivative_weight * slope,
+        output_gain=proportional + slope,
+        back=(h / tracking if integral else 0.0, 0.0),
+        # With the reference at the output, the command starts from rest.
+        at_rest=((1.0 - setpoint_weight) * proportional, derivative_weight - 1.0),
+        rest_output=rest_output,
+        sensors=(measured,),
+        controlled=(measured,),
+        actuators=(actuator,),
+        rest=rest,
+        lower=lower,
+        upper=upper,
+        sample_time=h,
+        name=name,
+    )
+
+
+def transfer_controller(
+    system: Any,
+    *,
+    measured: str,
+    actuator: str,
+    tracking_time: float | None = None,
+    rest: float = 0.0,
+    rest_output: float = 0.0,
+    lower: float = -math.inf,
+    upper: float = math.inf,
+    sample_time: float = 0.002,
+    name: str = "transfer function",
+) -> TransferLaw:
+    """Return a controller from error to command that is a python-control system.
+
+    Args:
+        system: ``control.TransferFunction`` or ``control.StateSpace`` with one input, the error,
+            and one output, the command; proper. In continuous time it is sampled by Tustin's rule.
+        measured: Name of the measured and controlled output.
+        actuator: Name of the command.
+        tracking_time: Time constant Tt of the anti-windup, in s; 50 samples by default.
+        rest: Command at rest, in SI.
+        rest_output: Output at rest, in SI.
+        lower: Lower end of the command, in SI.
+        upper: Upper end of the command, in SI.
+        sample_time: Time between steps, in s.
+
+    Raises:
+        WorkbenchError: If it has several inputs or outputs, or another sample time.
+
+    Example:
+        >>> import control
+        >>> lead = control.tf([10.0, 20.0], [0.01, 1.0])
+        >>> law = transfer_controller(lead, measured="angle", actuator="voltage")
+        >>> len(law.A)
+        1
+    """
+    import control as ct
+
+    h = check_range("sample time", sample_time, 1e-6, 1e4, "s")
+    if system.ninputs != 1 or system.noutputs != 1:
+        raise WorkbenchError(
+            f"the controller has {system.ninputs} inputs and {system.noutputs} outputs; give one"
+            " from the error to the command"
+        )
+    if system.isdtime(strict=True) and system.dt is not True and abs(system.dt - h) > 1e-9:
+        raise WorkbenchError(
+            f"the controller has a sample time of {system.dt:g} s and shall step every {h:g} s;"
+            " give sample_time, or the controller in continuous time"
+        )
+    sampled = ct.ss(system)
+    if not system.isdtime(strict=True):
+        sampled = ct.c2d(sampled, h, "bilinear")
+    A, B, C, D = (np.asarray(m, dtype=float) for m in (sampled.A, sampled.B, sampled.C, sampled.D))
+    if not len(A):
+        # A gain: one state that nothing enters keeps the form of the law.
+        A, B, C = np.zeros((1, 1)), np.zeros((1, 1)), np.zeros((1, 1))
+    b = tuple(B[:, 0].tolist())
+    return TransferLaw(
+        A=rows(A),
+        by_reference=b,
+        by_output=b,
+        C=tuple(C[0].tolist()),
+        reference_gain=float(D[0, 0]),
+        output_gain=float(D[0, 0]),
+        back=_anti_windup(A, C, math.exp(-h / (tracking_time or 50.0 * h))),
+        at_rest=(0.0,) * len(A),
+        rest_output=rest_output,
+        sensors=(measured,),
+        controlled=(measured,),
+        actuators=(actuator,),
+        rest=rest,
+        lower=lower,
+        upper=upper,
+        sample_time=h,
+        name=name,
+    )
+
+
+def _anti_windup(A: Matrix, C: Matrix, pole: float) -> tuple[float, ...]:
+    """Return L for which A - L C has this pole in the place of a slower one of A."""
+    values, vectors = np.linalg.eig(A)
+    slow = int(np.argmax(np.abs(values)))
+    seen = (C @ vectors[:, slow])[0]
+    if values[slow].imag or abs(values[slow]) <= pole or abs(seen) < 1e-12:
+        return (0.0,) * len(A)
+    gain = (values[slow] - pole) * vectors[:, slow] / seen
+    return tuple(gain.real.tolist())
+
+
+@dataclass(frozen=True)
+class PlainPIDSpecification:
+    """What a PID for any linear model is designed for.
+
+    Args:
+        measured: Name of the controlled output; the first one by default.
+        actuator: Name of the command; the first one by default.
+        bandwidth: Largest crossover frequency, in rad/s; by default a tenth of the sampling's.
+        phase_margin: Phase margin aimed at, in rad.
+        error_scale: Smallest error for which all of the command may be used, in SI of the output; a
+            tenth of its scale by default (0).
+        maximum_sensitivity: Limit on Ms, the peak of the sensitivity (ratio).
+        maximum_complementary: Limit on Mt, the peak of the complementary sensitivity (ratio).
+        delay: Delay beside that of sampling that the loop must have in its phase, in s.
+        sample_time: Time between steps, in s.
+
+    Raises:
+        WorkbenchError: If a number is outside its range.
+    """
+
+    measured: str = ""
+    actuator: str = ""
+    bandwidth: float = 0.0
+    phase_margin: float = 1.05
+    error_scale: float = 0.0
+    maximum_sensitivity: float = 1.8
+    maximum_complementary: float = 1.6
+    delay: float = 0.0
+    sample_time: float = 0.002
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
+        check_range("bandwidth", self.bandwidth, 0.0, 1.0 / self.sample_time, "rad/s")
+        check_range("phase margin", self.phase_margin, 0.2, 1.5, "rad")
+        check_range("limit on Ms", self.maximum_sensitivity, 1.05, 10.0)
+        check_range("limit on Mt", self.maximum_complementary, 1.0, 10.0)
+        check_range("delay", self.delay, 0.0, 1e3, "s")
+
+
+def design_plain_pid(
+    linear: LinearModel, specification: PlainPIDSpecification | None = None
+) -> TransferLaw:
+    """Design a PID between one command and one output of any linear model.
+
+    At a crossover frequency w, a zero at w / 4 integrates, a lead network gives the phase that is
+    missing, and the gain is what is left; w is lowered from ``bandwidth`` until Ms and Mt of the
+    sampled loop are within their limits and the gain within the command's.
+
+    Args:
+        linear: A `LinearModel` or a python-control system.
+
+    Raises:
+        WorkbenchError: If no crossover frequency meets the limits.
+
+    Source:
+        Loop shaping with lag and lead: Åström and Murray, Feedback Systems, 2008, section 11.4.
+
+    Example:
+        >>> import control
+        >>> law = design_plain_pid(control.tf([50.0], [0.1, 1.0, 0.0]))
+        >>> law.name, law.sensors
+        ('PID', ('y_0',))
+    """
+    want = specification or PlainPIDSpecification()
+    loop = single_loop(linear, want.measured, want.actuator)
+    own, h = loop.linear, want.sample_time
+    fastest = want.bandwidth or 0.1 * 2.0 * math.pi / h
+    largest = loop.command_scale / (want.error_scale or 0.1 * loop.output_scale)
+    tried = np.geomspace(fastest, 1e-4 * fastest, 120)
+    response = transfer_function(own.A, own.B, own.C, own.D, 1j * tried)[:, 0, 0]
+    response = response * np.exp(-1j * tried * (0.5 * h + want.delay))
+    for w, plant in zip(tried.tolist(), response.tolist(), strict=True):
+        law = _at_crossover(loop, want, w, plant)
+        if law is None or abs(law.output_gain) > 4.0 * largest:
+            continue
+        ms, mt = peaks(law, loop)
+        if ms <= want.maximum_sensitivity and mt <= want.maximum_complementary:
+            return law
+    raise WorkbenchError(
+        f"no crossover from {tried[-1]:.3g} to {tried[0]:.3g} rad/s gives {loop.measured} a PID"
+        f" with Ms <= {want.maximum_sensitivity:g} and Mt <= {want.maximum_complementary:g}; allow"
+        " larger peaks or a smaller error_scale, or take a state feedback"
+    )
+
+
+def _at_crossover(
+    loop: SingleLoop, want: PlainPIDSpecification, w: float, plant: complex
+) -> TransferLaw | None:
+    """Return the PID that gives the loop its phase margin at a frequency, or None."""
+    if not plant:
+        return None
+    integrating = 4.0 / w
+    # Up to the sign of the plant, the phase of the controller lies between lag and lead.
+    missing = -math.pi + want.phase_margin - math.atan2(plant.imag, plant.real)
+    missing += math.atan(1.0 / (w * integrating))
+    missing = math.remainder(missing, 2.0 * math.pi)
+    sign = 1.0
+    if not -0.6 <= missing <= 1.2:
+        missing, sign = math.remainder(missing + math.pi, 2.0 * math.pi), -1.0
+        if not -0.6 <= missing <= 1.2:
+            return None
+    lead = fast = 0.0
+    if missing > 0.0:
+        ratio = (1.0 + math.sin(missing)) / (1.0 - math.sin(missing))
+        lead, fast = math.sqrt(ratio) / w, 1.0 / (w * math.sqrt(ratio))
+    shape = (1.0 + 1.0 / (1j * w * integrating)) * (1.0 + 1j * w * lead) / (1.0 + 1j * w * fast)
+    gain = sign / abs(plant * shape)
+    # (1 + 1 / Ti s) (1 + Td s) / (1 + Tf s) as a sum of its three parts.
+    kp = gain * (integrating + lead - fast) / integrating
+    return pid_by_hand(
+        kp,
+        gain / integrating,
+        gain * lead - kp * fast,
+        measured=loop.measured,
+        actuator=loop.actuator,
+        filter_time=fast,
+        setpoint_weight=0.6,
+        tracking_time=integrating,
+        rest=loop.rest_command,
+        rest_output=loop.rest_output,
+        lower=loop.lower,
+        upper=loop.upper,
+        sample_time=want.sample_time,
+    )
+
+
+PLAIN_PID = Design(
+    name="plain-pid",
+    family="PID",
+    summary="PID of one output by one command, for any linear model",
+    function=design_plain_pid,
+    specification=PlainPIDSpecification,
+    sensors=(),
+    actuators=(),
+)

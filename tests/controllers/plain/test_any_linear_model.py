@@ -1,0 +1,200 @@
+"""Controllers of every family for plants that are no arm: a servo axis, a motor, a StateSpace."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from controllers.c_export import export_c
+from controllers.design import DESIGNS
+from controllers.guard import Guarded
+from controllers.pid import design_pid
+from controllers.plain.state_feedback import (
+    LQISpecification,
+    design_lqi,
+    design_plain_sliding_mode,
+    state_feedback_by_hand,
+)
+from controllers.plain.transfer_law import design_plain_pid, pid_by_hand, transfer_controller
+from controllers.sensitivity import peak_sensitivities
+from workbench.errors import WorkbenchError
+from workbench.linearisation import LinearModel, linear_model, linearise
+from workbench.model import Input, Model, Output, Parameter, State
+from workbench.operating_point import operating_point
+from workbench.plants.servo_axis import servo_axis
+from workbench.simulation.compiled import compiler
+from workbench.verification import guarded, metrics, step_scenario, verify
+
+
+def motor() -> Model:
+    """A motor of some twenty lines: nothing in it is called as in the arm."""
+
+    def equations(m: Any) -> Any:
+        torque = m.p.k * m.x.current - 1e-4 * m.x.speed
+        voltage = m.u.voltage - m.p.R * m.x.current - m.p.k * m.x.speed
+        rates = {"shaft": m.x.speed, "speed": torque / m.p.J, "current": voltage / m.p.L}
+        return rates, {"encoder": m.x.shaft}
+
+    return Model(
+        "motor",
+        equations,
+        states=(State("shaft", "rad"), State("speed", "rad/s", 10.0), State("current", "A")),
+        inputs=(Input("voltage", "V", 10.0, lower=-24.0, upper=24.0),),
+        outputs=(Output("encoder", "rad", resolution=1e-4, lower=-6.0, upper=6.0),),
+        parameters=(
+            Parameter("k", "N m/A", value=0.05),
+            Parameter("J", "kg m2", value=2e-4),
+            Parameter("R", "V/A", value=1.0),
+            Parameter("L", "V s/A", value=1e-3),
+        ),
+    )
+
+
+PLAIN = [name for name, design in DESIGNS.members().items() if not design.sensors]
+
+
+@pytest.fixture(scope="module", params=["servo axis", "motor"])
+def case(request: pytest.FixtureRequest) -> tuple[LinearModel, Model, str, float]:
+    """A plant, its linear model, the output to be controlled and the size of a step."""
+    model, output, step = (
+        (servo_axis(), "position", 0.02)
+        if request.param == "servo axis"
+        else (motor(), "encoder", 0.5)
+    )
+    model_without_kinks = model.without(*model.dry_effects)
+    linear = linearise(operating_point(model_without_kinks, {output: 0.0}), verdict=False)
+    return linear, model_without_kinks, output, step
+
+
+def test_there_is_one_of_each_family() -> None:
+    assert {DESIGNS.get(name).family for name in PLAIN} == {
+        "PID", "state feedback", "sliding mode", "H-infinity", "linear MPC",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PLAIN)
+def test_every_family_controls_any_plant(
+    name: str, case: tuple[LinearModel, Model, str, float], tmp_path: Path
+) -> None:
+    linear, model, output, step = case
+    design = DESIGNS.get(name)
+    law = design.controller(linear, design.specified({"measured": output}))
+    scenario = step_scenario(output, 0.0, step, hold=1.5)
+    run = verify(law, model, scenario)
+    found = metrics(run)
+    # Without friction nothing is left over; H-infinity nearly integrates only, and is slow there.
+    assert found["steady_error"].value < (0.02 if "infinity" in name else 0.01) * step
+    assert found["overshoot"].value < 0.12
+    np.testing.assert_array_equal(verify(guarded(law, model), model, scenario).inputs, run.inputs)
+    ms, _ = peak_sensitivities(law, linear)
+    assert 1.0 < ms < 2.5
+    _check_c(law, run, tmp_path)
+
+
+def _check_c(law: Any, run: Any, folder: Path) -> None:
+    """Let the exported controller see the measurements of a run, beside the one in Python."""
+    found = compiler()
+    if found is None:
+        pytest.skip("no C compiler on this machine")
+    exported = export_c(law, folder, name="law")
+    library = folder / "law.so"
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-shared", "-fPIC"]
+    subprocess.run(
+        [found, "-O1", *flags, str(exported.source), "-o", str(library), "-lm"], check=True
+    )
+    step, start = (getattr(ctypes.CDLL(str(library)), f"law_{what}") for what in ("step", "start"))
+    state, one = (ctypes.c_double * exported.states)(), ctypes.c_double * 1
+    command, report = one(), (ctypes.c_double * 4)()
+    reference = next(iter(run.references.values()))
+    # What the controller saw before t = 0 is not in the record: both start anew at the first row.
+    guard = Guarded(law)
+    memory = guard.initial_state(tuple(run.measured[0].tolist()))
+    assert start(one(run.measured[0, 0]), state) == 0
+    for seen, asked in zip(run.measured[:, 0], reference, strict=True):
+        (own,), memory, _ = guard.step(memory, (float(seen),), (float(asked),))
+        assert step(one(seen), one(asked), state, command, report) == 0
+        assert command[0] == pytest.approx(own, abs=1e-10 * run.input_quantities[0].upper)
+
+
+def test_textbook_pid_by_hand() -> None:
+    pid = pid_by_hand(
+        4.0, 8.0, 0.5, measured="y", actuator="u", filter_time=0.01, sample_time=0.01, upper=5.0
+    )
+    state, seen = pid.initial_state((0.0,)), []
+    integral = filtered = 0.0
+    for k in range(50):
+        y, r = 0.2 * math.sin(0.3 * k), 1.0
+        (command,), state, _ = pid.step(state, (y,), (r,))
+        # Aström and Hägglund's difference equations, written once more.
+        asked = 4.0 * (r - y) + integral - 0.5 * (y + filtered) / 0.02
+        filtered = 0.5 * filtered - 0.5 * y
+        clipped = min(asked, 5.0)
+        integral += 0.01 * 8.0 * (r - y) + 0.01 / 0.5 * (clipped - asked)
+        assert command == pytest.approx(clipped, abs=1e-12)
+        seen.append(command)
+    assert max(seen) == 5.0 and min(seen) < 4.9
+
+
+def test_each_law_by_hand_is_one_line() -> None:
+    import control as ct
+
+    plant = ct.ss([[0, 1], [0, -2]], [[0], [1]], [[1, 0]], 0, inputs="u", outputs="y")
+    linear = linear_model(plant, limits={"u": (-30.0, 30.0)})
+    names: dict[str, Any] = {"measured": "y", "actuator": "u"}
+    laws = (
+        pid_by_hand(20.0, **names),
+        pid_by_hand(20.0, 10.0, 4.0, filter_time=0.01, **names),
+        state_feedback_by_hand(plant, (25.0, 8.0)),
+        transfer_controller(ct.tf([4.0, 20.0], [0.01, 1.0]), **names),
+        transfer_controller(ct.tf([20.0], [1.0]), **names),
+    )
+    for law in laws:
+        run = verify(law, linear, step_scenario("y", 0.0, 0.5, hold=6.0))
+        assert abs(run["y"][-1] - 0.5) < 0.01
+    # K = (25, 8) puts the poles of 1 / (s (s + 2)) at -5 +- 0i: seen in the loop.
+    run = verify(laws[2], linear, step_scenario("y", 0.0, 0.5, hold=1.0))
+    time = run.time - 0.5
+    ideal = 0.5 * (1.0 - (1.0 + 5.0 * time) * np.exp(-5.0 * time)) * (time >= 0)
+    assert np.abs(run["y"] - ideal).max() < 5e-3
+
+
+DESIGNED: tuple[Callable[[Any], Any], ...] = (
+    design_plain_pid,
+    design_lqi,
+    design_plain_sliding_mode,
+)
+
+
+@pytest.mark.parametrize("design", DESIGNED, ids=lambda design: design.__name__)
+def test_a_state_space_is_a_linear_model(design: Callable[[Any], Any]) -> None:
+    model = motor()
+    linear = linearise(operating_point(model, {"encoder": 0.0}), verdict=False)
+    assert design(linear.system) == design(linear)
+
+
+def test_designs_for_the_arm_take_a_state_space_too(linear: LinearModel) -> None:
+    assert design_pid(linear.system).gains == design_pid(linear).gains
+    assert linear_model(linear.system) is linear
+
+
+def test_what_cannot_be_designed_is_said(case: tuple[LinearModel, Model, str, float]) -> None:
+    import control as ct
+
+    linear = case[0]
+    with pytest.raises(WorkbenchError, match="give one entry for each"):
+        state_feedback_by_hand(linear, (1.0,))
+    with pytest.raises(WorkbenchError, match="no such|is 'nothing'"):
+        design_lqi(linear, LQISpecification(measured="nothing"))
+    with pytest.raises(WorkbenchError, match="continuous plant"):
+        design_lqi(ct.tf([1.0], [1.0, -0.9], 0.01))
+    with pytest.raises(WorkbenchError, match="give a LinearModel"):
+        design_lqi(3.0)  # type: ignore[arg-type]
+    with pytest.raises(WorkbenchError, match="within the sample"):
+        design_lqi(ct.tf([1.0, 2.0], [1.0, 1.0]))

@@ -1,0 +1,159 @@
+"""python-control systems as linear models, so that whatever takes one takes the other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import WorkbenchError, check_choice
+from workbench.linearisation.linear_model import LinearModel
+from workbench.model import Input, Model, Output, Scope, State
+from workbench.model.trace import Equations
+from workbench.operating_point import OperatingPoint
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+Vector = npt.NDArray[np.float64]
+Rows = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class LinearEquations:
+    """Equations of a linear model in the language of plants; numbers only, so they pickle.
+
+    Args:
+        A: State matrix, in SI.
+        B: Input matrix, in SI.
+        C: Output matrix, in SI.
+        D: Feedthrough, in SI.
+        rest: States, inputs and outputs at the operating point, in SI.
+        names: Their names.
+    """
+
+    A: Rows
+    B: Rows
+    C: Rows
+    D: Rows
+    rest: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
+    names: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
+
+    def __call__(self, m: Scope) -> Equations:
+        """Write down ``dx/dt = A (x - x0) + B (u - u0)``, ``y = y0 + C (x - x0) + D (u - u0)``."""
+        states, inputs, outputs = self.names
+        x = [getattr(m.x, n) - v for n, v in zip(states, self.rest[0], strict=True)]
+        u = [getattr(m.u, n) - v for n, v in zip(inputs, self.rest[1], strict=True)]
+
+        def row(by_state: tuple[float, ...], by_input: tuple[float, ...]) -> Any:
+            terms = [a * v for a, v in zip((*by_state, *by_input), (*x, *u), strict=True) if a]
+            return sum(terms[1:], start=terms[0]) if terms else 0.0 * u[0]
+
+        rates = [row(a, b) for a, b in zip(self.A, self.B, strict=True)]
+        read = [v + row(c, d) for v, c, d in zip(self.rest[2], self.C, self.D, strict=True)]
+        return dict(zip(states, rates, strict=True)), dict(zip(outputs, read, strict=True))
+
+
+def linear_model(
+    system: Any,
+    *,
+    at: Mapping[str, float] | None = None,
+    limits: Mapping[str, tuple[float, float]] | None = None,
+) -> LinearModel:
+    """Take a python-control system as a linear model; a `LinearModel` is one already.
+
+    The names are those of its signals; ``u[0]`` becomes ``u_0``. Its units are SI, of scale 1. It
+    is a plant too: ``linear_model(system).operating_point.model``. The ``system`` of a
+    `LinearModel` has its operating point still.
+
+    Args:
+        system: A ``control.StateSpace`` or ``control.TransferFunction`` in continuous time, proper;
+            or a `LinearModel`, which is returned.
+        at: Values of states, inputs and outputs at its operating point by name, in SI; 0 if not
+            given.
+        limits: Lower and upper end of inputs and outputs by name, in SI; infinite if not given.
+
+    Raises:
+        WorkbenchError: If it is no such system, or a name is unknown.
+
+    Example:
+        >>> import control
+        >>> linear_model(control.tf([1.0], [0.1, 1.0, 0.0])).output_names
+        ('y_0',)
+    """
+    if isinstance(system, LinearModel):
+        return system
+    known = getattr(system, "linear_model", None)
+    if isinstance(known, LinearModel) and not (at or limits) and np.array_equal(known.A, system.A):
+        return known
+    import control as ct
+
+    if not isinstance(system, (ct.StateSpace, ct.TransferFunction)):
+        raise WorkbenchError(
+            f"the plant of a design is a {type(system).__name__}; give a LinearModel, or a"
+            " python-control StateSpace or TransferFunction"
+        )
+    if not system.isctime():
+        raise WorkbenchError(
+            f"system {system.name!r} has a sample time of {system.dt:g} s; give the continuous"
+            " plant: designs sample it themselves"
+        )
+    state_space = ct.ss(system)
+    names = (
+        _labels(state_space.state_labels),
+        _labels(system.input_labels),
+        _labels(system.output_labels),
+    )
+    given, ends = dict(at or {}), dict(limits or {})
+    for name in given:
+        check_choice("name in the operating point", name, [n for group in names for n in group])
+    for name in ends:
+        check_choice("name of a limited signal", name, (*names[1], *names[2]))
+    x, u, y = (tuple(float(given.get(name, 0.0)) for name in group) for group in names)
+    rest = (x, u, y)
+    A, B, C, D = (
+        np.asarray(matrix, dtype=float)
+        for matrix in (state_space.A, state_space.B, state_space.C, state_space.D)
+    )
+    states, inputs, outputs = names
+    infinite = (-np.inf, np.inf)
+    model = Model(
+        _plain(str(system.name)),
+        LinearEquations(_rows(A), _rows(B), _rows(C), _rows(D), rest, names),
+        states=tuple(State(n, "1", initial=v) for n, v in zip(states, rest[0], strict=True)),
+        inputs=tuple(
+            Input(n, "1", _scale(n, ends), nominal=v, lower=low, upper=high)
+            for n, v in zip(inputs, rest[1], strict=True)
+            for low, high in (ends.get(n, infinite),)
+        ),
+        outputs=tuple(
+            Output(n, "1", _scale(n, ends), lower=low, upper=high)
+            for n in outputs
+            for low, high in (ends.get(n, infinite),)
+        ),
+        description="linear system",
+    )
+    x0, u0, y0 = (np.array(values, dtype=float) for values in rest)
+    point = OperatingPoint(model, x0, u0, y0, np.zeros(len(x0)), given, {}, 0.0, 1.0)
+    return LinearModel(A, B, C, D, point, states, inputs, outputs, x0, u0, y0, np.zeros(len(x0)))
+
+
+def _rows(matrix: Vector) -> Rows:
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+def _labels(labels: Sequence[str]) -> tuple[str, ...]:
+    return tuple(_plain(label) for label in labels)
+
+
+def _plain(label: str) -> str:
+    return re.sub(r"\W+", "_", label).strip("_") or "system"
+
+
+def _scale(name: str, limits: Mapping[str, Sequence[float]]) -> float:
+    low, high = limits.get(name, (-1.0, 1.0))
+    return (high - low) / 2.0
