@@ -18,8 +18,8 @@ from workbench.reports.pictures import save
 from workbench.reports.results import json_text
 
 PARTS: tuple[tuple[str, str, str], ...] = (
-    ("isometric identification trial", "identification", "identification_part"),
-    ("open-loop trial", "open_loop", "open_loop_part"),
+    ("isometric identification experiment", "identification", "identification_part"),
+    ("open-loop experiment", "open_loop", "open_loop_part"),
     ("linear models over the angles", "angle_map", "angle_map_part"),
     ("three controllers on the linear and the full model", "closed_loop", "closed_loop_part"),
     ("a recorded case", "recorded_case", "recorded_case_part"),

@@ -75,10 +75,10 @@ class Trace:
         signal_units: Their SI units.
         signals: Their values, shape (n_signals, 1), each in its unit of ``signal_units``.
         ranges: Ranges of published signals within which the laws hold.
-        push: Symbols of what is added to the signal of each port in the order of ``ports``, shape
-            (n_ports, 1), in the ports' SI units; zero in ``rates`` and ``outputs``.
-        pushed_rates: Rates of the states with that added, shape (n_states, 1), in SI per second.
-        pushed_outputs: Named with that added, shape (n_outputs, 1), in SI.
+        perturbation: Symbols of what is added to the signal of each port in the order of ``ports``,
+            shape (n_ports, 1), in the ports' SI units; zero in ``rates`` and ``outputs``.
+        perturbed_rates: Rates of the states with that added, shape (n_states, 1), in SI per second.
+        perturbed_outputs: Named with that added, shape (n_outputs, 1), in SI.
         local_signals: Local signals of each port, in its order, shape (n_local, 1), in SI.
     """
 
@@ -93,23 +93,23 @@ class Trace:
     signal_units: tuple[str, ...]
     signals: ca.SX
     ranges: tuple[ValidRange, ...]
-    push: ca.SX
-    pushed_rates: ca.SX
-    pushed_outputs: ca.SX
+    perturbation: ca.SX
+    perturbed_rates: ca.SX
+    perturbed_outputs: ca.SX
     local_signals: tuple[ca.SX, ...]
 
     @cached_property
     def rates_by_port(self) -> ca.SX:
         """Derivatives of the rates by what each port adds, (n_states, n_ports), in SI."""
-        return self._at_rest(ca.jacobian(self.pushed_rates, self.push))
+        return self._at_rest(ca.jacobian(self.perturbed_rates, self.perturbation))
 
     @cached_property
     def outputs_by_port(self) -> ca.SX:
         """Derivatives of the measurements by what each port adds, (n_outputs, n_ports), in SI."""
-        return self._at_rest(ca.jacobian(self.pushed_outputs, self.push))
+        return self._at_rest(ca.jacobian(self.perturbed_outputs, self.perturbation))
 
     def _at_rest(self, expression: ca.SX) -> ca.SX:
-        return ca.substitute(expression, self.push, ca.SX.zeros(self.push.numel()))
+        return ca.substitute(expression, self.perturbation, ca.SX.zeros(self.perturbation.numel()))
 
     def function(self, name: str, *expressions: ca.SX) -> ca.Function:
         """Build a CasADi function of (states, inputs, parameters).
@@ -184,7 +184,7 @@ def trace(model: Written, form: Form) -> Trace:
     }
     seen: dict[str, dict[str, PortView]] = {effect.name: {} for effect in model.effects}
     # What is added to the signal of each port, zero but for its derivatives.
-    pushes: dict[str, ca.SX] = {}
+    perturbations: dict[str, ca.SX] = {}
     known = Names("state or input", symbols["state"] | symbols["input"])
     local: dict[str, Names] = {}
 
@@ -206,8 +206,8 @@ def trace(model: Written, form: Form) -> Trace:
                 )
                 seen[effect.name][port.name] = view
                 value = effect.transform(view)
-        pushes[port.name] = ca.SX.sym(f"push.{port.name}")
-        return value + pushes[port.name]
+        perturbations[port.name] = ca.SX.sym(f"perturbation.{port.name}")
+        return value + perturbations[port.name]
 
     def scope_of(inputs: Mapping[str, Expression]) -> Scope:
         return Scope(
@@ -251,15 +251,15 @@ def trace(model: Written, form: Form) -> Trace:
             starts |= {f"{effect.name}.{k}": v for k, v in effect.start(view).items()}
     start = ca.vcat([starts.get(n, s) for n, s in symbols["state"].items()] or [ca.SX(0, 1)])
     signals = ca.vcat([ca.SX(v) for v in scope.values.values()] or [ca.SX(0, 1)])
-    pushed_rates = _stack(model, "rate of state", rates, model.states)
-    pushed_outputs = _stack(model, "measurement of output", outputs, model.outputs)
-    push = _vector(pushes)
+    perturbed_rates = _stack(model, "rate of state", rates, model.states)
+    perturbed_outputs = _stack(model, "measurement of output", outputs, model.outputs)
+    perturbation = _vector(perturbations)
     sources = {**scope.values, **symbols["parameter"], **known}
     own_signals = [ca.vcat([ca.SX(v) for v in local[q.name].values()]) for q in scope.ports]
     still = ca.substitute(
-        [pushed_rates, pushed_outputs, start, signals, *own_signals],
-        [push],
-        [ca.SX.zeros(push.numel())],
+        [perturbed_rates, perturbed_outputs, start, signals, *own_signals],
+        [perturbation],
+        [ca.SX.zeros(perturbation.numel())],
     )
     named = _origins(sources)
     return Trace(
@@ -281,9 +281,9 @@ def trace(model: Written, form: Form) -> Trace:
         signal_units=tuple(scope.units[name] for name in scope.values),
         signals=still[3],
         ranges=tuple(scope.ranges),
-        push=push,
-        pushed_rates=pushed_rates,
-        pushed_outputs=pushed_outputs,
+        perturbation=perturbation,
+        perturbed_rates=perturbed_rates,
+        perturbed_outputs=perturbed_outputs,
         local_signals=tuple(still[4:]),
     )
 

@@ -1,4 +1,4 @@
-"""Bring two recordings of the same trial, made by two loggers, onto one time base."""
+"""Bring two recordings of the same experiment, made by two loggers, onto one time base."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def align(
     """Add the signals of a second recording to a first one, on the first one's time base.
 
     Args:
-        second: Recording of the same trial by another logger.
+        second: Recording of the same experiment by another logger.
         signal: Name in ``first`` of a signal that both contain.
         other: Its name in ``second``; by default the same.
         least_correlation: Normalised correlation below which the recordings do not belong

@@ -180,7 +180,7 @@ class Recording:
         signals: The signals, each with n samples.
         source: Where it comes from: a file name, a rig.
         notes: What was corrected or assumed, in order.
-        metadata: Settings of the trial, such as ``load_kg``.
+        metadata: Settings of the experiment, such as ``load_kg``.
         excluded: Stretches in which a signal was not measured and must not be judged.
         mapping: How the columns of the file became signals.
 

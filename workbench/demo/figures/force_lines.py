@@ -26,7 +26,7 @@ def force_lines(
     forces: Sequence[npt.ArrayLike],
     fitted: Sequence[npt.ArrayLike],
 ) -> Figure:
-    """Draw the family of force lines of an isometric trial with the law fitted to it.
+    """Draw the family of force lines of an isometric experiment with the law fitted to it.
 
     Args:
         contractions: Contraction of each line, shape (lines,), in m.

@@ -32,7 +32,7 @@ def open_loop(
     variants: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]] | None = None,
     stops: tuple[float, float] = (0.0, np.pi / 3),
 ) -> Figure:
-    """Draw the open-loop trial: pulses on the valve and the run from stop to stop.
+    """Draw the open-loop experiment: pulses on the valve and the run from stop to stop.
 
     Args:
         time: Sample times, shape (n,), in s.

@@ -182,9 +182,9 @@ def cut(model: Model) -> Cut:
     # The last effect on every port replaces its signal.
     whole = model.with_effect(Effect(_PROBE, ports, transform)).exact if ports else model.exact
     # What the trace adds to every port for its derivatives is zero.
-    zero = ca.SX.zeros(whole.push.numel())
+    zero = ca.SX.zeros(whole.perturbation.numel())
     made, left = (
-        ca.substitute(ca.vertcat(ca.SX(0, 1), *(of[p] for p in ports)), whole.push, zero)
+        ca.substitute(ca.vertcat(ca.SX(0, 1), *(of[p] for p in ports)), whole.perturbation, zero)
         for of in (entering, symbols)
     )
     signals = {f"{p} before": made[i] for i, p in enumerate(ports)}

@@ -159,7 +159,7 @@ class _Linearised:
         full = ca.SX.zeros(len(trace.ports))
         full[ports] = push
         rates, outputs = ca.substitute(
-            [trace.pushed_rates, trace.pushed_outputs[rows]], [trace.push], [full]
+            [trace.perturbed_rates, trace.perturbed_outputs[rows]], [trace.perturbation], [full]
         )
         arguments = [trace.x, trace.u, trace.p, push]
         self._rates = ca.Function("rates", arguments, [rates], {"cse": True})

@@ -155,12 +155,12 @@ def _seen_at(model: Model, ports: Sequence[str]) -> dict[str, dict[str, Expressi
 
     watched = model.with_effect(Effect("look at signals", tuple(dict.fromkeys(ports)), look))
     trace, own = watched.exact, model.exact
-    still = ca.SX.zeros(trace.push.numel())
+    still = ca.SX.zeros(trace.perturbation.numel())
     return {
         port: {
             name: ca.substitute(
                 [ca.SX(value)],
-                [trace.push, trace.x, trace.u, trace.p],
+                [trace.perturbation, trace.x, trace.u, trace.p],
                 [still, own.x, own.u, own.p],
             )[0]
             for name, value in signals.items()

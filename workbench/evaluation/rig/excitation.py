@@ -41,7 +41,7 @@ def random_steps(rng: np.random.Generator, seconds: float) -> Array:
 
 
 def pulse_train(seconds: float = 16.0, *, amplitude: float = 0.9, period: float = 4.0) -> Array:
-    """Return the pulse train of the open-loop trial, 5 V +- amplitude."""
+    """Return the pulse train of the open-loop experiment, 5 V +- amplitude."""
     t = np.arange(round(seconds * RATE)) / RATE
     return 5.0 + np.where(t % period < period / 2, amplitude, -amplitude)
 

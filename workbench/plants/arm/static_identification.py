@@ -20,7 +20,7 @@ from workbench.physics.force_laws import BAR, SLACK_WIDTH, PaperLaw
 Vector = npt.NDArray[np.float64]
 
 LEVEL_WIDTH = 0.25e-3
-"""Contractions closer than this count as one level of the trial, m."""
+"""Contractions closer than this count as one level of the experiment, m."""
 
 _EXCESS = 1.03
 """A lower order of phi is taken if its held-out error is within 3 % of the best."""
@@ -200,7 +200,7 @@ def identify_static_force(
         NumericalError: If the points do not determine the coefficients.
 
     Source:
-        The paper's identification trial, Figure 7.
+        The paper's identification experiment, Figure 7.
 
     Example:
         >>> q, p = np.meshgrid(np.linspace(0.0, 0.03, 9), np.linspace(0.0, 6e5, 20))

@@ -19,7 +19,7 @@ def constant_volume(
     """Build muscles whose gas volume does not change with their length.
 
     ``V = volume``: the simplification of many muscle models, which loses the ripple of the
-    open-loop trial.
+    open-loop experiment.
 
     Args:
         volume: Volume inside one braid, in m3; by default that of the DMSP-20-200N in the

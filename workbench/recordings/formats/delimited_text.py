@@ -297,7 +297,7 @@ def _lift_scalars(
     metadata: dict[str, Scalar],
     tally: _Tally,
 ) -> tuple[npt.NDArray[np.float64], tuple[str, ...], tuple[str, ...], dict[str, tuple[int, str]]]:
-    """Take columns with a number in the first row only as settings of the trial."""
+    """Take columns with a number in the first row only as settings of the experiment."""
     keep = []
     for k, header in enumerate(headers):
         finite = np.isfinite(values[:, k])
