@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -30,6 +31,9 @@ class ShapeError(WorkbenchError):
         super().__init__(f"{named or 'its content'} {text}")
 
 
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
+
+
 def read_json(path: str | Path, what: str, shape: Shape, *, fix: str = "") -> Any:
     """Read a JSON file and check its content.
 
@@ -45,7 +49,11 @@ def read_json(path: str | Path, what: str, shape: Shape, *, fix: str = "") -> An
     place, tail = Path(path), f"; {fix}" if fix else ""
     name = f"{what} {str(place)!r}"
     try:
-        content = json.loads(place.read_text(encoding="utf-8"))
+        written = place.read_text(encoding="utf-8")
+        content = json.loads(written)
+        if _SURROGATE.search(written):
+            # Half a character cannot be written again.
+            json.dumps(content, ensure_ascii=False).encode()
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise WorkbenchError(f"{name} cannot be read: {reason}{tail}") from None
@@ -58,25 +66,35 @@ def read_json(path: str | Path, what: str, shape: Shape, *, fix: str = "") -> An
 
 
 def _wrong(value: Any, place: Place, wanted: str) -> ShapeError:
-    text = repr(value)
+    try:
+        text = repr(value)
+    except ValueError:  # more digits than Python writes
+        text = "a number of very many digits"
     shown = text if len(text) <= 60 else f"{text[:57]}..."
     return ShapeError(place, f"is {shown}; it must be {wanted}")
 
 
 def number(value: Any, place: Place) -> Any:
     """Accept a number; true and false are none."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or _huge(value):
         raise _wrong(value, place, "a number")
     return value
+
+
+def _huge(value: float) -> bool:
+    return isinstance(value, int) and abs(value) > 1 << 1000
 
 
 def size(value: Any, place: Place) -> Any:
     """Accept a finite number, or text such as ``"20 ms"``."""
     if isinstance(value, str):
         return value
-    if isinstance(value, int) and not isinstance(value, bool) and abs(value) > 1 << 1000:
-        raise _wrong(value, place, "a number of usual size")
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not math.isfinite(value):
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, (int, float))
+        or _huge(value)
+        or not math.isfinite(value)
+    ):
         raise _wrong(value, place, 'a number, or text with a unit such as "20 ms"')
     return value
 

@@ -164,9 +164,9 @@ def test_commitments_are_checked(folder: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("[]", "must hold a JSON object"),
-        ("{", "is not JSON"),
-        ('{"one": {"truth": "tilt"}}', "no list 'truth'"),
+        ("[]", "it must be a table"),
+        ("{", "is no JSON"),
+        ('{"one": {"truth": "tilt"}}', "one.truth is 'tilt'; it must be a list"),
         ('{"one": {"truth": [{"effect": "gremlins"}]}}', "has no meaning in the table"),
         ('{"one": {"truth": []}, "two": {"truth": []}}', "no verdict of case two"),
     ],
@@ -182,6 +182,9 @@ def test_other_files_are_no_verdicts(folder: Path) -> None:
     verdicts, key = _round(folder, {"one": ([], "nothing_missing", [])})
     (verdicts / "one.json").write_text('{"schema": "workbench.refit/1"}')
     both = r"must be 'workbench\.verdict/2' or 'workbench\.verdict/1'"
+    with pytest.raises(WorkbenchError, match="has no 'verdict'"):
+        score_verdicts(verdicts, key)
+    (verdicts / "one.json").write_text('{"schema": "workbench.refit/1", "verdict": "named"}')
     with pytest.raises(WorkbenchError, match=both):
         score_verdicts(verdicts, key)
 
@@ -192,7 +195,7 @@ def test_a_table_of_names_adds_words(folder: Path, tmp_path: Path) -> None:
     case = {"one": (["gremlins"], "named", [_found("ripple", ["joint.torque"])])}
     assert score_verdicts(*_round(folder, case), names=names).points == 6
     names.write_text("[effects.gremlins]\nlibrary = []\n")
-    with pytest.raises(WorkbenchError, match="must give 'library' and 'ports'"):
+    with pytest.raises(WorkbenchError, match="effects.gremlins has no 'ports'"):
         score_verdicts(*_round(folder, case), names=names)
 
 

@@ -48,7 +48,7 @@ def test_verbs_take_it(verdict: Path, capsys: pytest.CaptureFixture[str]) -> Non
 
 def test_a_file_without_a_plant_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "verdict.json"
-    for text, message in (("{}", "names no plant"), ("[", "no JSON"), (None, "cannot be read")):
+    for text, message in (("{}", "has no 'plant'"), ("[", "no JSON"), (None, "cannot be read")):
         path.unlink(missing_ok=True)
         if text is not None:
             path.write_text(text)

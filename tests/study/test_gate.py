@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -174,3 +175,15 @@ def test_a_baseline_of_the_first_form_says_what_it_cannot_see(gate: Gate) -> Non
     assert outcome.baseline is not None
     old = replace(outcome, baseline=replace(outcome.baseline, conditions=None))
     assert old.passed and "so weaker ones are not seen" in summary(old)
+
+
+def test_names_are_no_markdown_no_html_and_no_mention(gate: Gate) -> None:
+    name = "*s* | <img src=x> [a](b) @team #7 $x^{$ `c`"
+    outcome = gate.compared(("[scenarios.sine", f'[scenarios."{name}"'),
+                            ('scenario = "sine"', f'scenario = "{name}"'))  # fmt: skip
+    text = summary(outcome)
+    for dangerous in ("*s*", "<img", "](b)", "@team", "#7", "`c`"):
+        assert not re.search(rf"(?<!\\){re.escape(dangerous)}", text), dangerous
+    # A name with a dollar sign is no formula: the picture is drawn.
+    (picture,) = (p for p in study_page(outcome).pictures if p.name == "tracking-2")
+    assert "svg" in picture.document

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from workbench.checked_json import TableShape, flag, listed, named, read_json, text
 from workbench.errors import WorkbenchError, check_choice
 
 NAMES = Path(__file__).with_name("answers.toml")
@@ -97,15 +98,11 @@ def read_names(path: str | Path | None = None) -> Names:
         content = _toml(file)
         groups |= {name: tuple(starts) for name, starts in content.get("groups", {}).items()}
         for word, entry in content.get("effects", {}).items():
-            if not isinstance(entry, dict) or not {"library", "ports"} <= set(entry):
-                raise WorkbenchError(
-                    f"effect {word!r} in {file} must give 'library' and 'ports'; see {NAMES.name}"
-                )
             effects[word] = Truth(
                 word,
                 tuple(entry["library"]),
                 tuple(dict.fromkeys(_group(port, groups) for port in entry["ports"])),
-                bool(entry.get("sensor", False)),
+                entry.get("sensor", False),
             )
     return Names(groups, effects)
 
@@ -127,17 +124,17 @@ def read_key(path: str | Path) -> dict[str, Mapping[str, Any]]:
     Raises:
         WorkbenchError: If the file cannot be read or has another form.
     """
-    content = read_json(path, "key")
-    for case, answer in content.items():
-        truth = answer.get("truth") if isinstance(answer, dict) else None
-        if not isinstance(truth, list) or not all(
-            isinstance(t, dict) and isinstance(t.get("effect"), str) for t in truth
-        ):
+    fix = 'it needs {CASE: {"truth": [{"effect": NAME}]}}'
+    content: dict[str, Mapping[str, Any]] = read_json(path, "key", _KEY, fix=fix)
+    for case in content:
+        if not 1 <= len(case) <= 100 or not case.isprintable() or "/" in case:
             raise WorkbenchError(
-                f"case {case!r} of key {str(path)!r} has no list 'truth' of effects; it needs"
-                ' {"truth": [{"effect": NAME}]}'
+                f"key {str(path)!r} has a case {case[:60]!r}; give it the name of a folder"
             )
     return content
+
+
+_KEY = named(TableShape({"truth": listed(TableShape({"effect": text}))}))
 
 
 def words_of(answer: Mapping[str, Any]) -> list[str]:
@@ -160,7 +157,9 @@ def commitments(answer: Mapping[str, Any]) -> tuple[str, ...]:
         for ascii_only in (True, False)
         for separators in ((", ", ": "), (",", ":"))
     ]
-    return tuple(hashlib.sha256(form.encode()).hexdigest() for form in forms)
+    return tuple(
+        hashlib.sha256(form.encode("utf-8", "surrogatepass")).hexdigest() for form in forms
+    )
 
 
 def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) -> int:
@@ -182,10 +181,10 @@ def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) ->
         1
     """
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        content = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise WorkbenchError(f"commitments {str(path)!r} cannot be read: {error}") from None
-    lines = [line.split() for line in text.splitlines() if line.strip()]
+    lines = [line.split() for line in content.splitlines() if line.strip()]
     if any(len(words) != 2 for words in lines):
         raise WorkbenchError(
             f"commitments {str(path)!r} must hold a case and its SHA-256 on each line"
@@ -201,29 +200,19 @@ def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) ->
     return len(key)
 
 
-def read_json(path: str | Path, what: str) -> dict[str, Any]:
-    """Read a JSON object.
-
-    Raises:
-        WorkbenchError: If it cannot be read or is no object.
-    """
-    try:
-        content = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise WorkbenchError(f"{what} {str(path)!r} cannot be read: {reason}") from None
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise WorkbenchError(f"{what} {str(path)!r} is not JSON: {error}") from None
-    if not isinstance(content, dict):
-        raise WorkbenchError(f"{what} {str(path)!r} must hold a JSON object")
-    return content
-
-
 def _toml(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise WorkbenchError(f"table of names {str(path)!r} cannot be read: {reason}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
         raise WorkbenchError(f"table of names {str(path)!r} is not TOML: {error}") from None
+    try:
+        return dict(_NAMES(content, ()))
+    except WorkbenchError as error:
+        raise WorkbenchError(f"table of names {str(path)!r}: {error}; see {NAMES.name}") from None
+
+
+_EFFECT = TableShape({"library": listed(text), "ports": listed(text)}, {"sensor": flag})
+_NAMES = TableShape({}, {"groups": named(listed(text)), "effects": named(_EFFECT)})

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from workbench.checked_json import TableShape, listed, named, number, optional, read_json, text
 from workbench.diagnosis.verdict import upgraded
-from workbench.evaluation.answer_key import Names, read_json
+from workbench.evaluation.answer_key import Names
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,22 @@ def read_answer(path: str | Path, case: str, names: Names) -> Answer:
     Raises:
         WorkbenchError: If the file cannot be read or is no verdict.
     """
-    return answer_of(upgraded(read_json(path, "verdict"), f"verdict {str(path)!r}"), case, names)
+    data = read_json(path, "verdict", _VERDICT, fix="write it with 'workbench diagnose'")
+    return answer_of(upgraded(data, f"verdict {str(path)!r}"), case, names)
+
+
+_ERRORS = optional(named(optional(number)))
+_HELD_OUT = TableShape({}, dict.fromkeys(("extended", "refitted", "noise_floor"), _ERRORS))
+_FINDING = TableShape(
+    {}, {"effect": optional(text), "class": optional(listed(text)), "where": optional(listed(text))}
+)
+_VERDICT = TableShape(
+    {"schema": text, "verdict": text},
+    {
+        "findings": optional(listed(_FINDING)),
+        "fit": optional(TableShape({}, {"held_out": optional(_HELD_OUT)})),
+    },
+)
 
 
 def answer_of(data: Mapping[str, Any], case: str, names: Names) -> Answer:
@@ -78,4 +94,5 @@ def error_ratio(above: Mapping[str, Any], below: Mapping[str, Any]) -> float:
         for name, value in above.items()
         if value is not None and below.get(name)
     ]
-    return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else math.nan
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sqrt(np.mean(np.square(ratios)))) if ratios else math.nan

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from workbench.checked_json import Place, TableShape, listed, named, number, read_json, text
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.plants.plant import Plant, Value
@@ -40,6 +40,25 @@ def saved_plant(
     }
 
 
+def _value(value: Any, place: Place) -> Any:
+    return value if isinstance(value, (bool, str)) else number(value, place)
+
+
+_FILE = TableShape(
+    {
+        "plant": TableShape(
+            {"name": text},
+            {
+                "options": named(_value),
+                "effects": listed(text),
+                "without": listed(text),
+                "parameters": named(number),
+            },
+        )
+    }
+)
+
+
 def plant_of_file(path: Path, find: Any) -> Plant:
     """Return the plant that a file such as ``verdict.json`` keeps.
 
@@ -52,18 +71,13 @@ def plant_of_file(path: Path, find: Any) -> Plant:
     Raises:
         WorkbenchError: If the file cannot be read or keeps no plant.
     """
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise WorkbenchError(f"plant {str(path)!r} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise WorkbenchError(f"plant {str(path)!r} is no JSON: {error}") from None
-    kept = data.get("plant") if isinstance(data, dict) else None
-    if not isinstance(kept, dict) or not isinstance(kept.get("name"), str):
-        raise WorkbenchError(
-            f"{str(path)!r} names no plant; give the verdict.json of 'workbench diagnose', which"
-            " has the key 'plant' (diagnose again if an older version wrote it)"
-        )
+    fix = (
+        "give the verdict.json of 'workbench diagnose', which has the key 'plant' (diagnose again"
+        " if an older version wrote it)"
+    )
+    kept = read_json(path, "plant", _FILE, fix=fix)["plant"]
+    if kept["name"].endswith(".json"):
+        raise WorkbenchError(f"plant {str(path)!r} names another file, {kept['name']!r}; {fix}")
     base: Plant = find(kept["name"])
     start = base.parse(kept.get("options", {}))
 

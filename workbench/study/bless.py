@@ -52,7 +52,10 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
             f"{str(place)!r} is the baseline of study {before.study!r}, the results are of"
             f" {study!r}; give another file"
         )
-    own = {name: Tolerance(**given) for name, given in table.get("tolerances", {}).items()}
+    own = {
+        name: Tolerance(**{key: rule[key] for key in Tolerance._fields if key in rule})
+        for name, rule in table.get("tolerances", {}).items()
+    }
     known = [*records, *before.records.values()]
     names = dict.fromkeys(name for r in known if r.metrics for name in r.metrics)
     rules = {name: own.get(name) or tolerance_of(name) for name in names}

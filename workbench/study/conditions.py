@@ -145,6 +145,8 @@ def _requirement(_name: str, old: Any, new: Any) -> Said:
 def _box_entry(name: str, old: Any, new: Any) -> Said:
     if old is None or new is None:
         yield ("new", False) if old is None else ("removed", True)
+    elif type(old) is not type(new):
+        yield f"{_short(old)} -> {_short(new)}", True
     elif isinstance(old, dict):
         ends = [(e["low"], e["high"]) for e in (old, new)]
         if ends[0] != ends[1]:

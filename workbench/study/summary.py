@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -37,15 +38,16 @@ def summary(outcome: StudyResult) -> str:
     """
     study = outcome.study
     mark = "✅" if outcome.passed else "❌"
-    lines = [f"## {mark} {study.name} {outcome.verdict()}: {outcome.headline()}", ""]
+    headline = escaped(f"{study.name} {outcome.verdict()}: {outcome.headline()}")
+    lines = [f"## {mark} {headline}", ""]
     lines += _scores(outcome)
     hard = [(_judged(g), g) for g in missed_by_plant(outcome.missed)]
     lines += _list("Missed", len(outcome.missed), [f"{text}{_also(g)}" for text, g in hard])
     title = "Missed in the box" if outcome.fragile else "Missed in the box, which only informs"
-    missed = [f"**{r.controller}**: {r.why()}" for r in outcome.box_missed]
+    missed = [f"{_BOLD}{r.controller}{_BOLD}: {r.why()}" for r in outcome.box_missed]
     lines += _list(title, len(missed), missed)
     lines += _list("Failed runs", len(outcome.failed), [_failed(r) for r in outcome.failed])
-    weaker = [f"**{c}**" for c in outcome.weakened]
+    weaker = [f"{_BOLD}{c}{_BOLD}" for c in outcome.weakened]
     lines += _list("Changed conditions, which must be accepted", len(weaker), weaker)
     if outcome.baseline is not None and outcome.baseline.conditions is None:
         lines += [OLD_BASELINE, ""]
@@ -99,7 +101,7 @@ def plain_summary(outcome: StudyResult) -> str:
             lines.append(f"{text} settling / physical limit, {distance.scenario}{where}")
     for title, entries in (
         ("missed", [f"{g.worst}{_also(g)}" for g in missed_by_plant(outcome.missed)]),
-        ("failed", [_failed(r).replace("*", "") for r in outcome.failed]),
+        ("failed", [_failed(r).replace(_BOLD, "") for r in outcome.failed]),
         ("changed condition", [str(c) for c in outcome.weakened]),
         (
             "worse",
@@ -113,12 +115,25 @@ def plain_summary(outcome: StudyResult) -> str:
     return "\n".join([*lines, f"{outcome.study.name} {word}: {outcome.headline()}"])
 
 
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")
+_BOLD = "\ue000"
+"""Where bold text begins and ends: a private character, so that names may hold asterisks."""
+
+
+def escaped(text: str) -> str:
+    r"""Return text in which nothing is Markdown, HTML, a mention or a reference to an issue.
+
+    Example:
+        >>> print(escaped("*a* | <b> @team #7 settling_time"))
+        \*a\* \| &lt;b> &#64;team &#35;7 settling_time
+    """
+    text = re.sub(r"([\\`*\[\]|~]|(?<!\w)_|_(?!\w))", r"\\\1", " ".join(text.split()))
+    for sign, entity in ((r"#(?=\d)", "&#35;"), ("<", "&lt;"), ("@", "&#64;")):
+        text = re.sub(sign, entity, text)
+    return text.replace(_BOLD, "**")
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    body = ["| " + " | ".join(_cell(c) for c in row) + " |" for row in (head, *rows)]
+    body = ["| " + " | ".join(escaped(c) for c in row) + " |" for row in (head, *rows)]
     rule = "|" + "|".join(" --- " if i == 0 else " ---: " for i in range(len(head))) + "|"
     return [body[0], rule, *body[1:], ""]
 
@@ -196,22 +211,22 @@ def _also(group: Group[Any]) -> str:
 
 def _judged(group: Group[Judgement]) -> str:
     j = group.worst
-    return f"**{j.controller}**{str(j)[len(j.controller) :]}"
+    return f"{_BOLD}{j.controller}{_BOLD}{str(j)[len(j.controller) :]}"
 
 
 def _bold(change: Change) -> str:
     text = str(change)
-    return f"**{change.key[0]}**{text[len(change.key[0]) :]}".replace("->", "→")
+    return f"{_BOLD}{change.key[0]}{_BOLD}{text[len(change.key[0]) :]}".replace("->", "→")
 
 
 def _failed(r: Record) -> str:
-    return f"**{r.controller}**, {r.scenario}, {r.variation}, seed {r.seed}: {r.reason}"
+    return f"{_BOLD}{r.controller}{_BOLD}, {r.scenario}, {r.variation}, seed {r.seed}: {r.reason}"
 
 
 def _list(title: str, count: int, entries: Sequence[str], *, fold: bool = False) -> list[str]:
     if not entries:
         return []
-    items = [f"- {_cell(entry)}" for entry in entries[:MOST]]
+    items = [f"- {escaped(entry)}" for entry in entries[:MOST]]
     if len(entries) > MOST:
         items.append(f"- and {len(entries) - MOST} more in `results.json`")
     heading = f"{title} ({count})"
@@ -250,7 +265,7 @@ def _metrics(outcome: StudyResult, scenario: str, case: str) -> list[str]:
     head = ["controller", *(n.replace("_", " ") for n in names), "worst variation (score)"]
     nominal = study.nominal(case)
     where = nominal.case or f"{nominal.name} plant"
-    return [f"### {scenario}, {where}", "", *_table(head, rows)]
+    return [f"### {escaped(f'{scenario}, {where}')}", "", *_table(head, rows)]
 
 
 def _value(outcome: StudyResult, record: Record | None, metric: MetricValue) -> str:
@@ -282,7 +297,7 @@ def _limits(outcome: StudyResult) -> list[str]:
     if shown:
         lines += _table(["controller", *shown], rows)
     rest = {d.scenario: d.ratio.reason for d in found.worst if d.scenario not in shown}
-    lines += [f"- No limit for {name}: {reason}." for name, reason in rest.items()]
+    lines += [f"- {escaped(f'No limit for {name}: {reason}')}." for name, reason in rest.items()]
     return [*lines, ""]
 
 
