@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import joblib
 import numpy as np
@@ -99,21 +100,19 @@ def refit_candidates(
     """
     given = tuple(priors)
     with joblib.Parallel(n_jobs=jobs if len(chosen) > 1 else 1) as parallel:
-        field = list(chosen)
-        longest = max(len(r.outputs) for r in fit_on)
-        if len(field) > _FIELD and longest > 2 * _HEADS[0]:
-            if progress:
+        field, lost = list(chosen), []
+        begun: list[Candidate | None] = [None] * len(field)
+        if max(len(r.outputs) for r in fit_on) > 2 * _HEADS[0]:
+            if progress and field:
                 progress(f"racing {len(field)} effects on the beginning of the recordings")
-            raced = _first_refits(parallel, base, field, given, fit_on, _HEADS[0], _FAR)
+            raced = _first_refits(parallel, base, field, given, fit_on, _HEADS[0], _FAR, begun)
             order = sorted(range(len(field)), key=lambda i: (i >= _BY_SCORE, -raced[i].gain))
-            ahead, behind = order[:_FIELD], order[_FIELD:]
-            lost = [raced[i] for i in behind]
-            field = [chosen[i] for i in ahead]
-        else:
-            lost = []
+            field = [chosen[i] for i in order[:_FIELD]]
+            begun = [raced[i] for i in order[:_FIELD]]
+            lost = [raced[i] for i in order[_FIELD:]]
         if progress and field:
             progress("refitting with " + ", ".join(s.entry.name for s in field))
-        first = _first_refits(parallel, base, field, given, fit_on, _HEADS[1], _NEAR)
+        first = _first_refits(parallel, base, field, given, fit_on, _HEADS[1], _NEAR, begun)
         # Only the leaders are followed down the ladder: a hypothesis that cannot compete with the
         # equations as imperfect as they were does not overtake with more trust in them.
         leaders = _leaders(first)
@@ -153,8 +152,9 @@ def _first_refits(
     fit_on: Sequence[Observed],
     samples: int,
     enough: float,
+    begun: Sequence[Candidate | None],
 ) -> list[Candidate]:
-    """Refit hypotheses on the beginning of each recording."""
+    """Refit hypotheses on the beginning of each recording, from where earlier refits ended."""
     if not field:
         return []
     heads = [replace(r, inputs=r.inputs[:samples], outputs=r.outputs[:samples]) for r in fit_on]
@@ -162,7 +162,8 @@ def _first_refits(
     known = base.cost - float(blocks_of_cost(base, fit_on).sum())
     cost = known + float(blocks_of_cost(base, heads).sum())
     found: list[Candidate] = parallel(
-        joblib.delayed(_first)(base, cost, score, priors, heads, enough) for score in field
+        joblib.delayed(_first)(base, cost, score, priors, heads, enough, earlier)
+        for score, earlier in zip(field, begun, strict=True)
     )
     return found
 
@@ -258,16 +259,30 @@ def widened(entry: Hypothesis, fit: ProcessNoiseFit) -> Hypothesis | None:
     return replace(entry, effect=replace(effect, parameters=tuple(wider)))
 
 
+class _Way(NamedTuple):
+    """From where a refit begins, and how much it trusts the equations.
+
+    Args:
+        known: Values of the free parameters of the model without the effect, in SI.
+        ladder: Process-noise scales, falling.
+        starts: Starts to choose from; several sizes of the effect if empty.
+    """
+
+    known: Mapping[str, float]
+    ladder: tuple[float, ...]
+    starts: tuple[dict[str, float], ...] = ()
+
+
 def _refitted(
     base: ProcessNoiseFit,
     score: Score,
     priors: tuple[Prior, ...],
     fit_on: Sequence[Observed],
-    way: tuple[Mapping[str, float], tuple[float, ...]],
+    way: _Way,
     enough: float,
 ) -> tuple[Score, ProcessNoiseFit]:
     """Refit one hypothesis from one start, widening the bounds that it ends on."""
-    known, ladder = way
+    known, ladder = way.known, way.ladder
     score = replace(
         score, entry=_valued(score.entry, score.shape), shape=_of_fitted(score.entry, score.shape)
     )
@@ -279,8 +294,11 @@ def _refitted(
         own, start = entry_priors(score)
         started = [extended_start(r, base.model, model) for r in fit_on]
         if begin is None:
-            starts = _starts(score, {**start, **known}, shapes=ladder is _STEEP)
-            begin = _best_start(model, started, (*priors, *own), starts, entry, ladder[0])
+            usual = {**start, **known}
+            starts = way.starts or _starts(score, usual, shapes=ladder is _STEEP)
+            begin = _best_start(
+                model, started, (*priors, *own), starts, entry, ladder[0], found=bool(way.starts)
+            )
         fit = fit_with_process_noise(
             model,
             started,
@@ -309,15 +327,19 @@ def _first(
     priors: tuple[Prior, ...],
     fit_on: Sequence[Observed],
     enough: float,
+    begun: Candidate | None,
 ) -> Candidate:
     """Refit a hypothesis, the equations trusted as much as without it."""
-    ways: list[tuple[Mapping[str, float], tuple[float, ...]]] = [
-        (start_values(base.refit, priors), (base.noise_scale,))
-    ]
-    if score.entry.far or any(e.on_bound for e in base.refit.estimates):
+    usual = start_values(base.refit, priors)
+    ways = [_Way(usual, (base.noise_scale,))]
+    if begun is not None and begun.fit is not None:
+        ended = {e.name: e.value for e in begun.fit.refit.estimates}
+        ways = [_Way({}, (begun.fit.noise_scale,), (ended, ended | usual))]
+        score = replace(score, entry=begun.entry, shape={})
+    elif score.entry.far or any(e.on_bound for e in base.refit.estimates):
         # Without the effect, the free parameters have gone where they imitate it best, from where
         # one that is far may not be found.
-        ways.append(({q.name: q.mean for q in priors}, _STEEP))
+        ways.append(_Way({q.name: q.mean for q in priors}, _STEEP))
     fits: list[tuple[Score, ProcessNoiseFit]] = []
     failed: Exception | None = None
     for way in ways:
@@ -370,11 +392,13 @@ def _best_start(
     starts: Sequence[dict[str, float]],
     entry: Hypothesis,
     noise_scale: float,
+    *,
+    found: bool,
 ) -> dict[str, float]:
     """Return the start under which the first recording is most likely.
 
-    From the best of the given starts the size, and then what no refit changes, such as the width of
-    a rounded step, goes on in steps as long as that gains.
+    From the best of the given starts the size goes on in steps as long as that gains, unless it was
+    found by an earlier refit.
     """
     filter_ = PredictionError(
         model,
@@ -391,7 +415,7 @@ def _best_start(
             return math.inf
 
     least, best = min(((cost(start), start) for start in starts), key=lambda pair: pair[0])
-    if entry.replaces or best[f"{entry.name}.{entry.size_parameter}"] == 0.0:
+    if entry.replaces or found or best[f"{entry.name}.{entry.size_parameter}"] == 0.0:
         return dict(best)
     name, q = f"{entry.name}.{entry.size_parameter}", entry.size
     value = _stepped(lambda v: cost(dict(best) | {name: v}), best[name], q, least)
