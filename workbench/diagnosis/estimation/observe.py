@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,6 +17,9 @@ Vector = npt.NDArray[np.float64]
 
 _START_SAMPLES = 3
 """Samples averaged for the first measurement, which is the best known of a rig at rest."""
+
+_STILL = 5.0
+"""Multiple of the noise by which the readings of a rig at rest may differ."""
 
 
 def observe(
@@ -83,21 +87,31 @@ def observe(
     )
 
 
+def _first_mean(readings: Vector, noise: float) -> tuple[float, float]:
+    """Return the mean of the first readings, as long as they stand still, and its deviation."""
+    first = readings[:_START_SAMPLES]
+    first = first[np.isfinite(first)]
+    if not len(first):
+        return math.nan, math.nan
+    moved = np.abs(first - first[0]) > _STILL * noise
+    count = int(np.argmax(moved)) if moved.any() else len(first)
+    return float(np.mean(first[:count])), noise / math.sqrt(count)
+
+
 def _start(
     model: Model, inputs: Vector, read: Vector, names: Sequence[str], noise: Vector
 ) -> tuple[Vector, Vector]:
     """Correct the model's starting state by the first measurements, in one Kalman update."""
     spread = np.array([q.start_rms or q.scale for q in model.states])
     rows = [i for i, q in enumerate(model.outputs) if q.name in names]
-    known = np.asarray(np.isfinite(read[:_START_SAMPLES]).any(axis=0), dtype=bool)
-    first = np.array(
-        [np.nanmean(c[:_START_SAMPLES]) if k else 0.0 for c, k in zip(read.T, known, strict=True)]
-    )
+    means = [_first_mean(column, rms) for column, rms in zip(read.T, noise, strict=True)]
+    first, rms = np.array(means).T
+    known = np.isfinite(first)
     x = model.initial_state(u=inputs)
     slope = np.asarray(model.exact.jacobian_function(x, inputs, model.values)[2])[rows][known]
     error = (first - model.read(x, inputs)[rows])[known]
     covariance = np.diag(spread**2)
-    variance = slope @ covariance @ slope.T + np.diag(noise[known] ** 2 / _START_SAMPLES)
+    variance = slope @ covariance @ slope.T + np.diag(rms[known] ** 2)
     gain = np.linalg.solve(variance, slope @ covariance).T
     x = x + gain @ error
     given = {
