@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -29,6 +30,9 @@ SHOWN = "validate_open"
 _DRAWN_SECONDS = 7.0
 _START_SAMPLES = 251
 
+_FITTED_SECONDS = 6.0
+"""How much of each fitting recording is used: the rest tells the parameters no better."""
+
 
 def _models_of(case: Case) -> dict[str, Model]:
     """Build the models that a case is compared with; refits know the fitting recordings only."""
@@ -42,7 +46,10 @@ def _models_of(case: Case) -> dict[str, Model]:
 
 
 def _refitted(model: Model, case: Case) -> Model:
-    return refit(model, [observe(model, r) for r in case.fit.values()]).model
+    seen = [observe(model, r) for r in case.fit.values()]
+    count = round(_FITTED_SECONDS / seen[0].sample_time)
+    heads = [replace(r, inputs=r.inputs[:count], outputs=r.outputs[:count]) for r in seen]
+    return refit(model, heads).model
 
 
 def recorded_case_part(names: Sequence[str] = ()) -> Part:
@@ -113,9 +120,9 @@ def _section(pictures: list[Picture], rows: list[tuple[str, ...]]) -> Section:
             Words(
                 "Two recordings of an arm of this kind ship with the workbench. The simulation "
                 "gets the recorded valve voltage and nothing else: it runs freely to the end, "
-                "first with the nominal parameters, then with parameters refitted on two other "
-                "recordings of the same case, so that what remains is not a wrong number but "
-                "physics that the model leaves out."
+                "first with the nominal parameters, then with parameters refitted on the first "
+                f"{_FITTED_SECONDS:g} s of two other recordings of the same case, so that what "
+                "remains is not a wrong number but physics that the model leaves out."
             ),
             Words(
                 "In practice-07 only parameters differ from nominal, and the refitted model runs "

@@ -64,6 +64,18 @@ def diagnose(
     Raises:
         WorkbenchError: If there are no recordings or they do not belong to the model.
         NumericalError: If the nominal model cannot be refitted.
+
+    Example:
+        >>> from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> runs = [
+        ...     made_up_recording(axis, pushes(400, largest=200.0, seed=i), sample_time=0.01)
+        ...     for i in (1, 2)
+        ... ]
+        >>> few = [e for e in library(axis) if e.law in ("creep", "linear_spring")]
+        >>> diagnose(axis, runs[:1], runs[1:], entries=few, jobs=1).verdict.kind
+        'nothing_missing'
     """
     *_, finished = stages(
         model,

@@ -422,9 +422,16 @@ def _best_start(
     return dict(best) | {name: value}
 
 
-def _stepped(cost: Callable[[float], float], here: float, q: Parameter, least: float) -> float:
+def _stepped(
+    cost: Callable[[float], float],
+    here: float,
+    q: Parameter,
+    least: float,
+    *,
+    steps: Sequence[float] = (_STEP,),
+) -> float:
     """Go on from a value in steps, up or down, as long as that gains."""
-    for step in (_STEP, math.sqrt(_STEP), _STEP**0.25):
+    for step in steps:
         for factor in (step, 1.0 / step):
             moved = False
             for _ in range(_STEPS):
@@ -466,7 +473,13 @@ def _tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) 
     for q in guessed:
         here = model.parameter(f"{entry.name}.{q.name}").value
         least = cost(q.name, here) - 1.0
-        value = _stepped(lambda v, name=q.name: cost(name, v), here, q, least)  # type: ignore[misc]
+        value = _stepped(
+            lambda v, name=q.name: cost(name, v),  # type: ignore[misc]
+            here,
+            q,
+            least,
+            steps=(_STEP, math.sqrt(_STEP), _STEP**0.25),
+        )
         if value != here:
             better[q.name] = value
     return _valued(entry, better) if better else entry
