@@ -6,6 +6,7 @@ covariance and its derivatives with respect to the free parameters.
 
 from __future__ import annotations
 
+import time
 from functools import lru_cache
 
 import casadi as ca
@@ -56,16 +57,17 @@ _LOOKS = 20
 """Random states at which the fastest mode is looked for, beside the starting state."""
 
 
-WORTH = 100_000
-"""Samples after which code that runs twice as fast has paid for the longer wait for it."""
+WORTH_S = 10.0
+"""Time in quickly built code, in s, after which code that runs twice as fast has paid for the
+longer wait for it."""
 
 
 class Filter:
     """A filter over blocks of samples, built soon at first and to run fast when much is asked."""
 
-    def __init__(self, function: ca.Function, samples: int) -> None:
+    def __init__(self, function: ca.Function) -> None:
         """Build it to be there soon."""
-        self._function, self._samples, self._done = function, samples, 0
+        self._function, self._spent = function, 0.0
         self._call = FilterCall(compiled(function, quick=True))
 
     def __call__(self, *values: npt.ArrayLike) -> list[Vector]:
@@ -74,9 +76,13 @@ class Filter:
         Args:
             values: The arguments of the function, in its units.
         """
-        before, self._done = self._done, self._done + self._samples
-        if before < WORTH <= self._done:
-            self._call = FilterCall(compiled(self._function))
+        if 0.0 <= self._spent < WORTH_S:
+            began = time.perf_counter()
+            results = self._call(*values)
+            self._spent += time.perf_counter() - began
+            return results
+        if self._spent >= WORTH_S:
+            self._call, self._spent = FilterCall(compiled(self._function)), -1.0
         return self._call(*values)
 
 
@@ -203,7 +209,7 @@ def filter_function(
         ca.MX.sym("d", len(ports), 2),
     ]
     result = step(*block[:6], *(ca.repmat(constant, 1, samples) for constant in block[6:]))
-    return Filter(ca.Function("filter", block, list(result)), samples)
+    return Filter(ca.Function("filter", block, list(result)))
 
 
 def _process_noise(

@@ -53,6 +53,14 @@ class Candidate:
             return None
         return self.fit.refit.estimate(f"{self.entry.effect.name}.{self.entry.size_parameter}")
 
+    @property
+    def own_parameters(self) -> int:
+        """How many parameters of its own were refitted."""
+        own = f"{self.entry.effect.name}."
+        return (
+            0 if self.fit is None else sum(e.name.startswith(own) for e in self.fit.refit.estimates)
+        )
+
     def __str__(self) -> str:
         """Return one aligned line."""
         size = self.size

@@ -141,6 +141,11 @@ def refit_candidates(
         # Of two that the data cannot tell apart, the one without a doubt.
         sure = (c for c in passing if not c.doubts and not told_apart(best.blocks, c.blocks))
         best = next(sure, best)
+    if best is not None:
+        # Of those that explain the recordings as well, the one with the fewest parameters.
+        same = [c for c in passing if len(c.doubts) <= len(best.doubts)]
+        same = [c for c in same if c is best or not told_apart(best.blocks, c.blocks)]
+        best = min(same, key=lambda c: (c.own_parameters, -c.gain))
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
 
 
