@@ -408,6 +408,8 @@ def design_scheduled_pid(
     inner_bandwidth: float = 120.0,
     compensation: float = 0.3,
     lag: float = 0.0,
+    reference_bandwidth: float = 0.0,
+    reference_jump: float = 0.02,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> CascadePID:
@@ -422,6 +424,9 @@ def design_scheduled_pid(
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
         compensation: Share of the unexplained acceleration that is compensated at once, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
+        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
+            noisy), in rad/s; 0 for a smooth one.
+        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
         sample_time: Time between steps, in s.
 
     Raises:
@@ -439,6 +444,8 @@ def design_scheduled_pid(
             jerk_share=jerk_share,
             jerk_limit=jerk_limit,
             lead=lead,
+            reference_bandwidth=reference_bandwidth,
+            reference_jump=reference_jump,
             sample_time=sample_time,
         ),
         PlacedGains(frequency, inner_bandwidth=inner_bandwidth),

@@ -272,6 +272,8 @@ def design_scheduled_sliding_mode(
     jerk_share: float = 0.7,
     jerk_limit: float = 1800.0,
     lead: float = 0.0,
+    reference_bandwidth: float = 0.0,
+    reference_jump: float = 0.02,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> SlidingMode:
@@ -292,6 +294,9 @@ def design_scheduled_sliding_mode(
         jerk_share: Share of the valve's opening that a planned move may use, a ratio.
         jerk_limit: Largest planned jerk, in rad/s3.
         lead: Time by which the opening of the feedforward leads the plan, in s.
+        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
+            noisy), in rad/s; 0 for a smooth one.
+        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
         sample_time: Time between steps, in s.
 
     Raises:
@@ -313,6 +318,8 @@ def design_scheduled_sliding_mode(
             jerk_share=jerk_share,
             jerk_limit=jerk_limit,
             lead=lead,
+            reference_bandwidth=reference_bandwidth,
+            reference_jump=reference_jump,
             sample_time=sample_time,
         ),
         kind,

@@ -137,6 +137,8 @@ def design_state_feedback(
     compensation: float = 0.3,
     lag: float = 0.0,
     mean_pressure: float = 3.8e5,
+    reference_bandwidth: float = 0.0,
+    reference_jump: float = 0.02,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> StateFeedback:
@@ -157,6 +159,9 @@ def design_state_feedback(
             dimensionless.
         lag: Lag of spool and sample that is a state of the design, in s; 0 for none.
         mean_pressure: Mean gauge pressure of the design, in Pa.
+        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
+            noisy), in rad/s; 0 for a smooth one.
+        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
         sample_time: Time between steps, in s.
 
     Raises:
@@ -202,6 +207,8 @@ def design_state_feedback(
         jerk_share=jerk_share,
         jerk_limit=jerk_limit,
         lead=lead,
+        reference_bandwidth=reference_bandwidth,
+        reference_jump=reference_jump,
         sample_time=h,
         mean_pressure=mean_pressure,
         angle_noise=angle_noise,

@@ -130,6 +130,8 @@ def design_h_infinity(
     lead: float = 0.0,
     compensation: float = 0.0,
     mean_pressure: float = 3.8e5,
+    reference_bandwidth: float = 0.0,
+    reference_jump: float = 0.02,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> HInfinity:
@@ -149,6 +151,9 @@ def design_h_infinity(
         compensation: Share of the unexplained acceleration that is compensated at once, 0..1,
             dimensionless.
         mean_pressure: Mean gauge pressure of the synthesis, in Pa.
+        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
+            noisy), in rad/s; 0 for a smooth one.
+        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
         sample_time: Time between steps, in s.
 
     Raises:
@@ -179,6 +184,8 @@ def design_h_infinity(
             jerk_share=jerk_share,
             jerk_limit=jerk_limit,
             lead=lead,
+            reference_bandwidth=reference_bandwidth,
+            reference_jump=reference_jump,
             mean_pressure=mean_pressure,
             sample_time=sample_time,
         ),

@@ -240,6 +240,8 @@ def joint_tracking(
     shortest: float = 0.05,
     lead: float = 0.0,
     sample_time: float = 0.002,
+    reference_bandwidth: float = 0.0,
+    reference_jump: float = 0.02,
 ) -> JointTracking:
     """Design planner and observer for a schedule.
 
@@ -259,6 +261,9 @@ def joint_tracking(
         lead: Time by which the opening of the feedforward leads the plan, in s: the lag of spool
             and sample, so that the move goes where it is planned.
         sample_time: Time between samples, in s.
+        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
+            noisy), in rad/s; 0 for a smooth one.
+        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
 
     Raises:
         WorkbenchError: If a number is outside its range.
@@ -279,6 +284,8 @@ def joint_tracking(
         speed=jerk_share * min(m.g / m.e for m in models),
         shortest=shortest,
         sample_time=sample_time,
+        bandwidth=reference_bandwidth,
+        jump=reference_jump,
     )
     if correction is None:
         free = JointModel(b=1.0, a1=0.0, a0=0.0, g=1.0, e=0.0, d=0.0)
@@ -299,6 +306,8 @@ def kalman_tracking(
     angle_noise: float = 2e-5,
     acceleration_noise: float = 0.5,
     acceleration_walk: float = 100.0,
+    reference_bandwidth: float = 0.0,
+    reference_jump: float = 0.02,
 ) -> JointTracking:
     """Design planner and Kalman filter: `joint_tracking` with `kalman_correction`.
 
@@ -311,6 +320,9 @@ def kalman_tracking(
         angle_noise: Noise rms of the measured angle, in rad.
         acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
         acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
+        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
+            noisy), in rad/s; 0 for a smooth one.
+        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
     """
     return joint_tracking(
         schedule,
@@ -325,4 +337,6 @@ def kalman_tracking(
         ),
         mean_pressure=mean_pressure,
         sample_time=sample_time,
+        reference_bandwidth=reference_bandwidth,
+        reference_jump=reference_jump,
     )

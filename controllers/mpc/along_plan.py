@@ -369,6 +369,8 @@ def design_scheduled_mpc(
     pressure_limits: tuple[float, float] = (0.1e5, 5.95e5),
     softness: float = 1e2,
     mean_pressure: float = 3.8e5,
+    reference_bandwidth: float = 0.0,
+    reference_jump: float = 0.02,
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> ScheduledMPC:
@@ -392,6 +394,9 @@ def design_scheduled_mpc(
         pressure_limits: Lowest and highest gauge pressure, in Pa.
         softness: Cost of a pressure difference 0.1 bar out of its limits, dimensionless.
         mean_pressure: Mean gauge pressure of the design, in Pa.
+        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
+            noisy), in rad/s; 0 for a smooth one.
+        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
         sample_time: Time between steps, in s.
 
     Raises:
@@ -445,6 +450,8 @@ def design_scheduled_mpc(
             jerk_share=jerk_share,
             jerk_limit=jerk_limit,
             lead=lead,
+            reference_bandwidth=reference_bandwidth,
+            reference_jump=reference_jump,
             mean_pressure=mean_pressure,
             sample_time=h,
         ),

@@ -17,14 +17,27 @@ A sine therefore passes without lag, with its speed and acceleration from differ
 never asks for more than the joint can do. What comes next is known too: the move goes along its
 quintic, the smooth trajectory along its first three derivatives.
 
-Source: Flash and Hogan, J. Neuroscience 5, 1985 (quintic as minimum-jerk move); Biagiotti and
-Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 2.1.
+A reference that is quantised, held between samples of its own, or noisy has no derivatives to take
+differences of. With a ``bandwidth`` w the trajectory is what a filter of three equal poles at w
+knows of it, sample k, e what the reference differs from its prediction:
+
+    r = r- + k1 e,   r' = r'- + k2 e,   r'' = r''- + k3 e,   p = exp(-w h)
+    k1 = 1 - p^3,  k2 = 1.5 (1 - p)^2 (1 + p) / h,  k3 = (1 - p)^3 / h^2
+
+It follows a constant acceleration without lag, a sine of frequency v with an error of (v / w)^3.
+What differs by more than ``jump`` is a jump, as above; a smaller step passes the filter, and goes
+past its end by a quarter of itself.
+
+Source: alpha-beta-gamma filter, critically damped: Brookner, Tracking and Kalman Filtering Made
+Easy, 1998, section 2.5; Flash and Hogan, J. Neuroscience 5, 1985 (quintic as minimum-jerk move);
+Biagiotti and Melchiorri, Trajectory Planning for Automatic Machines and Robots, 2008, section 2.1.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from controllers.arithmetic import Arithmetic, Number
 from workbench.errors import check_range
@@ -84,6 +97,8 @@ class Planner:
         sample_time: Time between samples, in s.
         reach: Time for which the derivatives of the trajectory tell how it goes on, in s; then it
             is taken to go straight on.
+        bandwidth: Bandwidth w of the filter of a rough reference, in rad/s; 0 for a smooth one.
+        jump: Smallest step of a rough reference that is planned as a move, in rad.
 
     Raises:
         WorkbenchError: If a limit is not positive.
@@ -107,6 +122,8 @@ class Planner:
     jump_acceleration: float = 150.0
     sample_time: float = 0.002
     reach: float = 0.1
+    bandwidth: float = 0.0
+    jump: float = 0.02
 
     def __post_init__(self) -> None:
         """Check the limits."""
@@ -114,6 +131,9 @@ class Planner:
         check_range("acceleration of the planned reference", self.acceleration, 1e-6, 1e9, "rad/s2")
         check_range("speed of the planned reference", self.speed, 1e-6, 1e9, "rad/s")
         check_range("shortest planned move", self.shortest, self.sample_time, 1e3, "s")
+        top = 0.5 / self.sample_time
+        check_range("bandwidth of the reference filter", self.bandwidth, 0.0, top, "rad/s")
+        check_range("jump of a rough reference", self.jump, 1e-12, 1e9, "rad")
 
     def start(self, angle: Number) -> PlannerState:
         """Return the state of a reference at rest.
@@ -153,6 +173,10 @@ class Planner:
         elapsed = arithmetic.clip(state.elapsed + h, 0.0, state.duration)
         offset, speed, acceleration, _ = _offset(state, elapsed)
 
+        if self.bandwidth:
+            return self._filtered(
+                state, reference, elapsed, (offset, speed, acceleration), arithmetic
+            )
         slope = (reference - state.reference) / h
         change = slope - state.slope
         size = arithmetic.largest(change, -change)
@@ -167,11 +191,48 @@ class Planner:
         jerk = where(bent, 0.0, (curve - state.curve) / h)
         # A bend leaves no acceleration behind; the sample after it starts from there.
         jerk = arithmetic.clip(jerk, -self.jerk, self.jerk)
+        smooth = Plan(reference, slope, curve, jerk)
+        return self._moved(state, smooth, bent, elapsed, (offset, speed, acceleration), arithmetic)
 
+    def _filtered(
+        self,
+        state: PlannerState,
+        reference: Number,
+        elapsed: Number,
+        offset: tuple[Number, Number, Number],
+        arithmetic: Arithmetic,
+    ) -> tuple[Plan, PlannerState]:
+        """Plan one sample of a rough reference, whose trajectory is that of the filter."""
+        h, where = self.sample_time, arithmetic.where
+        p = math.exp(-self.bandwidth * h)
+        predicted = state.reference + h * (state.slope + 0.5 * h * state.curve)
+        residual = reference - predicted
+        jumped = arithmetic.largest(residual, -residual) > self.jump
+        fresh = where(jumped, 0.0, residual)
+        smooth = Plan(
+            where(jumped, reference, predicted + (1.0 - p * p * p) * fresh),
+            state.slope + h * state.curve + 1.5 * (1.0 - p) ** 2 * (1.0 + p) / h * fresh,
+            state.curve + (1.0 - p) ** 3 / (h * h) * fresh,
+            arithmetic.clip((1.0 - p) ** 3 / (h * h * h) * fresh, -self.jerk, self.jerk),
+        )
+        offset = (offset[0] - where(jumped, residual, 0.0), *offset[1:])
+        return self._moved(state, smooth, jumped, elapsed, offset, arithmetic)
+
+    def _moved(
+        self,
+        state: PlannerState,
+        smooth: Plan,
+        bent: Any,
+        elapsed: Number,
+        begin: tuple[Number, Number, Number],
+        arithmetic: Arithmetic,
+    ) -> tuple[Plan, PlannerState]:
+        """Add the move along which the last jump vanishes; one begins where it has bent."""
+        where, (offset, speed, acceleration) = arithmetic.where, begin
         fresh = PlannerState(
-            reference,
-            slope,
-            curve,
+            smooth.angle,
+            smooth.speed,
+            smooth.acceleration,
             where(bent, offset, state.offset),
             where(bent, speed, state.offset_speed),
             where(bent, acceleration, state.offset_acceleration),
@@ -183,10 +244,10 @@ class Planner:
         # In the middle of the coming sample the jerk of the move is what the sample will see.
         return (
             Plan(
-                reference + where(moving, delta[0], 0.0),
-                slope + where(moving, delta[1], 0.0),
-                curve + where(moving, delta[2], 0.0),
-                jerk + where(moving, delta[3], 0.0),
+                smooth.angle + where(moving, delta[0], 0.0),
+                smooth.speed + where(moving, delta[1], 0.0),
+                smooth.acceleration + where(moving, delta[2], 0.0),
+                smooth.jerk + where(moving, delta[3], 0.0),
             ),
             fresh,
         )

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import math
 import tomllib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from controllers import ConstantCommand
 from workbench.errors import WorkbenchError
+from workbench.plants.arm import arm
 from workbench.verification import (
     Change,
     Disturbance,
     Ramps,
+    Recorded,
     Scenario,
+    SignalFault,
     Sine,
     Steps,
     scenario_from_table,
     signal_from_table,
     step_scenario,
+    verify,
 )
 
 STUDY = """
@@ -118,3 +124,44 @@ def test_a_negative_time_is_refused() -> None:
 def test_a_scenario_without_reference_is_refused() -> None:
     with pytest.raises(WorkbenchError, match="no reference"):
         Scenario("empty", {}, 1.0)
+
+
+def test_a_recorded_reference_is_played_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "held.csv").write_text("time,angle\n0,30\n0.01,30.5\n0.03,29\n")
+    table = {"kind": "recorded", "unit": "deg", "file": "held.csv", "column": "angle"}
+    signal = signal_from_table(table, folder=tmp_path)
+    assert np.degrees(signal.sample(np.array([0.0, 0.009, 0.01, 0.02, 9.0]))) == pytest.approx(
+        [30.0, 30.0, 30.5, 30.5, 29.0]
+    )
+    # Its steps are none whose response is measured.
+    assert signal.changes == ()
+    given = {"kind": "recorded", "unit": "deg", "times": [0.0, 1.0], "values": [30.0, 31.0]}
+    assert signal_from_table(given) == Recorded((0.0, 1.0), tuple(np.radians([30.0, 31.0])))
+    for text, told in (
+        ("time,angle\n0,here\n", "cannot be read"),
+        ("time,speed\n0,1\n", "column of .*'angle'"),
+        ("time,angle\n1,1\n0,2\n", "times that increase"),
+    ):
+        (tmp_path / "held.csv").write_text(text)
+        with pytest.raises(WorkbenchError, match=told):
+            signal_from_table(table, folder=tmp_path)
+
+
+def test_faults_of_a_scenario_are_data() -> None:
+    table = {
+        "duration": 1.0,
+        "references": {"angle": {"kind": "steps", "times": [0.0], "values": [0.5]}},
+        "faults": [{"time": 0.1, "signal": "angle", "kind": "stuck", "until": 0.2}],
+    }
+    assert scenario_from_table("f", table).faults == (SignalFault(0.1, "angle", "stuck", 0.0, 0.2),)
+    for fault, told in (
+        ({"time": 0.1, "signal": "angle", "kind": "odd"}, "kind of the fault"),
+        ({"time": 0.1, "signal": "angle", "kind": "stuck", "until": 0.0}, "before it begins"),
+        ({"time": 0.1, "signal": "angle"}, "has no 'kind'"),
+    ):
+        with pytest.raises(WorkbenchError, match=told):
+            scenario_from_table("f", {**table, "faults": [fault]})
+    scenario = scenario_from_table("f", {**table, "faults": [{**table["faults"][0]}]})
+    controller = ConstantCommand((5.0,), sensors=("pressure_1",))
+    with pytest.raises(WorkbenchError, match="faulty signal"):
+        verify(controller, arm(3), scenario)

@@ -26,7 +26,15 @@ from workbench.verification.scenario import (
     scenario_from_table,
     step_scenario,
 )
-from workbench.verification.signals import SIGNALS, Ramps, Signal, Sine, Steps, signal_from_table
+from workbench.verification.signals import (
+    SIGNALS,
+    Ramps,
+    Recorded,
+    Signal,
+    Sine,
+    Steps,
+    signal_from_table,
+)
 
 __all__ = [
     "METRICS",
@@ -37,6 +45,7 @@ __all__ = [
     "MetricValue",
     "Metrics",
     "Ramps",
+    "Recorded",
     "Requirement",
     "RequirementResult",
     "Run",

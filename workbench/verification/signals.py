@@ -146,6 +146,74 @@ class Ramps:
         return ()
 
 
+@dataclass(frozen=True)
+class Recorded:
+    """A reference as it was recorded: each sample holds until the next, the last one for ever.
+
+    Unlike `Steps` it has no steps whose responses are measured: quantised, held and noisy
+    references are played as they are.
+
+    Args:
+        times: Increasing times, in s.
+        values: Values in SI, as many as ``times``.
+
+    Raises:
+        WorkbenchError: If the times do not increase or the lengths differ.
+
+    Example:
+        >>> Recorded((0.0, 0.01), (0.2, 0.3)).sample(np.array([0.0, 0.009, 5.0]))
+        array([0.2, 0.2, 0.3])
+    """
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check that the times increase."""
+        times = check_finite("times of the recorded reference", self.times)
+        check_finite("values of the recorded reference", self.values)
+        if len(times) != len(self.values) or not len(times) or np.any(np.diff(times) <= 0):
+            raise WorkbenchError(
+                f"the recorded reference has {len(self.values)} values at {len(self.times)} times;"
+                " give one value per time, with times that increase"
+            )
+
+    @classmethod
+    def read(cls, path: str | Path, column: str, *, unit: str = "1") -> Recorded:
+        """Read a reference from a CSV file with a header and the times, in s, in its first column.
+
+        Args:
+            column: Header of the column.
+            unit: Unit of its values.
+
+        Raises:
+            WorkbenchError: If the file cannot be read, has no such column or holds no numbers.
+        """
+        try:
+            rows = Path(path).read_text(encoding="utf-8").split()
+            names = [name.strip() for name in rows[0].split(",")]
+            check_choice(f"column of {path}", column, names[1:])
+            table = np.array([row.split(",") for row in rows[1:]], dtype=float)
+            times, values = table[:, 0], table[:, names.index(column)]
+        except (OSError, IndexError, ValueError) as error:
+            raise WorkbenchError(
+                f"reference file {path} cannot be read ({error}); give a CSV file with a header,"
+                " the times in s in its first column, and one number per cell"
+            ) from None
+        return cls(tuple(times.tolist()), tuple(np.asarray(to_si(values, unit)).tolist()))
+
+    def sample(self, time: npt.ArrayLike) -> Vector:
+        """Return the signal at some times, shape (n,), in s; values in SI."""
+        instants = np.asarray(time, dtype=float) + 1e-9
+        index = np.searchsorted(self.times, instants, side="right") - 1
+        return np.asarray(self.values, dtype=float)[np.maximum(index, 0)]
+
+    @property
+    def changes(self) -> tuple[tuple[float, float, float], ...]:
+        """No steps: no times in s, no values in SI."""
+        return ()
+
+
 class Signal(Protocol):
     """A reference over time."""
 
@@ -179,11 +247,12 @@ class SignalKind:
 STEPS = SignalKind("steps", Steps, ("values",), ("times",))
 SINE = SignalKind("sine", Sine, ("mean", "amplitude"), ("frequency_Hz", "begin"), ("begin",))
 RAMPS = SignalKind("ramps", Ramps, ("values",), ("times",))
+RECORDED = SignalKind("recorded", Recorded, ("values",), ("times",))
 
 SIGNALS: Registry[SignalKind] = Registry(
     "kind of reference", SignalKind, package="workbench.verification", group="workbench.signals"
 )
-"""Every kind of reference, by name; a recorded trajectory is ``ramps`` through its samples."""
+"""Every kind of reference, by name."""
 
 
 def rests(signal: Signal) -> bool:
@@ -196,6 +265,7 @@ def signal_from_table(table: Mapping[str, Any], *, folder: Path | None = None) -
 
     Args:
         table: ``kind``, a member of `SIGNALS`; ``unit`` of its values; and the keys of that kind.
+            A recorded one may have ``file`` and ``column`` in the place of numbers.
         folder: Where a kind of one's own is found as ``module:object``.
 
     Raises:
@@ -208,6 +278,9 @@ def signal_from_table(table: Mapping[str, Any], *, folder: Path | None = None) -
     entries = dict(table)
     kind = SIGNALS.get(str(entries.pop("kind", "steps")), folder=folder)
     unit = str(entries.pop("unit", "1"))
+    if kind.name == "recorded" and set(entries) == {"file", "column"}:
+        path = (folder or Path()) / str(entries["file"])
+        return Recorded.read(path, str(entries["column"]), unit=unit)
     for key in entries:
         check_choice(
             f"key of the {kind.name} reference", key, ("kind", "unit", *kind.valued, *kind.others)
