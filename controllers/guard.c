@@ -6,7 +6,9 @@ enum {
   AT_COMMAND = AT_MEASUREMENT + GUARD_SENSORS,
   AT_REFERENCE = AT_COMMAND + GUARD_COMMANDS,
   AT_STILL = AT_REFERENCE + GUARD_CONTROLLED,
-  AT_PLACE = AT_STILL + GUARD_SENSORS,
+  AT_SAME = AT_STILL + GUARD_SENSORS,
+  AT_PACE = AT_SAME + GUARD_SENSORS,
+  AT_PLACE = AT_PACE + GUARD_SENSORS,
   AT_ORIGIN = AT_PLACE + GUARD_SENSORS,
   AT_TARGET = AT_ORIGIN + GUARD_CONTROLLED,
   AT_BEST = AT_TARGET + GUARD_CONTROLLED,
@@ -42,7 +44,7 @@ static int guard_begin(const double *measurement, double *state) {
   status = GUARD_LAW_START(seen, state);
   for (i = 0; i < GUARD_SENSORS; ++i) {
     state[AT_MEASUREMENT + i] = seen[i];
-    state[AT_STILL + i] = 0.0;
+    state[AT_STILL + i] = state[AT_SAME + i] = state[AT_PACE + i] = 0.0;
     state[AT_PLACE + i] = guard_followed(seen);
   }
   for (i = 0; i < GUARD_COMMANDS; ++i) state[AT_COMMAND + i] = GUARD_COMMAND_SAFE[i];
@@ -98,21 +100,30 @@ static int guard_sensors(double *state, const double *measurement, double error)
   if (isinf(GUARD_STUCK_AFTER)) return GUARD_CLEAR;
   for (i = 0; i < GUARD_COMMANDS; ++i) {
     const double share =
-        fabs(state[AT_COMMAND + i] - GUARD_COMMAND_SAFE[i]) / GUARD_COMMAND_REACH[i];
+        (fabs(state[AT_COMMAND + i] - GUARD_COMMAND_SAFE[i]) / GUARD_COMMAND_REACH[i] -
+         GUARD_WEAK) /
+        (1.0 - GUARD_WEAK);
     if (share > effort) effort = share < 1.0 ? share : 1.0;
   }
   for (i = 0; i < GUARD_SENSORS; ++i) {
     const double moved = fabs(followed - state[AT_PLACE + i]) / guard_tolerance();
-    if (measurement[i] != state[AT_MEASUREMENT + i]) {
-      state[AT_STILL + i] = 0.0;
+    const double change = fabs(measurement[i] - state[AT_MEASUREMENT + i]);
+    const int inside =
+        GUARD_SENSOR_LOWER[i] < measurement[i] && measurement[i] < GUARD_SENSOR_UPPER[i];
+    if (change > 0.0) {
+      state[AT_STILL + i] = state[AT_SAME + i] = 0.0;
       state[AT_PLACE + i] = followed;
-    } else if (GUARD_SENSOR_WATCHED[i] != 0.0 && GUARD_SENSOR_LOWER[i] < measurement[i] &&
-               measurement[i] < GUARD_SENSOR_UPPER[i] && (error > 1.0 || moved > 1.0)) {
-      state[AT_STILL + i] += effort;
-      if (state[AT_STILL + i] >= GUARD_STUCK_AFTER) fault = GUARD_STUCK;
-    } else {
-      state[AT_STILL + i] = 0.0;
+      state[AT_PACE + i] = change;
+      continue;
     }
+    state[AT_SAME + i] = inside ? state[AT_SAME + i] + 1.0 : 0.0;
+    if (GUARD_SENSOR_WATCHED[i] != 0.0 && inside && (error > 1.0 || moved > 1.0))
+      state[AT_STILL + i] += effort;
+    else
+      state[AT_STILL + i] = 0.0;
+    if (state[AT_STILL + i] >= GUARD_STUCK_AFTER ||
+        (state[AT_PACE + i] >= GUARD_SENSOR_MOTION[i] && state[AT_SAME + i] >= GUARD_HOLD))
+      fault = GUARD_STUCK;
   }
   return fault;
 }

@@ -7,7 +7,8 @@ Each sample, in this order (`guard.c` does the same in C, in the same order of o
 2. A measurement that is not finite, out of range or jumps is not shown to the law: its state stays
    as it was and the last command is held, for at most ``hold`` samples; then comes the safe one.
 3. A measurement that does not change by a bit, while commands asked for a move long enough that the
-   plant as declared would have moved, is stuck: safe command.
+   plant as declared would have moved, or for ``hold`` samples right after it had moved fast, is
+   stuck: safe command, until it changes.
 4. The law steps. If what it commands is not finite, or (with limits) it raises an error of
    arithmetic, that is treated like a measurement that is not shown: its state stays as it was.
 5. A command at its end, or an error of the controlled outputs above tolerance that does not get
@@ -76,6 +77,9 @@ FAULTS = (
     NO_PROGRESS,
 ) = range(len(FAULTS))
 
+WEAK = 0.1
+"""Share of a command that friction may swallow: up to it a plant that stays is no sign."""
+
 ACTIONS = ("law", "clamp", "ramp", "hold", "safe")
 """What may be done: the law's command, also with a replaced reference or on the way back; the
 command before; the safe command."""
@@ -90,12 +94,15 @@ class SensorLimits(NamedTuple):
         jump: Largest change from sample to sample, in SI.
         watched: 1 if it never rests to the bit while the plant moves, so that it may be found to be
             stuck: a controlled output, or one that is noisy; else 0 (dimensionless).
+        motion: Smallest change from sample to sample after which it does not stop to the bit at
+            once, in SI.
     """
 
     lower: float = -_INFINITE
     upper: float = _INFINITE
     jump: float = _INFINITE
     watched: float = 0.0
+    motion: float = _INFINITE
 
 
 class ReferenceLimits(NamedTuple):
@@ -137,6 +144,8 @@ class GuardState(NamedTuple):
         command: Last command, in SI.
         reference: Last references within their ranges, in SI.
         still: Samples of full command for which each sensor has not changed by a bit.
+        same: Samples for which it has not.
+        pace: Its last change that was one, in SI.
         place: First controlled output when each sensor last changed, in SI.
         origin: Controlled outputs at the last return, in SI.
         target: References from which progress is counted, in SI.
@@ -154,6 +163,8 @@ class GuardState(NamedTuple):
     command: tuple[float, ...]
     reference: tuple[float, ...]
     still: tuple[float, ...]
+    same: tuple[float, ...]
+    pace: tuple[float, ...]
     place: tuple[float, ...]
     origin: tuple[float, ...]
     target: tuple[float, ...]
@@ -289,22 +300,25 @@ class Guarded:
         finite = all(map(math.isfinite, measurement))
         seen = measurement if finite else tuple(0.0 for _ in measurement)
         at = self._at(seen)
+        zeros = tuple(0.0 for _ in seen)
         return GuardState(
-            self.controller.initial_state(seen),
-            seen,
-            self.safe,
-            at,
-            tuple(0.0 for _ in seen),
-            tuple(self._followed(seen) for _ in seen),
-            at,
-            at,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0,
-            0.0 if finite else self.guard.settle,
-            self.guard.ramp,
+            law=self.controller.initial_state(seen),
+            measurement=seen,
+            command=self.safe,
+            reference=at,
+            still=zeros,
+            same=zeros,
+            pace=zeros,
+            place=tuple(self._followed(seen) for _ in seen),
+            origin=at,
+            target=at,
+            best=0.0,
+            idle=0.0,
+            railed=0.0,
+            bad=0.0,
+            good=0.0,
+            wait=0.0 if finite else self.guard.settle,
+            ramp=self.guard.ramp,
         )
 
     def _at(self, measurement: Measurement) -> tuple[float, ...]:
@@ -336,9 +350,7 @@ class Guarded:
             if not math.isfinite(sum(command)):
                 return self._refused(state, measurement, LAW, info)
             now = reference[: len(guard.references)]
-            _, _, _, _, still, place, origin, target, *rest = state
-            seen = measurement, command, now, still, place, origin, target
-            return command, GuardState(law, *seen, *rest), info
+            return command, GuardState(law, measurement, command, now, *state[4:]), info
         wanted, found = self._references(state, reference)
         now = wanted[: len(guard.references)]
         error = 0.0
@@ -377,7 +389,7 @@ class Guarded:
             return self._refused(state, measurement, LAW, info)
         railed, target, best, idle = self._progress(state, command, now, error)
         following = GuardState(
-            law, measurement, command, now, state.still, state.place, state.origin,
+            law, measurement, command, now, *state[4:8], state.origin,
             target, best, idle, railed, 0.0, 0.0, 0.0, state.ramp,
         )  # fmt: skip
         if railed >= guard.patience or idle >= guard.patience:
@@ -423,25 +435,29 @@ class Guarded:
             return state, CLEAR
         effort = 0.0
         for value, safe, reach in zip(state.command, self.safe, self._reach, strict=True):
-            effort = max(effort, min(abs(value - safe) / reach, 1.0))
+            effort = max(effort, min((abs(value - safe) / reach - WEAK) / (1.0 - WEAK), 1.0))
         followed = self._followed(measurement)
         tolerance = self._tracked[0][2] if self._tracked else _INFINITE
         still, place, fault = list(state.still), list(state.place), CLEAR
+        same, pace = list(state.same), list(state.pace)
         for i, (value, limits) in enumerate(zip(measurement, guard.sensors, strict=True)):
             moved = abs(followed - place[i]) / tolerance
-            if value != state.measurement[i]:
-                still[i], place[i] = 0.0, followed
-            elif (
-                limits.watched
-                and limits.lower < value < limits.upper
-                and (error > 1.0 or moved > 1.0)
-            ):
+            change = abs(value - state.measurement[i])
+            if change:
+                still[i], place[i], same[i], pace[i] = 0.0, followed, 0.0, change
+                continue
+            inside = limits.lower < value < limits.upper
+            same[i] = same[i] + 1.0 if inside else 0.0
+            if limits.watched and inside and (error > 1.0 or moved > 1.0):
                 still[i] = still[i] + effort
-                if still[i] >= guard.stuck:
-                    fault = STUCK
             else:
                 still[i] = 0.0
-        return state._replace(still=tuple(still), place=tuple(place)), fault
+            if still[i] >= guard.stuck or (pace[i] >= limits.motion and same[i] >= guard.hold):
+                fault = STUCK
+        state = state._replace(
+            still=tuple(still), same=tuple(same), pace=tuple(pace), place=tuple(place)
+        )
+        return state, fault
 
     def _progress(
         self, state: GuardState, command: Command, now: Reference, error: float
@@ -510,6 +526,7 @@ class Guarded:
             "SETTLE": guard.settle,
             "RAMP": guard.ramp,
             "STUCK_AFTER": guard.stuck,
+            "WEAK": WEAK,
             "PATIENCE": guard.patience,
         }
         tables = {

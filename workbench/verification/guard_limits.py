@@ -2,7 +2,8 @@
 
 The plant is held at the ends of its commands, one after the other, from rest. The fastest change of
 each output from sample to sample there, times a margin, is the largest plausible one; the time in
-which the first output has left its tolerance is the time in which a command moves it.
+which the first output has moved by 20 steps of its converter is the time in which a command moves
+it.
 """
 
 from __future__ import annotations
@@ -36,10 +37,13 @@ MARGIN = 3.0
 SAMPLES = 500
 """For how long the plant is held at an end of its command."""
 
-MOVES = 3.0
+MOVES = 2.0
 """How many times the plant would have moved before a measurement that stays counts as stuck."""
 
-FEWEST_STILL, LEAST_PATIENCE = 25.0, 2000.0
+SLOW = 0.15
+"""From what share of the fastest change on a measurement does not come to rest at once."""
+
+FEWEST_STILL, LEAST_PATIENCE = 6.0, 2000.0
 """Fewest samples after which a measurement is stuck, and after which nothing gets better."""
 
 
@@ -66,7 +70,7 @@ def guarded(
         stuck: Samples of full command after which a measurement must have changed; by default
             `MOVES` times what the plant needs.
         patience: How long a command may be at its end, or an error may stay, in samples; by
-            default ten times as long, and `LEAST_PATIENCE` at least.
+            default 100 times what the plant needs, and `LEAST_PATIENCE` at least.
 
     Raises:
         WorkbenchError: If the plant lacks a sensor or an actuator of the controller.
@@ -97,6 +101,11 @@ def guarded(
                 name in controller.controlled
                 or 4.0 * outputs[name].noise_rms > outputs[name].resolution > 0.0
             ),
+            motion=max(
+                SLOW * changes[name],
+                10.0 * outputs[name].resolution,
+                10.0 * outputs[name].noise_rms,
+            ),
         )
         for name in controller.sensors
     )
@@ -109,7 +118,7 @@ def guarded(
         references.append(ReferenceLimits(low, high, tolerance, float(place)))
     response = min(
         (
-            _response(y[name], limits.tolerance)
+            _response(y[name], 20.0 * outputs[name].resolution or 0.1 * limits.tolerance)
             for y in held
             for name, limits in zip(controller.controlled[:1], references, strict=False)
         ),
@@ -118,7 +127,7 @@ def guarded(
     if stuck is None:
         stuck = max(MOVES * response, FEWEST_STILL)
     if patience is None:
-        patience = max(10.0 * MOVES * response, LEAST_PATIENCE)
+        patience = max(100.0 * response, LEAST_PATIENCE)
     commands = tuple(
         CommandLimits(inputs[name].nominal, inputs[name].lower, inputs[name].upper)
         for name in controller.actuators
@@ -169,9 +178,9 @@ def _fastest(y: Vector) -> float:
     return float(np.max(np.abs(np.diff(y))))
 
 
-def _response(y: Vector, tolerance: float) -> float:
-    """Return after how many samples an output leaves its tolerance; infinite if never."""
-    left = np.flatnonzero(np.abs(y - y[0]) > tolerance)
+def _response(y: Vector, distance: float) -> float:
+    """Return after how many samples an output has moved by a distance; infinite if never."""
+    left = np.flatnonzero(np.abs(y - y[0]) > distance)
     return float(left[0]) if len(left) else math.inf
 
 
