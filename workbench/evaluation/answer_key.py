@@ -147,10 +147,6 @@ def commitments(answer: Mapping[str, Any]) -> tuple[str, ...]:
 
     Returns:
         Hexadecimal digests: sorted keys with the usual separators, then compact ones.
-
-    Example:
-        >>> commitments({"b": 1, "a": 2})[1] == hashlib.sha256(b'{"a":2,"b":1}').hexdigest()
-        True
     """
     forms = [
         json.dumps(answer, sort_keys=True, separators=separators, ensure_ascii=ascii_only)

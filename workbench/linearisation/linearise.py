@@ -114,10 +114,6 @@ def model_form(form: Form | str) -> Form:
 
     Raises:
         WorkbenchError: If the word is neither.
-
-    Example:
-        >>> model_form("regularised").regularised
-        True
     """
     if isinstance(form, Form):
         return form

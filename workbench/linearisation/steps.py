@@ -34,12 +34,6 @@ class AmplitudeValidity:
         errors: Deviation of the worse direction, as a fraction, shape (n,), dimensionless.
         moves: Largest linear response to each step, shape (n,), in SI of the output.
         unit: Unit in which the output is shown.
-
-    Example:
-        >>> a = np.array([0.1, 1.0])
-        >>> holds = AmplitudeValidity("u", "y", 0.1, 1.0, 0.1, 0.5, a, 0.2 * a, a, "1")
-        >>> holds.best
-        0.1
     """
 
     input: str

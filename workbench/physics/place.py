@@ -652,9 +652,3 @@ def _bearing_loads(signals: Mapping[str, Local]) -> dict[str, Local]:
 def unknown_place(name: str) -> Place:
     """Return a place of which nothing but the name is known yet."""
     return Place(Port(name, "1", 1.0, "", ()), "")
-
-
-def numbered(places: tuple[Place, ...]) -> Iterator[tuple[str, Place]]:
-    """Yield places with the number that their group's name ends on."""
-    for place in places:
-        yield place.port.group.rpartition("_")[2], place

@@ -161,10 +161,6 @@ def rules_from(
 
     Raises:
         WorkbenchError: If a key is unknown or an entry is not what it must be.
-
-    Example:
-        >>> rules_from({"signals": {"angle": {"column": "q1", "unit": "deg"}}}).signals[0].column
-        'q1'
     """
     known = tuple(f.name for f in fields(MappingRules) if f.name != "folder")
     if (

@@ -50,10 +50,6 @@ def compiler() -> str | None:
 
     Raises:
         WorkbenchError: If ``WORKBENCH_CC`` names a program that does not exist.
-
-    Example:
-        >>> compiler() is None or compiler().startswith("/")
-        True
     """
     wanted = os.environ.get("WORKBENCH_CC", "")
     if wanted == "none":
@@ -86,10 +82,6 @@ def cache_folder() -> Path:
 
     ``WORKBENCH_CACHE`` names another folder; by default it is in the user's cache folder, or in
     the folder for temporary files where that cannot be written.
-
-    Example:
-        >>> cache_folder().is_dir()
-        True
     """
     base = os.environ.get("WORKBENCH_CACHE")
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")

@@ -108,11 +108,6 @@ def check_inputs(model: Model, inputs: npt.ArrayLike) -> Vector:
 
     Raises:
         WorkbenchError: If the shape is wrong, a number is not finite or outside the input's range.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> check_inputs(servo_axis(), [1.0, 2.0]).shape
-        (2, 1)
     """
     table = check_finite("inputs", inputs)
     if table.ndim == 1:

@@ -142,12 +142,6 @@ def read_outputs(
 
     Returns:
         Measurements, shape (n, n_outputs), in SI.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> read_outputs(axis, np.zeros((2, 2)), np.zeros((2, 1)), values=axis.values).shape
-        (2, 1)
     """
     return _over(model.form(form).outputs_function, states, inputs, values)
 

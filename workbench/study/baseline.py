@@ -107,10 +107,6 @@ class Baseline:
         path: File it was read from.
         conditions: What was required, and under which conditions; None in a baseline of the first
             schema.
-
-    Example:
-        >>> Baseline({}, "arm", Path("arm.baseline.json")).study
-        'arm'
     """
 
     records: Mapping[Key, Record]
@@ -124,12 +120,6 @@ def read_baseline(path: str | Path) -> Baseline:
 
     Raises:
         WorkbenchError: If it cannot be read or is neither.
-
-    Example:
-        >>> read_baseline("nowhere.json")
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: baseline 'nowhere.json' cannot be read: no such file ...
     """
     place = Path(path)
     fix = f"write one with 'workbench bless DIR --baseline {place}'"
@@ -230,10 +220,6 @@ def baseline_text(
     Returns:
         JSON with one run per entry, sorted, numbers to 9 digits, nothing that differs from machine
         to machine.
-
-    Example:
-        >>> json.loads(baseline_text("arm", []))["runs"]
-        []
     """
     rows = []
     for record in sorted(records, key=lambda r: r.key):
@@ -277,12 +263,6 @@ def write_baseline(
 
     Raises:
         WorkbenchError: If it cannot be written.
-
-    Example:
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as place:
-        ...     write_baseline(Path(place) / "b.json", "arm", []).name
-        'b.json'
     """
     return write_whole(path, baseline_text(study, records, conditions))
 

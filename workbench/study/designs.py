@@ -66,11 +66,6 @@ class ControllerRecipe:
             designed for; the plant at rest stays as it is.
         plan: Options of the planned move of a design on the plant's model; none without a plan.
         fastest: How the fastest design is searched; None for the specification as it is.
-
-    Example:
-        >>> recipe = ControllerRecipe("mine", "pid", PlantRecipe(), (("angle", 0.5),))
-        >>> recipe.build().name
-        'mine'
     """
 
     name: str

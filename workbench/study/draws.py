@@ -24,10 +24,6 @@ def unit_draws(parameters: int, draws: int, seed: int) -> Vector:
 
     Returns:
         Points, shape (draws, parameters), dimensionless.
-
-    Example:
-        >>> unit_draws(2, 5, 1).shape
-        (5, 2)
     """
     from scipy.stats import qmc
 

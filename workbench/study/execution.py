@@ -46,10 +46,6 @@ def run_tasks(
 
     Raises:
         WorkbenchError: If the number of processes is outside its range or there is no cluster.
-
-    Example:
-        >>> run_tasks([], Store(Path("nowhere"), "0"))
-        ()
     """
     found: dict[int, Record] = {}
     for i, task in enumerate(asked):
@@ -190,13 +186,6 @@ def _client(address: str) -> Any:
 
 
 def store_of(study: Study, folder: Path) -> Store:
-    """Return the store of a study's runs, in ``runs`` below its folder of results.
-
-    Example:
-        >>> from workbench.study.schema import load_study
-        >>> from workbench.study.shipped import shipped_study
-        >>> store_of(load_study(shipped_study("arm")), Path("out")).folder.name
-        'runs'
-    """
+    """Return the store of a study's runs, in ``runs`` below its folder of results."""
     own = (str(study.path.resolve().parent),) if study.has_own_code else ()
     return Store(Path(folder) / "runs", code_digest(*own), study.path.parent)

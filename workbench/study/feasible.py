@@ -89,9 +89,6 @@ def check_demands(demands: Sequence[Demand]) -> None:
 
     Raises:
         WorkbenchError: If no value can meet both.
-
-    Example:
-        >>> check_demands([])
     """
     if not demands:
         return

@@ -41,10 +41,6 @@ def missed_by_plant(judgements: Iterable[Judgement]) -> tuple[Group[Judgement], 
 
     Returns:
         One group per requirement, controller and scenario, the worst first.
-
-    Example:
-        >>> missed_by_plant([])
-        ()
     """
     return _grouped(
         judgements,
@@ -62,10 +58,6 @@ def changes_by_plant(
     Returns:
         One group per controller, scenario, metric and way; required metrics first, then those that
         are furthest beyond their tolerance.
-
-    Example:
-        >>> changes_by_plant([])
-        ()
     """
     first = set(required)
     found = _grouped(

@@ -164,10 +164,6 @@ def worst_score(judgements: Sequence[Judgement]) -> float:
 
     Returns:
         A ratio, at most 1 if all are met; 0 if none is hard.
-
-    Example:
-        >>> worst_score([])
-        0.0
     """
     return max((j.score for j in judgements if j.hard), default=0.0)
 

@@ -33,10 +33,6 @@ class Move:
         output: Name of the controlled output.
         initial: Reference before the step, in the output's SI unit.
         final: Reference after the step, in the output's SI unit.
-
-    Example:
-        >>> Move(PlantRecipe(), "angle", 0.2, 0.5).output
-        'angle'
     """
 
     plant: PlantRecipe
@@ -94,10 +90,6 @@ class Distance:
         ratio: Settling over limit of the worst step, dimensionless, or NaN with a reason.
         worst: The worst step, or None if no step could be compared.
         case: Name of the case; empty if the study has one plant.
-
-    Example:
-        >>> Distance("pid", "sine", Value(math.nan, "the reference has no step")).worst is None
-        True
     """
 
     controller: str
@@ -116,10 +108,6 @@ class Distances:
         steps: Every step on the nominal plant that was compared.
         worst: One entry per controller and scenario.
         limits: Physical limits: name of the variation, move, and time in s.
-
-    Example:
-        >>> Distances().asked
-        False
     """
 
     asked: bool = False

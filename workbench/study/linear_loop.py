@@ -272,10 +272,6 @@ def by_controller(found: tuple[LoopAnalysis, ...]) -> Mapping[str, list[LoopAnal
 
     Returns:
         Analyses by the name of the controller, in their order.
-
-    Example:
-        >>> dict(by_controller(()))
-        {}
     """
     groups: dict[str, list[LoopAnalysis]] = {}
     for one in found:

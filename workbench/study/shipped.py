@@ -16,10 +16,6 @@ def shipped_study(name: str) -> Path:
 
     Raises:
         WorkbenchError: If no study of that name ships.
-
-    Example:
-        >>> shipped_study("arm").name
-        'arm.toml'
     """
     folder = shipped_folder() / "studies"
     check_choice("shipped study", name, sorted(path.stem for path in folder.glob("*.toml")))

@@ -33,10 +33,6 @@ class Store:
         folder: The folder; made when the first run is kept.
         code: Digest of the code that the runs depend on.
         base: Folder of the study; files below it are known by their path from there.
-
-    Example:
-        >>> Store(Path("nowhere"), "0").get("1") is None
-        True
     """
 
     def __init__(self, folder: Path, code: str, base: Path | None = None) -> None:
@@ -159,10 +155,6 @@ def code_digest(*own: str) -> str:
 
     Args:
         own: Folders with plants and designs of one's own, whose modules count too.
-
-    Example:
-        >>> len(code_digest())
-        64
     """
     import casadi as ca
     import numpy as np

@@ -35,10 +35,6 @@ class Variation:
         lead: What is added to the lead of the feedforward, in s.
         judged: Whether requirements apply; a variation that only shows what a part costs is
             evidence, and is not judged.
-
-    Example:
-        >>> Variation("3 kg, 5 bar", PlantRecipe(), "3 kg", "5 bar").nominal
-        False
     """
 
     name: str
@@ -165,10 +161,6 @@ class Box:
         search: Number of further plants that the local search may try.
         seed: Seed of the draws.
         hard: Whether a hard requirement missed at the worst point fails the study.
-
-    Example:
-        >>> Box({"load": (2.0, 4.0)}, ("step",)).draws
-        20
     """
 
     ranges: Mapping[str, tuple[float, float]]
@@ -270,12 +262,6 @@ class Study:
         description: What the study is about, in a sentence.
         report: What is reported beside the runs.
         own_metrics: Metrics of the study's own, as ``module:object``.
-
-    Example:
-        >>> from workbench.study.shipped import shipped_study
-        >>> from workbench.study.schema import load_study
-        >>> load_study(shipped_study("arm")).name
-        'arm'
     """
 
     name: str

@@ -80,10 +80,6 @@ class Record:
         events: What each change and disturbance did.
         margins: Speed in rad/s and peaks of the sensitivities (ratios) of a design that was
             searched, by name.
-
-    Example:
-        >>> Record("pid", "nominal", "step", 1, "diverged at 0.2 s").failed
-        True
     """
 
     controller: str
@@ -235,12 +231,6 @@ def tasks(study: Study) -> tuple[Task, ...]:
     Returns:
         Controller x variation x scenario x seed; plant by plant, so that a process that took one
         run has what the next needs.
-
-    Example:
-        >>> from workbench.study.schema import load_study
-        >>> from workbench.study.shipped import shipped_study
-        >>> len(tasks(load_study(shipped_study("arm")))) > 10
-        True
     """
     return tuple(
         Task(

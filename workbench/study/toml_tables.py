@@ -91,10 +91,6 @@ def toml_lines(text: str) -> dict[Place, int]:
 
     Returns:
         Line, counted from 1, by path: keys, and indices of arrays.
-
-    Example:
-        >>> toml_lines("[[a]]")[("a", 0)]
-        1
     """
     return _Scanner(text).scan()
 
@@ -104,10 +100,6 @@ def line_of(lines: Mapping[Place, int], path: Place) -> int:
 
     Args:
         path: Place of the entry, which need not exist.
-
-    Example:
-        >>> line_of({("a",): 3}, ("a", "missing"))
-        3
     """
     while path and path not in lines:
         path = path[:-1]

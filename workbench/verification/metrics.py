@@ -71,10 +71,6 @@ class Metric:
             rounding, so its other metrics are shown and do not fail a study.
         table: Where it is a column: the ``"page"``, or the ``"summary"`` and the page.
         title: Name as people read it, if not the name in words.
-
-    Example:
-        >>> METRICS.get("settling_time").unit
-        's'
     """
 
     name: str

@@ -26,10 +26,6 @@ class Requirement:
 
     Raises:
         WorkbenchError: If the kind is unknown or the limit is not a positive number.
-
-    Example:
-        >>> Requirement("steady_error", 0.3, unit="deg").hard
-        True
     """
 
     metric: str
@@ -170,10 +166,6 @@ def requirement_from_table(table: Mapping[str, Any]) -> Requirement:
 
     Raises:
         WorkbenchError: If a key is unknown or missing, or a value is invalid.
-
-    Example:
-        >>> requirement_from_table({"metric": "rmse", "limit": 1, "unit": "deg"}).limit
-        1
     """
     for key in table:
         check_choice("key of a requirement", key, Requirement.__dataclass_fields__)

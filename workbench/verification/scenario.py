@@ -24,10 +24,6 @@ class Change:
 
     Raises:
         WorkbenchError: If the time is negative or a number not finite.
-
-    Example:
-        >>> Change(2.0, "load", 4.0).parameter
-        'load'
     """
 
     time: float

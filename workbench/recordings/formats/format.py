@@ -93,12 +93,7 @@ FORMATS = Registry(
 
 
 def suffix_of(path: Path) -> str:
-    """Return the ending that tells the format, ``.gz`` removed.
-
-    Example:
-        >>> suffix_of(Path("trial.csv.gz"))
-        '.csv'
-    """
+    """Return the ending that tells the format, ``.gz`` removed."""
     endings = [s.lower() for s in path.suffixes]
     if endings and endings[-1] == ".gz":
         endings.pop()
