@@ -115,10 +115,6 @@ def study_file(given: Path) -> Path:
 
     Raises:
         WorkbenchError: If no shipped study has that name.
-
-    Example:
-        >>> study_file(Path("arm")).name
-        'arm.toml'
     """
     from workbench.study.shipped import shipped_study
 

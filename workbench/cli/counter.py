@@ -7,13 +7,7 @@ from typing import Any
 
 
 class Counter:
-    """Counts finished runs on the error stream: a bar on a screen, a line per tenth in a log.
-
-    Example:
-        >>> counter = Counter()
-        >>> counter("runs", 1, 2, "pid / nominal / step")
-        >>> counter.close()
-    """
+    """Counts finished runs on the error stream: a bar on a screen, a line per tenth in a log."""
 
     def __init__(self) -> None:
         self._bar: Any = None

@@ -8,13 +8,7 @@ import typer
 
 
 class Progress:
-    """Says what is being done and how long it took.
-
-    Example:
-        >>> progress = Progress(2)
-        >>> progress("identification")
-        >>> progress.done()
-    """
+    """Says what is being done and how long it took."""
 
     def __init__(self, steps: int) -> None:
         """Start to count."""

@@ -42,10 +42,6 @@ def force_maps_part(folder: Path | None) -> Part:
 
     Raises:
         WorkbenchError: If the folder does not hold the map.
-
-    Example:
-        >>> force_maps_part(None).results
-        {}
     """
     if folder is None:
         text = Words(

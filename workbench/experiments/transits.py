@@ -72,10 +72,6 @@ class TransitFigures:
         dips: Median number of dips in a transit; 0 without a transit.
         touch_speed: Largest speed at the contact with a stop, in rad/s; NaN if none is touched.
         reason: Why a figure is NaN; empty if none is.
-
-    Example:
-        >>> TransitFigures((), math.nan, math.nan, 0, math.nan, "no transit").reason
-        'no transit'
     """
 
     transits: tuple[Transit, ...]

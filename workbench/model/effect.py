@@ -21,10 +21,6 @@ class About:
         source: Book, paper or manufacturer that the law comes from.
         look_alikes: Names of effects that the same data may not separate.
         separated_by: The experiment that tells it from its look-alikes.
-
-    Example:
-        >>> About("tau = -c omega", "viscous friction").look_alikes
-        ()
     """
 
     equation: str = ""

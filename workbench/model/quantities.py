@@ -21,10 +21,6 @@ class Quantity:
 
     Raises:
         WorkbenchError: If the unit is unknown or not SI, or the scale is not positive.
-
-    Example:
-        >>> Quantity("angle", "rad").unit
-        'rad'
     """
 
     name: str
@@ -64,10 +60,6 @@ class State(Quantity):
         upper: Largest value inside the validity of the model's laws, in ``unit``.
         start_rms: How far a recording may start from ``initial``, root mean square, in ``unit``;
             0, the default, stands for the scale.
-
-    Example:
-        >>> State("speed", "rad/s", initial=0.5).initial
-        0.5
     """
 
     initial: float = 0.0
@@ -89,10 +81,6 @@ class Input(Quantity):
         lower: Saturation, in ``unit``.
         upper: Saturation, in ``unit``.
         resolution: Step of the converter that writes it, in ``unit``; 0 for none.
-
-    Example:
-        >>> Input("valve", "V", nominal=5.0, lower=0.0, upper=10.0).upper
-        10.0
     """
 
     nominal: float = 0.0
@@ -115,10 +103,6 @@ class Output(Quantity):
         lower: Lower end of the sensor's range, in ``unit``.
         upper: Upper end of the sensor's range, in ``unit``.
         display_unit: Unit in which people read it, such as ``deg``; the SI unit by default.
-
-    Example:
-        >>> Output("angle", "rad", resolution=3.5e-5, display_unit="deg").display_unit
-        'deg'
     """
 
     resolution: float = 0.0
@@ -154,10 +138,6 @@ class Parameter(Quantity):
 
     Raises:
         WorkbenchError: If the value is not finite or outside its bounds.
-
-    Example:
-        >>> Parameter("mass", "kg", value=3.0, lower=0.0, upper=8.0).value
-        3.0
     """
 
     scale: float = 0.0

@@ -40,10 +40,6 @@ def maximum(a: Expression, b: Expression) -> Expression:
 
     Returns:
         The larger of both at every element, in the unit of ``a``.
-
-    Example:
-        >>> float(maximum(1.0, 2.0))
-        2.0
     """
     return ca.fmax(a, b) if is_symbolic(a, b) else np.maximum(a, b)
 
@@ -57,10 +53,6 @@ def minimum(a: Expression, b: Expression) -> Expression:
 
     Returns:
         The smaller of both at every element, in the unit of ``a``.
-
-    Example:
-        >>> float(minimum(1.0, 2.0))
-        1.0
     """
     return ca.fmin(a, b) if is_symbolic(a, b) else np.minimum(a, b)
 
@@ -78,10 +70,6 @@ def where(condition: Expression, yes: Expression, no: Expression) -> Expression:
 
     Returns:
         The chosen value at every element, in the unit of ``yes``.
-
-    Example:
-        >>> float(where(2 > 1, 5.0, 7.0))
-        5.0
     """
     if is_symbolic(condition, yes, no):
         return ca.if_else(condition, yes, no)
@@ -96,10 +84,6 @@ def sqrt(x: Expression) -> Expression:
 
     Returns:
         Square root of the shape of ``x``, in the square root of its unit.
-
-    Example:
-        >>> float(sqrt(4.0))
-        2.0
     """
     return ca.sqrt(x) if is_symbolic(x) else np.sqrt(x)
 

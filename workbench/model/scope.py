@@ -74,10 +74,6 @@ class Port:
             tell.
         origins: For each of ``signals``, the state, input, port or published signal that it is, or
             nothing.
-
-    Example:
-        >>> Port("joint.torque", "N m", 10.0, "torque on the arm", ("angle", "speed")).group
-        'joint'
     """
 
     name: str
@@ -105,10 +101,6 @@ class ValidRange:
         unit: SI unit of the signal.
         lower: Smallest valid value, in ``unit``.
         upper: Largest valid value, in ``unit``.
-
-    Example:
-        >>> ValidRange("spring.stretch", "m", 0.0, 0.05).upper
-        0.05
     """
 
     signal: str

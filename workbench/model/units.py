@@ -115,10 +115,6 @@ class Unit:
         factor: Size of the unit in SI base units.
         dimensions: Exponents of metre, kilogram, second, kelvin, ampere, radian.
         offset: SI value of zero in this unit; non-zero for degrees Celsius only.
-
-    Example:
-        >>> parse_unit("bar").factor
-        100000.0
     """
 
     text: str

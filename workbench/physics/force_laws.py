@@ -74,10 +74,6 @@ class LawRange:
     Args:
         contraction: Smallest and largest contraction, m.
         gauge_pressure: Smallest and largest gauge pressure, Pa.
-
-    Example:
-        >>> LawRange().gauge_pressure
-        (0.0, 800000.0)
     """
 
     contraction: tuple[float, float] = (-0.5e-3, 33e-3)
@@ -331,10 +327,6 @@ class TonduLopez(ForceLaw):
         """Return equation (2) with a constant k, fitted to equation (4).
 
         The fit runs over 0..30 mm and 1..6 bar where equation (4) pulls; it leaves 106 N rms.
-
-        Example:
-            >>> TonduLopez.constant_k().k_constant
-            1.1032
         """
         return cls(k_constant=1.1032)
 

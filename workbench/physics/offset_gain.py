@@ -34,13 +34,7 @@ def _amount(typical: float, least: float, largest: float) -> Callable[[Place], t
 
 
 def sensor_error(at: Place) -> float:
-    """Return the usual zero error of a sensor as a fraction of its scale: a pressure's is large.
-
-    Example:
-        >>> from workbench.physics.place import unknown_place
-        >>> sensor_error(unknown_place("level.reading"))
-        0.02
-    """
+    """Return the usual zero error of a sensor as a fraction of its scale: a pressure's is large."""
     return {"Pa": 0.1, "rad": 0.01}.get(at.unit, 0.02)
 
 

@@ -40,10 +40,6 @@ class ValveCurve:
 
     Source:
         Manufacturer's flow curve; straight lines between its points are part of the nominal plant.
-
-    Example:
-        >>> MPYE.voltage[-1], MPYE.fraction[-1], LINEAR.fraction
-        (5.0, 1.0, (0.0, 1.0))
     """
 
     voltage: tuple[float, ...] = OPENING_V

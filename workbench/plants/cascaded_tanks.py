@@ -73,10 +73,6 @@ def overflow() -> Effect:
 
     Returns:
         Effect on the upper overflow, the lower inflow and the lower outflow.
-
-    Example:
-        >>> [q.name for q in overflow().parameters]
-        ['rim', 'caught', 'weir']
     """
 
     def transform(at: PortView) -> Expression:

@@ -125,10 +125,6 @@ def check_load(load: Expression) -> Expression:
 
     Source:
         The paper: up to eight plates of 1 kg.
-
-    Example:
-        >>> check_load(3)
-        3.0
     """
     if is_symbolic(load):
         return load

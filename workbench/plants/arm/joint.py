@@ -202,10 +202,6 @@ def gravity(plane: Plane, body: ArmBody | None = None, *, name: str = "gravity")
 
     Raises:
         WorkbenchError: If the plane is unknown.
-
-    Example:
-        >>> gravity("vertical").ports
-        ('joint.torque',)
     """
     masses = body or ArmBody()
 

@@ -63,10 +63,6 @@ def muscle_states(suffix: str = "") -> tuple[State, State]:
 
     Args:
         suffix: Ending of the names, ``"_1"`` for muscle 1.
-
-    Example:
-        >>> [state.name for state in muscle_states("_1")]
-        ['pressure_1', 'temperature_1']
     """
     return (
         State(
@@ -99,10 +95,6 @@ class MuscleLaws:
         force: Static force law.
         volume: Geometry of the braid.
         printed_work_sign: The sign of the gas work as printed in the paper.
-
-    Example:
-        >>> MuscleLaws().printed_work_sign
-        False
     """
 
     force: ForceLaw = PaperLaw()
@@ -281,11 +273,6 @@ def muscle_laws(
     Returns:
         The laws of the base, and the effects ``force_correction`` (for the paper's law only) and
         ``end_flattening`` with the ports of muscle 1 and 2.
-
-    Example:
-        >>> laws, effects = muscle_laws(PaperLaw(), BraidedCylinder())
-        >>> type(laws.force).__name__, [effect.name for effect in effects]
-        ('Petrovic', ['force_correction', 'end_flattening'])
     """
     effects = [end_flattening(volume)]
     base = force_law
@@ -308,10 +295,6 @@ def force_correction(
     Args:
         law: The law whose phi(q) it is; the paper's identified one by default.
         ports: Ports of muscle tensions, with the local signal ``contraction``.
-
-    Example:
-        >>> force_correction().name
-        'force_correction'
     """
     paper = law or PaperLaw()
 
@@ -353,10 +336,6 @@ def end_flattening(
 
     Returns:
         Effect adding the volume of both ends, which is negative.
-
-    Example:
-        >>> end_flattening().ports
-        ('muscle_1.volume', 'muscle_2.volume')
     """
     geometry = braid or BraidedCylinder()
 

@@ -30,10 +30,6 @@ def proportional_edges() -> Effect:
     """Build edges that open in proportion to the spool, in place of the valve's curve.
 
     ``opening = max(0, +-spool / 5 V)``
-
-    Example:
-        >>> sorted(proportional_edges().ports)[0]
-        'valve.exhaust_1'
     """
 
     def transform(at: PortView) -> Expression:

@@ -65,10 +65,6 @@ def printed_volume(
 
     Args:
         ports: Ports of braid volumes, with the local signal ``fibre_length``.
-
-    Example:
-        >>> printed_volume().ports
-        ('muscle_1.volume', 'muscle_2.volume')
     """
     braid = BraidedCylinder(printing="as_printed")
 
