@@ -135,8 +135,8 @@ def oscillations(force: Law, *, unread: bool = False) -> list[Recording]:
     """Three recordings of an oscillator of 1 kg."""
     runs = []
     for seed in (1, 2, 3):
-        drive = levels(700, seed, 30.0, 20, 80)
-        extra = levels(700, 50 + seed, 12.0, 5, 25) if unread else None
+        drive = levels(450, seed, 30.0, 20, 80)
+        extra = levels(450, 50 + seed, 12.0, 5, 25) if unread else None
         runs.append(
             recorded(1.0, force, drive, 0.02, 1e-3, seed=seed, name=f"run {seed}", unread=extra)
         )
@@ -155,7 +155,7 @@ def rubbing() -> Diagnosis:
     """A carriage of 20 kg with dry friction of 15 N and an offset of the drive of 2 N."""
     runs = []
     for seed in (1, 2, 3):
-        drive = levels(900, seed, 60.0, 15, 70)
+        drive = levels(600, seed, 60.0, 15, 70)
         law: Law = lambda x, v: -80.0 * v - 15.0 * np.tanh(v / 1e-3)  # noqa: E731
         runs.append(recorded(20.0, law, drive, 0.01, 2e-5, seed=seed, name=f"run {seed}"))
     return diagnose(carriage(), runs[:2], runs[2:], jobs=1, advise=False)
