@@ -112,7 +112,7 @@ def test_a_stage_that_fails_leaves_the_others(
     module: Any, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(module, name, _never)
-    verdict = _diagnosed(advise=True)
+    verdict = _diagnosed(advise=name == "next_experiment")
     assert [f.effect for f in verdict.findings] == ["coulomb_friction"]
 
 
