@@ -148,3 +148,22 @@ def test_a_killed_study_goes_on_where_it_was(tmp_path: Path) -> None:
               progress=lambda done, total, what: said.append(done))  # fmt: skip
     assert said == [len(kept)]
     assert {p.name: p.stat().st_mtime_ns for p in out.glob("runs/*.json")} == kept
+
+
+def test_a_guard_answers_the_faults_of_a_scenario(tmp_path: Path) -> None:
+    faulty = """values = [25, 35]
+
+[[scenarios.step.faults]]
+time = 0.2
+until = 0.22
+signal = "angle"
+kind = "missing"
+"""
+    changes = ('design = "pid"', 'design = "pid"\nguard = true'), ("values = [25, 35]\n", faulty)
+    record = run_tasks(tasks(load_study(small_study(tmp_path, *changes)))[:1], Store(tmp_path, "0"))
+    found = record[0].metrics
+    assert found is not None
+    # Ten samples are missing: five held, then the safe command until ten are there again.
+    assert found["guard_held"].value == 5.0
+    assert found["guard_safe"].value == 15.0
+    assert found["guard_clamped"].value == 0.0

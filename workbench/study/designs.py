@@ -21,6 +21,7 @@ from workbench.linearisation.operating_map import default_input, operating_map
 from workbench.operating_point import operating_point
 from workbench.simulation.compiled import compiled
 from workbench.study.plants import PlantRecipe
+from workbench.verification.guard_limits import guarded
 
 Pairs = tuple[tuple[str, Any], ...]
 
@@ -66,6 +67,7 @@ class ControllerRecipe:
             designed for; the plant at rest stays as it is.
         plan: Options of the planned move of a design on the plant's model; none without a plan.
         fastest: How the fastest design is searched; None for the specification as it is.
+        guard: Whether it runs inside a guard with the limits of the design's plant.
     """
 
     name: str
@@ -76,6 +78,7 @@ class ControllerRecipe:
     inertia_margin: Pairs = ()
     plan: Pairs = ()
     fastest: Fastest | None = None
+    guard: bool = False
 
     def kind(self) -> Design:
         """Return the design of the registry."""
@@ -109,6 +112,12 @@ class ControllerRecipe:
     def build(self) -> Controller:
         """Return the controller under its name in the study."""
         return self.designed().controller
+
+    def guarded(self, controller: Controller) -> Controller:
+        """Return a controller of this design inside its guard, if it has one."""
+        if not self.guard:
+            return controller
+        return guarded(controller, self.plant.build(), at=dict(self.at))
 
     def checked_specification(self, given: Mapping[str, Any] | None = None) -> Any:
         """Return the specification: an object of the design's class, or a mapping.

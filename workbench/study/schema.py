@@ -100,6 +100,7 @@ _CONTROLLER = (
     "fastest",
     "plants",
     "requires",
+    "guard",
     *_SELECTION,
     *_VARIED,
 )
@@ -568,7 +569,12 @@ class _Resolver(TomlTables):
                 raise WorkbenchError(
                     "plan is for designs on the plant's model; others plan by their specification"
                 )
-        recipe = replace(recipe, inertia_margin=tuple(more), plan=tuple(plan.items()))
+        recipe = replace(
+            recipe,
+            inertia_margin=tuple(more),
+            plan=tuple(plan.items()),
+            guard=self.flag(table, "guard", False, *path),
+        )
         if design.needs == "linear":
             with self.at(*path, "at"):
                 recipe.linear()

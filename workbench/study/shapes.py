@@ -60,6 +60,7 @@ _CONTROLLER = TableShape(
         "fastest": named(anything),
         "plants": NAMES,
         "requires": NAMES,
+        "guard": flag,
     },
 )
 _REFERENCE = TableShape({}, {"kind": text, "unit": text})
@@ -74,6 +75,7 @@ _SCENARIO = TableShape(
         "start": _SIZES,
         "changes": _EVENTS,
         "disturbances": _EVENTS,
+        "faults": listed(named(anything)),
         "references": named(_REFERENCE),
         "optional": flag,
     },

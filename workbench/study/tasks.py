@@ -267,6 +267,7 @@ def execute(task: Task) -> Record:
                 controller = with_plan(
                     controller, duration=variation.plan_duration, lead=variation.lead
                 )
+            controller = task.controller.guarded(controller)
             plant, scenario = variation.plant.build(), variation.of(task.scenario)
             run = verify(controller, plant, scenario, seed=task.seed)
             found = metrics(run, load_metrics(task.own_metrics, task.controller.plant.folder))
