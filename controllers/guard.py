@@ -565,9 +565,19 @@ int {name}_step(const double *measurement, const double *reference, double *stat
 }}
 """
         )
+        safe = ", ".join(f"{value:g}" for value in self.safe)
+        never = "never found" if guard.stuck == _INFINITE else f"{guard.stuck:g} samples"
+        endless = "any time" if guard.patience == _INFINITE else f"{guard.patience:g} samples"
+        notes = (
+            *found.notes,
+            f"Guard: safe command {safe}; a command is held for at most {guard.hold:g} samples.",
+            f"The law returns after {guard.settle:g} plausible samples, its reference along a",
+            f"quintic of {guard.ramp:g} more. Stuck at full command: {never}.",
+            f"A command at its end, or an error that stays: {endless}.",
+        )
         states = names(state)
         operations = found.operations + 40 * (len(self.sensors) + sizes["REFERENCES"])
-        return CSource(text, states, found.notes, found.reports, int(operations))
+        return CSource(text, states, notes, found.reports, int(operations))
 
 
 def _columns(

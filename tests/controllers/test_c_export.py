@@ -333,7 +333,15 @@ def test_header_documents_the_interface(schedule: JointSchedule, tmp_path: Path)
     law = design_scheduled_pid(schedule)
     exported = export_c(law, tmp_path, name="rig_pid")
     text = exported.header.read_text()
-    for word in ("pressure_1, Pa, gauge", "wanted angle now, rad", "valve, V", "integral", "0.002"):
+    for word in (
+        "safe command 5; a command is held for at most 5",
+        "3 not_finite",
+        "pressure_1, Pa, gauge",
+        "wanted angle now, rad",
+        "valve, V",
+        "integral",
+        "0.002",
+    ):
         assert word in text
     assert (
         f"#define RIG_PID_STATES {len(flat(Guarded(law).initial_state((0.5, 3e5, 3e5))))}" in text
