@@ -241,7 +241,8 @@ def score_round(
     table = np.array([[score_case(a, t).points for t in truths] for a in answers], dtype=float)
     rng = np.random.default_rng(seed)
     n = len(answers)
-    draws = np.array([table[np.arange(n), rng.permutation(n)].sum() for _ in range(_DRAWS)])
+    dealt = np.array([rng.permutation(n) for _ in range(_DRAWS)])
+    draws = table[np.arange(n), dealt].sum(axis=1)
     reached = float(np.trace(table))
     p_value = (1 + int(np.sum(draws >= reached - 1e-9))) / (1 + _DRAWS)
     nothing = [answer for answer, hidden in zip(answers, truths, strict=True) if not hidden]
