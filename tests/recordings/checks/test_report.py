@@ -12,11 +12,11 @@ TRIAL = example_recording(seconds=4.0)
 
 def test_table_and_data() -> None:
     report = check_recording(TRIAL)
-    assert str(report).startswith("example: pass\ncheck             result       note\ntime base")
+    assert str(report).startswith("example: pass, not checked: units, signs (see why")
     data = report.as_data()
     assert [d["check"] for d in data][:3] == ["time base", "gaps", "constant signals"]
     assert all(d["recording"] == "example" and d["note"] for d in data)
-    assert len(data) == 14
+    assert len(data) == 15
 
 
 def test_unfit_recording_cannot_be_used() -> None:

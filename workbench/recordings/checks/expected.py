@@ -26,6 +26,7 @@ class Expected:
         ranges: Smallest and largest plausible value by signal, in SI.
         signs: Sign of the response to a cause, by (cause, response).
         scales: Typical size by signal, in SI.
+        speed: Middle one of the magnitudes of the model's eigenvalues, in rad/s; NaN if unknown.
     """
 
     required: tuple[str, ...] = ()
@@ -33,6 +34,7 @@ class Expected:
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     signs: Mapping[tuple[str, str], int] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
+    speed: float = math.nan
 
 
 def response_signs(model: Model) -> dict[tuple[str, str], int]:
@@ -67,6 +69,24 @@ def response_signs(model: Model) -> dict[tuple[str, str], int]:
                 sign = np.sign(twice[m, c] * C[motion, m] * C[cause_, c])
                 signs[model.outputs[cause_].name, model.outputs[motion].name] = int(sign)
     return signs
+
+
+def middle_speed(model: Model) -> float:
+    """Return the middle one of the magnitudes of a model's eigenvalues at its start, in rad/s.
+
+    Integrators have none and do not count; NaN if there is nothing else.
+    """
+    A, *_ = (
+        np.asarray(m)
+        for m in model.exact.jacobian_function(
+            model.initial_state(), model.nominal_input, model.values
+        )
+    )
+    if not A.size or not np.isfinite(A).all():
+        return math.nan
+    sizes = np.abs(np.linalg.eigvals(A))
+    sizes = sizes[sizes > 1e-9 * max(1.0, float(sizes.max()))]
+    return float(np.median(sizes)) if sizes.size else math.nan
 
 
 def _rate(recording: Recording) -> float | None:
@@ -133,4 +153,5 @@ def expectations(
         {**known, **(ranges or {})},
         {k: s for k, s in (signs or {}).items() if k[0] in recording and k[1] in recording},
         scales,
+        math.nan if model is None else middle_speed(model),
     )

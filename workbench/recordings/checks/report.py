@@ -119,7 +119,11 @@ class CheckReport:
 
     def __str__(self) -> str:
         rows = [(c.name, c.result, c.note) for c in self.checks]
-        return f"{self.name}: {self.result}\n" + aligned_table(("check", "result", "note"), rows)
+        open_ = [c.name for c in self.checks if c.result == "not checked"]
+        tail = f", not checked: {', '.join(open_)} (see why below)" if open_ else ""
+        return f"{self.name}: {self.result}{tail}\n" + aligned_table(
+            ("check", "result", "note"), rows
+        )
 
 
 def check_recording(

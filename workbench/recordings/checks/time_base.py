@@ -96,6 +96,21 @@ def _rate(recording: Recording, expected: Expected) -> tuple[Recording, str] | s
     return recording, ""
 
 
+def _speed_problem(recording: Recording, expected: Expected) -> str:
+    """Return what a time in another unit does to a machine of known speed; empty if nothing."""
+    step, length, speed = recording.sample_time, recording.duration, expected.speed
+    said = f"{length:.4g} s in steps of {step:.4g} s"
+    advice = "give the unit of the time (ms, us, ns) in its header or in a mapping file"
+    if step * speed > np.pi:
+        return (
+            f"{said}: the model moves within {1 / speed:.3g} s, which such steps do not show;"
+            f" {advice}"
+        )
+    if length * speed < 0.5:
+        return f"{said}: the model has not moved yet after {0.5 / speed:.3g} s; {advice}"
+    return ""
+
+
 def check_time_base(recording: Recording, expected: Expected) -> Finding:
     """Check that the time increases and agrees with the notes; correct what can be."""
     if len(recording) < _MIN_SAMPLES:
@@ -122,6 +137,9 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
             " its header or in a mapping file",
             values,
         )
+    wrong = _speed_problem(recording, expected)
+    if wrong:
+        return Finding("unfit", wrong, values)
     if notes:
         return Finding("corrected", "; ".join(notes), values, recording)
     note = f"{recording.duration:.6g} s at {1 / recording.sample_time:.6g} Hz, increasing"

@@ -1,0 +1,111 @@
+"""Recordings whose columns do not belong together, or whose time has another unit, do not pass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from workbench.data_folder import shipped_folder
+from workbench.plants.arm import arm
+from workbench.recordings import Recording, read_recording
+from workbench.recordings.checks import Expected, expectations
+from workbench.recordings.checks.response import RESPONSE
+from workbench.recordings.checks.time_base import TIME_BASE
+from workbench.recordings.recording import Vector
+
+LOOPS = ("identify_open", "identify_closed")
+
+
+@pytest.fixture(scope="module", params=LOOPS)
+def trial(request: pytest.FixtureRequest) -> Recording:
+    """A recording of 20 s at 500 Hz."""
+    return read_recording(shipped_folder() / "practice-07" / f"{request.param}.csv.gz")
+
+
+@pytest.fixture(scope="module")
+def expected() -> Expected:
+    """What the arm says."""
+    some = read_recording(shipped_folder() / "practice-07" / "identify_open.csv.gz")
+    return expectations(some, model=arm(3.0), required=some.names)
+
+
+def changed(trial: Recording, name: str, change: Callable[[Vector], Vector]) -> Recording:
+    """Return the recording with one signal changed."""
+    return replace(
+        trial,
+        signals=tuple(
+            replace(s, values=change(s.values)) if s.name == name else s for s in trial.signals
+        ),
+    )
+
+
+def moved(values: Vector, by: int) -> Vector:
+    """Return a signal that comes later by some samples, or earlier."""
+    index = np.clip(np.arange(len(values)) - by, 0, len(values) - 1)
+    return np.asarray(values[index])
+
+
+def test_a_good_recording_passes(trial: Recording, expected: Expected) -> None:
+    for known in (expected, Expected()):
+        assert TIME_BASE(trial, known).result == "pass"
+        found = RESPONSE(trial, known)
+        assert found.result == "pass" and "pressure_1 answers to valve" in found.note
+
+
+COLUMNS: dict[str, tuple[Callable[[Vector], Vector], str]] = {
+    "late by half a second": (lambda v: moved(v, 250), "s before valve does"),
+    "late by a tenth": (lambda v: moved(v, 50), "s before valve does"),
+    "early by half a second": (lambda v: moved(v, -250), "which the model does not"),
+    "shuffled": (lambda v: np.random.default_rng(0).permutation(v), "nothing that is measured"),
+    "of another experiment": (
+        lambda v: 5.0 + np.random.default_rng(1).normal(size=len(v)),
+        "nothing that is measured",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", COLUMNS)
+def test_a_command_that_does_not_belong_there_is_unfit(
+    name: str, trial: Recording, expected: Expected
+) -> None:
+    change, why = COLUMNS[name]
+    found = RESPONSE(changed(trial, "valve", change), expected)
+    assert found.result == "unfit" and why in found.note, found
+
+
+def test_a_command_that_runs_backwards_does_not_pass(trial: Recording, expected: Expected) -> None:
+    found = RESPONSE(changed(trial, "valve", lambda v: v[::-1]), expected)
+    assert found.result in ("unfit", "not checked")
+    assert "no answer of" in found.note or "nothing that is measured answers" in found.note
+
+
+def test_a_long_delay_without_a_model_is_left_open(trial: Recording) -> None:
+    found = RESPONSE(changed(trial, "valve", lambda v: moved(v, -250)), Expected())
+    assert found.result != "unfit" and "only after 0.5" in found.note
+
+
+def test_one_measurement_that_shows_nothing_is_told(trial: Recording) -> None:
+    found = RESPONSE(changed(trial, "angle", lambda v: v[::-1]), Expected())
+    assert found.result == "pass" and "no answer of angle to valve is seen" in found.note
+
+
+@pytest.mark.parametrize("factor", [1e3, 1e6, 1e9, 1e-3, 1e-6])
+def test_a_time_in_another_unit_is_unfit(
+    factor: float, trial: Recording, expected: Expected
+) -> None:
+    found = TIME_BASE(replace(trial, time=factor * trial.time), expected)
+    assert found.result == "unfit" and "give the unit of the time" in found.note
+
+
+def test_a_smooth_command_leaves_it_open() -> None:
+    time = np.arange(5000) * 0.002
+    rng = np.random.default_rng(2)
+    trial = read_recording(shipped_folder() / "practice-07" / "identify_open.csv.gz")[:5000]
+    smooth = changed(trial, "valve", lambda _: 5.0 + np.sin(time))
+    for name in ("angle", "pressure_1", "pressure_2"):
+        noise = 1e-4 * np.ptp(trial[name]) * rng.normal(size=len(time))
+        smooth = changed(smooth, name, lambda v, e=noise: np.ptp(v) * np.sin(time - 0.3) + e)  # type: ignore[misc]
+    assert RESPONSE(smooth, Expected()).result == "not checked"

@@ -1,0 +1,163 @@
+"""Do responses follow the command, and not the other way round in time?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.expected import Expected
+from workbench.recordings.checks.innovations import MAX_SAMPLES, MEMORY, innovations, surprises
+from workbench.recordings.checks.noise import white_rms
+from workbench.recordings.recording import Recording, Vector
+
+_BLOCKS = (1, 5, 25)
+"""Samples of which a block takes the mean: slow responses show in long blocks."""
+_AROUND = 40
+"""Blocks before and after the command in which a response is looked for; more for single ones."""
+_NEAR = 6
+_SEEN = 6.0
+"""Sigmas from which an answer is there."""
+_SURE = 8.0
+"""Sigmas from which an answer at the wrong time is a mistake."""
+_NONE = 4.5
+_FEEDBACK = 4
+"""Blocks by which a command of a closed loop may answer to a measurement."""
+_ENOUGH = 300
+_RICH = 0.2
+"""Share of a command that its past does not predict, above which a response must show."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """When a measurement answers to what is new in a command, at one length of blocks.
+
+    Args:
+        strength: Strongest correlation at any lag, in sigmas.
+        lag: Time of it after the command, in s; negative before it.
+        near: Strongest correlation right after the command, in sigmas.
+        early: Whether the strongest comes before the command by more than a loop explains.
+        late: Whether it comes much later than right after the command.
+    """
+
+    strength: float
+    lag: float
+    near: float
+    early: bool
+    late: bool
+
+
+def answers(recording: Recording, command: str, measurement: str) -> tuple[Answer, ...]:
+    """Correlate what is new in a command with what is new in a measurement, before and after it.
+
+    Both are freed of what their own past predicts; blocks of several samples show slow responses.
+    """
+    found = []
+    for block in _BLOCKS:
+        action, reaction = (_new(recording, name, block) for name in (command, measurement))
+        around = _AROUND if block > 1 else 25 * _AROUND
+        around = min(around, len(action) // 4)
+        near, before = (_NEAR, _FEEDBACK) if block > 1 else (100, 2 * MEMORY)
+        if len(action) < 10 * MEMORY or around <= near:
+            continue
+        lags, sigmas = _correlation(action, reaction, around)
+        best = int(np.argmax(np.abs(sigmas)))
+        close = (lags >= 0) & (lags <= near)
+        found.append(
+            Answer(
+                float(abs(sigmas[best])),
+                float(lags[best] * block * recording.sample_time),
+                float(np.max(np.abs(sigmas[close]))),
+                bool(lags[best] < -before),
+                bool(lags[best] > near),
+            )
+        )
+    return tuple(found)
+
+
+def _means(recording: Recording, name: str, block: int) -> Vector:
+    kept = recording[name][:MAX_SAMPLES]
+    count = len(kept) // block
+    return np.asarray(kept[: count * block].reshape(count, block).mean(axis=1))
+
+
+def _new(recording: Recording, name: str, block: int) -> Vector:
+    if block == 1:
+        return surprises(recording, name)
+    means = _means(recording, name, block)
+    if len(means) <= MEMORY or np.ptp(means) == 0:
+        return np.zeros(0)
+    return innovations(means, [means], memory=MEMORY // 2)
+
+
+def _correlation(first: Vector, second: Vector, around: int) -> tuple[npt.NDArray[np.int_], Vector]:
+    n = min(len(first), len(second))
+    size = float(np.std(first) * np.std(second)) * np.sqrt(n)
+    lags = np.arange(-around, around + 1)
+    spectrum = np.conj(np.fft.rfft(first[:n], 2 * n)) * np.fft.rfft(second[:n], 2 * n)
+    return lags, np.fft.irfft(spectrum, 2 * n)[lags] / size if size else np.zeros(len(lags))
+
+
+def check_response(recording: Recording, expected: Expected) -> Finding:
+    """Check that what is new in a command shows in the measurements, and shows after it.
+
+    A response that comes long before its command, or none at all to a command that jumps about,
+    means rows out of order, columns that are shifted, or columns of different experiments.
+    """
+    moving = [c for c in recording.commands if np.ptp(recording[c]) > 0]
+    measured = [
+        m for m in recording.measurements if np.ptp(recording[m]) > 20 * white_rms(recording[m])
+    ]
+    if not moving or not measured or len(recording) < 10 * MEMORY:
+        return Finding("not checked", "no command or no measurement moves, or too short")
+    problems, doubts, seen = [], [], []
+    values: dict[str, object] = {}
+    for command in moving:
+        every = {m: answers(recording, command, m) for m in measured}
+        values |= {f"{command}->{m}": [a.near for a in found] for m, found in every.items()}
+        for name, found in every.items():
+            if any(a.near >= _SEEN for a in found):
+                seen.append(f"{name} answers to {command}")
+                continue
+            sure = [a for a in found if a.strength >= _SURE and a.near < _NONE]
+            early = next((a for a in sure if a.early), None)
+            late = next((a for a in sure if a.late), None)
+            if early is not None:
+                problems.append(
+                    f"{name} moves {-early.lag:.3g} s before {command} does ({early.strength:.0f}"
+                    " sigma): the columns are out of step, or the rows out of order"
+                )
+            elif late is not None:
+                text = f"{name} answers to {command} only after {late.lag:.3g} s"
+                if (command, name) in expected.signs:
+                    problems.append(
+                        f"{text}, which the model does not: the columns are out of step"
+                    )
+                else:
+                    doubts.append(text)
+            else:
+                doubts.append(f"no answer of {name} to {command} is seen")
+        told = [a for found in every.values() for a in found]
+        if not any(a.near >= _NONE or (a.late and a.strength >= _SURE) for a in told):
+            unknown = _new(recording, command, _BLOCKS[-1])
+            means = _means(recording, command, _BLOCKS[-1])
+            if len(unknown) >= _ENOUGH and np.std(unknown) > _RICH * np.std(means):
+                problems.append(
+                    f"nothing that is measured answers to {command}, though it changes all the"
+                    " time: its column is of another experiment, or the rows are out of order"
+                )
+    if problems:
+        return Finding("unfit", "; ".join(dict.fromkeys(problems)), values)
+    if not seen:
+        return Finding("not checked", "; ".join(doubts), values)
+    return Finding("pass", "; ".join((*seen, *doubts)), values)
+
+
+RESPONSE = Check(
+    "response",
+    125,
+    check_response,
+    fix="put command and measurements of the same rows beside each other",
+)
