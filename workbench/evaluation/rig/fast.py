@@ -24,7 +24,6 @@ STEP = 2e-4
 """Integration step in s."""
 
 Array = NDArray[np.float64]
-_P = ctypes.POINTER(ctypes.c_double)
 
 
 def _header() -> str:
@@ -65,8 +64,8 @@ def vector(parameters: dict[str, float]) -> Array:
     return np.array([parameters[name] for name in PARAMETERS], float)
 
 
-def _pointer(a: Array) -> ctypes._Pointer[ctypes.c_double]:
-    return a.ctypes.data_as(_P)
+def _pointer(a: Array) -> ctypes.c_void_p:
+    return ctypes.c_void_p(a.ctypes.data)
 
 
 def run(
