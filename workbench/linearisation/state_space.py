@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -85,8 +85,9 @@ def linear_model(
         >>> linear_model(control.tf([1.0], [0.1, 1.0, 0.0])).output_names
         ('y_0',)
     """
-    if isinstance(system, LinearModel):
-        return system
+    if isinstance(system, LinearModel) or hasattr(system, "output_names"):
+        # What has the names of a linear model is one to a design.
+        return cast(LinearModel, system)
     known = getattr(system, "linear_model", None)
     if isinstance(known, LinearModel) and not (at or limits) and np.array_equal(known.A, system.A):
         return known
