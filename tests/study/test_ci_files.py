@@ -1,11 +1,12 @@
 """The workflow files do what they say: their shell lines run in a clean folder.
 
 Installing and posting need a network; here the package is the one under test, and ``gh`` and
-``curl`` are stand-ins that keep what they were given.
+``curl`` are stand-ins for a service that keeps comments in a file, and refuses to write for a fork.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import stat
@@ -19,14 +20,36 @@ import pytest
 from tests.study.small_study import WORSE, small_study
 from workbench.data_folder import shipped_folder
 from workbench.study.baseline import write_baseline
+from workbench.study.conditions import conditions
 from workbench.study.execution import run_tasks
 from workbench.study.schema import load_study
 from workbench.study.store import Store
+from workbench.study.summary import mark_of
 from workbench.study.tasks import tasks
 
 yaml = pytest.importorskip("yaml", reason="PyYAML is not installed")
 
-STAND_IN = '#!/bin/sh\nfor word in "$@"; do echo "$word" >> "$SENT"; done\n'
+SERVICE = """\
+import json, os, pathlib, re, sys
+words, place = sys.argv[2:], pathlib.Path(os.environ["SERVICE"])
+kept = json.loads(place.read_text()) if place.exists() else []
+address = next(w for w in words if re.search("comments|notes", w))
+way = next((w for w in words if w in ("POST", "PATCH", "PUT")), "GET")
+if way != "GET":
+    if os.environ.get("READ_ONLY"):
+        sys.exit("403: Resource not accessible by integration")
+    body = pathlib.Path(next(w for w in words if "body" in w).split("@")[1]).read_text()
+    if way == "POST":
+        kept.append({"id": len(kept) + 1, "body": body})
+    else:
+        kept[int(address.rsplit("/", 1)[1]) - 1]["body"] = body
+    place.write_text(json.dumps(kept))
+elif sys.argv[1] == "gh":
+    mark = re.search(r'contains\\("(.*)"\\)', words[words.index("--jq") + 1]).group(1)
+    print(*[c["id"] for c in kept if mark in c["body"]], sep="\\n")
+else:
+    print(json.dumps(kept))
+"""
 
 
 def github_lines() -> list[tuple[str, bool]]:
@@ -58,12 +81,15 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = small_study(place / "checkout" / "studies", name="arm.toml")
     study = load_study(path)
     records = run_tasks(tasks(study), Store(place / "runs", "0"))
-    write_baseline(path.with_name("arm.baseline.json"), study.name, records)
+    write_baseline(path.with_name("arm.baseline.json"), study.name, records, conditions(study))
     (place / "bin").mkdir()
     root = Path(__file__).resolve().parents[2]
+    (place / "service.py").write_text(SERVICE)
+    service = f'exec "{sys.executable}" "{place}/service.py"'
     texts = {
-        "gh": STAND_IN,
-        "curl": STAND_IN,
+        "gh": f'#!/bin/sh\n{service} gh "$@"\n',
+        "curl": f'#!/bin/sh\n{service} curl "$@"\n',
+        "python": f'#!/bin/sh\nexec "{sys.executable}" "$@"\n',
         "workbench": f'#!/bin/sh\nPYTHONPATH="{root}" exec "{sys.executable}" -m workbench "$@"\n',
     }
     for name, text in texts.items():
@@ -80,19 +106,24 @@ def checkout(prepared: Path, tmp_path: Path) -> Path:
     return tmp_path / "checkout"
 
 
-def play(lines: list[tuple[str, bool]], folder: Path) -> tuple[bool, str]:
-    """Run shell lines as a runner does; return whether all went well, and what was sent."""
-    sent = folder.parent / "sent"
+def play(
+    lines: list[tuple[str, bool]], folder: Path, **more: str
+) -> tuple[bool, list[dict[str, Any]]]:
+    """Run shell lines as a runner does; return whether all went well, and the comments."""
+    sent = folder.parent / "comments.json"
     environment = {
         **os.environ,
         "PATH": f"{folder.parent / 'bin'}{os.pathsep}{os.environ['PATH']}",
-        "SENT": str(sent),
+        "SERVICE": str(sent),
         "GITHUB_STEP_SUMMARY": str(folder.parent / "step-summary.md"),
         "PULL_REQUEST": "7",
         "SUMMARY_TOKEN": "none",
         "CI_API_V4_URL": "https://gitlab.example/api/v4",
         "CI_PROJECT_ID": "1",
         "CI_MERGE_REQUEST_IID": "7",
+        "REPOSITORY": "owner/name",
+        "GITHUB_ACTIONS": "true",
+        **more,
     }
     good = True
     for line, always in lines:
@@ -103,13 +134,65 @@ def play(lines: list[tuple[str, bool]], folder: Path) -> tuple[bool, str]:
         )
         assert done.returncode in (0, 1), done.stderr.decode()
         good = good and done.returncode == 0
-    return good, sent.read_text(encoding="utf-8") if sent.exists() else ""
+    return good, json.loads(sent.read_text(encoding="utf-8")) if sent.exists() else []
+
+
+def posting(host: str) -> list[tuple[str, bool]]:
+    """Return the lines that run after the study."""
+    return [(line, True) for line, always in LINES[host]() if always]
+
+
+OTHERS = [{"id": 1, "body": "Looks good to me."}, {"id": 2, "body": "<!-- workbench study b -->"}]
+
+
+def summarised(checkout: Path, text: str) -> None:
+    (checkout / "comparison").mkdir(exist_ok=True)
+    (checkout / "comparison" / "summary.md").write_text(f"{text}\n\n{mark_of('small')}\n")
+
+
+@pytest.mark.parametrize("host", LINES)
+def test_one_comment_is_found_by_its_mark_and_edited(host: str, checkout: Path) -> None:
+    (checkout.parent / "comments.json").write_text(json.dumps(OTHERS))
+    for text in ("first", "second"):
+        summarised(checkout, text)
+        good, comments = play(posting(host), checkout)
+        assert good and comments[:2] == OTHERS and len(comments) == 3
+        assert comments[2]["body"].startswith(text)
+
+
+@pytest.mark.parametrize("host", LINES)
+def test_a_fork_that_may_not_write_ends_well(host: str, checkout: Path) -> None:
+    (checkout.parent / "comments.json").write_text(json.dumps(OTHERS))
+    summarised(checkout, "first")
+    more = {"READ_ONLY": "1"} if host == "github" else {"SUMMARY_TOKEN": ""}
+    good, comments = play(posting(host), checkout, **more)
+    assert good and comments == OTHERS
+    if host == "github":
+        assert "first" in (checkout.parent / "step-summary.md").read_text()
+
+
+@pytest.mark.parametrize("host", LINES)
+def test_a_study_that_did_not_end_leaves_no_error_behind(host: str, checkout: Path) -> None:
+    good, comments = play(posting(host), checkout)
+    assert good and comments == []
+
+
+def test_runs_are_kept_after_a_failure_and_taken_again() -> None:
+    steps = workflow("github.yml")["jobs"]["compare"]["steps"]
+    uses = [s.get("uses", s.get("name", "")) for s in steps]
+    restore, save = (uses.index(f"actions/cache/{way}@v4") for way in ("restore", "save"))
+    assert restore < uses.index("Compare") < save
+    assert steps[save]["if"] == "always()" and steps[save]["with"]["path"] == "comparison/runs"
+    assert steps[save]["with"]["key"] == steps[restore]["with"]["key"]
+    assert "run_attempt" in steps[save]["with"]["key"]
+    job = workflow("gitlab.yml")["controllers"]
+    assert job["cache"]["when"] == "always" and job["cache"]["paths"] == ["comparison/runs"]
 
 
 @pytest.mark.system
 def test_an_unchanged_controller_is_green_and_reported(checkout: Path) -> None:
-    good, sent = play(github_lines(), checkout)
-    assert good and "comparison/summary.md" in sent
+    good, comments = play(github_lines(), checkout)
+    assert good and len(comments) == 1 and "small passed" in comments[0]["body"]
     for name in ("report.html", "results.json", "summary.md", "junit.xml"):
         assert (checkout / "comparison" / name).stat().st_size > 100
 
@@ -118,8 +201,8 @@ def test_an_unchanged_controller_is_green_and_reported(checkout: Path) -> None:
 @pytest.mark.parametrize("host", LINES)
 def test_a_worse_controller_is_red_and_still_reported(host: str, checkout: Path) -> None:
     small_study(checkout / "studies", WORSE, name="arm.toml")
-    good, sent = play(LINES[host](), checkout)
-    assert not good and "comparison/summary.md" in sent
+    good, comments = play(LINES[host](), checkout)
+    assert not good and len(comments) == 1 and "small failed" in comments[0]["body"]
     text = (checkout / "comparison" / "summary.md").read_text(encoding="utf-8")
     assert "settling_time" in text and "Worse than the baseline" in text
 

@@ -12,11 +12,12 @@ import pytest
 from tests.study.gate import Gate, finished_gate
 from workbench.reports.results import json_text
 from workbench.reports.study_page import study_page
+from workbench.study.annotations import github_annotations
 from workbench.study.baseline import read_baseline
 from workbench.study.bless import bless
 from workbench.study.junit import junit
 from workbench.study.result import StudyResult
-from workbench.study.summary import plain_summary, summary
+from workbench.study.summary import mark_of, plain_summary, summary
 
 NARROW = ("limit = 0.6", "limit = 0.495")
 """A limit that holds on the plant and its variation, and not everywhere in the box."""
@@ -187,3 +188,28 @@ def test_names_are_no_markdown_no_html_and_no_mention(gate: Gate) -> None:
     # A name with a dollar sign is no formula: the picture is drawn.
     (picture,) = (p for p in study_page(outcome).pictures if p.name == "tracking-2")
     assert "svg" in picture.document
+
+
+def test_annotations_stand_at_the_lines_of_the_study(gate: Gate) -> None:
+    outcome = gate.compared(("limit = 0.6", "limit = 0.3"), INFORMS)
+    lines = gate.text(("limit = 0.6", "limit = 0.3"), INFORMS).splitlines()
+    said = github_annotations(outcome)
+    place = re.compile(r"::(error|warning) file=[^,]*gate\.toml,line=(\d+)::(.*)")
+    found = [m.groups() for m in map(place.fullmatch, said) if m is not None]
+    assert len(found) == len(said)
+    (missed,) = (f for f in found if "settling_time is" in f[2] and f[0] == "error")
+    assert lines[int(missed[1]) - 1] == "[[requirements]]" and "25" in missed[2]
+    assert lines[int(missed[1])] == 'metric = "settling_time"'
+    assert {lines[int(n) - 1] for k, n, t in found if "of the box:" in t} == {"[robustness]"}
+    assert any(k == "warning" and "chatter" in t for k, _, t in found)
+
+
+def test_a_summary_fits_into_a_comment_and_ends_with_its_mark(
+    gate: Gate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    outcome = gate.compared()
+    assert summary(outcome).splitlines()[-1] == mark_of("small")
+    monkeypatch.setattr("workbench.study.summary.LONGEST", 700)
+    short = summary(outcome)
+    assert len(short) < 900 and short.splitlines()[-1] == mark_of("small")
+    assert short.count("<details>") == short.count("</details>")

@@ -76,6 +76,7 @@ def compare(
     from workbench.cli.counter import Counter
     from workbench.reports.figure import own_figures
     from workbench.reports.study_files import write_study_files
+    from workbench.study.annotations import github_annotations, on_github
     from workbench.study.result import run_study
     from workbench.study.schema import load_study
     from workbench.study.summary import plain_summary
@@ -102,6 +103,9 @@ def compare(
         counter.close()
     typer.echo("writing the report ...", err=True)
     written = write_study_files(outcome, out)
+    if on_github(os.environ):
+        for line in github_annotations(outcome):
+            typer.echo(line)
     typer.echo(plain_summary(outcome))
     typer.echo(f"written to {out}: {', '.join(path.name for path in written)}")
     return 0 if outcome.passed else 1

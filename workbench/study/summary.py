@@ -28,6 +28,10 @@ OLD_BASELINE = (
 )
 
 
+LONGEST = 60_000
+"""Characters of a comment: GitHub takes 65,536."""
+
+
 def summary(outcome: StudyResult) -> str:
     """Write the outcome as Markdown.
 
@@ -76,7 +80,23 @@ def summary(outcome: StudyResult) -> str:
             "Intended? `workbench bless DIR --baseline FILE` shows these changes and accepts them.",
             "",
         ]
-    return "\n".join(lines).rstrip() + "\n"
+    text = "\n".join(lines).rstrip()
+    if len(text) > LONGEST:
+        text = text[:LONGEST].rpartition("\n")[0]
+        # A cut inside a folded list would swallow what follows.
+        folded = text.count("<details>") > text.count("</details>")
+        text += ("\n\n</details>" if folded else "") + "\n\nThe rest stands in `report.html`."
+    return f"{text}\n\n{mark_of(study.name)}\n"
+
+
+def mark_of(study: str) -> str:
+    """Return the invisible mark by which the comment of a study is found again.
+
+    Example:
+        >>> mark_of("three arms")
+        '<!-- workbench study three-arms -->'
+    """
+    return f"<!-- workbench study {re.sub(r'[^A-Za-z0-9]+', '-', study).strip('-')} -->"
 
 
 def plain_summary(outcome: StudyResult) -> str:

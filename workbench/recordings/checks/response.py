@@ -35,9 +35,9 @@ class Answer:
     """When a measurement answers to what is new in a command, at one length of blocks.
 
     Args:
-        strength: Strongest correlation at any lag, in sigmas.
+        strength: Strongest correlation at any lag, in sigmas (a ratio).
         lag: Time of it after the command, in s; negative before it.
-        near: Strongest correlation right after the command, in sigmas.
+        near: Strongest correlation right after the command, in sigmas (a ratio).
         early: Whether the strongest comes before the command by more than a loop explains.
         late: Whether it comes much later than right after the command.
     """
