@@ -151,9 +151,7 @@ class Chosen:
 
     Args:
         reference: Its name, ``module:object`` or file, as it was given.
-        plant: The plant.
         options: Its options that were given, checked, by name.
-        model: Its model with all changes.
         nominal: Its model with the options, without effects and changed parameters: what a design
             is made for.
         at: Values at rest that were given, by name, in SI.

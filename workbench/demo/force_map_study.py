@@ -136,9 +136,7 @@ class LawOnMap:
     """A force law fitted to a map, and what it is worth.
 
     Args:
-        name: Short name.
         title: Name as people read it.
-        law: The fitted law.
         values: Fitted numbers, in the law's own units.
         std: Their standard deviations, in the law's own units.
         fitted_rms: Error on the points fitted on, rms in N.
@@ -167,8 +165,6 @@ class MapStudy:
     """Force laws compared on one map.
 
     Args:
-        name: Name of the map.
-        points: The map.
         laws: The laws, in the order of the paper.
     """
 

@@ -15,7 +15,6 @@ class Part:
     """What one part of the demonstration found.
 
     Args:
-        section: Its section of the page.
         results: Its numbers, with the units in their names, for ``results.json``.
     """
 

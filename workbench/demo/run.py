@@ -36,10 +36,7 @@ class Demonstration:
     """What the demonstration wrote.
 
     Args:
-        page: The page to open.
         seconds: How long it took, in s.
-        met: Number of requirements met.
-        missed: Number of requirements missed.
         failed: Parts that could not be run, with the reason.
         interrupted: Whether it was stopped before its end.
     """

@@ -54,7 +54,6 @@ class Line:
     """The score of one case.
 
     Args:
-        case: Name of the case.
         hidden: What was hidden, in the words of the key.
         said: What the verdict says.
         points: Points, and the most that could be had.

@@ -20,8 +20,6 @@ class Answer:
     """What one verdict claims.
 
     Args:
-        case: Name of the case.
-        kind: The verdict in one word.
         findings: Pairs of the class of names (the named one first; empty without a name) and the
             groups of ports, the most likely first.
         improves: Whether the extended model is better than the refitted one on held-out recordings.

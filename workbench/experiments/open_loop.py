@@ -21,7 +21,6 @@ class OpenLoopExperiment:
     """A simulated open-loop experiment with the figures measured from it.
 
     Args:
-        trajectory: The run.
         figures: Transit time, ripple, stop touch speed.
 
     Example:

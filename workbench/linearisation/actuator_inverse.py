@@ -61,7 +61,6 @@ class ActuatorInverse:
 
     Args:
         operating_point: Where the plant stands.
-        curve: The curve.
 
     Example:
         >>> from workbench.operating_point import operating_point

@@ -35,7 +35,6 @@ class Comparison:
     """Runs the exact plant and a linear model with the same changes of the first input.
 
     Args:
-        linear: The linear model.
         output: Output to compare; the first by default.
 
     Raises:

@@ -54,9 +54,7 @@ class LinearModel:
         C: Output matrix, shape (n_outputs, n_states), in SI.
         D: Feedthrough, shape (n_outputs, n_inputs), in SI.
         operating_point: Where the plant stands; its input is always the plant's own.
-        state_names: Names of the states.
         input_names: Names of the inputs; ``opening`` where the valve's curve is inverted.
-        output_names: Names of the outputs.
         x0: States at the point, shape (n_states,), in SI.
         u0: Inputs at the point, shape (n_inputs,), in SI, in the inputs of this model.
         y0: Outputs at the point, shape (n_outputs,), in SI.

@@ -33,7 +33,6 @@ class LinearEquations:
         C: Output matrix, in SI.
         D: Feedthrough, in SI.
         rest: States, inputs and outputs at the operating point, in SI.
-        names: Their names.
     """
 
     A: Rows

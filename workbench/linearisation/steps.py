@@ -24,7 +24,6 @@ class AmplitudeValidity:
     """Steps of an input for which the linear response holds.
 
     Args:
-        input: Name of the input.
         output: Output that was compared.
         within: Largest deviation allowed, as a fraction of the largest linear response.
         horizon: Length of the comparison after the step, in s.

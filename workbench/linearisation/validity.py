@@ -46,7 +46,6 @@ class Validity:
     """How far a linear model may be trusted.
 
     Args:
-        linear: The linear model.
         kinks: Kinks of the plant at or next to the point, with the matrices on both sides.
         describing_functions: Slopes that were taken over an oscillation.
 

@@ -22,7 +22,6 @@ class Derivatives:
     """Evaluates rates and measurements of one form of a model with their automatic derivatives.
 
     Args:
-        model: The plant.
         form: Exact or regularised equations. On a kink the exact form gives the mean of both sides
             where the kink is a maximum or minimum.
 

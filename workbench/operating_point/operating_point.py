@@ -39,7 +39,6 @@ class OperatingPoint:
     """States and inputs at which a model rests, and how well the equations are met.
 
     Args:
-        model: The plant.
         x: States, shape (n_states,), in SI.
         u: Inputs, shape (n_inputs,), in SI.
         y: Measurements, shape (n_outputs,), in SI.
@@ -222,7 +221,6 @@ def check_value(model: Model, name: str, value: float, *, what: str = "") -> Non
     """Check that an input, a state, an output or a sum of a plant can have a value.
 
     Args:
-        name: Its name.
         value: The value, in SI.
         what: How it is called in the sentence; by its name if empty.
 

@@ -48,7 +48,6 @@ class Problem:
     """What a trim has to solve.
 
     Args:
-        model: The plant.
         conditions: Values to be met.
         drift_direction: Direction in which the rates may differ from zero, shape (n_x,), in SI
             per unit of drift; zero for none.
@@ -76,7 +75,6 @@ class Solution:
         condition_number: Ratio of the largest to the smallest singular value of the scaled
             equations, dimensionless, without what they leave open.
         undetermined: States and inputs that the equations leave open.
-        steps: Number of steps made.
     """
 
     x: Vector

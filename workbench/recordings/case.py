@@ -84,14 +84,12 @@ class Case:
     """Recordings of one machine with its plant and settings.
 
     Args:
-        name: Name of the case.
         settings: Plain settings of ``case.toml``.
         recordings: Recordings by name.
         uses: What each recording is for: ``"fit"``, ``"hold_out"``, or ``"in_loop"``, held out on
             a plant of its own.
         notes: What is missing.
         title: What the machine is.
-        plant: Its plant.
         options: Options of the plant that the case says, parsed.
         changes: Effects, effects left out and parameters, as keywords of `Plant.model`.
         loops: Plants of recordings that have one of their own, by recording.

@@ -33,7 +33,6 @@ class Requested:
     """A signal that a model or a caller asks for.
 
     Args:
-        name: Name of the signal.
         unit: Unit of the same dimension as the column must have; ``""`` for any.
         role: Role the signal gets; ``""`` to guess it from the name.
         display_unit: Unit in which people read it; ``""`` for the column's.

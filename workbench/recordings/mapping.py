@@ -18,7 +18,6 @@ class ColumnRule:
     """What a mapping file says about one signal: value = sign * factor * column + offset.
 
     Args:
-        signal: Name of the signal.
         column: Header of the column, as in the file or without its unit.
         unit: Unit of ``sign * factor * column + offset``; by default the header's.
         sign: Factor 1, or -1 to turn the signal round.

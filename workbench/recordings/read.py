@@ -35,7 +35,6 @@ class Table:
     """Columns in SI without a time, such as a map of static forces.
 
     Args:
-        name: Name of the table.
         signals: The columns, each with n values.
         source: Where it comes from.
         notes: What was left out, assumed or repaired.

@@ -32,7 +32,6 @@ class Signal:
     """A named column of a recording, in SI.
 
     Args:
-        name: Name of the signal.
         values: Samples, shape (n,), in ``unit``; NaN where nothing was measured.
         unit: SI unit; ``""`` if the file did not state one.
         kind: What it measures; by default from the unit. Pressures say ``gauge pressure``,
@@ -85,7 +84,6 @@ class Span:
     """A stretch of a recording in which a signal was not measured.
 
     Args:
-        signal: Name of the signal.
         start: First instant concerned, in s.
         stop: Last instant concerned, in s.
         reason: Why, in a few words.
@@ -175,7 +173,6 @@ class Recording:
     increasing and uniform. What is done to a recording is written into its notes.
 
     Args:
-        name: Name of the recording.
         time: Instants, shape (n,), in s.
         signals: The signals, each with n samples.
         source: Where it comes from: a file name, a rig.

@@ -29,9 +29,7 @@ class Figure:
         draw: Called with what ``takes`` says; returns blocks of a page or figures of matplotlib,
             one or several, and nothing where there is nothing to show.
         takes: What it is drawn of.
-        title: Heading.
         caption: What to see in it, for a figure of matplotlib.
-        order: Its place among the others.
         methods: How its numbers are computed: pairs of a quantity and an explanation.
     """
 

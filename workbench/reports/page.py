@@ -58,7 +58,6 @@ class Section:
 
     Args:
         name: Name by which links find it, in small letters with hyphens.
-        title: Heading.
         blocks: Its content in order; neighbouring pictures stand side by side where there is room.
     """
 
@@ -72,9 +71,7 @@ class Page:
     """A page with a headline, what it says in short, and sections.
 
     Args:
-        title: Headline.
         lead: What the page is, in a sentence or two.
-        sections: The sections in order.
         facts: Pairs of words shown under the lead: duration, version, plant.
         foot: Last line.
     """

@@ -28,7 +28,6 @@ class Picture:
 
     Args:
         name: Name of its files, in small letters with hyphens.
-        figure: The figure.
         caption: What it shows and what to see in it, in one or two sentences.
         alternative: What it shows, for those who cannot see it.
 

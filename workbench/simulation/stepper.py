@@ -62,7 +62,6 @@ class Stepper:
     """Steps a model sample by sample, with the inputs held between samples.
 
     Args:
-        model: The plant.
         sample_time: Time between samples, in s.
         tolerance: Local error allowed in a step, relative to the scales of the states.
         method: ``"erk"`` or ``"rosenbrock"``.

@@ -59,7 +59,6 @@ class Trajectory:
     """A simulated run of a model.
 
     Args:
-        model: The plant.
         time: Sample times, shape (n,), in s.
         states: States, shape (n, n_states), in SI.
         inputs: Inputs, held from each sample to the next, shape (n, n_inputs), in SI.

@@ -103,8 +103,6 @@ class Baseline:
 
     Args:
         records: Records by controller, variation, scenario and seed.
-        study: Name of the study.
-        path: File it was read from.
         conditions: What was required, and under which conditions; None in a baseline of the first
             schema.
     """

@@ -18,7 +18,6 @@ class Group(Generic[T]):
     """Findings on several plants.
 
     Args:
-        worst: The worst of them.
         others: Names of the other plants, in their order.
 
     Example:

@@ -21,11 +21,6 @@ class Judgement:
     """A requirement on one controller, variation and scenario: the worst seed counts.
 
     Args:
-        demand: The requirement.
-        controller: Name of the controller.
-        variation: Name of the variation.
-        scenario: Name of the scenario.
-        seed: Seed of the worst run.
         value: Its metric, in the unit of the limit; NaN if there is none.
         score: Value over limit (or limit over value), a ratio: at most 1 means met.
         reason: Why there is no value.
@@ -83,7 +78,6 @@ class Score:
     """One number for a controller.
 
     Args:
-        controller: Name of the controller.
         worst: Worst score of the hard requirements over all runs, a ratio; at most 1 means all are
             met.
         mean: Weighted mean over all requirements of their worst scores, ratios of at most 10.

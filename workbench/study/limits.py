@@ -29,8 +29,6 @@ class Move:
     """A step between two references, the same for every controller.
 
     Args:
-        plant: The plant that moves.
-        output: Name of the controlled output.
         initial: Reference before the step, in the output's SI unit.
         final: Reference after the step, in the output's SI unit.
     """
@@ -46,14 +44,9 @@ class StepDistance:
     """One step of one run and its limit.
 
     Args:
-        controller: Name of the controller.
-        scenario: Name of the scenario.
-        seed: Seed of the sensors' noise.
         begin: Time of the step, in s.
-        move: The step.
         settling: Settling time of the run, in s, or NaN with a reason.
         limit: Shortest time the plant allows, in s, or NaN with a reason.
-        variation: Name of the nominal plant.
 
     Example:
         >>> step = Move(PlantRecipe(), "angle", 0.2, 0.5)
@@ -85,8 +78,6 @@ class Distance:
     """How far a controller stays from the physical limit in a scenario: its worst step counts.
 
     Args:
-        controller: Name of the controller.
-        scenario: Name of the scenario.
         ratio: Settling over limit of the worst step, dimensionless, or NaN with a reason.
         worst: The worst step, or None if no step could be compared.
         case: Name of the case; empty if the study has one plant.

@@ -38,7 +38,6 @@ class LoopAnalysis:
     """An opened loop at one operating point.
 
     Args:
-        controller: Name of the controller.
         point: Given values of the operating point, by name, in SI.
         opened: Where the loop is opened: at the first sensor, or at the command.
         frequency_Hz: Frequencies, shape (n,), in Hz.

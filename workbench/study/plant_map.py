@@ -26,7 +26,6 @@ class PlantMap:
     """Linear models of a plant over one of its outputs, in three numbers each.
 
     Args:
-        output: Name of the output.
         values: Its values at rest, shape (n,), in SI.
         frequency_hz: Frequency of the oscillation, shape (n,), in Hz; NaN where it cannot rest.
         damping: Damping ratio of the oscillation, shape (n,), dimensionless.

@@ -30,9 +30,6 @@ class StudyResult:
     """Everything a study found.
 
     Args:
-        study: The study.
-        records: Its runs.
-        judgements: Requirements judged on them.
         scores: One score per controller.
         robustness: Results of the parameter box.
         loops: Opened loops on linear models.

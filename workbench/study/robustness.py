@@ -35,10 +35,8 @@ class Probability:
     """How often a requirement was met over the box.
 
     Args:
-        requirement: The requirement in words.
         hard: Whether missing it fails a study.
         met: Number of draws that met it.
-        draws: Number of draws.
         low: Lower end of the 95 % interval of the probability (a ratio).
         high: Upper end of the interval (a ratio).
         worst: Worst value of the metric over draws and search, in the unit of the limit; NaN if a
@@ -68,7 +66,6 @@ class Robustness:
     """What a parameter box does to a controller.
 
     Args:
-        controller: Name of the controller.
         points: Drawn plants and those of the search, shape (n, n_parameters), in SI.
         scores: Worst score of the hard requirements at each point, shape (n,), at most 10.
         drawn: Number of leading points that were drawn; the rest were searched.

@@ -113,7 +113,6 @@ class StudyFile:
     """A study as it was written.
 
     Args:
-        path: The file.
         table: What it holds.
         lines: Line by path of each entry.
     """

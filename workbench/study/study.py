@@ -23,7 +23,6 @@ class Variation:
 
     Args:
         name: Name in results; with several cases it begins with the case.
-        plant: The plant.
         case: Name of the case; empty if the study has one plant.
         kind: Name without the case: ``"nominal"``, ``"1 kg"``.
         scenarios: Names of the scenarios that it runs; all if empty.
@@ -157,9 +156,7 @@ class Box:
         ranges: Lowest and highest value by parameter, in SI; draws are uniform.
         scenarios: Names of the scenarios that every draw runs.
         controllers: Names of the controllers; all if empty.
-        draws: Number of drawn plants.
         search: Number of further plants that the local search may try.
-        seed: Seed of the draws.
         hard: Whether a hard requirement missed at the worst point fails the study.
     """
 
@@ -247,13 +244,10 @@ class Study:
     """What `workbench compare` runs.
 
     Args:
-        name: Name of the study.
-        path: File it was read from.
         cases: Plants that are known to the designs, by name, the first of which leads.
         variations: Plants that run, by name, the nominal one of each case first.
         controllers: Controllers by name, as designed for the first case that has them.
         scenarios: Scenarios by name.
-        demands: Requirements.
         seeds: Seeds of the sensors' noise.
         selections: Which runs controllers and scenarios have that do not have all, by name.
         points: Operating points of the linear analysis: given values by name, in SI.

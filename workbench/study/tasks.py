@@ -42,10 +42,8 @@ class Task:
     """One run that is to be done.
 
     Args:
-        controller: The controller.
         variation: The plant, and what else differs.
         scenario: What is asked.
-        seed: Seed of the sensors' noise.
         own_metrics: Metrics of the study's own, as ``module:object``.
         traces: Whether the trajectories are kept for pictures.
     """
@@ -68,10 +66,6 @@ class Record:
     """One run that was done, or failed.
 
     Args:
-        controller: Name of the controller.
-        variation: Name of the variation.
-        scenario: Name of the scenario.
-        seed: Seed of the sensors' noise.
         reason: Why the run failed; empty if it did not.
         metrics: Its metrics; none if it failed.
         seconds: Time it took, in s.

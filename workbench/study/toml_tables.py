@@ -20,7 +20,6 @@ class TomlTables:
     """A table of a file, with the line of each entry.
 
     Args:
-        path: The file.
         table: What the file holds.
         lines: Line by path of the entry.
 

@@ -26,10 +26,7 @@ class Run:
     h.
 
     Args:
-        controller: Name of the controller.
-        plant: Name of the plant.
         scenario: What was asked.
-        seed: Seed of the sensors' noise.
         time: Sample times, shape (n,), in s.
         references: Reference of each controlled output, shape (n,) each, in SI.
         states: States, shape (n, n_states), in SI.

@@ -17,7 +17,6 @@ class EventResponse(NamedTuple):
     """What one change or disturbance did.
 
     Args:
-        output: Name of the controlled output.
         time: When it began, in s.
         what: Parameter that changed, or port of the disturbance.
         peak: Largest error until the next event, in the unit of the output.

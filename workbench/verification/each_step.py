@@ -38,7 +38,6 @@ class StepResponse(NamedTuple):
     """How one step of a run was followed.
 
     Args:
-        output: Name of the controlled output.
         begin: Time of the step, in s.
         initial: Reference before it, in the unit of the output.
         final: Reference after it, in the unit of the output.

@@ -138,12 +138,6 @@ class MetricValue:
 class Metrics(Mapping[str, MetricValue]):
     """All metrics of a run, by name.
 
-    Args:
-        controller: Name of the controller.
-        plant: Name of the plant.
-        scenario: Name of the scenario.
-        values: The metrics.
-
     Example:
         >>> print(Metrics("pid", "arm", "step", (MetricValue("settling_time", 0.45, "s"),)))
         pid on arm, step

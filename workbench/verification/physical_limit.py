@@ -70,7 +70,6 @@ class PhysicalLimit:
         time: Ends of the intervals from 0 to the end of the last phase, shape (n + 1,), in s.
         states: States there, shape (n + 1, n_states), in SI.
         inputs: Inputs held over each interval, shape (n, n_inputs), in SI.
-        status: The solver's own word.
         iterations: Number of iterations (dimensionless).
         position_error: Largest distance of the position on the exact plant, driven by the same
             inputs, from ``states``, in ``unit``.

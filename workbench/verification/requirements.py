@@ -17,7 +17,6 @@ class Requirement:
     """A limit on a metric.
 
     Args:
-        metric: Name of the metric.
         limit: The limit, in ``unit``; positive, so that scores can be compared.
         unit: Unit of the limit; the metric's SI unit if empty.
         kind: ``"at_most"`` or ``"at_least"``.
@@ -52,9 +51,6 @@ class RequirementResult:
     """How well a requirement is met.
 
     Args:
-        requirement: The requirement.
-        controller: Name of the controller.
-        scenario: Name of the scenario.
         value: The metric, in the requirement's unit; NaN if there is none.
         score: Value over limit (or limit over value), a ratio: at most 1 means met, infinite that
             there is no value.

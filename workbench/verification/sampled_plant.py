@@ -32,7 +32,6 @@ class FullPlant:
     inputs that led there. Buffers are reused: at 500 Hz the call itself is most of the time.
 
     Args:
-        model: The plant.
         sample_time: Time between samples, in s.
         start: States at the start, shape (n_states,), in SI.
         tolerance: Local error allowed in a step, relative to the scales of the states.

@@ -183,7 +183,6 @@ class Recorded:
         """Read a reference from a CSV file with a header and the times, in s, in its first column.
 
         Args:
-            column: Header of the column.
             unit: Unit of its values.
 
         Raises:

@@ -28,7 +28,6 @@ class Concealed:
     """One effect that a machine may conceal.
 
     Args:
-        name: Its name.
         physics: What it is, as ``synonyms.toml`` knows it.
         ports: Ports of the newcomer's model that it may rightly be found at.
         size: Smallest and largest value of the parameter that switches it on.
@@ -78,9 +77,7 @@ class Machine:
     """A machine with its truth.
 
     Args:
-        name: Its name.
         inputs: Name and unit of each command.
-        channels: Its sensors.
         background: True value and relative half range of each parameter that is never nominal.
         concealed: What it may hide.
         rates: Derivative of the state from time, state, commands and parameters.

@@ -25,7 +25,6 @@ class Row:
 
     Args:
         left_out: What is left out.
-        trial: The data.
         kind: Verdict in one word.
         found: Names that were found.
         alike: Names that the verdict cannot tell from the first.

@@ -33,11 +33,9 @@ class Judged:
     """One answer to one case.
 
     Args:
-        case: Name of the case.
         kind: Kind of case, as it was planned.
         effects: What is hidden, by the rig's names.
         factor: Size relative to the rig's own.
-        line: Its score.
         names: How many effects it names.
         regions: Whether each hidden effect was put into the right region.
         sizes: Sizes of rightly named effects beside the true ones.

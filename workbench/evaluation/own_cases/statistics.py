@@ -77,7 +77,6 @@ class Score:
 
     Args:
         who: One of `ANSWERERS`.
-        judged: Its judged answers.
         points: Points over all cases.
         most: Most points that could be had.
         chance: Mean points of the same answers dealt out at random.

@@ -23,7 +23,6 @@ class Hypothesis:
     """What a sensor may do to a signal: a guess with a name, for a diagnosis to try.
 
     Args:
-        signal: Name of the signal.
         effect: ``saturation``, ``quantisation`` or ``offset_gain``.
         reason: What speaks for it.
     """
@@ -44,7 +43,6 @@ class Finding:
         values: The numbers behind it, in SI, for reports and plots.
         recording: The corrected recording; None if it is left as it is.
         hypotheses: What a sensor may do to its signal.
-        name: Name of the check.
 
     Raises:
         WorkbenchError: If the result is none of the four.

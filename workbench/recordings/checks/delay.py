@@ -21,8 +21,6 @@ class Delay:
     """Delay between a command and a response.
 
     Args:
-        command: Name of the command.
-        response: Name of the response.
         onset: First lag at which the response shows, in s; NaN if it never does.
         peak: Lag of the strongest response, in s; NaN if it never shows.
         strength: Normalised correlation there, in sigmas, with its sign.

@@ -21,7 +21,6 @@ class Occupancy:
     """Where a signal has been.
 
     Args:
-        signal: Name of the signal.
         edges: Edges of the bins, shape (21,), in SI.
         share: Share of the samples in each bin, shape (20,).
         covered: Share of the bins that hold at least half a percent of the samples.
@@ -42,7 +41,6 @@ class Directions:
         forward: Fraction of the time with positive speed.
         backward: Fraction of the time with negative speed.
         resting: Fraction of the time with a speed that the noise hides.
-        reversals: Number of changes of direction.
         top_speed: Largest speed (99.5 % of the samples are slower), in SI.
     """
 

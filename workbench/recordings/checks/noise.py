@@ -24,7 +24,6 @@ class NoiseFloor:
     """The noise of a signal, in SI.
 
     Args:
-        signal: Name of the signal.
         total_rms: Root mean square of what successive samples do not share, noise and converter,
             in the unit of the signal.
         step: Step of the converter, in the unit of the signal; 0 if none shows.

@@ -24,9 +24,6 @@ class CheckReport:
     """What the checks found in a recording.
 
     Args:
-        name: Name of the recording.
-        checks: The checks, in order.
-        recording: The corrected recording.
         original: The recording as it was read.
     """
 

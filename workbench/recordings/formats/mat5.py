@@ -40,7 +40,6 @@ class Elements:
     """The elements of a stretch of bytes, one after the other.
 
     Args:
-        data: The bytes.
         order: ``<`` or ``>``, the order of bytes in numbers.
         depth: How deep in nested structs this stretch lies.
 

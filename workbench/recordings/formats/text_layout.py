@@ -30,7 +30,6 @@ class Layout:
         decimal: ``.`` or ``,``.
         headers: Column headers; empty if the file has none.
         units: Units from a row of units; empty if there is none.
-        width: Number of columns.
         first: Index of the first row of numbers among the lines of the file.
         metadata: Settings found above the rows of numbers.
         saved: Description that a recording wrote of itself.

@@ -37,9 +37,7 @@ class Evidence:
     """What a study found about the steps of one case.
 
     Args:
-        result: The result of the study.
         want: How the evidence is read.
-        case: The case.
     """
 
     result: StudyResult
