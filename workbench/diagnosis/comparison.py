@@ -22,7 +22,6 @@ class ErrorRow:
     """Free-run errors of one output over all held-out recordings.
 
     Args:
-        output: Name of the output.
         unit: SI unit.
         spread: Standard deviation of the measurements, in ``unit``.
         noise: Noise of the sensor, in ``unit``.

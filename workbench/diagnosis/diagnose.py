@@ -51,12 +51,8 @@ def diagnose(
     """Diagnose a model on recordings of the machine.
 
     Args:
-        model: The nominal model.
-        fit_on: Recordings to fit on.
-        hold_out: Recordings to judge on.
         entries: Effects that may be missing; the whole library by default.
         priors: Free parameters of the nominal model; `default_priors` by default.
-        jobs: Number of processes.
         advise: Whether to work out what to record next.
         folder: Where stages are kept: what an earlier call reached there is not done again.
         progress: Called with a line of text before each step.

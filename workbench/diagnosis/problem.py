@@ -33,9 +33,7 @@ class Problem:
     """A model, recordings to fit on, recordings to judge on, and how to estimate.
 
     Args:
-        name: Short name, for files.
         title: What is looked at, in a few words.
-        model: The nominal model.
         fit: Recordings to fit on.
         hold_out: Recordings to judge on.
         in_loop: Further recordings to judge on, each with the model that runs on it.
@@ -91,7 +89,6 @@ def problem_of_case(case: Case, model: Model | None = None) -> Problem:
     """Build the problem of a case.
 
     Args:
-        case: The case.
         model: The nominal model; by default that of the case.
 
     Raises:
@@ -228,7 +225,6 @@ def own_hypotheses(
     """Return the library with effects of the user's own, or None for the library alone.
 
     Args:
-        model: The model that may lack them.
         references: Each ``module:object``: a law, an effect, a hypothesis, several of them, or a
             function that returns them, called with the model if it takes an argument.
         folder: Where the modules stand, beside the Python path.

@@ -89,10 +89,7 @@ def fingerprint(
     """Return what tells one diagnosis from another: plant, recordings, priors.
 
     Args:
-        model: The nominal model.
         recordings: Recordings to fit on, then those to judge on.
-        priors: Free parameters.
-        split: How many recordings are fitted on.
     """
     equations = model.exact.function("key", model.exact.rates, model.exact.outputs)
     digest = hashlib.sha256(equations.serialize().encode())
@@ -112,7 +109,6 @@ class StageFiles:
 
     Args:
         folder: Folder of the results; None to keep nothing.
-        model: The nominal model.
         entries: Effects that may be missing.
     """
 
@@ -127,8 +123,6 @@ class StageFiles:
         """Write a stage that was reached.
 
         Args:
-            stage: The stage.
-            key: What it depends on.
             seconds: Time until it was reached, in s.
         """
         if self._folder is None:

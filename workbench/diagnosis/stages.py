@@ -80,14 +80,7 @@ class Diagnosis:
     """A diagnosis as far as it came.
 
     Args:
-        nominal: The model as given.
         prepared: Recordings and priors.
-        fitted: The refit.
-        located: The place.
-        scored: The library.
-        selected: The search.
-        validated: The judgement.
-        verdict: The verdict.
         seconds: Time of the stages that are there, in s, those read from a folder included.
 
     Raises:

@@ -84,8 +84,6 @@ class Verdict:
     """What a diagnosis found.
 
     Args:
-        kind: The verdict in one word.
-        sentence: The verdict in one sentence.
         findings: What is missing, the most important first.
         fit: Held-out errors by model (``nominal``, ``refitted``, ``extended``, ``noise_floor``)
             and output, in SI.
@@ -197,7 +195,6 @@ def upgraded(data: Mapping[str, Any], source: str = "the verdict") -> dict[str, 
     """Return the data of a ``verdict.json`` of any schema in the words of the present one.
 
     Args:
-        data: The data as they were read.
         source: Where they come from, for the error.
 
     Raises:

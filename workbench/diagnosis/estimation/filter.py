@@ -90,7 +90,6 @@ def substeps_of(model: Model, sample_time: float) -> int:
     """Choose Runge-Kutta steps per sample from the fastest mode at states within their scales.
 
     Args:
-        model: The plant.
         sample_time: Time between samples, in s.
     """
     rng = np.random.default_rng(0)
@@ -130,11 +129,9 @@ def filter_function(
     with respect to the free parameters, each divided by its scale too.
 
     Args:
-        traced: One form of a model's equations.
         state_scale: Scale of each state, in its SI unit.
         output_scale: Scale of each measurement used, in its SI unit.
         rows: Places of those measurements among the model's outputs.
-        columns: Places of the free parameters.
         corrected: Places of the states that measurements correct.
         free_scale: Scale of each free parameter, in its SI unit.
         ports: Places of the ports at which an unmodelled signal may act.

@@ -26,7 +26,6 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
     the block of the free ones is kept; the estimates stay.
 
     Args:
-        fit: The refit.
         recordings: Its recordings, with a start for its model.
 
     Returns:

@@ -24,7 +24,6 @@ class FreeRun:
     """A model simulated along a recording, never corrected by the measurements.
 
     Args:
-        name: Name of the recording.
         used: Names of the outputs that were read, n_used of them.
         units: Their SI units.
         time: Time from the first sample, shape (n,), in s.
@@ -84,7 +83,6 @@ def free_run(
     Args:
         model: The plant; it may carry effects that the recording was not observed with, whose
             states start where the effects put them.
-        observed: A recording as `observe` returns it.
         values: Parameter values, shape (n_parameters,), in SI, or some of them by name; the
             model's own by default.
 

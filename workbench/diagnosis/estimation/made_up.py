@@ -29,12 +29,9 @@ def made_up(
     """Simulate a recording of a model, with the noise and the resolution of its sensors.
 
     Args:
-        model: The plant.
         inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI.
         sample_time: Time between samples, in s.
         values: True values of some parameters by name, in SI; the model's own by default.
-        seed: Seed of the noise.
-        name: Name of the recording.
 
     Returns:
         The recording as `observe` returns it for the model with its own values.
@@ -67,12 +64,9 @@ def made_up_recording(
     """Simulate a recording of a model, with the noise and the resolution of its sensors.
 
     Args:
-        model: The plant.
         inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI.
         sample_time: Time between samples, in s.
         values: True values of some parameters by name, in SI; the model's own by default.
-        seed: Seed of the noise.
-        name: Name of the recording.
 
     Raises:
         WorkbenchError: If a parameter is unknown or the inputs do not fit.
@@ -99,7 +93,6 @@ def pushes(samples: int, *, largest: float, hold: int = 40, seed: int = 0) -> Ve
         samples: Number of samples.
         largest: Largest level, in the unit of the input.
         hold: Samples per level.
-        seed: Seed of the levels.
 
     Returns:
         Levels, shape (samples,), in the unit of the input.
@@ -112,9 +105,7 @@ def made_up_axis(seed: int = 0, *, samples: int = 800, name: str = "made up") ->
     """Simulate a recording of the servo axis with a mass of 100 kg instead of 95 kg.
 
     Args:
-        seed: Seed of forces and noise.
         samples: Number of samples, 10 ms apart.
-        name: Name of the recording.
     """
     forces = pushes(samples, largest=200.0, seed=seed)
     return made_up(

@@ -30,7 +30,6 @@ def observe(
     Args:
         model: The plant; signals of the recording are found by the names of its inputs and
             outputs.
-        recording: A uniformly sampled recording.
         used: Names of the outputs to use; all that were recorded by default.
         every: Use every n-th measurement; inputs are all used.
 

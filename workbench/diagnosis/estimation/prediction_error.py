@@ -33,7 +33,6 @@ class Observed:
     """A recording in the shape that the filter needs.
 
     Args:
-        name: Name of the recording.
         sample_time: Time between samples, in s.
         inputs: Inputs held from each sample to the next, shape (n, n_inputs), in SI.
         outputs: Measurements, shape (n, n_used), in SI; NaN where there is none.
@@ -94,7 +93,6 @@ class PredictionError:
     """The filter of a model for a choice of free parameters.
 
     Args:
-        model: The plant.
         sample_time: Time between samples, in s.
         used: Names of the outputs that were read.
         free: Names of the parameters whose derivatives are wanted.
@@ -146,7 +144,6 @@ class PredictionError:
         """Run the filter along a recording.
 
         Args:
-            observed: The recording.
             values: Parameter values, shape (n_parameters,), in SI.
 
         Raises:
@@ -218,7 +215,6 @@ def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
     """Return the disturbance at each port, as a multiple of what is expected there.
 
     Args:
-        model: The plant.
         noise_scale: Process-noise scale, dimensionless.
 
     Returns:

@@ -17,7 +17,6 @@ class Prior:
     """What is known of a parameter before the data: a normal distribution within bounds.
 
     Args:
-        name: Name of the parameter.
         mean: Most likely value, in the parameter's SI unit.
         std: Standard deviation, in the parameter's SI unit.
         lower: Smallest value, in the parameter's SI unit.
@@ -35,7 +34,6 @@ def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Pr
     """Return priors centred on a model's values, a quarter of the bounds wide.
 
     Args:
-        model: The plant.
         names: Names of the free parameters; all that a refit may change by default.
 
     Raises:
@@ -64,7 +62,6 @@ def widened(prior: Prior, factor: float) -> Prior:
     """Return a prior with a larger standard deviation.
 
     Args:
-        prior: The prior.
         factor: Factor on the standard deviation, dimensionless.
     """
     return replace(prior, std=prior.std * factor)

@@ -67,7 +67,6 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
     Args:
         observed: The recording, with a start for ``model``.
         model: The model that the recording was brought into shape for.
-        extended: The same model with more effects.
 
     Returns:
         The recording with the states of the effects where the effects put them.
@@ -105,9 +104,7 @@ def fit_with_process_noise(
     """Refit a model at the most likely process-noise scale.
 
     Args:
-        model: The plant.
         recordings: Recordings as `observe` returns them, for this model.
-        priors: The free parameters.
         start: Where to start some parameters, by name, in SI.
         noise_scale: Scale to begin with, dimensionless; by default the one under which the
             recordings are most likely before the fit, 3 or more.
@@ -186,9 +183,6 @@ def blocks_of_cost(
         recordings: Recordings with a start for this model, used or not used for the fit.
         block: Length of a block, in s.
 
-    Returns:
-        One value per block, dimensionless.
-
     Raises:
         NumericalError: If the filter leaves the finite numbers.
     """
@@ -255,8 +249,6 @@ def gain_interval(
     Args:
         before: Cost by block under the one model, shape (n_blocks,), dimensionless.
         after: Cost by block under the other, shape (n_blocks,), dimensionless.
-        draws: Number of bootstrap draws.
-        seed: Seed of the draws.
 
     Returns:
         The gain, and the 0.5 % and 99.5 % points of its distribution over resampled blocks, in

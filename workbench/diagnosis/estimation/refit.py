@@ -60,14 +60,12 @@ def refit(
     innovations of an extended Kalman filter divided by their standard deviations s.
 
     Args:
-        model: The plant.
         recordings: Recordings as `observe` returns them, all with the same outputs and sample
             time.
         priors: The free parameters; `default_priors` by default.
         stages: Process-noise scales at the ports, pass by pass, dimensionless.
         start: Where to start some parameters, by name, in SI; at the prior by default.
         starts: Number of starts; those after the first are drawn from the priors.
-        seed: Seed of the draws.
         enough: A step that gains less log likelihood than this ends the last pass, dimensionless.
         progress: Called with a line of text before each pass.
 

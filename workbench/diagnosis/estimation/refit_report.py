@@ -41,7 +41,6 @@ class RefitTask:
     """A model, recordings to fit on, recordings to judge on.
 
     Args:
-        name: Short name, for files.
         title: What is refitted, in a few words.
         model: The plant with its nominal values.
         fit: Recordings to fit on.
@@ -82,8 +81,6 @@ class HeldOut:
     """Free-run errors of one output on one held-out recording, rms in ``unit``.
 
     Args:
-        recording: Name of the recording.
-        output: Name of the output.
         unit: Unit in which people read the output.
         spread: Standard deviation of the measurements, in ``unit``.
         nominal: Error with the nominal parameters, in ``unit``.
@@ -123,7 +120,6 @@ class RefitReport:
 
     Args:
         task: What was asked.
-        refit: The estimates with intervals.
         nominal: Free runs of the nominal model on the held-out recordings.
         refitted: Free runs of the refitted model on them.
         rows: Errors by recording and output.
@@ -205,7 +201,6 @@ def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None)
     """Refit a model and judge it on recordings that it has not seen.
 
     Args:
-        task: Model and recordings.
         progress: Called with a line of text before each part.
 
     Returns:
@@ -276,11 +271,7 @@ def noise_limited(
     each; what these runs differ by adds to the noise of the measurements.
 
     Args:
-        found: A refit.
-        observed: The recording to run on.
         model: The model to run, with the free parameters; the refitted one by default.
-        draws: Number of draws.
-        seed: Seed of the draws.
 
     Returns:
         Root mean square error by output, in its SI unit.

@@ -28,7 +28,6 @@ class Estimate:
     """A refitted parameter.
 
     Args:
-        name: Name of the parameter.
         unit: SI unit.
         value: Estimate, in ``unit``.
         std: Standard deviation of the estimate, in ``unit``.
@@ -63,7 +62,6 @@ class Refit:
 
     Args:
         model: The model with the estimated parameter values.
-        estimates: The free parameters.
         covariance: Covariance of the estimates, shape (n_free, n_free), in SI.
         cost: Minus the log likelihood of the last pass, with the priors; dimensionless.
         converged: Whether the last pass converged.
@@ -145,7 +143,6 @@ class Outcome:
         parts: Innovations of each recording there.
         cost: Minus the log likelihood with the priors, dimensionless.
         converged: Whether further steps gain nothing.
-        iterations: Number of steps.
         noise_scale: Process-noise scale in the last pass, dimensionless.
     """
 

@@ -28,8 +28,6 @@ def fitted_start(
     show.
 
     Args:
-        model: The plant.
-        observed: A recording as `observe` returns it.
         samples: Number of samples to meet, 2 to the length of the recording.
         values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
 

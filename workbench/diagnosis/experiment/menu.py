@@ -64,7 +64,6 @@ class Experiment:
         """Simulate what the sensors of a model would read, without noise.
 
         Args:
-            model: The plant, with its own settings.
             start: States at the first sample, shape (n_states,), in SI.
 
         Returns:
@@ -120,7 +119,6 @@ def other_settings(
     """Return changed settings of a model within their bounds.
 
     Args:
-        model: The plant.
         free: Names of parameters that are being fitted and so are no settings.
 
     Returns:
@@ -142,8 +140,6 @@ def with_setting(experiment: Experiment, words: str, values: Mapping[str, float]
     """Return an experiment at another setting.
 
     Args:
-        experiment: The experiment.
-        words: The setting in words.
         values: Changed parameters, in SI, by name.
     """
     return replace(

@@ -108,7 +108,6 @@ def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dic
     sensor that narrows down its place.
 
     Args:
-        diagnosis: A diagnosis whose search is finished.
         recordings: The fitting recordings, observed with the nominal model.
 
     Returns:

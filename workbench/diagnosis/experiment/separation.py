@@ -40,8 +40,6 @@ class Explanation:
     """A fitted model that could explain the recordings.
 
     Args:
-        name: The explanation in words.
-        fit: Its fit.
         size: Name of the parameter that is the size of the effect; empty for none.
     """
 
@@ -78,7 +76,6 @@ class Separator:
         """Return the start of the recording for an explanation.
 
         Args:
-            explanation: The explanation.
             inputs: Inputs of an experiment, shape (n, n_inputs), in SI.
         """
         r = self.recording
@@ -112,9 +109,6 @@ class Separator:
         """Run the filter of an explanation along what would be read.
 
         Args:
-            explanation: The explanation.
-            seen: What would be read.
-            experiment: The experiment, for its settings.
             noise_scale: Process-noise scale, dimensionless.
 
         Returns:
@@ -142,7 +136,6 @@ class Separation:
     """What an experiment is predicted to tell.
 
     Args:
-        experiment: The experiment.
         sigma: Standard deviations by which it separates the explanations, dimensionless.
         gain: Log likelihood that the true one would gain over the refitted other, dimensionless.
     """
@@ -164,10 +157,7 @@ def separation(
     deviations of the present fits.
 
     Args:
-        separator: The filters.
         truth: The explanation that is taken as true.
-        other: The one to be ruled out.
-        experiment: The experiment.
 
     Returns:
         The predicted separation; none at all if a model leaves the finite numbers.
@@ -202,7 +192,6 @@ def reduced(part: Innovations, information: Vector) -> float:
     """Return half the sum of squares that the free parameters cannot make up for.
 
     Args:
-        part: Whitened errors and their derivatives.
         information: What is known of the parameters before, shape (n_free, n_free), scaled.
 
     Returns:
@@ -241,8 +230,6 @@ class Sight:
     """How clearly an effect shows before and after an experiment.
 
     Args:
-        experiment: The experiment.
-        entry: The effect.
         now: Standard deviation of its size by the present recordings, in the unit of the size.
         then: The same with the experiment, in the same unit.
         collinearity: Share of its signature that the free parameters can then imitate, 0 to 1,
@@ -269,11 +256,8 @@ def visible(
     together let them.
 
     Args:
-        separator: The filters.
         explanation: The model without the effects.
-        entries: The effects, at size zero.
         recordings: The present recordings, observed with the separator's model.
-        experiments: The experiments.
     """
     base = explanation.fit.model
     model = base.with_effect(*(e.effect for e in entries))
@@ -331,10 +315,7 @@ def sensors(
     Values within the correlation time of disturbances count once.
 
     Args:
-        separator: The filters.
         truth: The explanation that is taken as true.
-        other: The one to be ruled out.
-        experiment: The experiment.
 
     Returns:
         Names of ports and published signals, with standard deviations, dimensionless, the best

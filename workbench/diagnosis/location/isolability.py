@@ -62,7 +62,6 @@ class Isolability:
     """Which ports the sensors can tell apart.
 
     Args:
-        model: Name of the plant.
         outputs: Names of the outputs that are recorded.
         groups: Ports that cannot be told apart, group by group.
         unseen: Ports at which nothing that is missing could be seen.
@@ -162,7 +161,6 @@ def isolability(
     one of several operating points and frequencies.
 
     Args:
-        model: The plant.
         outputs: Names of the outputs that are recorded; all by default.
         ports: Names of the ports at which something may be missing; all by default.
 

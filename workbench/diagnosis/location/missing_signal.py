@@ -31,7 +31,6 @@ class Located:
     """The signal that a model lacks at a port, on recordings that it was not fitted on.
 
     Args:
-        port: Name of the port.
         unit: SI unit of the signal.
         time: Times, recordings one after the other, shape (n,), in s.
         signal: Smoothed unknown input, shape (n,), in ``unit``.
@@ -44,7 +43,6 @@ class Located:
         argument_values: Its values, shape (n,), in ``argument_unit``.
         explained: Share of the mean square of the signal that the law takes away where the
             measurements determine it, dimensionless; NaN without law.
-        recordings: Names of the recordings.
         law_name: What the law is, in plain words.
     """
 
@@ -79,9 +77,7 @@ def located_signal(
     model lacks.
 
     Args:
-        diagnosis: A finished diagnosis.
         recordings: Recordings with a start for the nominal model.
-        ports: Names of the ports.
 
     Returns:
         One signal per port; a single one at the port of the group where the ports act on the same
@@ -183,7 +179,6 @@ def added_at_ports(
     states, divided by the effect of a unit signal at the port.
 
     Args:
-        extended: The model with the effect.
         absent: Parameter values at which the effect is absent, in SI.
         observed: A recording with a start for the extended model.
         model: The same without the effect.
@@ -235,8 +230,6 @@ def told_apart(model: Model, ports: Sequence[str], observed: Observed) -> tuple[
     """Return the ports whose signals the measurements can tell apart.
 
     Args:
-        model: The model.
-        ports: Names of the ports.
         observed: A recording with a start for the model or the one it extends.
 
     Returns:

@@ -31,8 +31,6 @@ class Structure:
 
     Args:
         holds: Which equation holds which unknown, shape (n_equations, n_unknowns).
-        equations: Names of the equations.
-        unknowns: Names of the unknowns.
         suspects: Rows that may be wrong, by name of the port.
     """
 
@@ -140,7 +138,6 @@ class Cut:
     """A model whose ports are cut: what follows a port holds a symbol, not what made it.
 
     Args:
-        model: The plant.
         states: Symbols of the states, shape (n_states, 1), in SI.
         inputs: Symbols of the inputs, shape (n_inputs, 1), in SI.
         parameters: Symbols of the parameters, shape (n_parameters, 1), in SI.
@@ -202,7 +199,6 @@ def structure_of(
     """Write down which equation of a model holds which unknown.
 
     Args:
-        parts: The model, cut at its ports.
         outputs: Names of the outputs that are recorded.
 
     Returns:

@@ -26,7 +26,6 @@ class Transfers:
     """Transfers from the ports to the measurements.
 
     Args:
-        ports: Names of the n_p ports.
         measurements: From each port at its scale to each recorded output over its noise, shape
             (n, n_outputs, n_p): n pairs of an operating point and a frequency.
         signals: The same to each further signal that could be read, not scaled, shape (n, n_p), by
@@ -70,7 +69,6 @@ def transfers(parts: Cut, outputs: Sequence[str]) -> Transfers:
     """Linearise a model about operating points near its start, always the same ones.
 
     Args:
-        parts: The model, cut at its ports.
         outputs: Names of the outputs that are recorded.
 
     Returns:

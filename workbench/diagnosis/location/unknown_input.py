@@ -42,7 +42,6 @@ class UnknownInput:
     """An unknown input along a recording.
 
     Args:
-        name: Name of the recording.
         ports: Names of the ports at which it acts.
         units: Their SI units.
         time: Times, shape (n,), in s.

@@ -33,7 +33,6 @@ class Site:
     """A port, or ports that share a law, with what they see along the recordings.
 
     Args:
-        ports: Names of the ports.
         unit: SI unit of their signal.
         signals: Local signals by name, shape (n, n_ports) each, in SI.
         units: Their SI units.
@@ -176,7 +175,6 @@ class Evidence:
         Args:
             columns: Columns to test, shape (n_located n, k), in the signals' unit.
             given: Columns that explain what they can first, shape (n_located n, m), in that unit.
-            draws: Number of shifted signals.
 
         Returns:
             Probability of as large a share without dependence, ``1 / (draws + 1)`` at least,
@@ -211,9 +209,7 @@ def spread(values: Vector, argument: str, unit: str, most: int, *, centred: bool
 
     Args:
         values: Values of the argument, shape (n,), in ``unit``.
-        argument: Name of the argument.
         unit: Its unit.
-        most: Number of knots.
         centred: Whether the curve is zero on average over the values.
     """
     low, high = np.quantile(values, [0.002, 0.998])
@@ -240,10 +236,8 @@ def partial(
     What is left of the located signals is laid to the ports in proportion to their effect on them.
 
     Args:
-        evidence: The located signals.
         site: Where the curve would act.
         relative: Whether as a fraction of the port's signal.
-        argument: Name of the local signal.
         rest: What is left of the located signals, shape (n_located n,), in their unit.
 
     Returns:

@@ -36,10 +36,7 @@ def gather(
     """Smooth the unknown input at some ports and collect what could explain it.
 
     Args:
-        model: The refitted model.
-        recordings: Recordings with a start for it.
         ports: One port, or ports that share a law, such as those of both muscles.
-        priors: Priors of the free parameters.
 
     Raises:
         WorkbenchError: If a port does not exist.

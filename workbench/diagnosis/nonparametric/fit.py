@@ -96,7 +96,6 @@ def nonparametric_term(
     Args:
         base: The refitted model without the term.
         fit_on: Fitting recordings, with a start for the model of ``base``.
-        hold_out: Held-out recordings, likewise.
         ports: The located port, or ports that share a law.
         priors: Priors of the free parameters of ``base``.
 

@@ -43,7 +43,6 @@ class Argument:
     """An argument of a nonparametric term.
 
     Args:
-        name: Name of the local signal.
         unit: Its SI unit.
         p_value: Probability of as strong a dependence by chance, dimensionless.
         share: Share of the signal that it predicts across blocks of time beyond the arguments
@@ -68,7 +67,6 @@ class Law:
 
     Args:
         ports: Ports that share the term.
-        curves: Its curves.
         unit: Unit of the ports.
         relative: Whether the curves are a fraction of the port's signal.
         typical: Usual ordinate, in the unit of the curves.
@@ -109,7 +107,6 @@ class NonparametricTerm:
         unit: Unit of the curves: that of the ports, or ``"1"`` if they are a fraction of it.
         relative: Whether the curves are a fraction of the port's signal.
         curves: The curves, by argument.
-        arguments: The arguments with their evidence.
         loop: Whether the term has a memory.
         explained: Share of the mean square of the smoothed signal that curves and changed
             parameters take away, dimensionless.

@@ -20,7 +20,6 @@ class Candidate:
     """An effect refitted together with the free parameters.
 
     Args:
-        entry: The effect in the library.
         fit: The refit; None if it failed.
         gain: Gain of log likelihood on the fitting recordings, dimensionless.
         held_out: Gain on the held-out recordings with its 99 % interval, dimensionless.

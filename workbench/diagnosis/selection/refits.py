@@ -87,13 +87,9 @@ def refit_candidates(
 
     Args:
         base: The fitted model without the effects.
-        chosen: Scores of the effects to refit.
         priors: Priors of the free parameters of ``base``.
         fit_on: Fitting recordings, with a start for the model of ``base``.
-        hold_out: Held-out recordings, likewise.
         limits: What an effect must gain.
-        jobs: Number of processes.
-        progress: Called with a line of text.
 
     Returns:
         Candidates by falling gain, each accepted or refused with the reason.

@@ -39,7 +39,6 @@ class Question(NamedTuple):
     """What a rule is asked about.
 
     Args:
-        candidate: The effect.
         limits: What is asked of it.
         threshold: That of the rule, dimensionless.
     """
@@ -71,7 +70,6 @@ class Threshold:
     """A number on which the search decides, with the reason.
 
     Args:
-        name: Short name.
         value: The number, dimensionless.
         reason: Why it exists.
     """
@@ -88,9 +86,7 @@ def selection_penalty(library: int, samples: int, parameters: int) -> float:
     information criterion of Chen and Chen (2008).
 
     Args:
-        library: Number of effects that were tried.
         samples: Number of independent samples.
-        parameters: Own parameters of the effect.
 
     Example:
         >>> round(selection_penalty(40, 1000, 1), 1)

@@ -39,7 +39,6 @@ class Score:
     """What one pass says of an effect.
 
     Args:
-        entry: The effect in the library.
         gain: Expected gain of log likelihood, dimensionless.
         sigma: Expected size over its standard deviation, errors taken as correlated over blocks
             of time; dimensionless.
@@ -89,7 +88,6 @@ class Scores:
         """Return the effects whose signature resembles that of one effect.
 
         Args:
-            name: Name of the effect.
             above: Least absolute cosine, 0 to 1, dimensionless.
         """
         names = [score.entry.name for score in self.scores]
@@ -119,10 +117,7 @@ def score_library(
     """Score effects that are not in the model.
 
     Args:
-        model: The refitted model.
-        recordings: Recordings as `observe` returns them.
         priors: Priors of the free parameters, which may imitate an effect.
-        entries: The effects, at size zero.
         noise_scale: Process-noise scale that the filter allows, dimensionless.
 
     Example:

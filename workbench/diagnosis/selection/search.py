@@ -86,13 +86,11 @@ class Task:
 
     Args:
         nominal: The model that the recordings were observed with.
-        base: The refitted nominal model.
         fitting: Fitting recordings.
         judging: Held-out recordings.
         priors: Priors of the free parameters of the nominal model.
         location: Where the refitted nominal model lacks something; None if unknown.
         entries: Effects that may be missing; the whole library if None.
-        jobs: Number of processes.
         say: Called with a line of text before each step.
     """
 
@@ -164,7 +162,6 @@ def search(task: Task, scored: Scored, begun: Selected | None = None) -> Iterato
     """Add one effect after the other as long as one is accepted.
 
     Args:
-        task: What to search in.
         scored: The library at the refitted nominal model.
         begun: A search that was interrupted, to be continued.
 

@@ -82,7 +82,6 @@ class Selected:
 
     Args:
         extended: The refitted model with what was found; the refitted nominal one if nothing was.
-        free: Its free parameters.
         rounds: Scores and candidates of each round of the present search.
         accepted: What was found, in the order of finding.
         fits: The refitted nominal model and the model after each effect that was found.

@@ -23,7 +23,6 @@ def shortlist(scores: Scores, *, most: int = 18, least: float = LEAST_SCORE) -> 
     The best score with its look-alikes, then the best of every other group of ports.
 
     Args:
-        scores: Scores of the library.
         most: How many at the most.
         least: Expected gain of log likelihood below which an effect is left out, dimensionless.
     """
