@@ -64,7 +64,8 @@ def guarded(
         plant: The plant, or a linear model of it.
         at: Where the plant rests, values by name in SI; by default where its nominal inputs hold
             it, or the operating point of the linear model.
-        hold: How long the last command is held, in samples.
+        hold: How long the last command is held, in samples; more than a slow sensor repeats itself,
+            or it is taken for one that froze in motion.
         settle: How long measurements must be plausible before the law returns, in samples.
         ramp: How long the reference then moves to what is asked, in samples.
         stuck: Samples of full command after which a measurement must have changed; by default
