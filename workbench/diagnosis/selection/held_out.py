@@ -44,6 +44,7 @@ def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
     Args:
         model: The model, with effects attached or not.
         nominal: The model that the recording was observed with.
+        observed: The recording.
     """
     begun = extended_start(observed, nominal, model)
     wanted = max(_START_SAMPLES, round(_START_S / begun.sample_time))
@@ -167,6 +168,7 @@ def held_out_gain(
 
     Args:
         before: Cost of the other model on them by block, shape (n_blocks,), dimensionless.
+        fit: The fitted model.
         judged: Held-out recordings, with a start for its model.
 
     Returns:
@@ -192,6 +194,7 @@ def told_apart(one: Sequence[Vector], other: Sequence[Vector]) -> bool:
 
     Args:
         one: Costs under the one by block of time, fitting and held-out recordings, dimensionless.
+        other: The same under the other.
 
     Returns:
         Whether the 99 % interval of the difference excludes zero on either.
@@ -208,6 +211,8 @@ def runs_closer(base: ProcessNoiseFit, fit: ProcessNoiseFit, hold_out: Sequence[
     fall by an amount whose 99 % interval over resampled blocks excludes zero.
 
     Args:
+        base: The other model, fitted.
+        fit: The model, fitted.
         hold_out: Held-out recordings, with a start for the other model.
 
     Returns:
