@@ -57,6 +57,9 @@ _LOOKS = 20
 """Random states at which the fastest mode is looked for, beside the starting state."""
 
 
+_FADED = 1e-50
+"""Covariance and sensitivity, relative to the scales, that are none any more."""
+
 WORTH_S = 10.0
 """Time in quickly built code, in s, after which code that runs twice as fast has paid for the
 longer wait for it."""
@@ -223,6 +226,11 @@ def _process_noise(
     return ca.densify(covariance / ca.mtimes(ca.SX(scale), ca.SX(scale).T))
 
 
+def _flushed(matrix: ca.MX) -> ca.MX:
+    """Put zero for what has faded out: numbers below the normal range take ten times as long."""
+    return matrix * (ca.fabs(matrix) > _FADED)
+
+
 def _sample(
     rate: ca.Function,
     slope: ca.Function,
@@ -283,14 +291,14 @@ def _sample(
         transition = identity + ca.mtimes(ha, half)
         sensitivity = ca.mtimes(transition, sensitivity) + h * ca.mtimes(half, b)
         covariance = ca.mtimes(ca.mtimes(transition, covariance), transition.T)
-    covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p, d)
+    covariance = _flushed(0.5 * (covariance + covariance.T)) + noise(filtered, u, p, d)
     return ca.Function(
         "sample",
         [z0, covariance0, sensitivity0, u, y, r, p, d],
         [
             z,
             covariance,
-            sensitivity,
+            _flushed(sensitivity),
             ca.vcat(whitened),
             ca.vcat(rows),
             ca.vcat(logs),
