@@ -119,14 +119,14 @@ def _not_testable(diagnosis: Diagnosis) -> tuple[Mapping[str, str], ...]:
 
 
 def _refused(diagnosis: Diagnosis) -> tuple[Mapping[str, object], ...]:
-    """List what was followed and refused, or found and taken back."""
+    """List what was tried and refused, surpassed, or found and taken back, by falling gain."""
     rows: dict[str, Mapping[str, object]] = {}
     for _, candidates in diagnosis.rounds:
         for c in candidates:
-            if c.refused and c.rule and c.entry.name not in rows:
+            if c.refused and c.entry.name not in rows:
                 rows[c.entry.name] = {
                     "effect": c.entry.name,
-                    "rule": c.rule,
+                    "rule": c.rule or ("surpassed" if c.followed else "surpassed at first"),
                     "reason": c.refused,
                     "log_likelihood_gain": c.gain,
                     "held_out_gain": list(c.held_out),
