@@ -204,22 +204,29 @@ def told_apart(one: Sequence[Vector], other: Sequence[Vector]) -> bool:
     return any(low > 0.0 or high < 0.0 for _, low, high in intervals)
 
 
-def runs_closer(base: ProcessNoiseFit, fit: ProcessNoiseFit, hold_out: Sequence[Observed]) -> bool:
+def runs_closer(
+    base: ProcessNoiseFit,
+    fit: ProcessNoiseFit,
+    hold_out: Sequence[Observed],
+    *,
+    than: ProcessNoiseFit | None = None,
+) -> bool:
     """Say whether a model reliably runs closer to held-out recordings than another.
 
     The squared errors of the free runs, each output's over its mean square under the other model,
     fall by an amount whose 99 % interval over resampled blocks excludes zero.
 
     Args:
-        base: The other model, fitted.
+        base: The model without an effect, fitted.
         fit: The model, fitted.
-        hold_out: Held-out recordings, with a start for the other model.
+        hold_out: Held-out recordings, with a start for the model without an effect.
+        than: The other model, fitted; the one without an effect by default.
 
     Returns:
         Whether it does; not if a run fails.
     """
     pairs = [
-        [settled_run(one.model, base.model, observed) for one in (base, fit)]
+        [judged_run(one, base.model, observed) for one in (than or base, fit)]
         for observed in hold_out
     ]
     if not all(run.finite for pair in pairs for run in pair):

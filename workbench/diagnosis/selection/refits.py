@@ -137,12 +137,31 @@ def refit_candidates(
         # Of two that the data cannot tell apart, the one without a doubt.
         sure = (c for c in passing if not c.doubts and not told_apart(best.blocks, c.blocks))
         best = next(sure, best)
+    if best is not None and best.fit is not None and best.entry.group == "sensor":
+        # What a sensor does between process and reading colours the noise, and so predicts the next
+        # sample of anything: where the process explains the runs better, it is the process.
+        for c in passing:
+            if c.entry.group == "sensor" or c.fit is None:
+                continue
+            if runs_closer(base, c.fit, hold_out, than=best.fit):
+                best = c
+                found = [_outrun(f, c) for f in found]
+                passing = [f for f in found if not f.refused]
+                break
     if best is not None:
         # Of those that explain the recordings as well, the one with the fewest parameters.
         same = [c for c in passing if len(c.doubts) <= len(best.doubts)]
         same = [c for c in same if c is best or not told_apart(best.blocks, c.blocks)]
         best = min(same, key=lambda c: (c.own_parameters, -c.gain))
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
+
+
+def _outrun(candidate: Candidate, by: Candidate) -> Candidate:
+    """Refuse what a sensor does where a law of the process runs closer to the recordings."""
+    if candidate.refused or candidate.entry.group != "sensor":
+        return candidate
+    why = f"with {by.entry.name} the model runs closer to the held-out recordings"
+    return replace(candidate, refused=why, rule="free run")
 
 
 def _first_refits(

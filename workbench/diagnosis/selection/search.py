@@ -434,7 +434,9 @@ def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> 
         if c is best or not c.followed or c.fit is None or c.gain <= 0:
             continue
         apart = not c.blocks or told_apart(best.blocks, c.blocks)
-        if (_passed(c) and not apart) or (best.gain - c.gain < SAME.value and not _worse(c, best)):
+        if (_passed(c) and not apart) or (
+            abs(best.gain - c.gain) < SAME.value and not _worse(c, best)
+        ):
             same.append(c.entry.name)
     names = {s.entry.name for s in scores.scores if s.testable}
     known = {s.entry.name for s in scores.scores}
