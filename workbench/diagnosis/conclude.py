@@ -26,7 +26,7 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     fit = held_out_errors(validated.runs, prepared.judging)
     findings = tuple(_finding(diagnosis, i, fit) for i in range(len(diagnosis.accepted)))
     findings = findings or _without_name(diagnosis, fit)
-    kind, sentence = _kind(diagnosis, findings)
+    kind, sentence = _kind(diagnosis, findings, fit)
     used = prepared.judging[0].used
     return Verdict(
         kind=kind,
@@ -245,8 +245,31 @@ def _far(diagnosis: Diagnosis) -> str:
     )
 
 
-def _kind(diagnosis: Diagnosis, findings: Sequence[Finding]) -> tuple[Kind, str]:
-    extended, far = diagnosis.extended, _far(diagnosis)
+def _rest(diagnosis: Diagnosis, fit: Mapping[str, Mapping[str, float]]) -> str:
+    """Say what is still left out, by how much, and what would explain most of it."""
+    if diagnosis.extended.noise_scale <= IMPERFECT.value:
+        return ""
+    over = {o: fit["extended"][o] / max(n, 1e-300) for o, n in fit["noise_floor"].items()}
+    output = max(over, key=lambda name: over[name])
+    if over[output] <= NEAR_NOISE.value:
+        return ""
+    said = (
+        f" Something else is still left out: the held-out error of {output.replace('_', ' ')} is"
+        f" {over[output]:.3g} times the noise"
+    )
+    later = diagnosis.rounds[len(diagnosis.accepted) :]
+    tried = [c for _, candidates in later[:1] for c in candidates if c.fit is not None]
+    if not tried:
+        return f"{said}."
+    best = max(tried, key=lambda c: c.gain)
+    name, gain = best.entry.name.replace("_", " "), max(best.gain, 0.0)
+    return f"{said}; the best candidate for it, {name}, gains {gain:.3g} of log likelihood."
+
+
+def _kind(
+    diagnosis: Diagnosis, findings: Sequence[Finding], fit: Mapping[str, Mapping[str, float]]
+) -> tuple[Kind, str]:
+    far = _far(diagnosis)
     if findings and not diagnosis.accepted:
         if findings[0].effect is not None:
             return "located_unnamed", findings[0].sentence
@@ -257,8 +280,7 @@ def _kind(diagnosis: Diagnosis, findings: Sequence[Finding]) -> tuple[Kind, str]
         )
     if findings:
         sentence = " ".join(f.sentence for f in findings)
-        if extended.noise_scale > IMPERFECT.value:
-            sentence += " Something else is still left out."
+        sentence += _rest(diagnosis, fit)
         if all(f.belief == "likely" for f in findings):
             return "likely", sentence
         if any(len(f.alike) > 1 for f in findings):

@@ -117,6 +117,7 @@ sensor_rectification = Law(
     lambda at: (size("share", "1", 1.0, 0.5, 1.0, "share of the magnitude in the reading"),),
     lambda at: at.value
     + at.p.share * (at.form.absolute(at.value, 0.01 * at.scale) - at.value),
+    far=True,
     group="sensor",
     source="magnitude sensors: tachometers, flow meters, rectifiers",
     look_alikes=("sensor_gain", "sensor_clipping"),

@@ -119,6 +119,9 @@ def _bound(q: Question) -> str:
     size, entry = q.candidate.size, q.candidate.entry
     if size is None or entry.whole or abs(size.value) <= q.threshold * entry.largest_size:
         return ""
+    if size.unit == "1" and entry.largest_size == 1.0:
+        # All of it is a size, not the end of a guess.
+        return ""
     return f"its size is on its bound, {entry.largest_size:g} {size.unit}, however wide"
 
 

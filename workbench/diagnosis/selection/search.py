@@ -72,9 +72,6 @@ MOST_FINDINGS = 3
 MOST_SEARCHES = 3
 """How many effects may be tried as the first one found."""
 
-_SMALL_LIBRARY = 30
-"""Up to so many effects all are refitted, wherever the mismatch was located."""
-
 _BUDGET = 6000
 """Work that laws beyond the best scores may take together: each costs the square of the number of
 states times that of free parameters. A plant of two states has room for all, the arm for nine."""
@@ -175,7 +172,7 @@ def search(task: Task, scored: Scored, begun: Selected | None = None) -> Iterato
 
 
 def _first_tried(task: Task, scores: Scores) -> tuple[Score, ...]:
-    """Choose what is refitted first: the best scores, and every law of the located groups.
+    """Choose what is refitted first: the best scores, and the laws of the located groups.
 
     The score is a derivative at size zero. It orders, but of a law whose derivative vanishes
     there, or whose effect the refitted parameters have taken over, it tells nothing.
@@ -185,15 +182,13 @@ def _first_tried(task: Task, scores: Scores) -> tuple[Score, ...]:
     alone = task.location.alone if task.location else {}
     best = max(alone.values(), default=0.0)
     located = {group for group, gain in alone.items() if gain > 0.0 and gain >= 0.5 * best}
-    whole = len(scores.scores) <= _SMALL_LIBRARY
     cost = len(task.base.model.states) ** 2 * (len(task.priors) + 1)
     most = len(chosen) + _BUDGET // cost
-    for s in scores.scores:
-        if len(chosen) >= most:
-            break
-        here = whole or any(groups.get(port) in located for port in s.entry.ports)
-        if here and not s.entry.stiff and s not in chosen:
-            chosen.append(s)
+    rest = [s for s in scores.scores if not s.entry.stiff and s not in chosen]
+    here = [s for s in rest if any(groups.get(port) in located for port in s.entry.ports)]
+    # A small plant has room for the whole library, wherever the mismatch was located.
+    chosen += here + ([s for s in rest if s not in here] if len(rest) <= most else [])
+    del chosen[most:]
     return tuple(chosen)
 
 
