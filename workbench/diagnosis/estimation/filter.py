@@ -53,6 +53,13 @@ _STEPS, _LONGEST_S = 10, 1e-3
 """Runge-Kutta steps that a sample gets at least, as long as they are not shorter than this, in s:
 contacts are stiffer than the states that are looked at show."""
 
+_LATE = 3e-4
+"""Angle by which a swinging mode may be late, in rad."""
+
+_FORGOTTEN = 1e-3
+"""Part of a mode that fades in one sample at least: what is older than a thousand samples is
+corrected by the measurements."""
+
 _LOOKS = 20
 """Random states at which the fastest mode is looked for, beside the starting state."""
 
@@ -100,15 +107,18 @@ def substeps_of(model: Model, sample_time: float) -> int:
     scale = np.array([q.scale for q in model.states])
     looks = [start, *(start + rng.uniform(-1.0, 1.0, (_LOOKS, len(start))) * scale)]
     within = [q.lower for q in model.states], [q.upper for q in model.states]
-    fastest = 0.0
+    fastest = late = 0.0
     for form in ("exact", "regularised"):
         function = model.form(form).jacobian_function
         for x in looks:
             slopes = function(np.clip(x, *within), model.nominal_input, model.values)[0]
-            matrix = np.nan_to_num(np.asarray(slopes, dtype=float))
-            fastest = max(fastest, float(np.abs(np.linalg.eigvals(matrix)).max(initial=0.0)))
+            modes = np.linalg.eigvals(np.nan_to_num(np.asarray(slopes, dtype=float))) * sample_time
+            fastest = max(fastest, float(np.abs(modes).max(initial=0.0)))
+            # A step of angle w is late by w^5 / 120, summed up for as long as the mode remembers.
+            turned, faded = np.abs(modes.imag), np.maximum(np.abs(modes.real), _FORGOTTEN)
+            late = max(late, float((turned**5 / (120.0 * faded)).max(initial=0.0)))
     # Half the stability limit of the classical method.
-    asked = max(sample_time * fastest / 1.3, min(_STEPS, sample_time / _LONGEST_S))
+    asked = max(fastest / 1.3, (late / _LATE) ** 0.25, min(_STEPS, sample_time / _LONGEST_S))
     return int(np.clip(np.ceil(asked), 1, 50))
 
 
