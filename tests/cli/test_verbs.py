@@ -14,6 +14,7 @@ from workbench.model.units import quantity
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.recordings import read_recording
+from workbench.study.result import installed_version
 
 
 @pytest.mark.parametrize("verb", ["demo", "simulate", "linearise", "verify"])
@@ -28,6 +29,11 @@ def test_help_lists_the_verbs_and_where_to_start(capsys: pytest.CaptureFixture[s
     text = capsys.readouterr().out
     for word in ("demo", "simulate", "linearise", "verify", "30deg"):
         assert word in text
+
+
+def test_the_version_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["--version"]) == 0
+    assert capsys.readouterr().out.strip() == f"workbench {installed_version()}"
 
 
 def test_simulate_writes_a_recording_that_reads_back(

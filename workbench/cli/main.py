@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import sys
 from collections.abc import Sequence
+from typing import Annotated
 
 import typer
 
@@ -68,6 +69,27 @@ for _verb in (
         cls=PlantCommand if "short" in inspect.signature(_verb).parameters else None,
     )(_verb)
 
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        from workbench.study.result import installed_version
+
+        typer.echo(f"workbench {installed_version()}")
+        raise typer.Exit
+
+
+@app.callback()
+def _about(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", is_eager=True, callback=_tell_version
+        ),
+    ] = False,
+) -> None:
+    """Take options that belong to no verb."""
+
+
 app.add_typer(evaluate, name="evaluate", help="Tell how good the diagnosis is.")
 
 
@@ -100,7 +122,9 @@ def run(arguments: Sequence[str]) -> int:
         return WRONG_USE
     except (Exception, SystemExit) as error:
         # A module of the user's own must neither show our insides nor leave with a good status.
-        if not isinstance(error, SystemExit) and not own_place(error):
+        if not own_place(error):
+            if isinstance(error, SystemExit):
+                return error.code if isinstance(error.code, int) else WRONG_USE
             raise
         _complain(told(error))
         return WRONG_USE

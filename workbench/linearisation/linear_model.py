@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.modes import Mode, find_modes
+from workbench.model.units import from_si
 from workbench.operating_point import OperatingPoint
 
 Vector = npt.NDArray[np.float64]
@@ -252,11 +253,15 @@ class LinearModel:
     def __str__(self) -> str:
         """Return a short aligned table: inputs, outputs, modes and the verdict on the matrices."""
         point = self.operating_point
+        shown = {q.name: q.display_unit for q in point.model.outputs}
         held = ", ".join(
-            f"{name} {value:.4g}" for name, value in zip(self.output_names, self.y0, strict=True)
+            f"{name} {float(from_si(value, shown[name])):.4g} {shown[name]}"
+            if name in shown
+            else f"{name} {value:.4g}"
+            for name, value in zip(self.output_names, self.y0, strict=True)
         )
         lines = [
-            f"linear model of {point.model.name} at {held} (SI)",
+            f"linear model of {point.model.name} at {held}",
             f"  {', '.join(self.input_names)} -> {', '.join(self.output_names)}",
         ]
         if np.any(self.drift):

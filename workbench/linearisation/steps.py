@@ -33,6 +33,7 @@ class AmplitudeValidity:
         errors: Deviation of the worse direction, as a fraction, shape (n,), dimensionless.
         moves: Largest linear response to each step, shape (n,), in SI of the output.
         unit: Unit in which the output is shown.
+        input_unit: Unit of the steps as written; empty where it is not known.
     """
 
     input: str
@@ -45,6 +46,7 @@ class AmplitudeValidity:
     errors: Vector
     moves: Vector
     unit: str
+    input_unit: str = ""
 
     @property
     def best(self) -> float:
@@ -54,9 +56,10 @@ class AmplitudeValidity:
     def __str__(self) -> str:
         """Return one line: the steps that hold, or how close the best one comes."""
         i = int(np.argmin(self.errors))
+        step = f" {self.input_unit}" if self.input_unit else ""
         moved = from_si(float(self.moves[i]), self.unit)
         closest = (
-            f"closest at {self.amplitudes[i]:.3g} with {100 * self.errors[i]:.0f} %, where"
+            f"closest at {self.amplitudes[i]:.3g}{step} with {100 * self.errors[i]:.0f} %, where"
             f" {self.output} moves {moved:.3g} {self.unit}"
         )
         head = f"steps of {self.input} over {self.horizon:.3g} s"
@@ -65,7 +68,7 @@ class AmplitudeValidity:
         top = from_si(float(np.interp(self.upper, self.amplitudes, self.moves)), self.unit)
         return (
             f"{head}: hold within {100 * self.within:.0f} % from {self.lower:.3g} to"
-            f" {self.upper:.3g} ({self.output} moves up to {top:.3g} {self.unit}); {closest}"
+            f" {self.upper:.3g}{step} ({self.output} moves up to {top:.3g} {self.unit}); {closest}"
         )
 
 
@@ -145,6 +148,7 @@ def amplitude_validity(
         if last < len(steps) - 1:
             upper = end(upper, float(steps[last + 1]))
     amplitudes = np.array(sorted(tried))
+    units = {q.name: q.unit for q in linear.operating_point.model.inputs}
     return AmplitudeValidity(
         input=linear.input_names[0],
         output=trial.quantity.name,
@@ -156,6 +160,7 @@ def amplitude_validity(
         errors=np.array([tried[a][0] for a in amplitudes]),
         moves=np.array([tried[a][1] for a in amplitudes]),
         unit=trial.quantity.display_unit,
+        input_unit=units.get(linear.input_names[0], "") if linear.inverse is None else "",
     )
 
 

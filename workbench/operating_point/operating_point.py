@@ -102,7 +102,8 @@ class OperatingPoint:
             unit = shown_unit(quantity.unit)
             lines.append(f"  drift    {name:<28} {from_si(rate, unit):>12.5g} {unit}/s")
         lines.append(
-            f"  residual {self.residual:.1g} of scale, condition number {self.condition_number:.2g}"
+            f"  residual {self.residual:.1g} of the states' scales,"
+            f" condition number {self.condition_number:.2g}"
         )
         if self.undetermined:
             lines.append(f"  rests at any value of {', '.join(self.undetermined)}")

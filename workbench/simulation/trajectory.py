@@ -120,7 +120,7 @@ class Trajectory:
         lines = [
             f"{self.model.name}: {len(self.time)} samples, {self.time[0]:g} to {self.time[-1]:g} s",
             f"  {self.integrator}, tolerance {self.tolerance:g}, difference to a ten times tighter"
-            f" run {self.error:.1g} of scale",
+            f" run {self.error:.1g} of the states' scales",
         ]
         lines += [
             f"  {q.name:<28} {column.min():>12.5g} to {column.max():<12.5g} {q.unit}"

@@ -6,6 +6,8 @@ narrower box would turn a worse controller green, so each counts as a change tha
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
@@ -20,6 +22,10 @@ from workbench.verification.metrics import tolerance_of
 
 PARTS = ("requirements", "scenarios", "variations", "box", "tolerances", "unjudged")
 """Parts of the conditions, each a mapping by the name under which a reviewer knows an entry."""
+
+
+LONGEST = 100
+"""Numbers of a list that are written out."""
 
 
 @dataclass(frozen=True)
@@ -242,6 +248,10 @@ def _plain(value: Any) -> Any:
         pairs = [v for v in value if isinstance(v, tuple) and len(v) == 2 and type(v[0]) is str]
         if value and len(pairs) == len(value):
             return {k: _plain(v) for k, v in pairs}
+        if len(value) > LONGEST:
+            # A recorded trajectory: a change of it must show, and nobody reads its numbers.
+            text = json.dumps([_plain(v) for v in value])
+            return {"count": len(value), "digest": hashlib.sha256(text.encode()).hexdigest()[:16]}
         return [_plain(v) for v in value]
     if isinstance(value, bool) or value is None or isinstance(value, (int, str)):
         return value
