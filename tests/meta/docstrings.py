@@ -159,6 +159,8 @@ def check_function(
     if not docstring and not inherited:
         yield "no docstring"
         return
+    if shows_a_name(docstring):
+        yield "an example that shows a name teaches nothing"
     wanted = parameters(node, method=method)
     if any(mark.endswith((".command", ".callback")) for mark in marks):
         # The help of each option is the documentation of a verb of the command line.
@@ -184,6 +186,13 @@ def check_function(
         yield f"Returns gives no unit: {results[0]!r}"
 
 
+def shows_a_name(docstring: str) -> bool:
+    """Tell whether an example only repeats what the thing or its fields are called."""
+    return bool(
+        re.search(r">>> (\S*\.__name__|.*__dataclass_fields__.*)$", docstring, re.MULTILINE)
+    )
+
+
 def inherited_docstrings(owner: type | None, method: str) -> list[str]:
     """Return the docstrings that the bases of a class give to a method."""
     bases = owner.__mro__[1:] if owner else ()
@@ -196,6 +205,8 @@ def check_class(node: ast.ClassDef, owner: type | None = None) -> Iterator[tuple
     docstring = ast.get_docstring(node) or ""
     if not docstring:
         yield node.name, "no docstring"
+    if shows_a_name(docstring):
+        yield node.name, "an example that shows a name teaches nothing"
     parts = sections(docstring)
     described = entries(parts.get("Args", "")) | entries(parts.get("Attributes", ""))
     bases = {ast.unparse(base).split(".")[-1] for base in node.bases}

@@ -52,6 +52,11 @@ def test_complete_docstring_passes() -> None:
     ("cut", "put", "problem"),
     [
         ('"""A module."""\n', "", "module: no docstring"),
+        (
+            ">>> pressure(1.0, 1.0)\n        1.0",
+            ">>> pressure.__name__\n        'pressure'",
+            "a name",
+        ),
         ("        force: Force on the piston, N.\n", "", "Args gives no unit for force"),
         ("piston, N.", "piston.", "Args gives no unit for force"),
         ("piston, N.", "piston, shape (N, m).", "Args gives no unit for force"),
