@@ -15,6 +15,7 @@ from workbench.reports.study_page import study_page
 from workbench.study.annotations import github_annotations
 from workbench.study.baseline import read_baseline
 from workbench.study.bless import bless
+from workbench.study.conditions import condition_changes
 from workbench.study.junit import junit
 from workbench.study.result import StudyResult
 from workbench.study.summary import mark_of, plain_summary, summary
@@ -111,10 +112,6 @@ WEAKER = {
         "variation 4 kg: scenarios",
     ),
     "an easier plant": (('[plant]\nload = "3 kg"', '[plant]\nload = "2 kg"'), "3 -> 2"),
-    "a controller that is not judged": (
-        ('design = "pid"', 'design = "pid"\njudged = false'),
-        "judging of pid: no longer judged",
-    ),
     "a narrower box": (("load = [2, 6]", "load = [2, 5]"), "2 to 6 -> 2 to 5, narrower"),
     "no box": (
         ("[robustness]\ndraws = 4\nsearch = 0\n\n[robustness.box]\nload = [2, 6]", ""),
@@ -141,6 +138,13 @@ def test_weaker_conditions_are_red_and_named(gate: Gate, name: str) -> None:
     assert not outcome.passed and outcome.weakened
     assert "### Changed conditions, which must be accepted" in text and sentence in text
     assert "changed condition: " in plain_summary(outcome) and "conditions" in junit(outcome)
+
+
+def test_a_controller_that_is_no_longer_judged_is_weaker() -> None:
+    (change,) = condition_changes({"unjudged": {}}, {"unjudged": {"pid": True}})
+    assert change.fails and str(change) == "judging of pid: no longer judged"
+    (change,) = condition_changes({"unjudged": {"pid": True}}, {})
+    assert not change.fails
 
 
 STRICTER = {

@@ -77,6 +77,12 @@ WRONG = {
     "an endless duration": ('duration = "1 s"', "duration = inf", "a number, or text with a unit"),
     "seeds that are no list": ("[plant]\n", "seeds = 3\n[plant]\n", "seeds is 3"),
     "half a seed": ("[plant]\n", "seeds = [1.5]\n[plant]\n", "whole number"),
+    "a requirement that judges no run": (
+        'unit = "s"',
+        'unit = "s"\nscenario = "step"\nvariations = ["5 kg"]\n[variations."5 kg"]\n'
+        'parameters = { load = "5 kg" }\nscenarios = ["sine"]',
+        "judges no run of this study",
+    ),
     "names that are no list": ('load = "4 kg" }', 'load = "4 kg" }\nscenarios = "sine"', "a list"),
 }  # fmt: skip
 
@@ -99,6 +105,13 @@ def test_it_is_refused_with_line_and_reason(name: str, tmp_path: Path) -> None:
     last = first + after.count("\n") + before.count("\n")
     # The line is that of the entry, or of the table that the mistake stands in.
     assert first - 8 <= int(line.group(1)) <= last
+
+
+def test_requirements_on_what_is_not_judged_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    path.write_text(STUDY.replace('design = "pid"', 'design = "pid"\njudged = false'))
+    with pytest.raises(WorkbenchError, match="line 24: .* judges no run of this study"):
+        load_study(path)
 
 
 def test_tables_nested_too_deep_are_a_sentence(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from workbench.plants import DEFAULT_PLANT
 from workbench.plants.registry import PLANTS
 from workbench.registry import user_code
 from workbench.study.designs import ControllerRecipe, Fastest, Pairs
-from workbench.study.feasible import check_demand, check_demands
+from workbench.study.feasible import can_have, check_demand, check_demands
 from workbench.study.inputs import new_study, watched
 from workbench.study.plants import PlantRecipe, checked_noise
 from workbench.study.shapes import STUDY
@@ -247,7 +247,7 @@ class _Resolver(TomlTables):
         controlled = tuple(dict.fromkeys(n for s in scenarios.values() for n in s.references))
         own = self.metrics(top.get("metrics", []))
         units = metric_units(model, controlled, own)
-        return Study(
+        study = Study(
             name=self.text("name", self.path.stem),
             path=self.path,
             cases=cases,
@@ -264,6 +264,24 @@ class _Resolver(TomlTables):
             report=self.report(top.get("report", {}), scenarios, controllers, variations),
             own_metrics=tuple(n for n in top.get("metrics", []) if ":" in n),
         )
+        self.check_judged(study)
+        return study
+
+    def check_judged(self, study: Study) -> None:
+        """Check that every requirement judges a run: one that judges none is always met."""
+        runs = {(c, v.name, s) for v, c, s, _ in study.runs()}
+        for i, demand in enumerate(study.demands):
+            metric = demand.requirement.metric
+            if not any(
+                study.judges(demand, *run)
+                and can_have(metric, study.scenarios[run[2]], study.metrics)
+                for run in runs
+            ):
+                with self.at("requirements", i):
+                    raise WorkbenchError(
+                        f"the requirement on {metric} judges no run of this study; look at the"
+                        " scenarios, variations, plants and 'judged' that leave none"
+                    )
 
     def check_rates(self, cases: Mapping[str, Case]) -> None:
         """Check that controllers step as often as the scenarios that they run."""
