@@ -49,7 +49,7 @@ class FilterCall:
         return self.results
 
 
-_STEPS, _LONGEST_S = 10, 1e-3
+_STEPS, _SHORTEST_S = 10, 0.7e-3
 """Runge-Kutta steps that a sample gets at least, as long as they are not shorter than this, in s:
 contacts are stiffer than the states that are looked at show."""
 
@@ -118,8 +118,8 @@ def substeps_of(model: Model, sample_time: float) -> int:
             turned, faded = np.abs(modes.imag), np.maximum(np.abs(modes.real), _FORGOTTEN)
             late = max(late, float((turned**5 / (120.0 * faded)).max(initial=0.0)))
     # Half the stability limit of the classical method.
-    asked = max(fastest / 1.3, (late / _LATE) ** 0.25, min(_STEPS, sample_time / _LONGEST_S))
-    return int(np.clip(np.ceil(asked), 1, 50))
+    asked = max(fastest / 1.3, (late / _LATE) ** 0.25, min(_STEPS, sample_time / _SHORTEST_S))
+    return int(np.clip(np.ceil(round(asked, 6)), 1, 50))
 
 
 @lru_cache(maxsize=32)

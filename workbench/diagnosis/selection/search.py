@@ -236,9 +236,11 @@ def likely(state: Selected) -> Selected:
 
     A rule on how much of the misfit an effect explains lowers the belief in it; it does not undo
     what the held-out recordings say. Of several the one that gains most there is reported, as
-    likely, with the rule that speaks against it.
+    likely, with the rule that speaks against it. What a sensor does is not: it colours the noise,
+    and so predicts the next sample of anything.
     """
     aside = [a for a in state.aside if a.candidate.held_out[1] > 0.0]
+    aside = [a for a in aside if a.candidate.entry.group != "sensor"]
     if state.accepted or not aside:
         return state
     best = max(aside, key=lambda a: a.candidate.held_out[0])
