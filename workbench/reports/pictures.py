@@ -53,6 +53,7 @@ class Picture:
         from matplotlib import rc_context
 
         stream = io.StringIO()
+        _plain_words(self.figure)
         with rc_context(_settings(self.name)):  # type: ignore[arg-type]
             self.figure.savefig(
                 stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=72
@@ -62,13 +63,23 @@ class Picture:
         return stream.getvalue()
 
 
+def _plain_words(figure: Figure) -> None:
+    """Take words as they stand: a dollar sign in a name is no formula; powers of ten are one."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        text.set_parse_math(False)
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            for label in (*axis.get_ticklabels(which="both"), axis.get_offset_text()):
+                label.set_parse_math(True)
+
+
 def _settings(name: str) -> dict[str, object]:
     return {
         "font.family": ["DejaVu Sans"],
         "font.size": FONT_POINTS,
         "axes.unicode_minus": True,
-        # A name of the user's own may hold a dollar sign, which is no formula.
-        "text.parse_math": False,
         "svg.fonttype": "none",
         "svg.hashsalt": name,
         "path.simplify": True,
