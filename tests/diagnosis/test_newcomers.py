@@ -19,7 +19,7 @@ from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.selection.held_out import drifts, windowed_run
 
 
-@pytest.mark.parametrize("scale", [0.01, 100.0])
+@pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 100.0])
 def test_a_hardening_spring_is_named_whatever_the_guess_of_the_scale(scale: float) -> None:
     verdict = hardening(scale).verdict
     assert verdict is not None
