@@ -171,11 +171,14 @@ def search(task: Task, scored: Scored, begun: Selected | None = None) -> Iterato
         yield state
 
 
-def _first_tried(task: Task, scores: Scores) -> tuple[Score, ...]:
+def _first_tried(task: Task, scores: Scores) -> tuple[tuple[Score, ...], tuple[Score, ...]]:
     """Choose what is refitted first: the best scores, and the laws of the located groups.
 
     The score is a derivative at size zero. It orders, but of a law whose derivative vanishes
     there, or whose effect the refitted parameters have taken over, it tells nothing.
+
+    Returns:
+        What to refit, and what is left for the case that nothing of it explains the recordings.
     """
     chosen = list(shortlist(scores))
     groups = {port.name: port.group for port in task.base.model.ports}
@@ -186,10 +189,10 @@ def _first_tried(task: Task, scores: Scores) -> tuple[Score, ...]:
     most = len(chosen) + _BUDGET // cost
     rest = [s for s in scores.scores if not s.entry.stiff and s not in chosen]
     here = [s for s in rest if any(groups.get(port) in located for port in s.entry.ports)]
+    elsewhere = [s for s in rest if s not in here]
+    room = most - len(chosen)
     # A small plant has room for the whole library, wherever the mismatch was located.
-    chosen += here + ([s for s in rest if s not in here] if len(rest) <= most else [])
-    del chosen[most:]
-    return tuple(chosen)
+    return (*chosen, *here[:room]), tuple(elsewhere) if len(rest) <= room else ()
 
 
 def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
@@ -280,21 +283,29 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             )
         # A score tells little of the gain of a large effect, such as a lag of many samples:
         # only what is left after another is asked for a share of the gain beforehand.
-        chosen = (
-            shortlist(scores, most=8, least=0.05 * least) if number else _first_tried(task, scores)
+        chosen, later = (
+            (shortlist(scores, most=8, least=0.05 * least), ())
+            if number
+            else _first_tried(task, scores)
         )
         samples = sum(_independent(r) for r in task.fitting)
         penalty = selection_penalty(len(scores.scores), samples, 2)
-        candidates = refit_candidates(
-            current,
-            chosen,
-            state.free,
-            begun,
-            task.started(task.judging, current.model),
-            limits=Limits(penalty, least, scored.near_noise(task.base)),
-            jobs=task.jobs,
-            progress=task.say,
-        )
+
+        def refitted(some: Sequence[Score]) -> tuple[Candidate, ...]:
+            return refit_candidates(
+                current,
+                some,
+                state.free,
+                begun,
+                task.started(task.judging, current.model),
+                limits=Limits(penalty, least, scored.near_noise(task.base)),
+                jobs=task.jobs,
+                progress=task.say,
+            )
+
+        candidates = refitted(chosen)
+        if later and all(c.refused for c in candidates):
+            candidates = tuple(sorted((*refitted(later), *candidates), key=lambda c: -c.gain))
         scored_names = {s.entry.name for s in scores.scores}
         candidates += tuple(
             untried(entry, why)
