@@ -32,6 +32,7 @@ def test_a_hardening_spring_is_named_whatever_the_guess_of_the_scale(scale: floa
     assert verdict.fit["extended"]["position"] < 1.5 * verdict.fit["noise_floor"]["position"]
 
 
+@pytest.mark.long
 def test_dry_friction_of_an_integrator_is_named_in_open_loop() -> None:
     verdict = rubbing().verdict
     assert verdict is not None
@@ -40,6 +41,7 @@ def test_dry_friction_of_an_integrator_is_named_in_open_loop() -> None:
     assert len(verdict.findings) == 1
 
 
+@pytest.mark.long
 def test_a_force_that_nobody_reads_gets_no_name() -> None:
     runs = oscillations(lambda x, v: -30.0 * x - 0.6 * v, unread=True)
     verdict = diagnose(oscillator(), runs[:2], runs[2:], jobs=1, advise=False).verdict

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
@@ -118,6 +119,7 @@ def slow_sine(seconds: float, amplitude: float) -> Vector:
     return np.asarray(30.0 + amplitude * np.sin(2 * np.pi * 0.25 * t))
 
 
+@pytest.mark.long
 def test_tilt_is_told_from_a_constant_torque() -> None:
     p = rig(["tilt"], 3.0, {"tilt": 0.06})
     narrow = recorded(p, "narrow", 1, reference=slow_sine(6.0, 3.0))
