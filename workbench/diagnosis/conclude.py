@@ -119,7 +119,7 @@ def _not_testable(diagnosis: Diagnosis) -> tuple[Mapping[str, str], ...]:
 
 
 def _refused(diagnosis: Diagnosis) -> tuple[Mapping[str, object], ...]:
-    """List what was tried and refused, surpassed, or found and taken back, by falling gain."""
+    """List what was tried and refused, surpassed, or found and taken back."""
     rows: dict[str, Mapping[str, object]] = {}
     for _, candidates in diagnosis.rounds:
         for c in candidates:

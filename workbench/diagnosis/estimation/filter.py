@@ -237,7 +237,7 @@ def _process_noise(
 
 
 def _flushed(matrix: ca.MX) -> ca.MX:
-    """Put zero for what has faded out: numbers below the normal range take ten times as long."""
+    """Put zero for what has faded out: numbers below the normal range are slow to multiply."""
     return matrix * (ca.fabs(matrix) > _FADED)
 
 

@@ -19,7 +19,7 @@ _START_SAMPLES = 3
 """Samples averaged for the first measurement, which is the best known of a rig at rest."""
 
 _STILL = 5.0
-"""Multiple of the noise by which the readings of a rig at rest may differ."""
+"""Multiple of the noise by which the measurements of a rig at rest may differ."""
 
 
 def observe(
@@ -87,9 +87,9 @@ def observe(
     )
 
 
-def _first_mean(readings: Vector, noise: float) -> tuple[float, float]:
-    """Return the mean of the first readings, as long as they stand still, and its deviation."""
-    first = readings[:_START_SAMPLES]
+def _first_mean(measured: Vector, noise: float) -> tuple[float, float]:
+    """Return the mean of the first measurements, as long as they stand still, and its deviation."""
+    first = measured[:_START_SAMPLES]
     first = first[np.isfinite(first)]
     if not len(first):
         return math.nan, math.nan
