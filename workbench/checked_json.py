@@ -141,26 +141,45 @@ def optional(shape: Shape) -> Shape:
     return lambda value, place: None if value is None else shape(value, place)
 
 
-def listed(shape: Shape, *, length: int | None = None) -> Shape:
+@dataclass(frozen=True)
+class ListShape:
+    """A list whose items have one shape.
+
+    Args:
+        length: Number of items; any if None.
+    """
+
+    item: Shape
+    length: int | None = None
+
+    def __call__(self, value: Any, place: Place) -> Any:
+        """Accept such a list."""
+        if not isinstance(value, list) or self.length not in (None, len(value)):
+            raise _wrong(value, place, "a list" + (f" of {self.length}" if self.length else ""))
+        return [self.item(item, (*place, i)) for i, item in enumerate(value)]
+
+
+def listed(shape: Shape, *, length: int | None = None) -> ListShape:
     """Return a shape that accepts a list, of a given length if one is given."""
-
-    def check(value: Any, place: Place) -> Any:
-        if not isinstance(value, list) or length not in (None, len(value)):
-            raise _wrong(value, place, "a list" + (f" of {length}" if length else ""))
-        return [shape(item, (*place, i)) for i, item in enumerate(value)]
-
-    return check
+    return ListShape(shape, length)
 
 
-def named(shape: Shape) -> Shape:
-    """Return a shape that accepts a table of any names."""
+@dataclass(frozen=True)
+class NamedShape:
+    """A table of any names whose entries have one shape."""
 
-    def check(value: Any, place: Place) -> Any:
+    item: Shape
+
+    def __call__(self, value: Any, place: Place) -> Any:
+        """Accept such a table."""
         if not isinstance(value, dict):
             raise _wrong(value, place, "a table")
-        return {name: shape(item, (*place, name)) for name, item in value.items()}
+        return {name: self.item(item, (*place, name)) for name, item in value.items()}
 
-    return check
+
+def named(shape: Shape) -> NamedShape:
+    """Return a shape that accepts a table of any names."""
+    return NamedShape(shape)
 
 
 @dataclass(frozen=True)
@@ -175,6 +194,11 @@ class TableShape:
     needed: Mapping[str, Shape]
     usual: Mapping[str, Shape] = field(default_factory=dict)
 
+    @property
+    def entries(self) -> dict[str, Shape]:
+        """Shapes of all entries by name."""
+        return {**self.needed, **self.usual}
+
     def __call__(self, value: Any, place: Place) -> Any:
         """Accept a table that has every needed entry."""
         if not isinstance(value, dict):
@@ -183,7 +207,7 @@ class TableShape:
         if lacking:
             raise ShapeError(place, f"has no {lacking[0]!r}")
         found = dict(value)
-        for name, shape in {**self.needed, **self.usual}.items():
+        for name, shape in self.entries.items():
             if name in value:
                 found[name] = shape(value[name], (*place, name))
         return found

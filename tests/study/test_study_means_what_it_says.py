@@ -45,7 +45,7 @@ WRONG = {
     "a number as a unit": ('unit = "s"', "unit = 1", "unit is 1; it must be text"),
     "a list as a unit": ('unit = "s"', 'unit = ["s"]', "it must be text"),
     "text as times": ("times = [0.0, 0.1]", 'times = "soon"', "times"),
-    "true among times": ("times = [0.0, 0.1]", "times = [0.0, true]", "give numbers"),
+    "true among times": ("times = [0.0, 0.1]", "times = [0.0, true]", "must be a number"),
     "a number as a reference": (
         '[scenarios.sine.references.angle]\nkind = "sine"\nunit = "deg"\nmean = 30\namplitude = 5\n'
         "frequency_Hz = 1.0\n",

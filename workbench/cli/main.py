@@ -17,6 +17,7 @@ from workbench.cli.diagnose import diagnose
 from workbench.cli.evaluate import evaluate
 from workbench.cli.force_map import force_map
 from workbench.cli.linearise import linearise
+from workbench.cli.new import new_controller, new_plant, new_study, study_fields
 from workbench.cli.plant import PlantCommand
 from workbench.cli.plants import plants
 from workbench.cli.recording import recording
@@ -62,6 +63,10 @@ for _verb in (
     controllers,
     bless,
     report,
+    new_study,
+    new_controller,
+    new_plant,
+    study_fields,
 ):
     # What follows is for those who call the function, not for those who type the verb.
     app.command(

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from workbench.operating_point.operating_point import check_value
 from workbench.plants import DEFAULT_PLANT
 from workbench.plants.registry import PLANTS
 from workbench.registry import user_code
+from workbench.study import shapes
 from workbench.study.designs import ControllerRecipe, Fastest, Pairs
 from workbench.study.feasible import can_have, check_demand, check_demands
 from workbench.study.inputs import new_study, watched
@@ -46,66 +47,18 @@ from workbench.verification import (
     METRICS,
     Disturbance,
     Metric,
-    Requirement,
     Scenario,
     Tolerance,
     requirement_from_table,
 )
 from workbench.verification.metrics import metric_units, tolerance_of
-from workbench.verification.scenario import scenario_from_table
+from workbench.verification.scenario import RANGES_S, scenario_from_table
 from workbench.verification.signals import Signal
 
 SCHEMA = 1
 """Version of the study file; a file may say ``schema = 1``."""
 
-_KEYS = (
-    "schema",
-    "name",
-    "description",
-    "plant",
-    "plants",
-    "variations",
-    "controllers",
-    "scenarios",
-    "requirements",
-    "metrics",
-    "seeds",
-    "linear",
-    "robustness",
-    "tolerances",
-    "report",
-)
-_VARIED = ("parameters", "effects", "without", "noise")
-_SELECTION = ("seeds", "scenarios", "variations", "judged")
-_VARIATION = (
-    *_VARIED,
-    "scaled",
-    "scenarios",
-    "controllers",
-    "disturbances",
-    "ideal",
-    "late_samples",
-    "plan_duration",
-    "lead",
-    "judged",
-    "like",
-    "optional",
-)
-_CONTROLLER = (
-    "design",
-    "at",
-    "specification",
-    "inertia_margin",
-    "plan",
-    "fastest",
-    "plants",
-    "requires",
-    "guard",
-    *_SELECTION,
-    *_VARIED,
-)
 _MERGED = ("specification", "inertia_margin", "plan", "fastest", "parameters")
-_FASTEST = (*Fastest._fields[:3], "variations", *Fastest._fields[4:])
 
 
 @dataclass(frozen=True)
@@ -141,7 +94,7 @@ def read_study(path: str | Path) -> StudyFile:
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise WorkbenchError(f"{place}: {str(error)[:1].lower()}{str(error)[1:]}") from None
     file = TomlTables(place, table, toml_lines(text))
-    file.keys(table, _KEYS, "the study")
+    file.keys(table, STUDY.usual, "the study")
     with file.at("schema"):
         if table.get("schema", SCHEMA) != SCHEMA:
             raise WorkbenchError(
@@ -242,7 +195,7 @@ class _Resolver(TomlTables):
             name: self.selection(table, controllers, scenarios, kinds, part, name)
             for part in ("controllers", "scenarios")
             for name, table in self.tables(part)
-            if set(table) & set(_SELECTION)
+            if set(table) & set(shapes.SELECTION)
         }
         controlled = tuple(dict.fromkeys(n for s in scenarios.values() for n in s.references))
         own = self.metrics(top.get("metrics", []))
@@ -318,10 +271,7 @@ class _Resolver(TomlTables):
         *path: str | int,
     ) -> Selection:
         """Return which runs a controller or a scenario has."""
-        seeds = None
-        if "seeds" in table:
-            with self.at(*path, "seeds"):
-                seeds = int(check_range("number of seeds", table["seeds"], 1, 1000))
+        seeds = table.get("seeds")
         chosen = []
         for key, known in (("scenarios", scenarios), ("variations", sorted(variations))):
             with self.at(*path, key):
@@ -353,11 +303,11 @@ class _Resolver(TomlTables):
         kind = str(given.get("kind", DEFAULT_PLANT)) if isinstance(given, dict) else DEFAULT_PLANT
         with self.at("plant", "kind"):
             options = [o.name for o in PLANTS.get(kind, folder=self.folder).options]
-        table = self.keys(given, ("kind", *options, *_VARIED), "the plant", "plant")
+        table = self.keys(given, (*options, *shapes.PLANT.usual), "the plant", "plant")
         base = self.chosen(PlantRecipe(kind, folder=self.folder), table, "plant")
         with self.at("plant", "kind"):
             base.build()
-        changes = {key: table[key] for key in _VARIED if key in table}
+        changes = {key: table[key] for key in shapes.VARIED if key in table}
         recipe = self.varied(base, changes, "the plant", "plant")
         return recipe, recipe.build()
 
@@ -379,12 +329,12 @@ class _Resolver(TomlTables):
         """Return the plants that designs know, by the name of the case."""
         found = {}
         options = [o.name for o in base.plant().options]
-        known = (*options, *_VARIED, "controllers", "variations", "scenarios", "optional")
+        known = (*options, *shapes.PLANTS.usual)
         for name, given in self.tables("plants"):
             path = ("plants", name)
             table = self.keys(given, known, f"plant {name!r}", *path)
             own = self.chosen(base, table, *path)
-            changes = {key: table[key] for key in _VARIED if key in table}
+            changes = {key: table[key] for key in shapes.VARIED if key in table}
             found[name] = self.varied(own, changes, f"plant {name!r}", *path)
             with self.at(*path):
                 found[name].build()
@@ -394,12 +344,10 @@ class _Resolver(TomlTables):
         return found or {"": base}
 
     def varied(self, plant: PlantRecipe, given: Any, what: str, *path: str | int) -> PlantRecipe:
-        table = self.keys(given, _VARIED, what, *path)
+        table = self.keys(given, shapes.VARIED, what, *path)
         for key in ("without", "effects"):
             with self.at(*path, key):
                 names = table.get(key, [])
-                if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
-                    raise WorkbenchError(f"{key} is {names!r}; give a list of names")
                 if key == "without":
                     known = [e.name for e in plant.build().effects]
                     for name in names:
@@ -441,7 +389,7 @@ class _Resolver(TomlTables):
                     f"variation {NOMINAL!r} is the plant itself; give another name"
                 )
         table, path = self.variation_table(name, case)
-        changes = {key: table[key] for key in _VARIED if key in table}
+        changes = {key: table[key] for key in shapes.VARIED if key in table}
         varied = self.varied(plant, changes, f"variation {name!r}", *path)
         units = {p.name: p.unit for p in model.ports}
         varied_model = varied.build()
@@ -452,14 +400,10 @@ class _Resolver(TomlTables):
                 number = check_range(f"factor on {key}", quantity(key, factor, "1"), 1e-6, 1e6)
                 varied = varied.varied(scaled=[(key, number)])
         numbers: dict[str, Any] = {}
-        for key, unit, low, high in (
-            ("late_samples", "1", 0, 1000),
-            ("plan_duration", "1", 0.01, 100),
-            ("lead", "s", -1, 1),
-        ):
+        for key, unit in (("late_samples", "1"), ("plan_duration", "1"), ("lead", "s")):
             if key in table:
                 with self.at(*path, key):
-                    value = check_range(key, quantity(key, table[key], unit), low, high)
+                    value = quantity(key, table[key], unit)
                     numbers[key] = int(value) if key == "late_samples" else value
         chosen: dict[str, Any] = {}
         for key, known in (("scenarios", scenarios), ("controllers", self.table["controllers"])):
@@ -485,7 +429,9 @@ class _Resolver(TomlTables):
     def variation_table(self, name: str, case: str) -> tuple[dict[str, Any], tuple[str | int, ...]]:
         """Return what is said about a variation, with what it is like and what its case says."""
         path: tuple[str | int, ...] = ("variations", name)
-        table = self.keys(self.table["variations"][name], _VARIATION, f"variation {name!r}", *path)
+        table = self.keys(
+            self.table["variations"][name], shapes.VARIATION.usual, f"variation {name!r}", *path
+        )
         like = table.pop("like", NOMINAL)
         with self.at(*path, "like"):
             check_choice("variation", like, [NOMINAL, *self.table["variations"]])
@@ -496,7 +442,10 @@ class _Resolver(TomlTables):
         own = self.table.get("plants", {}).get(case, {}).get("variations", {}).get(name, {})
         if own:
             path = ("plants", case, "variations", name)
-            table = {**table, **self.keys(own, _VARIATION, f"variation {name!r}", *path)}
+            table = {
+                **table,
+                **self.keys(own, shapes.VARIATION.usual, f"variation {name!r}", *path),
+            }
         return table, path
 
     def controllers(
@@ -510,7 +459,7 @@ class _Resolver(TomlTables):
         cases = list(self.table.get("plants", {})) or [""]
         for name, given in self.tables("controllers"):
             path: tuple[str | int, ...] = ("controllers", name)
-            table = self.keys(given, _CONTROLLER, f"controller {name!r}", *path)
+            table = self.keys(given, shapes.CONTROLLER.usual, f"controller {name!r}", *path)
             with self.at(*path, "plants"):
                 allowed = _names("plants", table.get("plants", []), cases)
             if allowed and case not in allowed:
@@ -520,7 +469,7 @@ class _Resolver(TomlTables):
             own = self.table.get("plants", {}).get(case, {}).get("controllers", {}).get(name, {})
             if own:
                 path = ("plants", case, "controllers", name)
-                own = self.keys(own, _CONTROLLER, f"controller {name!r}", *path)
+                own = self.keys(own, shapes.CONTROLLER.usual, f"controller {name!r}", *path)
                 merged = {
                     key: {**table.get(key, {}), **own[key]}
                     for key in _MERGED
@@ -540,7 +489,7 @@ class _Resolver(TomlTables):
         variations: Mapping[str, Variation],
         *path: str | int,
     ) -> ControllerRecipe:
-        changes = {key: table[key] for key in _VARIED if key in table}
+        changes = {key: table[key] for key in shapes.VARIED if key in table}
         own = self.varied(plant, changes, f"controller {name!r}", *path)
         default = plant.plant().design_point
         at = (
@@ -607,7 +556,7 @@ class _Resolver(TomlTables):
         *path: str | int,
     ) -> Fastest:
         path = (*path, "fastest")
-        table = self.keys(given, _FASTEST, "fastest", *path)
+        table = self.keys(given, shapes.FASTEST.usual, "fastest", *path)
         model = recipe.plant.build()
         kinds = {v.kind: v for v in variations.values() if v.case == case}
         nominal = dict(kinds[NOMINAL].plant.parameters)
@@ -669,22 +618,13 @@ class _Resolver(TomlTables):
         return entry
 
     def scenario(self, name: str, given: Any, model: Model, *path: str | int) -> Scenario:
-        times = ("duration", "sample_time", "settle", "rest_window", "count_from")
-        known = (*(f.name for f in fields(Scenario) if f.name != "name"), *_SELECTION, "optional")
-        table = self.keys(given, known, f"scenario {name!r}", *path)
-        for key in (*_SELECTION, "optional"):
+        table = self.keys(given, shapes.SCENARIO.usual, f"scenario {name!r}", *path)
+        for key in (*shapes.SELECTION, "optional"):
             table.pop(key, None)
-        for key in ("noise", "quantise"):
-            self.flag(table, key, True, *path)
-        for key in times:
+        for key in RANGES_S:
             if key in table:
                 with self.at(*path, key):
-                    table[key] = check_range(key, quantity(key, table[key], "s"), 0.0, 1e6, "s")
-        if "late_samples" in table:
-            with self.at(*path, "late_samples"):
-                table["late_samples"] = int(
-                    check_range("late samples", table["late_samples"], 0, 1000)
-                )
+                    table[key] = quantity(key, table[key], "s")
         if "start" in table:
             table["start"] = dict(self.point(table["start"], model, *path, "start"))
         outputs = {q.name: q.unit for q in model.outputs}
@@ -730,9 +670,6 @@ class _Resolver(TomlTables):
         return scenario
 
     def metrics(self, given: Any) -> tuple[Metric, ...]:
-        with self.at("metrics"):
-            if not isinstance(given, list) or not all(isinstance(n, str) for n in given):
-                raise WorkbenchError(f"metrics is {given!r}; give a list such as ['mine:energy']")
         found = []
         for i, name in enumerate(given):
             with self.at("metrics", i):
@@ -755,14 +692,6 @@ class _Resolver(TomlTables):
         cases: Mapping[str, Case],
         own_metrics: tuple[Metric, ...],
     ) -> tuple[Demand, ...]:
-        known = (
-            *Requirement.__dataclass_fields__,
-            "weight",
-            "controllers",
-            "variations",
-            "plants",
-            "step",
-        )
         recipe = next(iter(controllers.values()))
         outputs = {q.name: q.unit for q in recipe.plant.build().outputs}
         kinds = {v.kind: v for v in variations.values()} | dict(variations)
@@ -773,9 +702,8 @@ class _Resolver(TomlTables):
         found: list[Demand] = []
         for i, row in enumerate(rows):
             path: tuple[str | int, ...] = ("requirements", i)
-            table = self.keys(row, known, "a requirement", *path)
-            with self.at(*path, "weight"):
-                weight = check_range("weight", table.pop("weight", 1.0), 0.0, 1e6)
+            table = self.keys(row, shapes.REQUIREMENT.usual, "a requirement", *path)
+            weight = float(table.pop("weight", 1.0))
             chosen = {}
             for key, names in (
                 ("controllers", controllers),
@@ -784,7 +712,6 @@ class _Resolver(TomlTables):
             ):
                 with self.at(*path, key):
                     chosen[key] = _names(key, table.pop(key, []), names)
-            self.flag(table, "hard", True, *path)
             step = None
             if "step" in table:
                 with self.at(*path, "step"):
@@ -811,9 +738,6 @@ class _Resolver(TomlTables):
                 if "metric" in table:
                     check_choice("metric", table["metric"], units)
                     table.setdefault("unit", units[table["metric"]])
-            with self.at(*path, "unit"):
-                if not isinstance(table.get("unit", ""), str):
-                    raise WorkbenchError(f"unit is {table['unit']!r}; give text such as 'deg'")
             with self.at(*path, "limit"):
                 requirement = requirement_from_table(table)
             demand = Demand(requirement, weight, **chosen, step=step)
@@ -826,10 +750,7 @@ class _Resolver(TomlTables):
 
     def seeds(self, given: Any) -> tuple[int, ...]:
         with self.at("seeds"):
-            whole = isinstance(given, list) and all(
-                type(s) is int and 0 <= s < 2**63 for s in given
-            )
-            if not whole or not given or len(set(given)) != len(given):
+            if not given or len(set(given)) != len(given):
                 raise WorkbenchError(
                     f"seeds is {given!r}; give a list of different whole numbers from 0 on"
                 )
@@ -842,7 +763,7 @@ class _Resolver(TomlTables):
         controllers: Mapping[str, ControllerRecipe],
     ) -> tuple[Pairs, ...]:
         """Return the points of the linear analysis; none of its own for several plants."""
-        table = self.keys(given, ("angles", "points"), "linear", "linear")
+        table = self.keys(given, shapes.LINEAR.usual, "linear", "linear")
         recipe = next(iter(controllers.values()))
         output = next(iter(recipe.plant.plant().controlled_outputs(recipe.plant.build())))
         if "angles" in table:
@@ -873,14 +794,11 @@ class _Resolver(TomlTables):
         with self.at(path):
             if len(plants) > 1:
                 raise WorkbenchError("a box is drawn from one plant; this study has several")
-        known = ("box", "scenarios", "controllers", "draws", "search", "seed", "hard")
-        table = self.keys(given, known, path, path)
+        table = self.keys(given, shapes.ROBUSTNESS.usual, path, path)
         names = [q.name for q in model.parameters]
         ranges = {}
         for name, ends in self.keys(table.get("box", {}), names, "the box", path, "box").items():
             with self.at(path, "box", name):
-                if not isinstance(ends, list) or len(ends) != 2:
-                    raise WorkbenchError(f"range of {name} is {ends!r}; give lowest and highest")
                 bounded = model.parameter(name)
                 low, high = (quantity(name, v, bounded.unit) for v in ends)
                 if not low < high:
@@ -896,11 +814,8 @@ class _Resolver(TomlTables):
             with self.at(path, key):
                 values[key] = _names(key, table.get(key, []), known_names)
         values["scenarios"] = values["scenarios"] or tuple(scenarios)[:1]
-        for key, lower, upper in (("draws", 4, 10_000), ("search", 0, 1000), ("seed", 0, 2**31)):
-            if key in table:
-                with self.at(path, key):
-                    values[key] = int(check_range(key, table[key], lower, upper))
-        return Box(ranges, hard=self.flag(table, "hard", True, path), **values)
+        values |= {k: table[k] for k in ("draws", "search", "seed", "hard") if k in table}
+        return Box(ranges, **values)
 
     def report(
         self,
@@ -909,8 +824,7 @@ class _Resolver(TomlTables):
         controllers: Mapping[str, ControllerRecipe],
         variations: Mapping[str, Variation],
     ) -> Report:
-        known = [f.name for f in fields(Report)]
-        table = self.keys(given, known, "report", "report")
+        table = self.keys(given, shapes.REPORT.usual, "report", "report")
         recipe = next(iter(controllers.values()))
         model = recipe.plant.build()
         units = {q.name: q.unit for q in model.outputs}
@@ -918,8 +832,6 @@ class _Resolver(TomlTables):
         steps = []
         for i, ends in enumerate(table.get("limit_steps", ())):
             with self.at("report", "limit_steps", i):
-                if not isinstance(ends, list) or len(ends) != 2:
-                    raise WorkbenchError(f"a step is {ends!r}; give the values before and after")
                 steps.append(tuple(quantity(output, end, units[output]) for end in ends))
                 for end in steps[-1]:
                     check_value(model, output, end)
@@ -952,11 +864,11 @@ class _Resolver(TomlTables):
         kinds: Mapping[str, Variation],
     ) -> Limitations:
         path = ("report", "limitations")
-        table = self.keys(given, [f.name for f in fields(Limitations)], "limitations", *path)
+        table = self.keys(given, shapes.LIMITATIONS.usual, "limitations", *path)
         with self.at(*path, "scenario"):
             check_choice("scenario", str(table.get("scenario", "")), scenarios)
         for key in ("unknown", "neglected", "loop", "design"):
-            row = self.keys(table.get(key, {}), [f.name for f in fields(Cause)], key, *path, key)
+            row = self.keys(table.get(key, {}), shapes.CAUSE.usual, key, *path, key)
             with self.at(*path, key):
                 if "name" not in row:
                     raise WorkbenchError(f"{key} has no name; add it")
@@ -969,13 +881,11 @@ class _Resolver(TomlTables):
             table["controllers"] = tuple(n for n in names if n in controllers)
         rungs = table.get("ladder", [])
         with self.at(*path, "ladder"):
-            if not all(isinstance(r, list) and len(r) == 2 for r in rungs):
-                raise WorkbenchError("ladder is a list of [variation, what the plant lacks]")
             _names("variations", [r[0] for r in rungs], kinds)
         for key in ("ratio", "overshoot"):
             if key in table:
                 with self.at(*path, key):
-                    table[key] = check_range(key, quantity(key, table[key], "1"), 0.0, 1e3)
+                    table[key] = quantity(key, table[key], "1")
         return Limitations(**{k: _hashable(v) for k, v in table.items()})
 
     def tolerances(self, units: Mapping[str, str], own: tuple[Metric, ...]) -> dict[str, Tolerance]:
@@ -984,16 +894,11 @@ class _Resolver(TomlTables):
             path = ("tolerances", name)
             with self.at(*path):
                 check_choice("metric", name, units)
-            known = [f for f in Tolerance._fields if f != "repeats"]
-            table = self.keys(given, known, f"tolerance of {name}", *path)
-            for key, unit, most in (("absolute", units[name], 1e12), ("relative", "1", 10.0)):
-                if key in table:
-                    with self.at(*path, key):
-                        value = quantity("tolerance", table[key], unit)
-                        table[key] = check_range("tolerance", value, 0.0, most)
-            with self.at(*path, "better"):
-                check_choice("better", table.get("better", "less"), ("less", "more", "neither"))
-            self.flag(table, "gates", True, *path)
+            table = self.keys(given, shapes.TOLERANCE.usual, f"tolerance of {name}", *path)
+            if "absolute" in table:
+                with self.at(*path, "absolute"):
+                    value = quantity("tolerance", table["absolute"], units[name])
+                    table["absolute"] = check_range("tolerance", value, 0.0, 1e12)
             found[name] = tolerance_of(name, own)._replace(**table)
         return found
 

@@ -6,7 +6,7 @@ text that the reader has accepted, and so needs no checks of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -55,7 +55,7 @@ class TomlTables:
             line = line_of(self.lines, path)
             raise WorkbenchError(f"{self.path}, line {line}: {error}") from None
 
-    def keys(self, table: Any, known: Sequence[str], what: str, *path: str | int) -> dict[str, Any]:
+    def keys(self, table: Any, known: Iterable[str], what: str, *path: str | int) -> dict[str, Any]:
         """Return a table whose keys are all known.
 
         Args:

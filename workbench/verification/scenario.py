@@ -12,6 +12,19 @@ from workbench.errors import WorkbenchError, check_choice, check_finite, check_r
 from workbench.model.units import to_si
 from workbench.verification.signals import Signal, Steps, signal_from_table
 
+EVENTS_S = (0.0, 1e6)
+"""First and last time of a change, a disturbance or a fault, in s."""
+
+RANGES_S = {
+    "sample_time": (1e-6, 10.0),
+    "duration": (2e-6, 1e5),
+    "settle": (0.0, 1e4),
+    "rest_window": (2e-6, 1e5),
+    "count_from": (0.0, 1e5),
+}
+"""Ranges of the times of a scenario, in s; a duration and a rest window have two samples or more,
+and counting begins before the end."""
+
 
 @dataclass(frozen=True)
 class Change:
@@ -32,7 +45,7 @@ class Change:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_range(f"time of the change of {self.parameter}", self.time, 0.0, 1e6, "s")
+        check_range(f"time of the change of {self.parameter}", self.time, *EVENTS_S, "s")
         check_finite(f"new value of {self.parameter}", self.value)
 
 
@@ -61,7 +74,7 @@ class Disturbance:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_range(f"time of the disturbance on {self.port}", self.time, 0.0, 1e6, "s")
+        check_range(f"time of the disturbance on {self.port}", self.time, *EVENTS_S, "s")
         check_finite(f"disturbance on {self.port}", self.level)
         if not self.until > self.time:
             raise WorkbenchError(
@@ -102,7 +115,7 @@ class SignalFault:
 
     def __post_init__(self) -> None:
         """Check the times and the kind."""
-        check_range(f"time of the fault of {self.signal}", self.time, 0.0, 1e6, "s")
+        check_range(f"time of the fault of {self.signal}", self.time, *EVENTS_S, "s")
         check_choice(f"kind of the fault of {self.signal}", self.kind, FAULTS)
         if not self.until > self.time:
             raise WorkbenchError(
@@ -170,18 +183,13 @@ class Scenario:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_range(f"sample time of scenario {self.name!r}", self.sample_time, 1e-6, 10.0, "s")
         lower = 2 * self.sample_time
-        check_range(f"duration of scenario {self.name!r}", self.duration, lower, 1e5, "s")
-        check_range(f"settle time of scenario {self.name!r}", self.settle, 0.0, 1e4, "s")
-        check_range(f"rest window of scenario {self.name!r}", self.rest_window, lower, 1e5, "s")
-        check_range(
-            f"begin of counting in scenario {self.name!r}",
-            self.count_from,
-            0.0,
-            self.duration - lower,
-            "s",
-        )
+        least = {"duration": lower, "rest_window": lower}
+        most = {"count_from": self.duration - lower}
+        for key, (low, high) in RANGES_S.items():
+            value = getattr(self, key)
+            words = f"{key.replace('_', ' ')} of scenario {self.name!r}"
+            check_range(words, value, least.get(key, low), most.get(key, high), "s")
         if not self.references:
             raise WorkbenchError(
                 f"scenario {self.name!r} has no reference; give one, such as angle = steps"
@@ -273,7 +281,7 @@ def scenario_from_table(
     }
     for key, build in (("changes", Change), ("disturbances", Disturbance), ("faults", SignalFault)):
         entries[key] = tuple(_build(build, name, key, row) for row in entries.get(key, ()))
-    for key in ("duration", "sample_time", "settle", "rest_window", "count_from"):
+    for key in RANGES_S:
         if key in entries:
             entries[key] = check_range(f"{key} of scenario {name!r}", entries[key], 0.0, 1e6, "s")
     return Scenario(name, **entries)

@@ -17,6 +17,12 @@ from workbench.registry import Registry, user_code
 
 Vector = npt.NDArray[np.float64]
 
+FREQUENCIES_HZ = (1e-4, 1e3)
+"""Lowest and highest frequency of a sine, in Hz."""
+
+BEGINS_S = (0.0, 1e5)
+"""Earliest and latest begin of a sine, in s."""
+
 
 @dataclass(frozen=True)
 class Steps:
@@ -91,8 +97,8 @@ class Sine:
     def __post_init__(self) -> None:
         """Check the numbers."""
         check_finite("mean and amplitude of the sine", (self.mean, self.amplitude))
-        check_range("frequency of the sine", self.frequency_Hz, 1e-4, 1e3, "Hz")
-        check_range("begin of the sine", self.begin, 0.0, 1e5, "s")
+        check_range("frequency of the sine", self.frequency_Hz, *FREQUENCIES_HZ, "Hz")
+        check_range("begin of the sine", self.begin, *BEGINS_S, "s")
 
     def sample(self, time: npt.ArrayLike) -> Vector:
         """Return the signal at some times, shape (n,), in s; values in SI."""

@@ -1,0 +1,103 @@
+"""What ``new-study``, ``new-controller`` and ``new-plant`` write runs, and the page of fields."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from workbench.cli.main import WRONG_USE, run
+from workbench.data_folder import shipped_folder
+from workbench.study.fields_page import study_fields, tables
+from workbench.study.shapes import STUDY, Field
+
+NEW = {"new-study": "mine.toml", "new-controller": "mine.py", "new-plant": "mine.py"}
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("verb", NEW)
+def test_what_is_written_runs_as_it_says(
+    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    name = f"{verb.replace('-', '_')}_{NEW[verb]}"
+    assert run([verb, name]) == 0
+    said = capsys.readouterr().out.strip()
+    command = shlex.split(re.sub(f"^written to {name}; run it: ", "", said))
+    assert command[0] == "workbench" and Path(name).stem in said.partition("run it")[2]
+    assert run(command[1:]) == 0, capsys.readouterr()
+    said = capsys.readouterr().out
+    if verb == "new-study":
+        results = json.loads(Path("comparison/results.json").read_text())
+        assert results["passed"] and results["robustness"]
+    elif verb == "new-controller":
+        assert "my PID on servo axis" in said and "settling_time" in said
+    else:
+        assert Path("run.csv").read_text().count("\n") > 900
+
+
+@pytest.mark.parametrize("verb", NEW)
+def test_nothing_is_overwritten(
+    verb: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / NEW[verb]
+    path.write_text("precious")
+    assert run([verb, str(path)]) == WRONG_USE
+    assert "exists; give another name" in capsys.readouterr().err
+    assert path.read_text() == "precious"
+    assert run([verb, str(tmp_path / "mine.txt")]) == WRONG_USE
+    assert "does not end in" in capsys.readouterr().err
+    if path.suffix == ".py":
+        assert run([verb, str(tmp_path / "my-own.py")]) == WRONG_USE
+        assert "no name of a Python module" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_the_page_of_fields_is_current(capsys: pytest.CaptureFixture[str]) -> None:
+    page = shipped_folder() / "docs" / "study-fields.md"
+    assert run(["study-fields"]) == 0
+    # Otherwise: workbench study-fields > data/docs/study-fields.md
+    assert capsys.readouterr().out == page.read_text(encoding="utf-8") == study_fields()
+
+
+EVERY = [
+    (heading, key, field) for heading, _, table in tables() for key, field in table.entries.items()
+]
+
+
+def test_every_field_has_a_meaning_and_an_example_that_it_accepts() -> None:
+    import tomllib
+
+    assert len(EVERY) > 100
+    for heading, key, field in EVERY:
+        assert isinstance(field, Field) and field.text, (heading, key)
+        if field.example and "..." not in field.example:
+            field(tomllib.loads(f"x = {field.example}")["x"], (key,))
+        # Words for a unit are for people; what is checked has one that is known.
+        assert field.range is None or " " not in field.unit, (heading, key)
+
+
+@pytest.mark.parametrize(("heading", "key", "field"), [e for e in EVERY if e[2].range is not None])  # type: ignore[union-attr]
+def test_a_value_out_of_the_range_of_the_page_is_refused(
+    heading: str, key: str, field: Field
+) -> None:
+    from workbench.checked_json import ShapeError
+
+    assert field.range is not None
+    below = field.range[0] - 1
+    value = [below] if "[" in field.example else below
+    whole = value if not isinstance(below, float) or not below.is_integer() else int(below)
+    given = value if isinstance(value, list) else whole
+    with pytest.raises(ShapeError, match="the valid range is"):
+        field(given, (key,))
+
+
+def test_each_table_of_a_shipped_study_is_on_the_page() -> None:
+    import tomllib
+
+    for path in (shipped_folder() / "studies").glob("*.toml"):
+        assert set(tomllib.loads(path.read_text())) <= set(STUDY.entries)
