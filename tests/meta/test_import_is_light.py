@@ -22,5 +22,9 @@ def test_import_loads_nothing_heavy(package: str) -> None:
     assert loaded_by(f"import {package}") == set()
 
 
+def test_a_plant_loads_nothing_heavy() -> None:
+    assert loaded_by("import workbench as wb; wb.arm()") == set()
+
+
 def test_a_heavy_import_is_found() -> None:
     assert "scipy" in loaded_by("import scipy.linalg")

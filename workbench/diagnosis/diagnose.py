@@ -26,6 +26,7 @@ from workbench.diagnosis.selection.selected import Scored, Selected
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
 from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
 from workbench.diagnosis.verdict import Verdict
+from workbench.display import notebook_progress
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.physics.library import Hypothesis, library
@@ -55,7 +56,7 @@ def diagnose(
         priors: Free parameters of the nominal model; `default_priors` by default.
         advise: Whether to work out what to record next.
         folder: Where stages are kept: what an earlier call reached there is not done again.
-        progress: Called with a line of text before each step.
+        progress: Called with a line of text before each step; by default a notebook shows a bar.
 
     Raises:
         WorkbenchError: If there are no recordings or they do not belong to the model.
@@ -110,7 +111,7 @@ def stages(
             f"a diagnosis needs recordings to fit on and others to judge on; it got {len(fit_on)}"
             f" and {len(hold_out)}"
         )
-    say = progress or (lambda text: None)
+    say = progress or notebook_progress()
     known = tuple(priors if priors is not None else default_priors(model))
     recorded = tuple(q.name for q in model.outputs if q.name in fit_on[0])
     longest = max(fit_on, key=lambda recording: recording.duration)

@@ -20,6 +20,7 @@ from workbench.diagnosis.selection.held_out import Runs
 from workbench.diagnosis.selection.rules import IMPERFECT
 from workbench.diagnosis.selection.selected import Accepted, Round, Scored, Selected, Withdrawn
 from workbench.diagnosis.verdict import Verdict
+from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 
@@ -75,8 +76,8 @@ class Validated:
     advice: Mapping[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Drawn):
     """A diagnosis as far as it came.
 
     Args:
@@ -96,6 +97,16 @@ class Diagnosis:
     validated: Validated | None = None
     verdict: Verdict | None = None
     seconds: float = 0.0
+
+    def tables(self) -> tuple[Rows, ...]:
+        """Return the tables of the verdict; none before it."""
+        return self.verdict.tables() if self.verdict is not None else ()
+
+    def __str__(self) -> str:
+        """Return the verdict, or how far the diagnosis came."""
+        if self.verdict is not None:
+            return str(self.verdict)
+        return f"diagnosis of {self.nominal.name} without a verdict, {self.seconds:.0f} s"
 
     @property
     def base(self) -> ProcessNoiseFit:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 
@@ -79,8 +80,8 @@ class Finding:
     doubts: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Verdict:
+@dataclass(frozen=True, repr=False)
+class Verdict(Shown):
     """What a diagnosis found.
 
     Args:
@@ -166,6 +167,24 @@ class Verdict:
         """
         data = self.as_data() | ({"plant": _plain(plant)} if plant else {})
         return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+
+    def tables(self) -> tuple[Rows, ...]:
+        """Return the errors on held-out recordings and what was found."""
+        names = list(self.units)
+        fit = [
+            (label, *(errors.get(n, math.nan) for n in names)) for label, errors in self.fit.items()
+        ]
+        found = [
+            (", ".join(f.where), f.effect or "no name", f.belief, name, v.value, v.std, v.unit)
+            for f in self.findings
+            for name, v in (f.parameters or {"": Value(math.nan, "", math.nan)}).items()
+        ]
+        heads = ("where", "effect", "belief", "parameter", "value", "deviation", "unit")
+        units = (f"{n} in {self.units[n]}" for n in names)
+        return (
+            Rows("rms error on held-out recordings", ("model", *units), fit),
+            Rows("what was left out", heads, found),
+        )
 
     def __str__(self) -> str:
         """Return the verdict, its findings and the held-out errors as a short aligned table."""

@@ -10,6 +10,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.model.units import from_si
@@ -18,6 +19,21 @@ from workbench.operating_point import OperatingPoint
 Vector = npt.NDArray[np.float64]
 Inverse = Callable[[npt.ArrayLike], Vector]
 """Turns an input of the linear model into the input of the plant, in SI."""
+
+
+_RESPONSE = frozenset(
+    ("frdata", "omega", "ninputs", "noutputs", "input_labels", "output_labels", "sysname", "title")
+    + (
+        "plot_phase",
+        "plot_magnitude",
+        "return_magphase",
+        "squeeze",
+        "isdtime",
+        "magnitude",
+        "phase",
+    )
+)
+"""What python-control's plots read from a frequency response."""
 
 
 class Trust(Protocol):
@@ -43,11 +59,13 @@ class Trust(Protocol):
         """Return the lines that need no simulation."""
 
 
-@dataclass(frozen=True)
-class LinearModel:
+@dataclass(frozen=True, repr=False)
+class LinearModel(Drawn):
     """A linear model around an operating point.
 
     ``dx/dt = drift + A (x - x0) + B (u - u0)``, ``y = y0 + C (x - x0) + D (u - u0)``.
+
+    ``control.bode_plot`` takes it as it is; everything else of python-control takes its ``system``.
 
     Args:
         A: State matrix, shape (n_states, n_states), in SI.
@@ -107,6 +125,18 @@ class LinearModel:
         # Its operating point goes with it (`workbench.linearisation.state_space.linear_model`).
         found.linear_model = self
         return found
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what python-control's Bode plots read from a frequency response."""
+        if name not in _RESPONSE:
+            raise AttributeError(f"{type(self).__name__!r} has no attribute {name!r}")
+        return getattr(self._response, name)
+
+    @cached_property
+    def _response(self) -> Any:
+        import control as ct
+
+        return ct.frequency_response(self.system)
 
     @property
     def poles(self) -> npt.NDArray[np.complex128]:
@@ -249,6 +279,19 @@ class LinearModel:
             y[k] = self.y0 + C @ x + D @ v
             x = Ad @ x + Bd @ v
         return y
+
+    def tables(self) -> tuple[Rows, ...]:
+        """Return the modes, and the verdict as far as it needs no simulation."""
+        modes = [
+            (m.frequency_hz, m.damping, f"{m.pole:.4g}", ", ".join(m.main_states))
+            for m in self.modes
+        ]
+        heads = ("frequency in Hz", "damping", "pole in rad/s", "main states")
+        words = self.verdict.summary() if self.verdict is not None else ["none was asked for"]
+        return (
+            Rows(f"modes from {', '.join(self.input_names)} on", heads, modes),
+            Rows("verdict", ("how far it holds",), [(line,) for line in words]),
+        )
 
     def __str__(self) -> str:
         """Return a short aligned table: inputs, outputs, modes and the verdict on the matrices."""

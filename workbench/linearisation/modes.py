@@ -48,10 +48,15 @@ class Mode:
         """Return the share of a state in the mode, dimensionless."""
         return self.participation.get(state, 0.0)
 
+    @property
+    def main_states(self) -> tuple[str, ...]:
+        """Names of the states that take more than a fifth, the largest part first."""
+        names = sorted(self.participation, key=lambda n: -self.participation[n])
+        return tuple(n for n in names if self.participation[n] > 0.2)
+
     def __str__(self) -> str:
         """Return one line: frequency and damping, or time constant, and the main states."""
-        names = sorted(self.participation, key=lambda n: -self.participation[n])
-        main = ", ".join(n for n in names if self.participation[n] > 0.2)
+        main = ", ".join(self.main_states)
         if self.pole.imag:
             what = f"{self.frequency_hz:9.4g} Hz  damping {self.damping:7.3f}"
         elif abs(self.pole.real) < 1e-9:

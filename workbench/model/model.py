@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite
 from workbench.model.effect import Effect
 from workbench.model.quantities import Input, Output, Parameter, Quantity, State
@@ -24,8 +25,8 @@ Vector = npt.NDArray[np.float64]
 Own = TypeVar("Own", State, Parameter)
 
 
-@dataclass(frozen=True)
-class Model:
+@dataclass(frozen=True, repr=False)
+class Model(Shown):
     """A plant: states, inputs, outputs, parameters and the equations that join them.
 
     ``equations`` takes a `Scope` and returns two mappings: the rate of every own state and the
@@ -323,6 +324,32 @@ class Model:
         u_ = check_vector("input", u, self.inputs)
         p_ = self.values if p is None else check_vector("parameter", p, self.parameters)
         return np.asarray(function(x_, u_, p_), dtype=float).ravel()
+
+    def tables(self) -> tuple[Rows, ...]:
+        """Return the quantities, the effects with their ports, and the ports."""
+        named = ("name", "unit", "meaning")
+        return (
+            Rows("inputs", named, [(q.name, q.unit, q.description) for q in self.inputs]),
+            Rows("outputs", named, [(q.name, q.unit, q.description) for q in self.outputs]),
+            Rows("states", named, [(q.name, q.unit, q.description) for q in self.states]),
+            Rows(
+                "effects", ("name", "ports"), [(e.name, ", ".join(e.ports)) for e in self.effects]
+            ),
+            Rows(
+                "parameters",
+                ("name", "value", "unit", "lower", "upper", "meaning", "source"),
+                [
+                    (q.name, q.value, q.unit, q.lower, q.upper, q.description, q.source)
+                    for q in self.parameters
+                ],
+            ),
+            Rows("ports", named, [(q.name, q.unit, q.description) for q in self.ports]),
+        )
+
+    def columns(self) -> dict[str, list[object]]:
+        """Return the parameters as columns."""
+        table = next(t for t in self.tables() if t.title == "parameters")
+        return {name: [row[i] for row in table.rows] for i, name in enumerate(table.headings)}
 
     def __str__(self) -> str:
         """Return a short aligned table of the model's quantities and ports."""

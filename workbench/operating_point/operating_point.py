@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
 from workbench.model import EXACT, DriftingSum, Input, Model, Output, Quantity, State
 from workbench.model.traits import bound_value
@@ -34,8 +35,8 @@ from workbench.operating_point.trim import (
 Vector = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class OperatingPoint:
+@dataclass(frozen=True, repr=False)
+class OperatingPoint(Shown):
     """States and inputs at which a model rests, and how well the equations are met.
 
     Args:
@@ -90,17 +91,23 @@ class OperatingPoint:
         """Whether nothing drifts."""
         return not self.drift
 
+    def tables(self) -> tuple[Rows, ...]:
+        """Return inputs, measurements, states and drift in the units in which they are shown."""
+        model = self.model
+        rows = [_entry("input", q, v) for q, v in zip(model.inputs, self.u, strict=True)]
+        rows += [_entry("output", q, v) for q, v in zip(model.outputs, self.y, strict=True)]
+        rows += [_entry("state", q, v) for q, v in zip(model.states, self.x, strict=True)]
+        for name, rate in self.drift.items():
+            unit = shown_unit(next(q for q in model.states if q.name == name).unit)
+            rows.append(("drift", name, float(from_si(rate, unit)), f"{unit}/s"))
+        return (Rows("values at rest", ("kind", "name", "value", "unit"), rows),)
+
     def __str__(self) -> str:
         """Return a short aligned table of inputs, measurements, states, drift and residual."""
         model = self.model
         lines = [f"operating point of {model.name}: {model.description}".rstrip(": ")]
-        lines += [_row("input", q, v) for q, v in zip(model.inputs, self.u, strict=True)]
-        lines += [_row("output", q, v) for q, v in zip(model.outputs, self.y, strict=True)]
-        lines += [_row("state", q, v) for q, v in zip(model.states, self.x, strict=True)]
-        for name, rate in self.drift.items():
-            quantity = next(q for q in model.states if q.name == name)
-            unit = shown_unit(quantity.unit)
-            lines.append(f"  drift    {name:<28} {from_si(rate, unit):>12.5g} {unit}/s")
+        for kind, name, value, unit in self.tables()[0].rows:
+            lines.append(f"  {kind:<8} {name:<28} {value:>12.5g} {unit}")
         lines.append(
             f"  residual {self.residual:.1g} of the states' scales,"
             f" condition number {self.condition_number:.2g}"
@@ -391,7 +398,7 @@ def _display(model: Model, name: str, value: float) -> str:
     return f"{from_si(value, unit):g} {unit}"
 
 
-def _row(kind: str, quantity: Quantity, value: float) -> str:
+def _entry(kind: str, quantity: Quantity, value: float) -> tuple[str, str, float, str]:
     unit = quantity.unit
     if isinstance(quantity, Output):
         unit = quantity.display_unit
@@ -399,4 +406,4 @@ def _row(kind: str, quantity: Quantity, value: float) -> str:
         unit = shown_unit(unit)
     # Round-off is not worth reading.
     shown = from_si(float(value), unit) if abs(value) > 1e-12 * quantity.scale else 0.0
-    return f"  {kind:<8} {quantity.name:<28} {shown:>12.5g} {unit}"
+    return (kind, quantity.name, float(shown), unit)

@@ -6,7 +6,9 @@ import textwrap
 from collections.abc import Sequence
 
 
-def aligned_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, width: int = 100) -> str:
+def aligned_table(
+    header: Sequence[str], rows: Sequence[Sequence[object]], *, width: int = 100
+) -> str:
     """Return a table with aligned columns; the last column wraps.
 
     Example:
@@ -15,7 +17,7 @@ def aligned_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, width
         angle   rad
         valve   V
     """
-    lines = [tuple(header), *(tuple(row) for row in rows)]
+    lines = [tuple(header), *(tuple(str(cell) for cell in row) for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(header) - 1)]
     indent = sum(widths) + 2 * len(widths)
     room = max(30, width - indent)

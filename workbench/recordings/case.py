@@ -33,6 +33,7 @@ from typing import Any
 import numpy as np
 
 from workbench.data_folder import shipped_cases, shipped_data, shipped_folder
+from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Model
 from workbench.model.units import quantity, to_si
@@ -79,8 +80,8 @@ class RefitSettings:
     noise_is_model_error: bool = False
 
 
-@dataclass(frozen=True, eq=False)
-class Case:
+@dataclass(frozen=True, eq=False, repr=False)
+class Case(Shown):
     """Recordings of one machine with its plant and settings.
 
     Args:
@@ -169,8 +170,8 @@ class Case:
         """Recordings to judge on, by name."""
         return self.used("hold_out")
 
-    def __str__(self) -> str:
-        settings = ", ".join(f"{k} = {v}" for k, v in self.settings.items())
+    def tables(self) -> tuple[Rows, ...]:
+        """Return the recordings and what each is for."""
         rows = [
             (
                 name,
@@ -181,9 +182,17 @@ class Case:
             )
             for name, r in self.recordings.items()
         ]
-        table = aligned_table(("recording", "use", "samples", "seconds", "signals"), rows)
+        return (Rows("recordings", ("recording", "use", "samples", "seconds", "signals"), rows),)
+
+    def __str__(self) -> str:
+        settings = ", ".join(f"{k} = {v}" for k, v in self.settings.items())
+        (table,) = self.tables()
         return "\n".join(
-            [f"case {self.name}: {settings}", table, *(f"note: {note}" for note in self.notes)]
+            [
+                f"case {self.name}: {settings}",
+                aligned_table(table.headings, table.rows),
+                *(f"note: {note}" for note in self.notes),
+            ]
         )
 
 

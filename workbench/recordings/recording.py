@@ -9,6 +9,7 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
+from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.units import from_si, same_dimension
 from workbench.recordings.aligned_table import aligned_table
@@ -165,8 +166,8 @@ class ColumnMapping:
         return aligned_table(titles, body)
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Drawn):
     """Signals over time, in SI.
 
     The time base may be anything a file can hold; `workbench.recordings.check_recording` makes it
@@ -362,8 +363,8 @@ class Recording:
         """Return the recording with notes added."""
         return replace(self, notes=(*self.notes, *notes))
 
-    def __str__(self) -> str:
-        rate = 1 / self.sample_time if self.sample_time else float("nan")
+    def tables(self) -> tuple[Rows, ...]:
+        """Return the range of every signal in the unit in which it is shown."""
         rows = []
         for s in self.signals:
             shown = s.displayed()
@@ -371,7 +372,16 @@ class Recording:
             low, high = (f"{finite.min():.6g}", f"{finite.max():.6g}") if finite.size else ("", "")
             missing = str(int(np.count_nonzero(~self.valid(s.name))))
             rows.append((s.name, s.kind, s.role, s.display_unit or "?", low, high, missing))
-        head = f"{self.name}: {len(self)} samples, {self.duration:.6g} s, {rate:.6g} Hz"
         titles = ("signal", "kind", "role", "unit", "minimum", "maximum", "missing")
+        return (Rows("signals", titles, rows),)
+
+    def columns(self) -> dict[str, Vector]:
+        """Return time and signals over time, in SI."""
+        return {"time": self.time, **{s.name: s.values for s in self.signals}}
+
+    def __str__(self) -> str:
+        rate = 1 / self.sample_time if self.sample_time else float("nan")
+        head = f"{self.name}: {len(self)} samples, {self.duration:.6g} s, {rate:.6g} Hz"
+        (table,) = self.tables()
         notes = [f"note: {note}" for note in self.notes]
-        return "\n".join([head, aligned_table(titles, rows), *notes])
+        return "\n".join([head, aligned_table(table.headings, table.rows), *notes])

@@ -10,16 +10,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from workbench.display import Drawn, Rows
 from workbench.errors import check_choice
 from workbench.model import Input, Model, Output, Quantity
+from workbench.model.units import from_si, shown_unit
 from workbench.verification.sampled_plant import FullPlant
 from workbench.verification.scenario import Scenario
 
 Vector = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, repr=False)
+class Run(Drawn):
     """What happened in a closed loop, sample by sample.
 
     Row k holds the states and measurements at t = k h, and the command held from there to (k + 1)
@@ -151,13 +153,34 @@ class Run:
         values = function.map(len(self.time))(self.states.T, self.inputs.T, self.parameters.T)
         return np.asarray(values, dtype=float).ravel()
 
+    def tables(self) -> tuple[Rows, ...]:
+        """Return between which values every output and input moved."""
+        columns = [*self.outputs.T, *self.inputs.T]
+        rows = []
+        for quantity, column in zip(self._quantities, columns, strict=True):
+            unit = getattr(quantity, "display_unit", "") or shown_unit(quantity.unit)
+            shown = from_si(column, unit)
+            rows.append((quantity.name, float(shown.min()), float(shown.max()), unit))
+        return (Rows("what moved", ("name", "smallest", "largest", "unit"), rows),)
+
+    def columns(self) -> dict[str, Vector]:
+        """Return time, references, outputs, measurements and inputs over time, in SI."""
+        inputs = dict(zip((q.name for q in self.input_quantities), self.inputs.T, strict=True))
+        outputs = dict(zip((q.name for q in self.output_quantities), self.outputs.T, strict=True))
+        measured = {f"{n} measured": self.measurement(n) for n in self.sensors}
+        asked = {f"{n} reference": values for n, values in self.references.items()}
+        return {"time": self.time, **asked, **outputs, **measured, **inputs}
+
+    @property
+    def _quantities(self) -> tuple[Quantity, ...]:
+        return (*self.output_quantities, *self.input_quantities)
+
     def __str__(self) -> str:
         """Return a short aligned table of what moved."""
         lines = [
             f"{self.controller} on {self.plant}: {self.scenario.name}, {len(self.time)} samples of"
             f" {self.scenario.sample_time:g} s, seed {self.seed}, {self.integrator}"
         ]
-        quantities: list[Quantity] = [*self.output_quantities, *self.input_quantities]
-        rows = zip(quantities, [*self.outputs.T, *self.inputs.T], strict=True)
+        rows = zip(self._quantities, [*self.outputs.T, *self.inputs.T], strict=True)
         lines += [f"  {q.name:<20} {c.min():>12.5g} to {c.max():<12.5g} {q.unit}" for q, c in rows]
         return "\n".join(lines)

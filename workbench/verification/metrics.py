@@ -17,6 +17,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from workbench.display import Rows, Shown
 from workbench.errors import check_choice
 from workbench.model import Model
 from workbench.model.units import convert
@@ -134,8 +135,8 @@ class MetricValue:
         return f"{text}  ({self.reason})" if self.reason else text
 
 
-@dataclass(frozen=True)
-class Metrics(Mapping[str, MetricValue]):
+@dataclass(frozen=True, repr=False)
+class Metrics(Shown, Mapping[str, MetricValue]):
     """All metrics of a run, by name.
 
     Example:
@@ -165,6 +166,11 @@ class Metrics(Mapping[str, MetricValue]):
     def __contains__(self, name: object) -> bool:
         """Tell whether there is a metric of a name."""
         return any(m.name == name for m in self.values)
+
+    def tables(self) -> tuple[Rows, ...]:
+        """Return every metric in the unit in which it is shown."""
+        rows = [(m.name, *m.shown(), m.reason) for m in self.values]
+        return (Rows("metrics", ("metric", "value", "unit", "why there is none"), rows),)
 
     def __str__(self) -> str:
         """Return a short aligned table."""

@@ -1,0 +1,135 @@
+"""How objects show themselves: a line in a list, tables in a notebook, a picture, a data frame."""
+
+from __future__ import annotations
+
+import html
+import sys
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from workbench.errors import WorkbenchError
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_FOLDED = 14
+"""A table with more rows than this is shown folded."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Rows under headings, as an object lists them.
+
+    Args:
+        rows: One sequence per row, as long as the headings.
+    """
+
+    title: str
+    headings: tuple[str, ...]
+    rows: Sequence[Sequence[object]]
+
+    def html(self) -> str:
+        """Return the table as HTML, folded if it is long."""
+        head = "".join(f"<th>{_escaped(h)}</th>" for h in self.headings)
+        body = "".join(
+            "<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in row) + "</tr>"
+            for row in self.rows
+        )
+        opened = "" if len(self.rows) > _FOLDED else " open"
+        return (
+            f"<details{opened}><summary>{_escaped(self.title)}</summary><table>"
+            f"<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></details>"
+        )
+
+
+class Shown:
+    r"""An object that shows itself by the tables that it lists.
+
+    Example:
+        >>> class Room(Shown):
+        ...     def __str__(self):
+        ...         return "room 3\n  two chairs"
+        ...
+        ...     def tables(self):
+        ...         return (Rows("things", ("name", "count"), [("chair", 2)]),)
+        >>> Room()
+        <room 3>
+        >>> "<td>chair</td><td>2</td>" in Room()._repr_html_()
+        True
+    """
+
+    def tables(self) -> Iterable[Rows]:
+        """Return what a notebook lists of the object, the most telling table first."""
+        raise NotImplementedError
+
+    def columns(self) -> Mapping[str, Any]:
+        """Return the columns of `to_dataframe`; those of the first table by default."""
+        first = next(iter(self.tables()))
+        return {name: [row[i] for row in first.rows] for i, name in enumerate(first.headings)}
+
+    def __repr__(self) -> str:
+        return f"<{str(self).partition(chr(10))[0]}>"
+
+    def _repr_html_(self) -> str:
+        head = _escaped(str(self).partition("\n")[0])
+        return f"<p><b>{head}</b></p>" + "".join(table.html() for table in self.tables())
+
+    def to_dataframe(self) -> Any:
+        """Return the object's main table as a ``pandas.DataFrame``.
+
+        Raises:
+            WorkbenchError: If pandas is not installed.
+        """
+        try:
+            pandas = import_module("pandas")
+        except ImportError:
+            raise WorkbenchError(
+                "a data frame needs the package pandas, which is not installed; install the extra"
+                " 'notebooks'"
+            ) from None
+        return pandas.DataFrame(dict(self.columns()))
+
+
+class Drawn(Shown):
+    """An object that has a picture of its own beside its tables."""
+
+    def plot(self, *what: Any) -> Figure:
+        """Draw the object.
+
+        Args:
+            what: What `workbench.notebook.plot` takes for an object of this kind.
+        """
+        # The pictures stand in a room above this one, which knows how each kind is drawn.
+        figure: Figure = import_module("workbench.notebook").plot(self, *what)
+        return figure
+
+
+def in_notebook() -> bool:
+    """Tell whether the interpreter is the kernel of a notebook."""
+    return "ipykernel" in sys.modules
+
+
+def notebook_progress() -> Callable[[str], None]:
+    """Return a function that shows texts in a progress bar in a notebook, and nothing elsewhere.
+
+    Example:
+        >>> notebook_progress()("fitting")
+    """
+    if not in_notebook():
+        return lambda text: None
+    from tqdm.auto import tqdm
+
+    bar = tqdm(bar_format="{desc} {elapsed}", leave=False)
+
+    def show(text: str) -> None:
+        bar.set_description_str(text, refresh=True)
+        bar.update()
+
+    return show
+
+
+def _escaped(value: object) -> str:
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return html.escape(text)
