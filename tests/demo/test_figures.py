@@ -11,16 +11,18 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from workbench.demo.figures.diagnosed import diagnosed
 from workbench.demo.figures.force_lines import force_lines
 from workbench.demo.figures.force_maps import force_map, law_errors
 from workbench.demo.figures.open_loop import open_loop
-from workbench.demo.figures.recorded_case import recorded_case
 from workbench.demo.figures.steps import ClosedLoopCurves, closed_loop_steps
+from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.reports.figures.bode import bode
 from workbench.reports.style import controller_colours
 
 T = np.linspace(0.0, 2.0, 41)
 WAVE = 0.5 + 0.3 * np.sin(T)
+RUN = FreeRun("run", ("angle",), ("rad",), T, WAVE[:, None], WAVE[:, None])
 
 
 def steps() -> Figure:
@@ -36,7 +38,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "open loop": lambda: open_loop(T, WAVE, WAVE, WAVE, variants={"linear valve": (WAVE, WAVE)}),
     "bode": lambda: bode(T + 0.1, {"30°": np.exp(1j * WAVE)}, unit="° per V"),
     "steps": steps,
-    "recorded case": lambda: recorded_case(T, WAVE, (WAVE,) * 3, (WAVE,) * 3),
+    "diagnosed": lambda: diagnosed(RUN, RUN, T, {"before": WAVE, "after": WAVE}),
     "force map": lambda: force_map([T], [WAVE], [3e5], T, {"law": [WAVE]}),
     "law errors": lambda: law_errors(["law"], [3.0], [5.0], [90.0]),
 }

@@ -10,8 +10,11 @@ import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.reports.page import (
+    LONG_TABLE,
+    Answers,
     Commands,
     Method,
+    Moving,
     Page,
     Section,
     Words,
@@ -103,7 +106,33 @@ def test_words_are_escaped() -> None:
 
 
 def test_neighbouring_pictures_stand_side_by_side() -> None:
-    assert html(page()).count('<div class="pictures">') == 1
+    assert html(page()).count('<div class="beside">') == 1
+
+
+def test_words_stand_beside_a_single_picture() -> None:
+    alone = Page("", "", (Section("one", "One", (Words("Beside."), picture("first"))),))
+    beside = html(alone).partition('<div class="beside">')[2]
+    assert beside.lstrip().startswith("<p>Beside.</p>")
+
+
+def test_the_answer_stands_before_the_sections_and_detail_is_folded() -> None:
+    answers = Answers((("what", "friction"), ("where", "joint")))
+    folded = Section("detail", "Detail", (Words("Long."),), folded=True)
+    text = html(Page("", "", (folded, folded), first=(answers, picture("first"))))
+    assert text.index("friction") < text.index("<nav") < text.index("Long.")
+    assert text.count("<details><summary><h2") == 2
+
+
+def test_a_long_table_is_folded_and_a_short_one_is_not() -> None:
+    rows = tuple((str(i),) for i in range(LONG_TABLE + 1))
+    for shown, folds in ((rows, 1), (rows[:-1], 0)):
+        section = Section("one", "One", (Table("Numbers", ("n",), shown),))
+        assert html(Page("", "", (section,))).count("<details>") == folds
+
+
+def test_a_script_comes_only_with_what_moves() -> None:
+    moving = Moving("<div><script>0</script></div>", "Moves.")
+    assert "<script>0</script>" in html(Page("", "", (), first=(moving,)))
 
 
 def test_marks_are_counted_and_said_in_words() -> None:

@@ -21,7 +21,9 @@ addEventListener("load", () => {
   const width = inner.documentElement.clientWidth;
   const outside = [...inner.querySelectorAll("body *")].filter(e => {
     const box = e.getBoundingClientRect();
-    return !e.closest("svg *") && box.width > 0 && (box.right > width + 1 || box.left < -1);
+    // A table scrolls in its own box.
+    return !e.closest("svg *, .table *") && box.width > 0
+      && (box.right > width + 1 || box.left < -1);
   }).map(e => e.tagName + ": " + e.textContent.trim().slice(0, 40));
   // Of an overflowing cell the box fits but its content does not.
   const cells = [...inner.querySelectorAll("td, th, p, pre, h1, h2")].filter(

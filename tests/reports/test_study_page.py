@@ -26,10 +26,13 @@ addEventListener("load", () => {
   const name = e => e.tagName + ": " + e.textContent.trim().slice(0, 40);
   const outside = [...inner.querySelectorAll("body *")].filter(e => {
     const box = e.getBoundingClientRect();
-    return !e.closest("svg *") && box.width > 0 && (box.right > width + 1 || box.left < -1);
+    // A table scrolls in its own box; what is folded has no place.
+    return !e.closest("svg *, .table *") && box.width > 0
+      && (box.right > width + 1 || box.left < -1);
   }).map(name);
   const cells = [...inner.querySelectorAll("td, th, p, pre, h1, h2, figcaption")].filter(
     e => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== "inline").map(name);
+  const figure = e => (e.closest("figure") || e).id;
   const share = (a, b) => {
     const w = Math.min(a.right, b.right) - Math.max(a.left, b.left);
     const h = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
@@ -41,7 +44,7 @@ addEventListener("load", () => {
     const boxes = elements.map(e => e.getBoundingClientRect());
     for (let i = 0; i < boxes.length; i++) for (let j = 0; j < i; j++)
       if (share(boxes[i], boxes[j]) > limit)
-        found.push(name(elements[j]) + " | " + name(elements[i]));
+        found.push(`${name(elements[j])} | ${name(elements[i])} in ${figure(elements[i])}`);
     return found;
   };
   let overlap = overlaps([...inner.querySelectorAll("section")], 0);

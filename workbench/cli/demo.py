@@ -24,7 +24,7 @@ def demo(
 ) -> int:
     """Show the whole workbench on one page: model, linear models, controllers, recording.
 
-    Takes about two minutes on two cores and ends by saying what to open. Only the shipped
+    Takes less than a minute on two cores and ends by saying what to open. Only the shipped
     recordings are needed.
 
     Args:

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from workbench.reports.page import Page, Section
+from workbench.reports.page import Moving, Page, Section
+from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, number
 
 
@@ -16,10 +17,12 @@ class Part:
 
     Args:
         results: Its numbers, with the units in their names, for ``results.json``.
+        first: What it has to show on the first screen, with a sentence; None if it is detail.
     """
 
     section: Section
     results: Mapping[str, Any] = field(default_factory=dict)
+    first: Picture | Moving | None = None
 
     @property
     def marks(self) -> dict[str, int]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 
@@ -18,11 +18,11 @@ from workbench.reports.pictures import save
 from workbench.reports.results import json_text
 
 PARTS: tuple[tuple[str, str, str], ...] = (
-    ("isometric identification experiment", "identification", "identification_part"),
     ("open-loop experiment", "open_loop", "open_loop_part"),
-    ("linear models over the angles", "angle_map", "angle_map_part"),
     ("three controllers on the linear and the full model", "closed_loop", "closed_loop_part"),
-    ("a recorded case", "recorded_case", "recorded_case_part"),
+    ("a recording, diagnosed", "diagnosed_case", "diagnosed_case_part"),
+    ("linear models over the angles", "angle_map", "angle_map_part"),
+    ("isometric identification experiment", "identification", "identification_part"),
     ("measured force maps against force laws", "force_maps", "force_maps_part"),
 )
 """What is done, the module that does it and its function, in the order of the page."""
@@ -135,11 +135,13 @@ def _run(
     try:
         # Imported when its turn comes: each part needs libraries that take a while to load.
         part: Callable[..., Part] = getattr(import_module(f"workbench.demo.{module}"), function)
-        return part(folder) if module == "force_maps" else part()
+        found = part(folder) if module == "force_maps" else part()
     except WorkbenchError as error:
         failed[title] = str(error)
         reason = Words(f"This part could not be shown: {error}.", "note")
         return Part(Section(module.replace("_", "-"), title.capitalize(), (reason,)))
+    # What a part has to show stands on the first screen; the rest is detail.
+    return replace(found, section=replace(found.section, folded=True))
 
 
 def _page(
@@ -154,6 +156,7 @@ def _page(
     if data is not None:
         command += f" --data {os.fspath(data)}"
     sections = [part.section for part in done.values()]
+    first = tuple(part.first for part in done.values() if part.first is not None)
     if interrupted:
         text = "The run was interrupted; only the parts that were finished are shown."
         sections.insert(0, Section("interrupted", "Interrupted", (Words(text, "note"),)))
@@ -168,18 +171,19 @@ def _page(
                 ),
                 Commands((command,)),
             ),
+            folded=True,
         )
     )
     counted = Page("", "", tuple(sections)).marks
     return Page(
         "Antagonistic pneumatic-muscle arm",
-        "What the plant does, how it linearises, how three controllers fare on the full nonlinear "
-        "plant, and where a recording differs from the simulation.",
+        "",
         tuple(sections),
         facts=(
             ("requirements", f"{counted['met']} met, {counted['missed']} missed"),
             ("workbench", version("muscle-arm-workbench")),
         ),
+        first=first,
         foot="Angles in degrees, pressures gauge, at 1.01325 bar ambient pressure unless said.",
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 
 from workbench.files import write_whole
@@ -49,7 +50,32 @@ class Method:
     title: str = "How each number was computed"
 
 
-Block = Words | Table | Picture | Commands | Method
+@dataclass(frozen=True)
+class Answers:
+    """Questions that the reader came with, each with its answer.
+
+    Args:
+        entries: Pairs of a question of a word or two and the answer.
+    """
+
+    entries: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A drawing that moves.
+
+    Args:
+        markup: HTML with its own style and script, which needs nothing from elsewhere; it stands
+            in the page as it is.
+        caption: What it shows and what to see in it.
+    """
+
+    markup: str
+    caption: str
+
+
+Block = Words | Table | Picture | Commands | Method | Answers | Moving
 
 
 @dataclass(frozen=True)
@@ -58,20 +84,25 @@ class Section:
 
     Args:
         name: Name by which links find it, in small letters with hyphens.
-        blocks: Its content in order; neighbouring pictures stand side by side where there is room.
+        blocks: Its content in order; neighbouring pictures stand side by side where there is room,
+            and words before them beside them.
+        folded: Whether it is detail that stays closed until the reader opens it.
     """
 
     name: str
     title: str
     blocks: tuple[Block, ...]
+    folded: bool = False
 
 
 @dataclass(frozen=True)
 class Page:
-    """A page with a headline, what it says in short, and sections.
+    """A page with a headline, the answer in its first screen, and sections.
 
     Args:
         lead: What the page is, in a sentence or two.
+        first: What the first screen holds under the lead, side by side where there is room: the
+            answer, and the picture that carries it.
         facts: Pairs of words shown under the lead: duration, version, plant.
         foot: Last line.
     """
@@ -81,31 +112,39 @@ class Page:
     sections: tuple[Section, ...]
     facts: tuple[tuple[str, str], ...] = ()
     foot: str = ""
+    first: tuple[Block, ...] = ()
+
+    @property
+    def blocks(self) -> tuple[Block, ...]:
+        """Every block of the page, in order."""
+        return (*self.first, *(block for section in self.sections for block in section.blocks))
 
     @property
     def pictures(self) -> tuple[Picture, ...]:
         """Every picture of the page, in order."""
-        return tuple(b for s in self.sections for b in s.blocks if isinstance(b, Picture))
+        return tuple(block for block in self.blocks if isinstance(block, Picture))
 
     @property
     def marks(self) -> dict[str, int]:
         """How many requirements of all tables are met, missed and open."""
         found: dict[str, int] = {mark: 0 for mark in MARKS if mark}
-        for section in self.sections:
-            for block in section.blocks:
-                if isinstance(block, Table):
-                    for row in block.cells:
-                        for cell in row:
-                            if cell.mark:
-                                found[cell.mark] += 1
+        for block in self.blocks:
+            if isinstance(block, Table):
+                for cell in (cell for row in block.cells for cell in row if cell.mark):
+                    found[cell.mark] += 1
         return found
+
+
+LONG_TABLE = 14
+"""Rows beyond which a table is folded."""
 
 
 def html(page: Page) -> str:
     """Write a page as HTML that needs nothing but itself.
 
     Returns:
-        The document: styles and pictures inside it, no scripts, no links to elsewhere.
+        The document: styles and pictures inside it, no links to elsewhere, and no scripts but
+        those of drawings that move.
     """
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -118,19 +157,26 @@ def html(page: Page) -> str:
     )
     sections = [(section, _grouped(section.blocks)) for section in page.sections]
     return environment.get_template("page.html").render(
-        page=page, sections=sections, palette=palette(), marks=MARKS, inline_svg=inline_svg
+        page=page,
+        sections=sections,
+        palette=palette(),
+        marks=MARKS,
+        inline_svg=inline_svg,
+        long=LONG_TABLE,
     )
 
 
-def _grouped(blocks: Sequence[Block]) -> list[tuple[str, list[Block]]]:
-    """Put neighbouring pictures together, so that the page can set them side by side."""
-    groups: list[tuple[str, list[Block]]] = []
-    for block in blocks:
-        kind = type(block).__name__.lower()
-        if kind == "picture" and groups and groups[-1][0] == "picture":
-            groups[-1][1].append(block)
-        else:
-            groups.append((kind, [block]))
+def _grouped(blocks: Sequence[Block]) -> list[tuple[Block, ...]]:
+    """Put neighbouring pictures together, and an odd number of them beside the words before."""
+    groups: list[tuple[Block, ...]] = []
+    for drawn, run in groupby(blocks, key=lambda block: isinstance(block, Picture)):
+        if not drawn:
+            groups += [(block,) for block in run]
+            continue
+        pictures = tuple(run)
+        if len(pictures) % 2 and groups and isinstance(groups[-1][0], Words):
+            pictures = (*groups.pop(), *pictures)
+        groups.append(pictures)
     return groups
 
 

@@ -11,6 +11,7 @@ import numpy.typing as npt
 from workbench.reports.style import Colour, key, label, new_figure, ramp
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 
@@ -44,7 +45,7 @@ def bode(
         # Unwrapping starts anywhere; curves are comparable when all start within one turn.
         degrees -= 360.0 * np.ceil((degrees[0] - 1.0) / 360.0)
         phase.semilogx(hertz, degrees, **line)
-    _quarter_turns(phase)
+    _round_ticks(magnitude, phase)
     label(magnitude, y=f"magnitude in {unit}")
     label(phase, x="frequency in Hz", y="phase in °")
     key(magnitude, columns=4)
@@ -52,7 +53,10 @@ def bode(
     return figure
 
 
-def _quarter_turns(axes: object) -> None:
-    from matplotlib.ticker import MultipleLocator
+def _round_ticks(magnitude: Axes, phase: Axes) -> None:
+    from matplotlib.ticker import LogLocator, MultipleLocator
 
-    axes.yaxis.set_major_locator(MultipleLocator(90.0))  # type: ignore[attr-defined]
+    # Of many decades only some are written, so that their labels never touch.
+    magnitude.yaxis.set_major_locator(LogLocator(numticks=6))
+    low, high = phase.get_ylim()
+    phase.yaxis.set_major_locator(MultipleLocator(90.0 * max(1, round((high - low) / 540.0))))

@@ -1,0 +1,64 @@
+"""The moving drawing shows the arm's own lengths, angles and pressures, and needs no network."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+from workbench.demo.moving_arm import FRAME_TIME, moving_arm
+from workbench.errors import WorkbenchError
+from workbench.model import EXACT
+from workbench.plants.arm import arm
+from workbench.plants.arm.drawing import arm_drawing
+from workbench.plants.servo_axis import servo_axis
+from workbench.simulation import Trajectory
+
+
+def run() -> Trajectory:
+    model, time = arm(3.0), np.arange(0.0, 1.0, 0.01)
+    states = np.tile(model.initial_state(), (len(time), 1))
+    names = [q.name for q in model.states]
+    states[:, names.index("angle")] = np.radians(30.0 + 20.0 * time)
+    inputs = np.full((len(time), 1), 5.9)
+    outputs = np.array([model.read(x, [5.9]) for x in states])
+    values = np.array([q.value for q in model.parameters])
+    return Trajectory(model, time, states, inputs, outputs, "none", 1e-6, 0.0, EXACT, values)
+
+
+def test_the_drawing_has_the_lengths_of_the_geometry() -> None:
+    angle = np.radians([0.0, 17.0, 60.0])
+    drawn = arm_drawing(arm(), angle)
+    for muscle, length in zip(drawn.muscles, drawn.geometry.lengths(angle), strict=True):
+        assert muscle.length == pytest.approx(np.asarray(length))
+    # The lever is one body: its two ends keep their places on the arm.
+    for muscle in drawn.muscles:
+        own = np.arctan2(muscle.end[:, 1], muscle.end[:, 0]) - drawn.direction
+        assert np.ptp(np.mod(own, 2 * math.pi)) < 1e-12
+
+
+def test_another_machine_has_no_such_drawing() -> None:
+    with pytest.raises(WorkbenchError, match="is no arm"):
+        arm_drawing(servo_axis(), [0.0])
+
+
+def test_the_frames_are_those_of_the_run() -> None:
+    moving = moving_arm(run(), start=0.0, stop=0.9, caption="Moves.")
+    found = re.search(r'"application/json">(.*?)</script>', moving.markup)
+    assert found is not None
+    frames = json.loads(found[1])
+    assert len(frames["angle"]) == round(0.9 / FRAME_TIME) + 1
+    assert frames["angle"][-1] == pytest.approx(48.0, abs=0.01)
+    assert frames["muscles"][0]["pressure"][0] == pytest.approx(3.0, abs=0.05)
+    # Muscle 1 shortens and thickens as the angle grows.
+    assert np.all(np.diff(frames["muscles"][0]["length"]) < 0)
+    assert np.all(np.diff(frames["muscles"][0]["width"]) > 0)
+
+
+def test_it_needs_no_network_and_heeds_reduced_motion() -> None:
+    markup = moving_arm(run(), start=0.0, stop=0.9, caption="Moves.").markup
+    assert not re.search(r"https?://|@import|src=|fetch\(", markup)
+    assert "prefers-reduced-motion" in markup

@@ -1,0 +1,211 @@
+"""A recorded case with its shipped verdict: before, named, after, and the better controller."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.data_folder import shipped_data
+from workbench.demo.figures.diagnosed import diagnosed
+from workbench.demo.part import Part
+from workbench.diagnosis.estimation.free_run import FreeRun, free_run
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.start import fitted_start
+from workbench.diagnosis.redesign import redesign
+from workbench.diagnosis.verdict import upgraded
+from workbench.model import Model
+from workbench.plants.plant import Plant
+from workbench.plants.registry import PLANTS
+from workbench.recordings import Recording, read_case
+from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
+from workbench.reports.page import Commands, Method, Section, Words
+from workbench.reports.pictures import Picture
+from workbench.reports.tables import Table, number
+from workbench.verification import Scenario, Sine, verify
+
+Vector = npt.NDArray[np.float64]
+
+CASE = "practice-08"
+
+DRAWN = "validate_closed"
+"""The held-out recording that is drawn."""
+
+DESIGN = "scheduled-pid"
+
+WAVE = Scenario("sine", {"angle": Sine(math.radians(30.0), math.radians(15.0), 0.5)}, 5.0)
+"""What both controllers follow, on the improved model."""
+
+_SECONDS = 10.0
+_SETTLED = 2.0
+_WINDOW = (2.0, 6.0)
+"""Time drawn on the first screen, in s of the recording."""
+
+
+@dataclass(frozen=True)
+class DiagnosedCase:
+    """A recording beside the models before and after its diagnosis, and what designs gain by it.
+
+    Args:
+        verdict: Content of the shipped ``verdict.json``.
+        before: Free run of the refitted nominal model along a held-out recording.
+        after: Free run of the improved model along it.
+        time: Times of the tracking errors, shape (n,), in s.
+        tracking: Tracking error on the improved model, shape (n,), in rad, by the model of design.
+    """
+
+    verdict: Mapping[str, Any]
+    before: FreeRun
+    after: FreeRun
+    time: Vector
+    tracking: Mapping[str, Vector]
+
+    @property
+    def tracked_deg(self) -> dict[str, float]:
+        """Root mean square of the tracking errors, in °, by the model of design."""
+        rms = {k: float(np.sqrt(np.mean(v**2))) for k, v in self.tracking.items()}
+        return {name: math.degrees(value) for name, value in rms.items()}
+
+    def error_deg(self, model: str) -> float:
+        """Return the verdict's error of the angle on all held-out recordings, rms in °."""
+        return math.degrees(self.verdict["fit"]["held_out"][model]["angle"])
+
+
+def diagnosed_case(name: str = CASE) -> DiagnosedCase:
+    """Read a shipped case with its verdict, run both models along it, and design on both.
+
+    Nothing is fitted: effects and parameters are those of the shipped verdict.
+
+    Raises:
+        WorkbenchError: If the case does not ship with a verdict.
+    """
+    path = shipped_data(name) / "verdict.json"
+    verdict = upgraded(json.loads(path.read_text(encoding="utf-8")), f"verdict {str(path)!r}")
+    case = read_case(shipped_data(name))
+    plant: Plant = PLANTS.get(str(path))
+    after = plant.model({})
+    refitted = {name: row["value"] for name, row in verdict["parameters"].items()}
+    before = case.model().with_parameters(refitted)
+    recording = case.recordings[DRAWN].between(0.0, _SECONDS)
+    time, tracking = np.zeros(0), {}
+    for title, model in (("before", before), ("after", after)):
+        run = verify(redesign(model, plant, DESIGN), after, WAVE)
+        late = run.time > _SETTLED
+        time = run.time[late]
+        tracking[title] = (run.references["angle"] - run["angle"])[late]
+    samples = plant.start_samples
+    return DiagnosedCase(
+        verdict,
+        _run(before, recording, samples),
+        _run(after, recording, samples),
+        time,
+        tracking,
+    )
+
+
+def _run(model: Model, recording: Recording, samples: int) -> FreeRun:
+    return free_run(model, fitted_start(model, observe(model, recording), samples=samples))
+
+
+def diagnosed_case_part() -> Part:
+    """Show a shipped case as its verdict left it.
+
+    Returns:
+        The section, its numbers, and the picture of the first screen.
+    """
+    found = diagnosed_case()
+    tracked = found.tracked_deg
+    finding = found.verdict["findings"][0]
+    name = finding["effect"].replace("_", " ")
+    size, of = next(iter(finding["parameters"].values())), next(iter(finding["parameters"]))
+    held = ("refitted", "extended")
+    errors = {model: found.error_deg(model) for model in held}
+    results = {
+        "verdict": found.verdict["verdict"],
+        "effect": finding["effect"],
+        "held_out_angle_rms_deg": errors,
+        "drawn_angle_rms_deg": {
+            model: math.degrees(run.rmse["angle"])
+            for model, run in zip(held, (found.before, found.after), strict=True)
+        },
+        "tracking_rms_deg": tracked,
+    }
+    first = Picture(
+        "diagnosed",
+        diagnosed(
+            _between(found.before, *_WINDOW),
+            _between(found.after, *_WINDOW),
+            found.time,
+            {f"designed {k}": v for k, v in found.tracking.items()},
+        ),
+        f"A recording diagnosed (by the shipped verdict): the refitted model missed the angle by"
+        f" {number(errors['refitted'], 2)}° rms; what it lacked is {name}, {of}"
+        f" {number(size['value'], 3)} {size['unit']}; with it the model misses by"
+        f" {number(errors['extended'], 2)}°, and the controller designed on it follows a sine with"
+        f" {number(tracked['after'], 2)}° in place of {number(tracked['before'], 2)}° (below).",
+        "angle measured and simulated before and after, and the tracking error of two controllers",
+    )
+    return Part(_section(found), results, first)
+
+
+def _between(run: FreeRun, start: float, stop: float) -> FreeRun:
+    rows = (run.time >= start) & (run.time <= stop)
+    return replace(
+        run, time=run.time[rows], measured=run.measured[rows], simulated=run.simulated[rows]
+    )
+
+
+def _section(found: DiagnosedCase) -> Section:
+    verdict = found.verdict
+    units = verdict["fit"]["units"]
+    held_out = verdict["fit"]["held_out"]
+    return Section(
+        "diagnosed",
+        "A recording, diagnosed",
+        (
+            Words(
+                f"The case {CASE} ships with its recordings and with the verdict of 'workbench"
+                f" diagnose', which is read here and not computed again: {verdict['sentence']}"
+                " The models of that verdict then run freely along a recording that nothing was"
+                " fitted on, and the same rules design a controller on both. Both controllers"
+                " follow a sine on the improved model."
+            ),
+            Picture(
+                "diagnosed-runs",
+                diagnosis_runs(found.before, found.after),
+                f"{DRAWN}: measured, and simulated by the refitted nominal model and by the"
+                " extended one.",
+                "measurements and free runs over time",
+            ),
+            Picture(
+                "diagnosed-errors",
+                diagnosis_residuals(found.before, held_out["noise_floor"], found.after),
+                f"{DRAWN}: error of both free runs, root mean square over 0.2 s.",
+                "errors of the free runs over time",
+            ),
+            Table(
+                "Errors of free runs over all held-out recordings, rms",
+                ("output", "unit", *held_out),
+                tuple(
+                    (name, unit, *(number(row[name]) for row in held_out.values()))
+                    for name, unit in units.items()
+                ),
+            ),
+            Method(
+                (
+                    ("free run", "the model gets the recorded commands and the start that the first"
+                     " half second shows, and no measurement after it"),
+                    ("refitted", "nominal equations, parameters fitted to other recordings"),
+                    ("extended", "with the effect that was found; parameters fitted likewise"),
+                    ("designed before, after", f"{DESIGN} on the refitted and on the extended"
+                     " model; the second compensates the hysteresis along the planned move"),
+                )
+            ),
+            Commands((f"workbench diagnose {CASE} --out diagnosis",)),
+        ),
+    )  # fmt: skip
