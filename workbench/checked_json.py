@@ -1,10 +1,11 @@
-"""Shapes of files that users keep: a wrong entry is a sentence with its place."""
+"""Shapes of files that users keep, JSON and TOML: a wrong entry is a sentence with its place."""
 
 from __future__ import annotations
 
 import json
 import math
 import re
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -63,6 +64,31 @@ def read_json(path: str | Path, what: str, shape: Shape, *, fix: str = "") -> An
         return shape(content, ())
     except WorkbenchError as error:
         raise WorkbenchError(f"{name}: {error}{tail}") from None
+
+
+def read_toml(path: str | Path, what: str, shape: Shape | None = None) -> dict[str, Any]:
+    """Read a TOML file and check its content.
+
+    Args:
+        path: The file.
+        what: What it holds, as the user knows it: ``"mapping file"``.
+        shape: What its content must be; not checked by default.
+
+    Raises:
+        WorkbenchError: If it cannot be read, is no TOML, or an entry is not what it must be.
+    """
+    name = f"{what} {str(path)!r}"
+    try:
+        content = tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise WorkbenchError(f"{name} cannot be read: {reason}") from None
+    except (ValueError, RecursionError) as error:
+        raise WorkbenchError(f"{name} is not valid TOML: {str(error)[:200]}") from None
+    try:
+        return content if shape is None else dict(shape(content, ()))
+    except ShapeError as error:
+        raise WorkbenchError(f"{name}: {error}") from None
 
 
 def _wrong(value: Any, place: Place, wanted: str) -> ShapeError:

@@ -46,7 +46,7 @@ app = typer.Typer(
         "Exit status: 0 all is well, 1 a requirement is missed, 2 wrong use."
     ),
     no_args_is_help=True,
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
 )
 for _verb in (

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from workbench.checked_json import TableShape, flag, listed, named, read_json, text
+from workbench.checked_json import TableShape, flag, listed, named, read_json, read_toml, text
 from workbench.errors import WorkbenchError, check_choice
 
 NAMES = Path(__file__).with_name("answers.toml")
@@ -94,7 +93,7 @@ def read_names(path: str | Path | None = None) -> Names:
     groups: dict[str, tuple[str, ...]] = {}
     effects: dict[str, Truth] = {}
     for file in (NAMES, *([Path(path)] if path is not None else [])):
-        content = _toml(file)
+        content = read_toml(file, "table of names", _NAMES)
         groups |= {name: tuple(starts) for name, starts in content.get("groups", {}).items()}
         for word, entry in content.get("effects", {}).items():
             effects[word] = Truth(
@@ -193,20 +192,6 @@ def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) ->
                 " be scored with this key"
             )
     return len(key)
-
-
-def _toml(path: Path) -> dict[str, Any]:
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise WorkbenchError(f"table of names {str(path)!r} cannot be read: {reason}") from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError, RecursionError) as error:
-        raise WorkbenchError(f"table of names {str(path)!r} is not TOML: {error}") from None
-    try:
-        return dict(_NAMES(content, ()))
-    except WorkbenchError as error:
-        raise WorkbenchError(f"table of names {str(path)!r}: {error}; see {NAMES.name}") from None
 
 
 _EFFECT = TableShape({"library": listed(text), "ports": listed(text)}, {"sensor": flag})

@@ -32,6 +32,20 @@ from typing import Any
 
 import numpy as np
 
+from workbench.checked_json import (
+    Place,
+    TableShape,
+    anything,
+    flag,
+    listed,
+    named,
+    number,
+    one_of,
+    read_toml,
+    size,
+    text,
+    whole,
+)
 from workbench.data_folder import shipped_cases, shipped_data, shipped_folder
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_range
@@ -43,20 +57,68 @@ from workbench.plants.registry import PLANTS
 from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.formats.format import known_suffixes, suffix_of
 from workbench.recordings.public_data import public_file
-from workbench.recordings.read import MappingLike, mapping_beside, read_recording, read_settings
+from workbench.recordings.read import MappingLike, mapping_beside, read_recording
 from workbench.recordings.recording import Recording, Scalar, Signal
 from workbench.recordings.resampling import resample
 
 ROLES = ("identify_open", "identify_closed", "validate_open", "validate_closed")
 USES = ("fit", "hold_out", "in_loop")
 
-_KEYS = {"title", "plant", "options", "parameters", "without", "effects", "recordings", "refit"}
-_KEYS |= {"data", "published", "published_from", "notes"}
-_RECORDING_KEYS = (
-    *("files", "use", "name", "plant", "mapping"),
-    *("rows", "resample_Hz", "derivatives", "constants", "centred"),
+
+def _value(value: Any, place: Place) -> Any:
+    return value if isinstance(value, (str, bool)) else number(value, place)
+
+
+def _files_of(value: Any, place: Place) -> Any:
+    return value if isinstance(value, str) else listed(text)(value, place)
+
+
+def _mapping_of(value: Any, place: Place) -> Any:
+    return value if isinstance(value, str) else named(anything)(value, place)
+
+
+_RECORDING = TableShape(
+    {"files": _files_of},
+    {
+        "use": one_of(*USES),
+        "name": text,
+        "plant": text,
+        "mapping": _mapping_of,
+        "rows": listed(whole, length=2),
+        "resample_Hz": number,
+        "derivatives": named(TableShape({"of": text}, {"samples": whole, "order": whole})),
+        "constants": named(_value),
+        "centred": listed(text),
+    },
 )
-_REFIT_KEYS = ("stages", "starts", "start_samples", "noise", "noise_is_model_error")
+_REFIT = TableShape(
+    {},
+    {
+        "stages": listed(number),
+        "starts": whole,
+        "start_samples": whole,
+        "noise": named(size),
+        "noise_is_model_error": flag,
+    },
+)
+_CASE = TableShape(
+    {},
+    {
+        "title": text,
+        "plant": text,
+        "options": named(_value),
+        "parameters": listed(text),
+        "without": listed(text),
+        "effects": listed(text),
+        "recordings": listed(_RECORDING),
+        "refit": _REFIT,
+        "data": text,
+        "published": named(number),
+        "published_from": text,
+        "notes": listed(text),
+    },
+)
+"""Shape of ``case.toml``; options of the plant may stand at its top too."""
 
 
 @dataclass(frozen=True)
@@ -283,14 +345,14 @@ def read_case(
             f'{path} has no case.toml; write one with plant = "NAME" and [options], or for the arm'
             " with load_kg, plane, supply_bar, sample_rate_Hz"
         )
-    settings = read_settings(path / "case.toml")
+    settings = read_toml(path / "case.toml", "case", _CASE)
     flat = {
         k: v
         for k, v in settings.items()
-        if isinstance(v, (str, int, float, bool)) and k not in _KEYS
+        if isinstance(v, (str, int, float, bool)) and k not in _CASE.usual
     }
     plant = PLANTS.get(str(settings.get("plant", DEFAULT_PLANT)), folder=path)
-    options = _options(path.name, plant, flat, _table(settings, "options", path.name))
+    options = _options(path.name, plant, flat, settings.get("options", {}))
     if "sample_rate_Hz" in flat:
         check_range(f"sample_rate_Hz of case {path.name}", flat["sample_rate_Hz"], 0.1, 1e6, "Hz")  # type: ignore[arg-type]
     own = path / "mapping.toml"
@@ -337,18 +399,11 @@ def read_case(
         str(settings.get("title", "")),
         {**changes, "folder": path},
         loops,
-        _refit_settings(path.name, plant, _table(settings, "refit", path.name)),
-        {k: float(v) for k, v in _table(settings, "published", path.name).items()},
+        _refit_settings(path.name, plant, settings.get("refit", {})),
+        {k: float(v) for k, v in settings.get("published", {}).items()},
         str(settings.get("published_from", "")),
         tuple(str(note) for note in settings.get("notes", ())),
     )
-
-
-def _table(settings: Mapping[str, Any], key: str, case: str) -> Mapping[str, Any]:
-    found = settings.get(key, {})
-    if not isinstance(found, Mapping):
-        raise WorkbenchError(f"{key} of case {case} is {found!r}; write a table [{key}]")
-    return found
 
 
 def _options(
@@ -371,13 +426,11 @@ def _entries(
             use = "fit" if role.startswith("identify") else "hold_out"
             yield path, {"file_name": role, "use": use}
         return
-    for number, entry in enumerate(settings["recordings"], 1):
-        what = f"[[recordings]] {number} of case {folder.name}"
-        if not isinstance(entry, Mapping) or "files" not in entry:
-            raise WorkbenchError(f'{what} names no files; write files = ["a.csv"]')
+    for count, entry in enumerate(settings["recordings"], 1):
+        what = f"[[recordings]] {count} of case {folder.name}"
         for key in entry:
-            check_choice(f"key of {what}", key, _RECORDING_KEYS)
-        use = check_choice(f"use of {what}", str(entry.get("use", "fit")), USES)
+            check_choice(f"key of {what}", key, _RECORDING.entries)
+        use = entry.get("use", "fit")
         files = entry["files"]
         for file in [str(files)] if isinstance(files, str) else [str(name) for name in files]:
             public = "data" in settings
@@ -445,7 +498,7 @@ def _derivative(recording: Recording, name: str, rule: Mapping[str, Any], what: 
 
 def _refit_settings(case: str, plant: Plant, table: Mapping[str, Any]) -> RefitSettings:
     for key in table:
-        check_choice(f"key of [refit] of case {case}", key, _REFIT_KEYS)
+        check_choice(f"key of [refit] of case {case}", key, _REFIT.usual)
     return RefitSettings(
         tuple(
             check_range(f"stage of case {case}", scale, 1e-9, 1e9)

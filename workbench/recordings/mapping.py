@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from workbench.checked_json import read_toml
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model.units import parse_unit
 from workbench.recordings.recording import Role
@@ -121,10 +121,12 @@ def _rule(
     for key in entry:
         check_choice(f"key of signal {signal!r} in {path}", str(key), known)
     values = {"column": signal, **entry}
-    if values.get("unit") in units:
-        factor, values["unit"] = units[values["unit"]]
+    unit = values.get("unit")
+    if isinstance(unit, str) and unit in units:
+        size, values["unit"] = units[unit]
         for key, usual in (("factor", 1.0), ("offset", 0.0)):
-            values[key] = factor * values.get(key, usual)
+            what = f"{key} of signal {signal!r} in {path}"
+            values[key] = size * check_range(what, values.get(key, usual), -1e12, 1e12)
     return ColumnRule(signal, **values)
 
 
@@ -242,12 +244,5 @@ def read_mapping(path: str | Path) -> MappingRules:
         -1
     """
     file = Path(path)
-    try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise WorkbenchError(
-            f"mapping file {file} cannot be read: {error.strerror or error}"
-        ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise WorkbenchError(f"mapping file {file} is not valid TOML: {error}") from None
+    content = read_toml(file, "mapping file")
     return rules_from(content, path=file.name, folder=file.parent)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -330,17 +329,3 @@ def read_table(
         assigned.metadata,
         assigned.mapping,
     )
-
-
-def read_settings(path: Path) -> dict[str, Any]:
-    """Read a TOML file of settings.
-
-    Raises:
-        WorkbenchError: If it is missing or not TOML.
-    """
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise WorkbenchError(f"{path} cannot be read: {error.strerror or error}") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise WorkbenchError(f"{path} is not valid TOML: {error}") from None
