@@ -60,6 +60,7 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     "ms": (1e-3, _S),
     "us": (1e-6, _S),
     "µs": (1e-6, _S),
+    "ns": (1e-9, _S),
     "min": (60.0, _S),
     "h": (3600.0, _S),
     "Hz": (1.0, _HZ),

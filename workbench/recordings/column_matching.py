@@ -9,7 +9,7 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit, same_dimension
-from workbench.recordings.headers import Header
+from workbench.recordings.headers import Header, read_header
 from workbench.recordings.recording import Role
 
 _SYNONYMS = (
@@ -141,6 +141,18 @@ def _units_agree(requested: Requested, header: Header) -> bool:
     return not requested.unit or not header.unit or same_dimension(requested.unit, header.unit)
 
 
+def _check_twice(requested: Sequence[Requested], headers: Sequence[Header]) -> None:
+    """Refuse two columns of one name where a signal is meant: nobody knows which."""
+    columns = [h.column.strip() for h in headers]
+    for column in sorted({c for c in columns if columns.count(c) > 1}):
+        for signal in requested:
+            if _same(signal, read_header(column)):
+                raise WorkbenchError(
+                    f"{columns.count(column)} columns are called {column!r}, and {signal.name} may"
+                    " be any of them; give them different names"
+                )
+
+
 def match_requested(
     requested: Sequence[Requested], headers: Sequence[Header], taken: Iterable[int]
 ) -> dict[str, tuple[int, str]]:
@@ -158,6 +170,7 @@ def match_requested(
         {'valve': (1, 'synonym'), 'angle': (0, 'unit')}
     """
     used = set(taken)
+    _check_twice(requested, headers)
     found: dict[str, tuple[int, str]] = {}
     for quality, how in ((2, "name"), (1, "synonym")):
         for signal in requested:

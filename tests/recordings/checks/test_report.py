@@ -16,7 +16,7 @@ def test_table_and_data() -> None:
     data = report.as_data()
     assert [d["check"] for d in data][:3] == ["time base", "gaps", "constant signals"]
     assert all(d["recording"] == "example" and d["note"] for d in data)
-    assert len(data) == 15
+    assert len(data) == 16
 
 
 def test_unfit_recording_cannot_be_used() -> None:

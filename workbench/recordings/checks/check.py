@@ -43,6 +43,7 @@ class Finding:
         values: The numbers behind it, in SI, for reports and plots.
         recording: The corrected recording; None if it is left as it is.
         hypotheses: What a sensor may do to its signal.
+        doubt: Whether the note holds a suspicion that only a person or a diagnosis can decide.
 
     Raises:
         WorkbenchError: If the result is none of the four.
@@ -54,6 +55,7 @@ class Finding:
     recording: Recording | None = None
     hypotheses: tuple[Hypothesis, ...] = ()
     name: str = ""
+    doubt: bool = False
 
     def __post_init__(self) -> None:
         """Check the result."""

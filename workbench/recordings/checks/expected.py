@@ -24,6 +24,8 @@ class Expected:
         required: Signals that must be fit; the others only get a note.
         sample_rate_Hz: Rate in the notes of the experiment; None if unknown.
         ranges: Smallest and largest plausible value by signal, in SI.
+        reach: The same of a state that an output without range reads, such as an angle between
+            stops, in SI.
         signs: Sign of the response to a cause, by (cause, response).
         scales: Typical size by signal, in SI.
         speed: Middle one of the magnitudes of the model's eigenvalues, in rad/s; NaN if unknown.
@@ -35,6 +37,7 @@ class Expected:
     signs: Mapping[tuple[str, str], int] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
     speed: float = math.nan
+    reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def response_signs(model: Model) -> dict[tuple[str, str], int]:
@@ -128,6 +131,8 @@ def expectations(
     """
     known: dict[str, tuple[float, float]] = {}
     scales: dict[str, float] = {}
+    free = model
+    reach: dict[str, tuple[float, float]] = {}
     names: tuple[str, ...] | None = None
     if model is not None:
         quantities: tuple[Input | Output, ...] = (*model.inputs, *model.outputs)
@@ -138,7 +143,17 @@ def expectations(
             for q in quantities
             if math.isfinite(q.lower) and math.isfinite(q.upper)
         }
-        signs = response_signs(model) if signs is None else signs
+        reach = {
+            q.name: (q.lower, q.upper)
+            for q in model.states
+            if q.name not in known
+            and q.name in scales
+            and math.isfinite(q.lower)
+            and math.isfinite(q.upper)
+        }
+        # Dry friction holds at rest, and says nothing about a motion.
+        free = model.without(*model.dry_effects)
+        signs = response_signs(free) if signs is None else signs
     if required is not None:
         names = tuple(required)
     for name in names or ():
@@ -153,5 +168,6 @@ def expectations(
         {**known, **(ranges or {})},
         {k: s for k, s in (signs or {}).items() if k[0] in recording and k[1] in recording},
         scales,
-        math.nan if model is None else middle_speed(model),
+        math.nan if free is None else middle_speed(free),
+        reach,
     )

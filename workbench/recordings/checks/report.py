@@ -116,8 +116,11 @@ class CheckReport:
 
     def __str__(self) -> str:
         rows = [(c.name, c.result, c.note) for c in self.checks]
+        doubts = [c.name for c in self.checks if c.doubt]
         open_ = [c.name for c in self.checks if c.result == "not checked"]
-        tail = f", not checked: {', '.join(open_)} (see why below)" if open_ else ""
+        tail = f", doubtful: {', '.join(doubts)}" if doubts else ""
+        tail += f", not checked: {', '.join(open_)}" if open_ else ""
+        tail += " (see why below)" if tail else ""
         return f"{self.name}: {self.result}{tail}\n" + aligned_table(
             ("check", "result", "note"), rows
         )

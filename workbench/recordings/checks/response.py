@@ -152,7 +152,7 @@ def check_response(recording: Recording, expected: Expected) -> Finding:
         return Finding("unfit", "; ".join(dict.fromkeys(problems)), values)
     if not seen:
         return Finding("not checked", "; ".join(doubts), values)
-    return Finding("pass", "; ".join((*seen, *doubts)), values)
+    return Finding("pass", "; ".join((*seen, *doubts)), values, doubt=bool(doubts))
 
 
 RESPONSE = Check(

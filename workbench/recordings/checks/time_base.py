@@ -11,6 +11,8 @@ from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording, Vector
 
+_EPOCH = (1e9, 4e9)
+"""Seconds since 1970 from 2001 to 2096."""
 _MIN_SAMPLES = 20
 _SHORTEST_STEP = 1e-8
 _LONGEST_STEP = 1e5
@@ -77,6 +79,16 @@ def _without_repeats(recording: Recording) -> tuple[Recording, str] | str:
     return recording.take(~repeats), f"{count} row(s) with a repeated instant were left out"
 
 
+def _epoch(recording: Recording) -> tuple[Recording, str]:
+    """Turn instants since 1970 in ms, us or ns into s; nothing else counts that far."""
+    for factor, unit in ((1e3, "ms"), (1e6, "us"), (1e9, "ns")):
+        if _EPOCH[0] <= recording.time[0] / factor < _EPOCH[1]:
+            return replace(recording, time=recording.time / factor), (
+                f"the time counts {unit} since 1970, not s; divided by {factor:g}"
+            )
+    return recording, ""
+
+
 def _rate(recording: Recording, expected: Expected) -> tuple[Recording, str] | str:
     """Compare with the sample rate in the notes; a factor of a thousand is a wrong unit."""
     stated = expected.sample_rate_Hz
@@ -121,7 +133,7 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
     if np.ptp(recording.time) == 0:
         return Finding("unfit", "the time never advances")
     notes = []
-    for step in (_in_order, _without_repeats, lambda r: _rate(r, expected)):
+    for step in (_epoch, _in_order, _without_repeats, lambda r: _rate(r, expected)):
         found = step(recording)
         if isinstance(found, str):
             return Finding("unfit", found)
@@ -143,7 +155,11 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
     if notes:
         return Finding("corrected", "; ".join(notes), values, recording)
     note = f"{recording.duration:.6g} s at {1 / recording.sample_time:.6g} Hz, increasing"
-    return Finding("pass", note, values)
+    unit = next((row.unit for row in recording.mapping or () if row.signal == "time"), "s")
+    known = unit or expected.sample_rate_Hz or np.isfinite(expected.speed)
+    if not known:
+        note += "; no unit is stated: taken as s"
+    return Finding("pass", note, values, doubt=not known)
 
 
 TIME_BASE = Check(

@@ -14,15 +14,18 @@ _UNITS = (
     "rad", "deg", "mrad", "bar", "Pa", "kPa", "mbar", "MPa", "psi", "V", "mV", "m", "mm", "um",
     "N", "kN", "degC", "K", "s", "ms",
 )  # fmt: skip
+_SMALL = 20.0
+"""Share of a range, inverted, below which a travel may be one in another unit."""
 _FAR = 30.0
 """Times a model's typical size; a unit is wrong by more, a machine seldom."""
 
 
 def _plausible(signal: Signal, expected: Expected) -> tuple[float, float, float] | None:
     """Return least and most value and least travel, in SI; None if nobody knows."""
-    if signal.name in expected.ranges:
+    known = {**expected.reach, **expected.ranges}
+    if signal.name in known:
         # A tenth of the range on each side for offsets, stops that give way, and noise.
-        first, last = expected.ranges[signal.name]
+        first, last = known[signal.name]
         margin = 0.1 * (last - first)
         return first - margin, last + margin, 0.002 * (last - first)
     scale = expected.scales.get(signal.name)
@@ -61,7 +64,8 @@ def _problem(signal: Signal, stated: str, known: tuple[float, float, float]) -> 
         return "", False
     # Units differ by ten and more; what is only somewhat outside is a sensor's gain or offset.
     far = most - least < travel or max(-least, most) > 5 * max(abs(low), abs(high))
-    better = _better_unit(signal, stated, low, high, 10 * travel) if stated and far else ""
+    # In the right unit it moves by a tenth of its range or more, as a wrong gain need not.
+    better = _better_unit(signal, stated, low, high, 50 * travel) if stated and far else ""
     if better:
         return (
             f"{text}: the numbers look like {better}, not {stated}; correct the unit in the header"
@@ -71,11 +75,30 @@ def _problem(signal: Signal, stated: str, known: tuple[float, float, float]) -> 
     return text, False
 
 
+def _suspicion(signal: Signal, stated: str, low: float, high: float) -> str:
+    """Return what speaks for another unit although the values are possible; empty if nothing."""
+    travel, width = float(np.ptp(signal.values)), high - low
+    if not stated or not 0 < travel < width / _SMALL:
+        return ""
+    for unit in _UNITS:
+        factor = float(to_si(1.0, unit) / to_si(1.0, stated)) if same_dimension(unit, stated) else 0
+        values = factor * signal.values
+        if factor > _SMALL and values.min() >= low and values.max() <= high:
+            least, most = signal.displayed([signal.values.min(), signal.values.max()])
+            shown = signal.display_unit or signal.unit
+            return (
+                f"{signal.name} moves by {most - least:.3g} {shown} only, a {width / travel:.0f}th"
+                f" of its range: numbers in {unit} would do so too"
+            )
+    return ""
+
+
 def check_units(recording: Recording, expected: Expected) -> Finding:
     """Check that every signal is of the size that the model or a range says.
 
-    Numbers that would be plausible in another unit are unfit, not corrected, because two units may
-    fit. What is out of range in every unit is a gain or an offset that a diagnosis may name.
+    Numbers that are plausible in another unit alone are unfit, not corrected, because two units may
+    fit. What is out of range in every unit is a gain or an offset that a diagnosis may name; what
+    is possible, but so small that another unit is as likely, is a doubt.
     """
     stated = {row.signal: row.unit for row in recording.mapping or ()}
     problems, remarks, hypotheses, unknown = [], [], [], []
@@ -84,7 +107,12 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
         if known is None:
             unknown.append(signal.name)
             continue
-        problem, other_unit = _problem(signal, stated.get(signal.name, signal.unit), known)
+        unit = stated.get(signal.name, signal.unit)
+        problem, other_unit = _problem(signal, unit, known)
+        if not problem:
+            suspicion = _suspicion(signal, unit, *known[:2])
+            if suspicion:
+                remarks.append(suspicion)
         if problem and other_unit and signal.name in expected.required:
             problems.append(problem)
         elif problem:
@@ -93,13 +121,15 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
                 hypotheses.append(Hypothesis(signal.name, "offset_gain", problem))
     if problems:
         return Finding("unfit", "; ".join(problems))
+    doubt = bool(remarks)
     unstated = [s.name for s in recording.signals if not s.unit]
     if unstated:
         remarks.append(f"no unit stated for {', '.join(unstated)}: taken as SI")
     if len(unknown) == len(recording.signals):
         remarks.insert(0, "no model or range says what is plausible")
         return Finding("not checked", "; ".join(remarks))
-    return Finding("pass", "; ".join(remarks) or "plausible sizes", hypotheses=tuple(hypotheses))
+    note = "; ".join(remarks) or "plausible sizes"
+    return Finding("pass", note, hypotheses=tuple(hypotheses), doubt=doubt)
 
 
 UNITS = Check(

@@ -15,7 +15,7 @@ from workbench.recordings.recording import Scalar
 
 
 def read_parquet(path: Path, options: ReadOptions) -> Columns:
-    """Read the columns of numbers and of instants, the latter in s from the first one.
+    """Read the columns of numbers, of instants in s from the first one, and of durations in s.
 
     Raises:
         WorkbenchError: If the file is damaged or holds no numbers.
@@ -30,16 +30,22 @@ def read_parquet(path: Path, options: ReadOptions) -> Columns:
         schema = source.schema_arrow
         names = [f.name for f in schema if any(test(f.type) for test in numeric)]
         stamps = [f.name for f in schema if pa.types.is_timestamp(f.type)]
+        spans = [f.name for f in schema if pa.types.is_duration(f.type)]
         thinner = Thinner(options.max_rows)
         start: Any = None
-        for batch in source.iter_batches(batch_size=65536, columns=names + stamps):
+        for batch in source.iter_batches(batch_size=65536, columns=names + stamps + spans):
             cells = [
-                batch.column(n).cast(pa.float64()).to_numpy(zero_copy_only=False) for n in names
+                # Nanoseconds since 1970 have more digits than a double: the last few do not count.
+                batch.column(n).cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False)
+                for n in names
             ]
             for n in stamps:
                 raw = batch.column(n).cast(pa.timestamp("ns")).to_numpy(zero_copy_only=False)
                 start = raw[0] if start is None else start
                 cells.append((raw - start) / np.timedelta64(1, "s"))
+            for n in spans:
+                raw = batch.column(n).cast(pa.duration("ns")).to_numpy(zero_copy_only=False)
+                cells.append(raw / np.timedelta64(1, "s"))
             if cells:
                 thinner.add(np.column_stack(cells).astype(float))
         metadata = _metadata(schema)
@@ -50,16 +56,16 @@ def read_parquet(path: Path, options: ReadOptions) -> Columns:
             f"{path.name} is truncated or not a Parquet file ({reason}); save or copy it again"
         ) from None
     values = thinner.rows()
-    if not (names or stamps) or len(values) == 0:
+    if not (names or stamps or spans) or len(values) == 0:
         raise WorkbenchError(f"{path.name} holds no columns of numbers")
     values[~np.isfinite(values)] = np.nan
-    left = [f.name for f in schema if f.name not in names + stamps]
+    left = [f.name for f in schema if f.name not in names + stamps + spans]
     notes = [f"left out, not columns of numbers: {', '.join(left)}"] if left else []
     if thinner.factor > 1:
         notes.append(
             f"{thinner.total} rows were averaged in groups of {thinner.factor}, all columns alike"
         )
-    headers = (*names, *(f"{n} [s]" for n in stamps))
+    headers = (*names, *(f"{n} [s]" for n in stamps + spans))
     return Columns(headers, ("",) * len(headers), values, True, metadata, tuple(notes))
 
 
