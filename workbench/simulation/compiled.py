@@ -1,4 +1,4 @@
-"""Compiled CasADi functions: C code generated, built once and cached by its content."""
+"""Functions as machine code: C generated or shipped, built once and cached by its content."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ import subprocess
 import sys
 import tempfile
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import casadi as ca
-import numpy as np
-import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
 
@@ -23,7 +22,7 @@ _FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
 """What every compiler takes. Products are rounded before they are added, so that machine code gives
 the very numbers that an interpreted model gives."""
 
-_FAST_FLAGS = (
+FAST = (
     "-O3",
     "-march=native",
     "-fno-semantic-interposition",
@@ -34,8 +33,9 @@ _FAST_FLAGS = (
 """The same numbers about twice as fast: products of matrices become part of the code around them,
 in the instructions of this very processor."""
 
-_QUICK_FLAGS = ("-Og", *_FLAGS[1:])
-"""The same numbers, built in a sixth of the time: for code that runs for less than a second."""
+SOON = ("-Og", *_FLAGS[1:])
+"""For the equations of a model, which have no loops: built in a sixth of the time, and a fifth
+slower than ``FAST``."""
 
 
 @functools.cache
@@ -95,13 +95,11 @@ def cache_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="workbench-"))
 
 
-def compiled(function: ca.Function, *, quick: bool = False) -> ca.Function:
+def compiled(function: ca.Function) -> ca.Function:
     """Return the function as machine code where a C compiler exists, unchanged otherwise.
 
     Args:
         function: A CasADi function that can be generated as C.
-        quick: Whether code that is built soon is worth more than code that runs fast; what was
-            built before to run fast is taken all the same.
 
     Returns:
         A function with the same signature and the same results.
@@ -111,94 +109,57 @@ def compiled(function: ca.Function, *, quick: bool = False) -> ca.Function:
         >>> float(compiled(ca.Function("twice", [x], [2 * x]))(3.0))
         6.0
     """
-    cc = compiler()
-    if cc is None:
+    if compiler() is None:
         return function
-    name = function.name()
-    generator = ca.CodeGenerator(f"{name}.c")
-    generator.add(function)
-    source = generator.dump()
-    libraries = {
-        flags: _library(name, (ca.CasadiMeta.version(), cc, *flags, _processor(), source))
-        for flags in (_FAST_FLAGS, _QUICK_FLAGS)
-    }
-    flags = _QUICK_FLAGS if quick and not libraries[_FAST_FLAGS].exists() else _FAST_FLAGS
-    library = libraries[flags]
-    if not library.exists():
-        _build(cc, flags, source, library)
-    if not library.exists():
-        return function
-    return ca.external(name, str(library))
+    library = built(function.name(), generated([function]), FAST)
+    return function if library is None else ca.external(function.name(), str(library))
 
 
-def _library(name: str, made_by: tuple[str, ...]) -> Path:
-    key = hashlib.sha256("\0".join(made_by).encode())
-    return cache_folder() / f"{name}-{key.hexdigest()[:24]}.so"
+def generated(functions: Sequence[ca.Function]) -> str:
+    """Return C code of functions, which stand in it under their names."""
+    generator = ca.CodeGenerator(f"{functions[0].name()}.c")
+    for function in functions:
+        generator.add(function)
+    return str(generator.dump())
 
 
-class Buffered:
-    """A CasADi function of matrices, called without the cost of converting its arguments.
+def built(
+    name: str, source: str, flags: tuple[str, ...], *, headers: Path | None = None
+) -> Path | None:
+    """Build C code as a shared library, unless it was built before.
 
     Args:
-        function: The function; its first output is returned.
-        shapes: Shape of each argument.
+        name: What the library is called in the cache.
+        flags: ``FAST`` or ``SOON``.
+        headers: Folder of the headers that the code includes; they count as part of the code.
 
-    Example:
-        >>> x = ca.SX.sym("x", 2)
-        >>> twice = Buffered(ca.Function("twice", [x], [2 * x]), (2, 1))
-        >>> twice([[1.0], [2.0]]).tolist()
-        [[2.0], [4.0]]
+    Returns:
+        The library, or None where there is no C compiler or it fails, with a warning.
     """
-
-    def __init__(self, function: ca.Function, *shapes: tuple[int, int]) -> None:
-        self._buffer, self._call = function.buffer()
-        # CasADi stores matrices by columns.
-        self.arguments = [np.zeros(shape, order="F") for shape in shapes]
-        for i, array in enumerate(self.arguments):
-            self._buffer.set_arg(i, array.reshape(-1, order="F").data)
-        self.result: npt.NDArray[np.float64] = np.zeros(function.size_out(0), order="F")
-        self._buffer.set_res(0, self.result.reshape(-1, order="F").data)
-
-    def __call__(self, *values: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Return the function's first output for new arguments.
-
-        Args:
-            values: Arguments of the shapes given, in the function's units.
-
-        Returns:
-            The output; the next call overwrites it.
-
-        Raises:
-            RuntimeError: If the function fails.
-        """
-        for array, value in zip(self.arguments, values, strict=True):
-            array[:] = value
-        return self.evaluate()
-
-    def evaluate(self) -> npt.NDArray[np.float64]:
-        """Return the function's first output for what ``arguments`` hold now.
-
-        Returns:
-            The output, in the function's unit; the next call overwrites it.
-
-        Raises:
-            RuntimeError: If the function fails.
-        """
-        self._call()
-        if self._buffer.ret():
-            raise RuntimeError("a compiled function failed")
-        return self.result
+    cc = compiler()
+    if cc is None:
+        return None
+    included = sorted(headers.glob("*.h")) if headers else []
+    made_by = (ca.CasadiMeta.version(), cc, *flags, source, *(h.read_text() for h in included))
+    if flags is FAST:
+        made_by = (*made_by, _processor())
+    key = hashlib.sha256("\0".join(made_by).encode())
+    library = cache_folder() / f"{name}-{key.hexdigest()[:24]}.so"
+    if not library.exists():
+        _build(cc, flags + ((f"-I{headers}",) if headers else ()), source, library)
+    return library if library.exists() else None
 
 
-def _build(cc: str, fast: tuple[str, ...], source: str, library: Path) -> None:
+def _build(cc: str, flags: tuple[str, ...], source: str, library: Path) -> None:
     # Built under another name and moved, so that a parallel run never loads a half-written file.
     with tempfile.TemporaryDirectory(dir=library.parent) as folder:
         code = Path(folder) / "code.c"
         built = Path(folder) / "code.so"
         code.write_text(source)
-        for flags in (fast, _FLAGS):
+        plain = _FLAGS + tuple(flag for flag in flags if flag.startswith("-I"))
+        for asked in (flags, plain):
             done = subprocess.run(
-                [cc, *flags, "-o", str(built), str(code), "-lm"],
+                [cc, *asked, "-o", str(built), str(code), "-lm"],
                 capture_output=True,
                 text=True,
                 check=False,

@@ -11,13 +11,11 @@ import numpy.typing as npt
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector
-from workbench.simulation.stepper import METHODS, Method, Stepper
+from workbench.simulation.integrators import METHODS, Method
+from workbench.simulation.stepper import Stepper
 from workbench.simulation.trajectory import Trajectory, find_violations, read_outputs
 
 Vector = npt.NDArray[np.float64]
-
-BLOCK = 250
-"""Samples per call of the integrator: calls are dear, long blocks are slow to build."""
 
 
 def simulate(
@@ -143,21 +141,10 @@ def _run(
     values: Vector,
 ) -> tuple[Vector, Stepper]:
     stepper = Stepper(model, sample_time, tolerance, method, form, values)
-    states = np.empty((len(held), len(x0)))
-    states[0] = x0
-    k, whole = 0, True
-    while k < len(held) - 1:
-        size = BLOCK if whole and k + BLOCK < len(held) else 1
-        try:
-            states[k + 1 : k + 1 + size] = stepper.run(states[k], held[k : k + size])
-        except NumericalError as error:
-            if size > 1:
-                # Sample by sample, to say when.
-                whole = False
-                continue
-            raise NumericalError(f"after {k * sample_time:g} s, {error}") from None
-        k += size
-    return states, stepper
+    after = stepper.run_as_far(x0, held[:-1])
+    if len(after) < len(held) - 1:
+        raise NumericalError(f"after {len(after) * sample_time:g} s, {stepper.failure()}")
+    return np.vstack([x0, after]), stepper
 
 
 def _refuse(model: Model, error: float, method: Method, tolerance: float) -> None:

@@ -3,58 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Literal
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import NumericalError, check_choice, check_range
-from workbench.model import EXACT, Form, Model, Trace
+from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector
-from workbench.simulation.compiled import Buffered, compiled, compiler
+from workbench.simulation.integrators import METHODS, Method, integrator_of, name_of
+from workbench.simulation.runge_kutta import MOST_STEPS
 
 Vector = npt.NDArray[np.float64]
-Method = Literal["erk", "rosenbrock"]
-
-METHODS: tuple[Method, ...] = ("erk", "rosenbrock")
-"""Explicit Runge-Kutta pair 5(4), and Rosenbrock-Wanner 5(4) for stiff models; both adaptive."""
-
-_MAX_STEPS_PER_SAMPLE = 2000
-
-
-@lru_cache(maxsize=64)
-def _interval(
-    traced: Trace,
-    scale: tuple[float, ...],
-    method: Method,
-    sample_time: float,
-    samples: int,
-    tolerance: float,
-) -> ca.Function:
-    """Build a function (z, u, p) -> z at the ends of ``samples`` intervals, z = x / scale."""
-    size = np.array(scale)
-    z = ca.SX.sym("z", len(size))
-    # Common subexpressions written once: 13 % fewer operations for the arm.
-    rates = ca.cse(ca.substitute(traced.rates, traced.x, z * size) / size)
-    integrator = ca.integrator(
-        "interval",
-        method,
-        {"x": z, "u": traced.u, "p": traced.p, "ode": rates},
-        0.0,
-        [sample_time * (i + 1) for i in range(samples)],
-        {
-            "abstol": tolerance,
-            "reltol": tolerance,
-            "max_num_steps": _MAX_STEPS_PER_SAMPLE,
-        },
-    )
-    z0 = ca.MX.sym("z0", len(size))
-    u = ca.MX.sym("u", traced.u.numel(), samples)
-    p = ca.MX.sym("p", traced.p.numel())
-    end = integrator(x0=z0, u=u, p=p)["xf"]
-    return compiled(ca.Function("samples", [z0, u, p], [end]))
 
 
 @dataclass
@@ -98,16 +57,14 @@ class Stepper:
             if self.values is None
             else check_vector("parameter", self.values, self.model.parameters)
         )
-        self._blocks: dict[int, Buffered] = {}
-        n_x, n_u, n_p = len(self.scale), len(self.model.inputs), len(self.parameters)
-        outputs = compiled(self.model.form(self.form).outputs_function)
-        self._read = Buffered(outputs, (n_x, 1), (n_u, 1), (n_p, 1))
-        self._read.arguments[2][:, 0] = self.parameters
+        self._method = integrator_of(
+            self.method, self.model.form(self.form), self.scale, self.sample_time, self.tolerance
+        )
 
     @property
     def integrator(self) -> str:
         """Name of the integrator, and whether it runs compiled."""
-        return f"{self.method}, {'compiled' if compiler() else 'interpreted'}"
+        return name_of(self._method)
 
     def step(self, x: npt.ArrayLike, u: npt.ArrayLike) -> Vector:
         """Return the states one sample later.
@@ -137,16 +94,23 @@ class Stepper:
         Raises:
             NumericalError: If the integrator gives up or the states are no longer finite.
         """
-        held = np.asarray(u, dtype=float)
-        block = self._block(len(held))
-        z = np.asarray(x, dtype=float) / self.scale
-        try:
-            end = block(z[:, None], held.T, self.parameters[:, None])
-        except RuntimeError:
-            raise self._failure("gave up: more than 2000 steps in a sample") from None
-        if not np.isfinite(end).all():
-            raise self._failure("returned numbers that are not finite")
-        return np.asarray(end.T * self.scale, dtype=float)
+        states = self.run_as_far(x, u)
+        if len(states) < len(np.asarray(u)):
+            raise self.failure()
+        return states
+
+    def run_as_far(self, x: npt.ArrayLike, u: npt.ArrayLike) -> Vector:
+        """Return the states after each of several samples, as far as the integrator gets.
+
+        Args:
+            x: States at the start, shape (n_states,), in SI.
+            u: Inputs held over each sample, shape (n_samples, n_inputs), in SI.
+
+        Returns:
+            States at the ends of the samples, shape (m, n_states), in SI; m < n_samples where the
+            integrator gives up or the next states are not finite.
+        """
+        return self._method.run(x, u, self.parameters)
 
     def read(self, x: npt.ArrayLike, u: npt.ArrayLike) -> Vector:
         """Return what the sensors would read, without noise and quantisation.
@@ -158,29 +122,13 @@ class Stepper:
         Returns:
             Measurements, shape (n_outputs,), in SI.
         """
-        read = self._read
-        read.arguments[0][:, 0] = x
-        read.arguments[1][:, 0] = u
-        read.evaluate()
-        return read.result[:, 0].copy()
+        return self._method.equations(1, x, u, self.parameters)[0].copy()
 
-    def _block(self, samples: int) -> Buffered:
-        if samples not in self._blocks:
-            function = _interval(
-                self.model.form(self.form),
-                tuple(self.scale),
-                self.method,
-                self.sample_time,
-                samples,
-                self.tolerance,
-            )
-            n_x, n_u, n_p = len(self.scale), len(self.model.inputs), len(self.parameters)
-            self._blocks[samples] = Buffered(function, (n_x, 1), (n_u, samples), (n_p, 1))
-        return self._blocks[samples]
-
-    def _failure(self, what: str) -> NumericalError:
+    def failure(self) -> NumericalError:
+        """Return the error that says why the integrator got no further."""
         stiff = ", or the model is stiff (use method='rosenbrock')" if self.method == "erk" else ""
         return NumericalError(
-            f"the {self.method} integrator of {self.model.name!r} {what}; the states or the"
-            f" parameters have left the range of the model{stiff}"
+            f"the {self.method} integrator of {self.model.name!r} gave up: more than {MOST_STEPS}"
+            " steps in a sample, or numbers that are not finite; the states or the parameters have"
+            f" left the range of the model{stiff}"
         )

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import check_choice
 from workbench.model import EXACT, Form, Model, Trace
-from workbench.simulation.compiled import Buffered, compiled
+from workbench.simulation.equations import Equations
+from workbench.simulation.runge_kutta import at_every_row
 
 Vector = npt.NDArray[np.float64]
-
-BATCH = 250
-"""Samples at which measurements and signals are computed in one call."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +92,7 @@ class Trajectory:
     def signals(self) -> dict[str, Vector]:
         """Every port and published signal of the model, shape (n,) each, in SI, by name."""
         traced = self.model.form(self.form)
-        table = _over(traced.signals_function, self.states, self.inputs, self.values)
+        table = _over(traced, "signals", self.states, self.inputs, self.values)
         return dict(zip(traced.signal_names, table.T, strict=True))
 
     def __getitem__(self, name: str) -> Vector:
@@ -142,7 +139,7 @@ def read_outputs(
     Returns:
         Measurements, shape (n, n_outputs), in SI.
     """
-    return _over(model.form(form).outputs_function, states, inputs, values)
+    return _over(model.form(form), "outputs", states, inputs, values)
 
 
 def find_violations(
@@ -173,8 +170,7 @@ def find_violations(
     columns = [*states.T]
     if traced.ranges:
         which = [traced.signal_names.index(r.signal) for r in traced.ranges]
-        function = _ranged(traced, tuple(which))
-        columns += [*_over(function, states, inputs, values).T]
+        columns += [*_over(traced, "signals", states, inputs, values).T[which]]
         checks += [(r.signal, r.unit, r.lower, r.upper) for r in traced.ranges]
     found = []
     for (name, unit, lower, upper), column in zip(checks, columns, strict=True):
@@ -195,29 +191,8 @@ def find_violations(
     return tuple(found)
 
 
-@lru_cache(maxsize=64)
-def _ranged(traced: Trace, which: tuple[int, ...]) -> ca.Function:
-    return traced.function("ranged", ca.cse(traced.signals[list(which)]))
-
-
-@lru_cache(maxsize=64)
-def _batched(function: ca.Function) -> ca.Function:
-    # Parameters, the third argument, are the same for all samples.
-    return compiled(function.map(f"{function.name()}_batch", "serial", BATCH, [2], []))
-
-
-def _over(function: ca.Function, states: Vector, inputs: Vector, values: Vector) -> Vector:
-    """Evaluate a function of (x, u, p) at every sample, one row each."""
-    shapes = (states.shape[1], BATCH), (inputs.shape[1], BATCH), (values.size, 1)
-    # Buffers of its own, so that threads do not meet in them.
-    batch = Buffered(_batched(function), *shapes)
-    x, u, p = batch.arguments
-    p[:, 0] = values
-    # A last batch that is not full is filled up with the first sample: never with invalid states.
-    x[:], u[:] = states[:1].T, inputs[:1].T
-    table = np.empty((len(states), function.size1_out(0)))
-    for k in range(0, len(states), BATCH):
-        n = min(BATCH, len(states) - k)
-        x[:, :n], u[:, :n] = states[k : k + n].T, inputs[k : k + n].T
-        table[k : k + n] = batch.evaluate()[:, :n].T
-    return table
+def _over(traced: Trace, name: str, states: Vector, inputs: Vector, values: Vector) -> Vector:
+    """Evaluate the outputs or the signals at every sample, one row each."""
+    functions = traced.outputs_function, traced.signals_function
+    place = [f.name() for f in functions].index(name)
+    return at_every_row(Equations(functions[place : place + 1]), 0, states, inputs, values)

@@ -14,6 +14,7 @@ from workbench.display import Drawn, Rows
 from workbench.errors import check_choice
 from workbench.model import Input, Model, Output, Quantity
 from workbench.model.units import from_si, shown_unit
+from workbench.simulation.integrators import METHODS
 from workbench.verification.sampled_plant import FullPlant
 from workbench.verification.scenario import Scenario
 
@@ -121,7 +122,8 @@ class Run(Drawn):
         """
         if self.model is None:
             return 0.0
-        h, method = self.scenario.sample_time, self.integrator.split(",")[0]
+        h = self.scenario.sample_time
+        method = next(name for name in METHODS if self.integrator.startswith(name))
         plant = FullPlant(
             self.model, h, self.states[0], tolerance=self.tolerance / 10, method=method
         )

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from controllers.sampling import zero_order_hold
 from workbench.errors import NumericalError, check_choice
-from workbench.model import EXACT, Form, Model, Trace
+from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector, index_of
-from workbench.simulation.compiled import compiled, compiler
+from workbench.simulation.integrators import Method, integrator_of, name_of
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -28,8 +26,8 @@ TOLERANCE = 1e-6
 class FullPlant:
     """The full nonlinear plant, advanced sample by sample.
 
-    One compiled call holds the inputs for a sample and reads the sensors at its end, with the
-    inputs that led there. Buffers are reused: at 500 Hz the call itself is most of the time.
+    One call holds the inputs for a sample and reads the sensors at its end, with the inputs that
+    led there. Memory is reused: at 500 Hz the call itself is most of the time.
 
     Args:
         sample_time: Time between samples, in s.
@@ -54,26 +52,19 @@ class FullPlant:
         start: npt.ArrayLike,
         *,
         tolerance: float = TOLERANCE,
-        method: str = "erk",
+        method: Method = "erk",
         form: Form = EXACT,
     ) -> None:
         self.model = model
-        self.integrator = f"{method}, {'compiled' if compiler() else 'interpreted'}"
         self.tolerance = tolerance
         self._scale = np.array([q.scale for q in model.states])
         traced = model.form(form)
-        function = _sample(traced, tuple(self._scale), method, sample_time, tolerance)
-        x = check_vector("state", start, model.states)
-        u = model.nominal_input
-        buffer, self._call = function.buffer()
-        self._buffer = buffer
-        self._z, self._u, self._p = x / self._scale, u.copy(), model.values.copy()
-        self._end = np.zeros_like(self._z)
-        self._y = np.asarray(traced.outputs_function(x, u, self._p), dtype=float).ravel()
-        for i, array in enumerate((self._z, self._u, self._p)):
-            buffer.set_arg(i, memoryview(array.data))
-        for i, array in enumerate((self._end, self._y)):
-            buffer.set_res(i, memoryview(array.data))
+        integrator = integrator_of(method, traced, self._scale, sample_time, tolerance)
+        self.integrator = name_of(integrator)
+        self._x = check_vector("state", start, model.states).copy()
+        self._u, self._p = model.nominal_input.copy(), model.values.copy()
+        self._y = integrator.equations(1, self._x, self._u, self._p)[0].copy()
+        self._hold = integrator.holding(self._x, self._u, self._p, self._y)
         self.outputs: list[float] = self._y.tolist()
 
     def set_parameter(self, name: str, value: float) -> None:
@@ -100,13 +91,13 @@ class FullPlant:
 
     @property
     def scaled_state(self) -> Vector:
-        """States of now over their scales (dimensionless), shape (n_states,); overwritten later."""
-        return np.asarray(self._z)
+        """States of now over their scales (dimensionless), shape (n_states,)."""
+        return np.asarray(self._x / self._scale)
 
     @property
     def state(self) -> Vector:
         """States of now, shape (n_states,), in SI."""
-        return np.asarray(self._z * self._scale)
+        return self._x.copy()
 
     def hold(self, command: tuple[float, ...]) -> None:
         """Hold a command for one sample and read the sensors at its end.
@@ -119,17 +110,16 @@ class FullPlant:
         """
         for i, value in enumerate(command):
             self._u[i] = value
-        self._call()
+        held = self._hold()
         self.outputs = self._y.tolist()
         # A sum is not finite if any term is not; states that no measurement shows are checked at
         # the end of the run.
-        if self._buffer.ret() or not -1e300 < sum(self.outputs) < 1e300:
+        if not held or not -1e300 < sum(self.outputs) < 1e300:
             raise NumericalError(
                 f"the integrator of {self.model.name!r} gave up in a closed loop: the states or"
                 " the parameters have left the range of the model, or the model is stiff (use"
                 " method='rosenbrock')"
             )
-        self._z[:] = self._end
 
 
 class LinearPlant:
@@ -224,27 +214,3 @@ def _rest(linear: LinearModel, outputs: Mapping[str, float]) -> tuple[Vector, Ve
     found = np.linalg.lstsq(matrix / weight[:, None], target / weight, rcond=1e-12)[0] * size
     n = len(linear.A)
     return found[:n], found[n:]
-
-
-@lru_cache(maxsize=64)
-def _sample(
-    traced: Trace, scale: tuple[float, ...], method: str, sample_time: float, tolerance: float
-) -> ca.Function:
-    """Build (z, u, p) -> (z one sample later, measurements there), with z = x / scale."""
-    size = np.array(scale)
-    z = ca.SX.sym("z", len(size))
-    rates = ca.substitute(traced.rates, traced.x, z * size) / size
-    integrator = ca.integrator(
-        "interval",
-        method,
-        {"x": z, "u": traced.u, "p": traced.p, "ode": rates},
-        0.0,
-        sample_time,
-        {"abstol": tolerance, "reltol": tolerance, "max_num_steps": 2000},
-    )
-    z0 = ca.MX.sym("z0", len(size))
-    u = ca.MX.sym("u", traced.u.numel())
-    p = ca.MX.sym("p", traced.p.numel())
-    end = integrator(x0=z0, u=u, p=p)["xf"]
-    measurements = traced.outputs_function(end * size, u, p)
-    return compiled(ca.Function("closed_loop_sample", [z0, u, p], [end, measurements]))

@@ -1,52 +1,29 @@
-"""The filter as machine code: one sample of an extended Kalman filter with sensitivities.
+"""An extended Kalman filter with sensitivities along a recording.
 
 Explicit Runge-Kutta steps carry the state, the exponential of the linearised equations its
-covariance and its derivatives with respect to the free parameters.
+covariance and its derivatives with respect to the free parameters. `filter.c` does the same as
+machine code; `_in_python` is the reading version, and the one that runs without a C compiler.
 """
 
 from __future__ import annotations
 
-import time
-from functools import lru_cache
+import ctypes
+import functools
+from pathlib import Path
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from workbench.model import Model, Trace
-from workbench.simulation.compiled import compiled
+from workbench.simulation.equations import CFunction, Equations, address, in_c
 
 Vector = npt.NDArray[np.float64]
 
 OUTLIER_SIGMA = 5.0
 """Innovations beyond this many standard deviations are taken as outliers: their variance is
 enlarged so that they count as this many."""
-
-
-class FilterCall:
-    """A function called on its own memory, without converting arguments and results."""
-
-    def __init__(self, function: ca.Function) -> None:
-        """Set the memory aside."""
-        self._buffer, self._call = function.buffer()
-        # CasADi stores matrices by columns.
-        self.arguments = [np.zeros(function.size_in(i), order="F") for i in range(function.n_in())]
-        self.results = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
-        for i, array in enumerate(self.arguments):
-            self._buffer.set_arg(i, array.reshape(-1, order="F").data)
-        for i, array in enumerate(self.results):
-            self._buffer.set_res(i, array.reshape(-1, order="F").data)
-
-    def __call__(self, *values: npt.ArrayLike) -> list[Vector]:
-        """Return the results, in memory that the next call overwrites.
-
-        Args:
-            values: The arguments of the function, in its units.
-        """
-        for array, value in zip(self.arguments, values, strict=True):
-            array[...] = value
-        self._call()
-        return self.results
 
 
 _STEPS, _SHORTEST_S = 10, 0.7e-3
@@ -66,34 +43,6 @@ _LOOKS = 20
 
 _FADED = 1e-50
 """Covariance and sensitivity, relative to the scales, that are none any more."""
-
-WORTH_S = 10.0
-"""Time in quickly built code, in s, after which code that runs twice as fast has paid for the
-longer wait for it."""
-
-
-class Filter:
-    """A filter over blocks of samples, built soon at first and to run fast when much is asked."""
-
-    def __init__(self, function: ca.Function) -> None:
-        """Build it to be there soon."""
-        self._function, self._spent = function, 0.0
-        self._call = FilterCall(compiled(function, quick=True))
-
-    def __call__(self, *values: npt.ArrayLike) -> list[Vector]:
-        """Return the results, in memory that the next call overwrites.
-
-        Args:
-            values: The arguments of the function, in its units.
-        """
-        if 0.0 <= self._spent < WORTH_S:
-            began = time.perf_counter()
-            results = self._call(*values)
-            self._spent += time.perf_counter() - began
-            return results
-        if self._spent >= WORTH_S:
-            self._call, self._spent = FilterCall(compiled(self._function)), -1.0
-        return self._call(*values)
 
 
 def substeps_of(model: Model, sample_time: float) -> int:
@@ -122,8 +71,219 @@ def substeps_of(model: Model, sample_time: float) -> int:
     return int(np.clip(np.ceil(round(asked, 6)), 1, 50))
 
 
-@lru_cache(maxsize=32)
-def filter_function(
+class Filtered(NamedTuple):
+    """What a filter returns.
+
+    Args:
+        done: Samples before the states left the finite numbers; the rows after are not to be used.
+        whitened: Prediction errors over their standard deviations, shape (n, n_used); NaN where
+            there was no measurement.
+        jacobian: Their derivatives by the scaled parameters, shape (n, n_used, n_free).
+        log_deviation: Logarithm of the standard deviations, shape (n, n_used).
+        states: Corrected states, shape (n, n_states), in SI.
+    """
+
+    done: int
+    whitened: Vector
+    jacobian: Vector
+    log_deviation: Vector
+    states: Vector
+
+
+class _Struct(ctypes.Structure):
+    _fields_ = [
+        *((name, CFunction) for name in ("slope", "rates", "read", "noise")),
+        *(
+            (name, ctypes.c_int64)
+            for name in ("states", "inputs", "measurements", "corrected", "free", "substeps")
+        ),
+        ("places", ctypes.c_void_p),
+        ("scale", ctypes.c_void_p),
+        *((name, ctypes.c_double) for name in ("sample_time", "outlier", "faded")),
+        ("work", ctypes.c_void_p),
+    ]
+
+
+@functools.cache
+def _library() -> ctypes.CDLL | None:
+    library = in_c(Path(__file__).with_name("filter.c"))
+    if library is not None:
+        library.filter.restype = ctypes.c_int64
+        library.filter.argtypes = [ctypes.c_void_p, ctypes.c_int64, *[ctypes.c_void_p] * 12]
+    return library
+
+
+class Filter:
+    """The filter of a model's equations.
+
+    Args:
+        state_scale: Scale of each state, shape (n_states,), in SI.
+        output_scale: Scale of each measurement used, in its SI unit.
+        rows: Places of those measurements among the model's outputs.
+        columns: Places of the free parameters.
+        corrected: Places of the states that measurements correct.
+        free_scale: Scale of each free parameter, in its SI unit.
+        ports: Places of the ports at which an unmodelled signal may act.
+        sample_time: Time between samples, in s.
+        substeps: Runge-Kutta steps per sample.
+    """
+
+    def __init__(
+        self,
+        traced: Trace,
+        state_scale: tuple[float, ...],
+        output_scale: tuple[float, ...],
+        rows: tuple[int, ...],
+        columns: tuple[int, ...],
+        corrected: tuple[int, ...],
+        free_scale: tuple[float, ...],
+        ports: tuple[int, ...],
+        sample_time: float,
+        substeps: int,
+    ) -> None:
+        self._equations = Equations(
+            _functions(
+                traced, state_scale, output_scale, rows, columns, corrected, free_scale, ports
+            )
+        )
+        self._scale = np.array(state_scale)
+        self._kept = np.array(corrected, dtype=np.int64)
+        self._sample_time, self._substeps = sample_time, substeps
+        self._struct: _Struct | None = None
+        library = _library() if self._equations.compiled else None
+        if library is not None:
+            self._in_c = library.filter
+            n_x, n, n_y, n_f = len(state_scale), len(corrected), len(rows), len(columns)
+            size = 5 * n_x + n_y * (1 + n + n_f) + 2 * n + n_f + 6 * n * n + 2 * n * n_f
+            self._work = np.zeros(max(1, size))
+            self._struct = _Struct(
+                *(self._equations.in_c(i) for i in range(4)),
+                n_x,
+                traced.u.numel(),
+                n_y,
+                n,
+                n_f,
+                substeps,
+                self._kept.ctypes.data,
+                address(self._scale),
+                sample_time,
+                OUTLIER_SIGMA,
+                _FADED,
+                address(self._work),
+            )
+
+    def run(
+        self,
+        x: npt.ArrayLike,
+        covariance: npt.ArrayLike,
+        u: npt.ArrayLike,
+        y: npt.ArrayLike,
+        r: npt.ArrayLike,
+        p: npt.ArrayLike,
+        d: npt.ArrayLike,
+    ) -> Filtered:
+        """Run along a recording.
+
+        Args:
+            x: States at the first sample, shape (n_states,), in SI.
+            covariance: Their covariance over the scales, shape (n_corrected, n_corrected).
+            u: Inputs held from each sample on, shape (n, n_inputs), in SI.
+            y: Measurements over their scales, shape (n, n_used); NaN where there is none.
+            r: Variances of their noise over the scales squared, shape (n_used,).
+            p: Parameters, shape (n_parameters,), in SI.
+            d: Variance that one sample adds to the signal of each port: a part that is constant
+                and a part relative to its square, shape (n_ports, 2), in the ports' SI units.
+        """
+        # Copies: they are overwritten.
+        x, covariance = np.array(x, dtype=float), np.array(covariance, dtype=float)
+        u, y, r, p = (np.ascontiguousarray(v, dtype=float) for v in (u, y, r, p))
+        # CasADi takes matrices by columns.
+        d = np.ascontiguousarray(np.asarray(d, dtype=float).reshape(-1, 2).T)
+        n, n_y = y.shape
+        sensitivity = np.zeros((len(self._kept), self._equations.functions[0].size1_out(2)))
+        found = Filtered(
+            n,
+            np.full((n, n_y), np.nan),
+            np.zeros((n, n_y, sensitivity.shape[1])),
+            np.full((n, n_y), np.nan),
+            np.full((n, len(x)), np.nan),
+        )
+        if self._struct is None:
+            return found._replace(
+                done=self._in_python(x, covariance, sensitivity, u, y, r, p, d, found)
+            )
+        arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[1:])
+        places = (address(array) for array in arrays)
+        return found._replace(done=int(self._in_c(ctypes.byref(self._struct), n, *places)))
+
+    def _in_python(
+        self,
+        x: Vector,
+        covariance: Vector,
+        sensitivity: Vector,
+        inputs: Vector,
+        measured: Vector,
+        r: Vector,
+        p: Vector,
+        d: Vector,
+        found: Filtered,
+    ) -> int:
+        slope, rates, read, noise = range(4)
+        kept, h = self._kept, self._sample_time / self._substeps
+        identity = np.eye(len(kept))
+        equations = self._equations
+        for t, (u, y) in enumerate(zip(inputs, measured, strict=True)):
+            predicted, *slopes = (v.copy() for v in equations(read, x, u, p))
+            by_state, by_free = (v.reshape(-1, len(y)) for v in slopes)
+            moved = np.zeros(len(kept))
+            for i in np.flatnonzero(np.isfinite(y)):
+                h_i = by_state[:, i]
+                error = y[i] - predicted[i] - h_i @ moved
+                gain = covariance @ h_i
+                variance, pull = h_i @ gain + r[i], 1.0
+                # An outlier counts as OUTLIER_SIGMA and corrects the state no more than that. Its
+                # cost grows with the logarithm of the error only, so it pulls that much less: one
+                # impact on a stop must not decide on the parameters.
+                if error**2 > OUTLIER_SIGMA**2 * variance:
+                    variance, pull = error**2 / OUTLIER_SIGMA**2, 1.0 / OUTLIER_SIGMA**2
+                row = by_free[:, i] + h_i @ sensitivity
+                found.whitened[t, i] = error / np.sqrt(variance)
+                found.jacobian[t, i] = -pull * row / np.sqrt(variance)
+                found.log_deviation[t, i] = 0.5 * np.log(variance)
+                moved = moved + gain / variance * error
+                sensitivity = sensitivity - np.outer(gain / variance, row)
+                covariance = covariance - np.outer(gain / variance, gain)
+            x[kept] += self._scale[kept] * moved
+            found.states[t] = x
+            added = equations(noise, x, u, p, d.ravel())[0].copy()
+            transition = identity
+            for _ in range(self._substeps):
+                k1 = equations(rates, x, u, p)[0].copy()
+                k2, *slopes = (v.copy() for v in equations(slope, x + 0.5 * h * k1, u, p))
+                a, b = (v.reshape(-1, len(kept)) for v in slopes)
+                k3 = equations(rates, x + 0.5 * h * k2, u, p)[0].copy()
+                k4 = equations(rates, x + h * k3, u, p)[0].copy()
+                x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+                ha = h * a.T
+                half = identity + 0.5 * ha @ (identity + ha / 3)
+                step = identity + ha @ half
+                sensitivity = step @ sensitivity + h * half @ b.T
+                transition = step @ transition
+            covariance = _flushed(transition @ covariance @ transition.T)
+            covariance = 0.5 * (covariance + covariance.T) + added
+            sensitivity = _flushed(sensitivity)
+            if not np.isfinite(x).all():
+                return t + 1
+        return len(inputs)
+
+
+def _flushed(matrix: Vector) -> Vector:
+    """Put zero for what has faded out: numbers below the normal range are slow to multiply."""
+    return np.where(np.abs(matrix) <= _FADED, 0.0, matrix)
+
+
+@functools.lru_cache(maxsize=64)
+def _functions(
     traced: Trace,
     state_scale: tuple[float, ...],
     output_scale: tuple[float, ...],
@@ -132,99 +292,36 @@ def filter_function(
     corrected: tuple[int, ...],
     free_scale: tuple[float, ...],
     ports: tuple[int, ...],
-    sample_time: float,
-    substeps: int,
-    samples: int,
-) -> Filter:
-    """Build the filter over a block of samples.
+) -> tuple[ca.Function, ...]:
+    """Rates with their slopes, rates, measurements with their slopes, and process noise.
 
-    The states are divided by their scales and called z, P is their covariance, G their derivatives
-    with respect to the free parameters, each divided by its scale too.
-
-    Args:
-        state_scale: Scale of each state, in its SI unit.
-        output_scale: Scale of each measurement used, in its SI unit.
-        rows: Places of those measurements among the model's outputs.
-        corrected: Places of the states that measurements correct.
-        free_scale: Scale of each free parameter, in its SI unit.
-        ports: Places of the ports at which an unmodelled signal may act.
-        sample_time: Time between samples, in s.
-        substeps: Runge-Kutta steps per sample.
-        samples: Samples per call.
-
-    Returns:
-        Function of z, P, G, the inputs, measurements and variances of the measurements, sample by
-        sample,
-        the parameters, and the variance that one sample adds to the signal of each port: a part
-        that is constant and a part relative to its square, shape (n_ports, 2). It returns z, P and
-        G after each sample, whitened errors, their derivatives, the logarithms of their standard
-        deviations and the filtered z.
+    Matrices are returned transposed: CasADi stores by columns, and so they stand by rows.
     """
-    sx, sy, sp = np.array(state_scale), np.array(output_scale), np.array(free_scale)
-    z, u, p = ca.SX.sym("z", len(sx)), traced.u, traced.p
-    rates = ca.substitute(traced.rates, traced.x, z * sx) / sx
-    reads = ca.substitute(traced.outputs[list(rows)], traced.x, z * sx) / sy
-    free = p[list(columns)] if columns else ca.SX(0, 1)
-    kept = list(corrected)
+    sx, sy, kept = ca.DM(state_scale), ca.DM(output_scale), list(corrected)
+    free = traced.p[list(columns)] if columns else ca.SX(0, 1)
 
-    def by_parameters(expression: ca.SX) -> ca.SX:
-        if not columns:
-            return ca.SX(expression.numel(), 0)
-        return ca.mtimes(ca.jacobian(expression, free), ca.diag(ca.SX(sp)))
+    def slopes(values: ca.SX, scale: ca.DM) -> list[ca.SX]:
+        by_state = ca.jacobian(values, traced.x)[:, kept] * ca.repmat(sx[kept].T, values.numel(), 1)
+        by_free = (
+            ca.mtimes(ca.jacobian(values, free), ca.diag(ca.SX(ca.DM(free_scale))))
+            if columns
+            else ca.SX(values.numel(), 0)
+        )
+        return [ca.densify((m / ca.repmat(scale, 1, m.size2())).T) for m in (by_state, by_free)]
 
-    rate = ca.Function("rate", [z, u, p], [rates], {"cse": True})
-    slope = ca.Function(
-        "slope",
-        [z, u, p],
-        [
-            ca.densify(ca.jacobian(rates[kept], z)[:, kept]),
-            ca.densify(by_parameters(rates[kept])),
-        ],
-        {"cse": True},
-    )
-    read = ca.Function(
-        "read",
-        [z, u, p],
-        [reads, ca.densify(ca.jacobian(reads, z)[:, kept]), ca.densify(by_parameters(reads))],
-        {"cse": True},
-    )
+    reads = traced.outputs[list(rows)]
     d = ca.SX.sym("d", len(ports), 2)
-    process = _process_noise(traced, z, sx, ports, d)
-    noise = ca.Function("noise", [z, u, p, d], [process[kept, kept]])
-    step = _sample(
-        rate,
-        slope,
-        read,
-        noise,
-        kept,
-        len(sx),
-        u.numel(),
-        p.numel(),
-        len(sy),
-        len(sp),
-        len(ports),
-        sample_time,
-        substeps,
+    process = _process_noise(traced, np.array(state_scale), ports, d)
+    arguments, cse = [traced.x, traced.u, traced.p], {"cse": True}
+    return (
+        ca.Function("slope", arguments, [traced.rates, *slopes(traced.rates[kept], sx[kept])], cse),
+        ca.Function("rates", arguments, [traced.rates], cse),
+        ca.Function("read", arguments, [ca.densify(reads / sy), *slopes(reads, sy)], cse),
+        ca.Function("noise", [*arguments, d], [process[kept, kept]], cse),
     )
-    if samples > 1:
-        step = step.mapaccum("samples", samples, 3)
-    block = [
-        ca.MX.sym("z", len(sx)),
-        ca.MX.sym("P", len(kept), len(kept)),
-        ca.MX.sym("G", len(kept), len(sp)),
-        ca.MX.sym("u", u.numel(), samples),
-        ca.MX.sym("y", len(sy), samples),
-        ca.MX.sym("r", len(sy), samples),
-        ca.MX.sym("p", p.numel()),
-        ca.MX.sym("d", len(ports), 2),
-    ]
-    result = step(*block[:6], *(ca.repmat(constant, 1, samples) for constant in block[6:]))
-    return Filter(ca.Function("filter", block, list(result)))
 
 
-def _process_noise(
-    traced: Trace, z: ca.SX, scale: Vector, ports: tuple[int, ...], d: ca.SX
-) -> ca.SX:
+def _process_noise(traced: Trace, scale: Vector, ports: tuple[int, ...], d: ca.SX) -> ca.SX:
     """Covariance that the unmodelled signals at the ports add in one sample."""
     if not ports:
         return ca.SX.zeros(len(scale), len(scale))
@@ -232,86 +329,4 @@ def _process_noise(
     variances = d[:, 0] + d[:, 1] * traced.signals[names] ** 2
     slope = traced.rates_by_port[:, list(ports)]
     covariance = ca.mtimes(ca.mtimes(slope, ca.diag(variances)), slope.T)
-    covariance = ca.substitute(covariance, traced.x, z * scale)
     return ca.densify(covariance / ca.mtimes(ca.SX(scale), ca.SX(scale).T))
-
-
-def _flushed(matrix: ca.MX) -> ca.MX:
-    """Put zero for what has faded out: numbers below the normal range are slow to multiply."""
-    return matrix * (ca.fabs(matrix) > _FADED)
-
-
-def _sample(
-    rate: ca.Function,
-    slope: ca.Function,
-    read: ca.Function,
-    noise: ca.Function,
-    kept: list[int],
-    n_x: int,
-    n_u: int,
-    n_p: int,
-    n_y: int,
-    n_f: int,
-    n_d: int,
-    sample_time: float,
-    substeps: int,
-) -> ca.Function:
-    z0, covariance0 = ca.MX.sym("z", n_x), ca.MX.sym("P", len(kept), len(kept))
-    sensitivity0 = ca.MX.sym("G", len(kept), n_f)
-    u, y, r = ca.MX.sym("u", n_u), ca.MX.sym("y", n_y), ca.MX.sym("r", n_y)
-    p, d = ca.MX.sym("p", n_p), ca.MX.sym("d", n_d, 2)
-    predicted, by_state, by_free = read(z0, u, p)
-    moved, covariance, sensitivity = ca.MX.zeros(len(kept)), covariance0, sensitivity0
-    whitened, rows, logs = [], [], []
-    for i in range(n_y):
-        h = by_state[i, :]
-        error = y[i] - predicted[i] - ca.mtimes(h, moved)
-        gain = ca.mtimes(covariance, h.T)
-        variance = ca.mtimes(h, gain) + r[i]
-        # An outlier counts as OUTLIER_SIGMA and corrects the state no more than that.
-        largest = OUTLIER_SIGMA**2 * variance
-        outlier = error**2 > largest
-        variance = ca.if_else(outlier, error**2 / OUTLIER_SIGMA**2, variance)
-        # Its cost grows with the logarithm of the error only, so it pulls that much less: one
-        # impact on a stop must not decide on the parameters.
-        pull = ca.if_else(outlier, 1 / OUTLIER_SIGMA**2, 1.0)
-        row = -(ca.mtimes(h, sensitivity) + by_free[i, :])
-        deviation = ca.sqrt(variance)
-        whitened.append(error / deviation)
-        rows.append(pull * row / deviation)
-        logs.append(ca.log(deviation))
-        moved = moved + gain * (error / variance)
-        sensitivity = sensitivity + ca.mtimes(gain / variance, row)
-        covariance = covariance - ca.mtimes(gain, gain.T) / variance
-    # Rows of the unit matrix put the correction on the states that are corrected.
-    filtered = z0 + ca.mtimes(ca.DM.eye(n_x)[:, kept], moved)
-    z = filtered
-    h = sample_time / substeps
-    identity = ca.DM.eye(len(kept))
-    for _ in range(substeps):
-        k1 = rate(z, u, p)
-        middle = z + 0.5 * h * k1
-        a, b = slope(middle, u, p)
-        k2 = rate(middle, u, p)
-        k3 = rate(z + 0.5 * h * k2, u, p)
-        k4 = rate(z + h * k3, u, p)
-        z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        ha = h * a
-        half = identity + 0.5 * ca.mtimes(ha, identity + ha / 3)
-        transition = identity + ca.mtimes(ha, half)
-        sensitivity = ca.mtimes(transition, sensitivity) + h * ca.mtimes(half, b)
-        covariance = ca.mtimes(ca.mtimes(transition, covariance), transition.T)
-    covariance = _flushed(0.5 * (covariance + covariance.T)) + noise(filtered, u, p, d)
-    return ca.Function(
-        "sample",
-        [z0, covariance0, sensitivity0, u, y, r, p, d],
-        [
-            z,
-            covariance,
-            _flushed(sensitivity),
-            ca.vcat(whitened),
-            ca.vcat(rows),
-            ca.vcat(logs),
-            filtered,
-        ],
-    )

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.estimation.filter import Filter, filter_function, substeps_of
+from workbench.diagnosis.estimation.filter import Filter, substeps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import index_of
@@ -23,9 +24,6 @@ Vector = npt.NDArray[np.float64]
 
 CORRELATION_TIME = 0.1
 """Time over which an unmodelled signal at a port is taken as correlated, s."""
-
-_BLOCK = 100
-"""Samples per call of the filter."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +136,6 @@ class PredictionError:
         self._substeps = substeps_of(model, self.sample_time)
         certain = {index_of("state", name, model.states) for name in self.certain}
         self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
-        self._call: Filter | None = None
 
     def run(self, observed: Observed, values: npt.ArrayLike) -> Innovations:
         """Run the filter along a recording.
@@ -149,66 +146,37 @@ class PredictionError:
         Raises:
             NumericalError: If the filter leaves the finite numbers.
         """
-        n, n_y = observed.outputs.shape
-        n_x, n_f = len(self._corrected), len(self.free)
-        p = np.asarray(values, dtype=float)
-        read = observed.outputs / self._output_scale
-        missing = ~np.isfinite(read)
-        noise = (observed.noise_rms / self._output_scale) ** 2
-        # A measurement that is not there is one with a very large noise.
-        variance = np.where(missing, 1e12, noise)
-        read = np.where(missing, 0.0, read)
-        z = observed.start / self.state_scale
-        corrected = list(self._corrected)
-        covariance = np.diag((observed.start_rms / self.state_scale)[corrected] ** 2)
-        sensitivity = np.zeros((n_x, n_f))
-        whitened, jacobian = np.empty((n, n_y)), np.empty((n, n_y, n_f))
-        log_deviation, states = np.empty((n, n_y)), np.empty((n, len(z)))
-        call = self._filter()
-        for k in range(0, n, _BLOCK):
-            rows = np.minimum(np.arange(k, k + _BLOCK), n - 1)
-            size = min(_BLOCK, n - k)
-            block = slice(k, k + size)
-            ends, covariances, sensitivities, e, j, logs, filtered = call(
-                z[:, None],
-                covariance,
-                sensitivity,
-                observed.inputs[rows].T,
-                read[rows].T,
-                variance[rows].T,
-                p[:, None],
-                self._variances,
-            )
-            z, covariance = ends[:, -1].copy(), covariances[:, -n_x:].copy()
-            sensitivity = sensitivities[:, sensitivities.shape[1] - n_f :].copy()
-            whitened[block], log_deviation[block] = e.T[:size], logs.T[:size]
-            jacobian[block] = j.reshape(n_y, _BLOCK, n_f, order="C").transpose(1, 0, 2)[:size]
-            states[block] = filtered.T[:size] * self.state_scale
-        whitened[missing], log_deviation[missing] = np.nan, np.nan
-        jacobian[missing] = 0.0
-        if not (np.isfinite(states).all() and np.isfinite(jacobian).all()):
+        covariance = np.diag((observed.start_rms / self.state_scale)[list(self._corrected)] ** 2)
+        found = self._filter.run(
+            observed.start,
+            covariance,
+            observed.inputs,
+            observed.outputs / self._output_scale,
+            (observed.noise_rms / self._output_scale) ** 2,
+            values,
+            self._variances,
+        )
+        if found.done < len(observed.outputs) or not np.isfinite(found.jacobian).all():
             raise NumericalError(
                 f"the filter of {self.model.name!r} left the finite numbers on"
                 f" {observed.name!r}; the parameters are far from those of the recording"
             )
-        return Innovations(whitened, jacobian, log_deviation, states)
+        return Innovations(*found[1:])
 
+    @cached_property
     def _filter(self) -> Filter:
-        if self._call is None:
-            self._call = filter_function(
-                self.model.form(self.form),
-                tuple(self.state_scale),
-                tuple(self._output_scale),
-                self._rows,
-                self._columns,
-                self._corrected,
-                tuple(self.free_scale),
-                self._ports,
-                self.sample_time,
-                self._substeps,
-                _BLOCK,
-            )
-        return self._call
+        return Filter(
+            self.model.form(self.form),
+            tuple(self.state_scale),
+            tuple(self._output_scale),
+            self._rows,
+            self._columns,
+            self._corrected,
+            tuple(self.free_scale),
+            self._ports,
+            self.sample_time,
+            self._substeps,
+        )
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:

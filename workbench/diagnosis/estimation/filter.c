@@ -1,0 +1,189 @@
+/* An extended Kalman filter with sensitivities along a recording. `filter.py` does the same in
+ * Python and says what it is.
+ *
+ * Matrices stand by rows. States are in SI, their corrections, covariance and sensitivities over the
+ * states' scales. */
+
+#include <math.h>
+#include <string.h>
+
+#include "equations.h"
+
+typedef struct {
+    Function slope;  /* rates, and A = d rates / d x, B = d rates / d parameters (scaled) */
+    Function rates;  /* rates, in SI */
+    Function read;   /* measurements, and H = d / d x, D = d / d parameters (scaled) */
+    Function noise;  /* covariance added in one sample (scaled) */
+    int64_t states, inputs, measurements, corrected, free, substeps;
+    const int64_t *places; /* of the states that measurements correct */
+    const double *scale;   /* of each state */
+    double sample_time, outlier, faded;
+    double *work;
+} Filter;
+
+/* c = a b, or c += a b, for a of shape (n, k) that may be sparse and b of shape (k, m). */
+static void product(double *restrict c, const double *restrict a, const double *restrict b, int64_t n,
+                    int64_t k, int64_t m, int add)
+{
+    for (int64_t i = 0; i < n; i++) {
+        double *row = c + i * m;
+        if (!add)
+            memset(row, 0, (size_t)m * sizeof(double));
+        for (int64_t l = 0; l < k; l++) {
+            const double factor = a[i * k + l];
+            if (factor == 0.0)
+                continue;
+            const double *other = b + l * m;
+            for (int64_t j = 0; j < m; j++)
+                row[j] += factor * other[j];
+        }
+    }
+}
+
+static double dot(const double *a, const double *b, int64_t n)
+{
+    double sum = 0.0;
+    for (int64_t i = 0; i < n; i++)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+/* Filter the samples of a recording; the results have a row for each. Returns how many were done
+ * before the states left the finite numbers. */
+int64_t filter(Filter *g, int64_t samples, double *x, double *P, double *G, const double *u,
+               const double *y, const double *r, const double *p, const double *d, double *whitened,
+               double *rows, double *logs, double *states)
+{
+    const int64_t nx = g->states, n = g->corrected, ny = g->measurements, nf = g->free;
+    const double h = g->sample_time / (double)g->substeps;
+    double *w = g->work;
+    double *k[4], *at = w + 4 * nx;
+    for (int i = 0; i < 4; i++)
+        k[i] = w + i * nx;
+    w = at + nx;
+    double *predicted = w, *H = w + ny, *D = H + ny * n, *moved = D + ny * nf, *gain = moved + n;
+    double *row = gain + n, *A = row + nf, *B = A + n * n, *Q = B + n * nf, *half = Q + n * n;
+    double *step = half + n * n, *all = step + n * n, *before = all + n * n;
+    double *before_G = before + n * n;
+    for (int64_t t = 0; t < samples; t++, u += g->inputs, y += ny) {
+        /* Correction, one measurement after the other. */
+        g->read.res[0] = predicted;
+        g->read.res[1] = H;
+        g->read.res[2] = D;
+        if (evaluate_at(&g->read, x, u, p))
+            return t;
+        memset(moved, 0, (size_t)n * sizeof(double));
+        for (int64_t i = 0; i < ny; i++) {
+            const double *by_state = H + i * n;
+            double *to = rows + (t * ny + i) * nf;
+            if (isnan(y[i])) {
+                whitened[t * ny + i] = logs[t * ny + i] = NAN;
+                memset(to, 0, (size_t)nf * sizeof(double));
+                continue;
+            }
+            const double error = y[i] - predicted[i] - dot(by_state, moved, n);
+            for (int64_t j = 0; j < n; j++)
+                gain[j] = dot(P + j * n, by_state, n);
+            double variance = dot(by_state, gain, n) + r[i], pull = 1.0;
+            if (error * error > g->outlier * g->outlier * variance) {
+                variance = error * error / (g->outlier * g->outlier);
+                pull = 1.0 / (g->outlier * g->outlier);
+            }
+            const double deviation = sqrt(variance);
+            memcpy(row, D + i * nf, (size_t)nf * sizeof(double));
+            for (int64_t l = 0; l < n; l++)
+                if (by_state[l] != 0.0)
+                    for (int64_t j = 0; j < nf; j++)
+                        row[j] += by_state[l] * G[l * nf + j];
+            whitened[t * ny + i] = error / deviation;
+            logs[t * ny + i] = log(deviation);
+            for (int64_t j = 0; j < nf; j++)
+                to[j] = -pull * row[j] / deviation;
+            for (int64_t l = 0; l < n; l++) {
+                const double part = gain[l] / variance;
+                moved[l] += part * error;
+                for (int64_t j = 0; j < nf; j++)
+                    G[l * nf + j] -= part * row[j];
+                for (int64_t j = 0; j < n; j++)
+                    P[l * n + j] -= part * gain[j];
+            }
+        }
+        for (int64_t l = 0; l < n; l++)
+            x[g->places[l]] += g->scale[g->places[l]] * moved[l];
+        memcpy(states + t * nx, x, (size_t)nx * sizeof(double));
+        g->noise.arg[3] = d;
+        g->noise.res[0] = Q;
+        if (evaluate_at(&g->noise, x, u, p))
+            return t;
+        /* Prediction: classical Runge-Kutta steps, the exponential of the slopes at mid-step. */
+        for (int64_t s = 0; s < g->substeps; s++) {
+            g->rates.res[0] = k[0];
+            int failed = evaluate_at(&g->rates, x, u, p);
+            for (int64_t i = 0; i < nx; i++)
+                at[i] = x[i] + 0.5 * h * k[0][i];
+            g->slope.res[0] = k[1];
+            g->slope.res[1] = A;
+            g->slope.res[2] = B;
+            failed |= evaluate_at(&g->slope, at, u, p);
+            for (int64_t i = 0; i < nx; i++)
+                at[i] = x[i] + 0.5 * h * k[1][i];
+            g->rates.res[0] = k[2];
+            failed |= evaluate_at(&g->rates, at, u, p);
+            for (int64_t i = 0; i < nx; i++)
+                at[i] = x[i] + h * k[2][i];
+            g->rates.res[0] = k[3];
+            failed |= evaluate_at(&g->rates, at, u, p);
+            if (failed)
+                return t;
+            for (int64_t i = 0; i < nx; i++)
+                x[i] += h / 6.0 * (k[0][i] + 2.0 * k[1][i] + 2.0 * k[2][i] + k[3][i]);
+            /* half = I + a / 2 (I + a / 3), step = I + a half, with a = h A */
+            for (int64_t i = 0; i < n * n; i++) {
+                A[i] *= h;
+                half[i] = A[i] / 3.0;
+            }
+            for (int64_t i = 0; i < n; i++)
+                half[i * n + i] += 1.0;
+            product(step, A, half, n, n, n, 0);
+            for (int64_t i = 0; i < n * n; i++)
+                half[i] = 0.5 * step[i];
+            for (int64_t i = 0; i < n; i++)
+                half[i * n + i] += 1.0;
+            product(step, A, half, n, n, n, 0);
+            for (int64_t i = 0; i < n; i++)
+                step[i * n + i] += 1.0;
+            if (nf) {
+                for (int64_t i = 0; i < n * nf; i++)
+                    B[i] *= h;
+                memcpy(before_G, G, (size_t)(n * nf) * sizeof(double));
+                product(G, step, before_G, n, n, nf, 0);
+                product(G, half, B, n, n, nf, 1);
+            }
+            if (s == 0) {
+                memcpy(all, step, (size_t)(n * n) * sizeof(double));
+            } else {
+                memcpy(before, all, (size_t)(n * n) * sizeof(double));
+                product(all, step, before, n, n, n, 0);
+            }
+        }
+        product(before, all, P, n, n, n, 0);
+        for (int64_t i = 0; i < n; i++)
+            for (int64_t j = 0; j <= i; j++) {
+                double value = dot(before + i * n, all + j * n, n);
+                if (!(fabs(value) > g->faded))
+                    value = value == value ? 0.0 : value;
+                P[i * n + j] = P[j * n + i] = value;
+            }
+        for (int64_t i = 0; i < n * n; i++)
+            P[i] += Q[i];
+        for (int64_t i = 0; i < n * nf; i++)
+            if (fabs(G[i]) <= g->faded)
+                G[i] = 0.0;
+        double sum = 0.0;
+        for (int64_t i = 0; i < nx; i++)
+            sum += x[i];
+        if (!isfinite(sum))
+            return t + 1;
+    }
+    return samples;
+}

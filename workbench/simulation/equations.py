@@ -1,0 +1,137 @@
+"""The functions of a model's equations, for C code and for Python."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Sequence
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.simulation.compiled import FAST, SOON, built, compiler, generated
+
+Vector = npt.NDArray[np.float64]
+
+_HERE = Path(__file__).parent
+
+
+class CFunction(ctypes.Structure):
+    """What `equations.h` calls ``Function``: a function and the memory that it works in."""
+
+    _fields_ = [(name, ctypes.c_void_p) for name in ("call", "arg", "res", "iw", "w")]
+
+
+class Equations:
+    """Functions of states, inputs and parameters (and what else they take), in one library.
+
+    Each object has its own memory, so objects may work in parallel threads, one thread each.
+
+    Args:
+        functions: Functions of dense arguments and results, one library for all.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> axis = servo_axis()
+        >>> equations = Equations([axis.form("exact").rates_function])
+        >>> equations(0, [0.0, 0.0], [1.0], axis.values)[0].shape
+        (2,)
+    """
+
+    def __init__(self, functions: Sequence[ca.Function]) -> None:
+        self.functions = tuple(functions)
+        self._library = _library(self.functions)
+        self._kept: list[tuple[npt.NDArray[np.generic], ...]] = []
+        self._called: dict[int, Buffered] = {}
+
+    @property
+    def compiled(self) -> bool:
+        """Whether they are machine code."""
+        return self._library is not None
+
+    def in_c(self, i: int) -> CFunction:
+        """Return the i-th function for C code, which says where the results go."""
+        assert self._library is not None
+        name = self.functions[i].name()
+        sizes = [ctypes.c_longlong() for _ in range(4)]
+        getattr(self._library, f"{name}_work")(*(ctypes.byref(size) for size in sizes))
+        pointers, results, integers, numbers = (max(1, size.value) for size in sizes)
+        memory = (
+            np.zeros(pointers, dtype=np.uintp),
+            np.zeros(results, dtype=np.uintp),
+            np.zeros(integers, dtype=np.int64),
+            np.zeros(numbers),
+        )
+        self._kept.append(memory)
+        address = ctypes.cast(getattr(self._library, name), ctypes.c_void_p).value
+        return CFunction(address, *(array.ctypes.data for array in memory))
+
+    def __call__(self, i: int, *values: npt.ArrayLike) -> list[Vector]:
+        """Return the results of the i-th function, in Python; the next call overwrites them."""
+        if i not in self._called:
+            self._called[i] = Buffered(self.functions[i])
+        return self._called[i](*values)
+
+
+class Buffered:
+    """A CasADi function called on its own memory, without converting arguments and results.
+
+    Example:
+        >>> x = ca.SX.sym("x", 2)
+        >>> Buffered(ca.Function("twice", [x], [2 * x]))([1.0, 2.0])[0].tolist()
+        [2.0, 4.0]
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self._buffer, self._call = function.buffer()
+        # CasADi stores matrices by columns. An empty array has no address; one number stands in.
+        n_in, n_out = function.n_in(), function.n_out()
+        memory = [np.zeros(max(1, function.numel_in(i))) for i in range(n_in)]
+        self.arguments = [memory[i][: function.numel_in(i)] for i in range(n_in)]
+        self.results: list[Vector] = []
+        for i in range(n_in):
+            self._buffer.set_arg(i, memoryview(memory[i].data))
+        for i in range(n_out):
+            place = np.zeros(max(1, function.numel_out(i)))
+            self._buffer.set_res(i, memoryview(place.data))
+            shape = function.size_out(i)
+            flat = place[: function.numel_out(i)]
+            self.results.append(flat if 1 in shape else flat.reshape(shape, order="F"))
+
+    def __call__(self, *values: npt.ArrayLike) -> list[Vector]:
+        """Return the results, in memory that the next call overwrites.
+
+        Args:
+            values: The arguments of the function, in its units; matrices by columns.
+
+        Raises:
+            RuntimeError: If the function fails.
+        """
+        for array, value in zip(self.arguments, values, strict=True):
+            array[:] = value
+        self._call()
+        if self._buffer.ret():
+            raise RuntimeError("a function of the model failed")
+        return self.results
+
+
+def in_c(file: Path) -> ctypes.CDLL | None:
+    """Return a C file of the workbench as a library, or None where there is no C compiler."""
+    library = built(file.stem, file.read_text(), FAST, headers=_HERE)
+    return None if library is None else ctypes.CDLL(str(library))
+
+
+def address(array: Vector) -> int:
+    """Return where an array stands in memory, for C code; it must be contiguous and kept alive."""
+    assert array.flags.c_contiguous
+    return array.ctypes.data
+
+
+@functools.lru_cache(maxsize=128)
+def _library(functions: tuple[ca.Function, ...]) -> ctypes.CDLL | None:
+    if compiler() is None:
+        return None
+    library = built("_".join(f.name() for f in functions), generated(functions), SOON)
+    return None if library is None else ctypes.CDLL(str(library))

@@ -1,0 +1,202 @@
+"""Explicit Runge-Kutta steps with an estimate of their error, restarted at every sample.
+
+`integrator.c` does the same as machine code, in the same order of operations; without a C compiler
+the functions here do it.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.model import Trace
+from workbench.simulation.equations import CFunction, Equations, address, in_c
+
+Vector = npt.NDArray[np.float64]
+
+MOST_STEPS = 2000
+"""Steps in one sample, at most."""
+
+_A = (
+    (1 / 5,),
+    (3 / 40, 9 / 40),
+    (44 / 45, -56 / 15, 32 / 9),
+    (19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729),
+    (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
+    (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
+)
+_E = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
+
+
+class _Integrator(ctypes.Structure):
+    _fields_ = [
+        ("rates", CFunction),
+        ("states", ctypes.c_int64),
+        ("inputs", ctypes.c_int64),
+        ("most_steps", ctypes.c_int64),
+        ("scale", ctypes.c_void_p),
+        ("sample_time", ctypes.c_double),
+        ("tolerance", ctypes.c_double),
+        ("step", ctypes.c_double),
+        ("work", ctypes.c_void_p),
+    ]
+
+
+@functools.cache
+def _library() -> ctypes.CDLL | None:
+    library = in_c(Path(__file__).with_name("integrator.c"))
+    if library is not None:
+        pointer, whole = ctypes.c_void_p, ctypes.c_int64
+        library.integrate.restype = library.hold.restype = library.evaluate.restype = whole
+        library.integrate.argtypes = [pointer, whole, *[pointer] * 4]
+        library.hold.argtypes = [pointer] * 6
+        library.evaluate.argtypes = [pointer, *[whole] * 4, *[pointer] * 4]
+    return library
+
+
+class RungeKutta:
+    """Dormand and Prince's pair 5(4) for the equations of a model.
+
+    The error of a step is held below ``tolerance (scale + |x|)`` for every state.
+
+    Args:
+        traced: The equations.
+        scale: Scales of the states, shape (n_states,), in SI.
+        sample_time: Time between samples, in s.
+        tolerance: Local error allowed in a step, dimensionless.
+
+    Source:
+        Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993, table II.5.2 and
+        section II.4.
+    """
+
+    method: Literal["erk", "rosenbrock"] = "erk"
+
+    def __init__(self, traced: Trace, scale: Vector, sample_time: float, tolerance: float) -> None:
+        self.equations = Equations((traced.rates_function, traced.outputs_function))
+        self._scale = np.ascontiguousarray(scale, dtype=float)
+        self._sample_time, self._tolerance = sample_time, tolerance
+        self._step = sample_time
+        self._sizes = len(scale), traced.u.numel(), traced.outputs.numel()
+        self._c: _Integrator | None = None
+        library = _library() if self.equations.compiled else None
+        if library is not None:
+            self._in_c = library
+            self._work = np.zeros(9 * max(1, len(scale)))
+            self._outputs = self.equations.in_c(1)
+            self._c = _Integrator(
+                self.equations.in_c(0),
+                *self._sizes[:2],
+                MOST_STEPS,
+                address(self._scale),
+                sample_time,
+                tolerance,
+                sample_time,
+                address(self._work),
+            )
+
+    @property
+    def compiled(self) -> bool:
+        """Whether machine code does it."""
+        return self._c is not None
+
+    def run(self, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Vector:
+        """Return the states after each of several samples, as far as it gets."""
+        start, held, values = (np.ascontiguousarray(v, dtype=float) for v in (x, u, p))
+        states = np.empty((len(held), len(self._scale)))
+        if self._c is not None:
+            done = self._in_c.integrate(
+                ctypes.byref(self._c),
+                len(held),
+                *(address(array) for array in (start, held, values, states)),
+            )
+            return states[:done]
+        for k, inputs in enumerate(held):
+            after = self._sample(start, inputs, values)
+            if after is None:
+                return states[:k]
+            states[k] = start = after
+        return states
+
+    def holding(self, x: Vector, u: Vector, p: Vector, y: Vector) -> Callable[[], bool]:
+        """Return what advances x by one sample in place, reads the sensors into y, and says if."""
+        if self._c is not None:
+            hold = self._in_c.hold
+            called: list[object] = [ctypes.byref(self._c), ctypes.byref(self._outputs)]
+            called += [ctypes.c_void_p(address(array)) for array in (x, u, p, y)]
+            # The arrays stay alive as long as the function does.
+            return lambda kept=(x, u, p, y): not hold(*called)  # type: ignore[misc]
+
+        def in_python() -> bool:
+            after = self._sample(x, u, p)
+            if after is not None:
+                x[:] = after
+                y[:] = self.equations(1, x, u, p)[0]
+            return after is not None
+
+        return in_python
+
+    def _sample(self, x: Vector, u: Vector, p: Vector) -> Vector | None:
+        done, h = 0.0, self._step
+        k: list[Vector] = [self.equations(0, x, u, p)[0].copy()]
+        for _ in range(MOST_STEPS):
+            left = self._sample_time - done
+            last = h >= left
+            taken = left if last else h
+            del k[1:]
+            end = x
+            for row in _A:
+                total = np.zeros_like(x)
+                for weight, slope in zip(row, k, strict=True):
+                    total += weight * slope
+                end = x + taken * total
+                k.append(self.equations(0, end, u, p)[0].copy())
+            total = np.zeros_like(x)
+            for weight, slope in zip(_E, k, strict=True):
+                total += weight * slope
+            size = self._scale + np.maximum(np.abs(x), np.abs(end))
+            parts = np.abs(taken * total) / (self._tolerance * size)
+            error = float(parts.max(initial=0.0)) if np.all(parts <= 1e30) else 1e30
+            factor = min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2))
+            if error <= 1.0:
+                done += taken
+                x, k = end, [k[6]]
+                h = max(h, taken * factor) if last else taken * factor
+                if last:
+                    self._step = min(h, self._sample_time)
+                    return x
+            else:
+                h = taken * factor
+        return None
+
+
+def at_every_row(equations: Equations, i: int, x: Vector, u: Vector, p: Vector) -> Vector:
+    """Evaluate a function of states, inputs and parameters at every sample.
+
+    Args:
+        i: Which of the equations; it returns one vector.
+        x: States, shape (n, n_states), in SI.
+        u: Inputs, shape (n, n_inputs), in SI.
+        p: Parameters, shape (n_parameters,), in SI.
+
+    Returns:
+        Its results, shape (n, n_results), in its units.
+    """
+    x, u, p = (np.ascontiguousarray(v, dtype=float) for v in (x, u, p))
+    table = np.empty((len(x), equations.functions[i].numel_out(0)))
+    library = _library() if equations.compiled else None
+    if library is None:
+        for row, states, inputs in zip(table, x, u, strict=True):
+            row[:] = equations(i, states, inputs, p)[0]
+        return table
+    function = equations.in_c(i)
+    sizes = x.shape[1], u.shape[1], table.shape[1]
+    places = (address(array) for array in (x, u, p, table))
+    library.evaluate(ctypes.byref(function), len(x), *sizes, *places)
+    return table
