@@ -23,6 +23,9 @@ class CFunction(ctypes.Structure):
 
     _fields_ = [(name, ctypes.c_void_p) for name in ("call", "arg", "res", "iw", "w")]
 
+    def __init__(self, call: int, *memory: int) -> None:
+        super().__init__(call, *memory)
+
 
 class Equations:
     """Functions of states, inputs and parameters (and what else they take), in one library.
@@ -65,8 +68,8 @@ class Equations:
             np.zeros(numbers),
         )
         self._kept.append(memory)
-        address = ctypes.cast(getattr(self._library, name), ctypes.c_void_p).value
-        return CFunction(address, *(array.ctypes.data for array in memory))
+        place = ctypes.cast(getattr(self._library, name), ctypes.c_void_p).value or 0
+        return CFunction(place, *(array.ctypes.data for array in memory))
 
     def __call__(self, i: int, *values: npt.ArrayLike) -> list[Vector]:
         """Return the results of the i-th function, in Python; the next call overwrites them."""

@@ -80,7 +80,13 @@ def name_of(integrator: Integrator) -> str:
 
 
 class Rosenbrock:
-    """CasADi's Rosenbrock-Wanner method 5(4), for stiff models."""
+    """CasADi's Rosenbrock-Wanner method 5(4), for stiff models.
+
+    Args:
+        scale: Scales of the states, shape (n_states,), in SI.
+        sample_time: Time between samples, in s.
+        tolerance: Local error allowed in a step, relative to the scales of the states.
+    """
 
     method: Method = "rosenbrock"
 

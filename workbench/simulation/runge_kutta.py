@@ -130,8 +130,9 @@ class RungeKutta:
             hold = self._in_c.hold
             called: list[object] = [ctypes.byref(self._c), ctypes.byref(self._outputs)]
             called += [ctypes.c_void_p(address(array)) for array in (x, u, p, y)]
-            # The arrays stay alive as long as the function does.
-            return lambda kept=(x, u, p, y): not hold(*called)  # type: ignore[misc]
+            # What C works in stays alive as long as the function does.
+            kept = self, x, u, p, y
+            return lambda: bool(kept) and not hold(*called)
 
         def in_python() -> bool:
             after = self._sample(x, u, p)

@@ -84,6 +84,7 @@ def solved_by_do_mpc(
         "ipopt.sb": "yes",
         "print_time": 0,
         "ipopt.tol": 1e-10,
+        "ipopt.acceptable_iter": 0,
     }
     i, j = names.index("angle"), names.index("speed")
     # At the first stage the cost is that of the given state, a constant.
@@ -109,13 +110,16 @@ def solved_by_do_mpc(
 
 # do-mpc calls numpy functions on CasADi values, as older versions of CasADi expected.
 @pytest.mark.filterwarnings("ignore::FutureWarning")
-@pytest.mark.parametrize("limit", [1.0, 0.3], ids=["free", "opening at its limit"])
-def test_the_converged_plan_is_that_of_do_mpc(plant: Model, limit: float) -> None:
+# A free move of 20 deg has optima so flat that rounding decides between them; one of 5 deg has not.
+@pytest.mark.parametrize(
+    ("limit", "angle"), [(1.0, 25.0), (0.3, 40.0)], ids=["free", "opening at its limit"]
+)
+def test_the_converged_plan_is_that_of_do_mpc(plant: Model, limit: float, angle: float) -> None:
     wanted = NonlinearMPCSpecification(stages=6, steps=20, opening_limit=limit)
     mpc = design_nonlinear_mpc(plant.without("bearing_friction"), wanted)
     point = operating_point(plant, {"angle": math.radians(20)})
     start = mpc.predicted(point.x / mpc.observer.rates.scale)
-    goal, before = math.radians(40.0), 0.05
+    goal, before = math.radians(angle), 0.05
     ours = converged(mpc, start, DISTURBANCES, np.full(wanted.stages + 1, goal), before)
     plan, trajectory = solved_by_do_mpc(plant, mpc, start, goal, before)
     # The pressure limits are soft here and absent there: they must not be reached.
