@@ -1,6 +1,6 @@
 # `make demo` and `make test` need git, make and Python 3.11 to 3.13; they set up the rest in .venv.
 
-.PHONY: help demo test test-long lint typecheck bench notebooks clean
+.PHONY: help demo docs test test-long lint typecheck bench notebooks clean
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -21,6 +21,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python; do \
 help:
 	@echo "make demo       run the demonstration and write its page to $(OUT)/"
 	@echo "make test       lint, check types, run every test, doctest and notebook"
+	@echo "make docs       build the documentation site into build/site, with executed notebooks"
 	@echo "make bench      run the benchmarks"
 	@echo "make notebooks  open the notebooks in Jupyter"
 	@echo "make clean      remove the environment, caches and the demonstration's page"
@@ -42,6 +43,11 @@ lint: $(VENV)/installed-test
 
 typecheck: $(VENV)/installed-test
 	$(BIN)/mypy
+
+docs: $(VENV)/installed-docs
+	WORKBENCH_EXECUTE_NOTEBOOKS=1 NO_MKDOCS_2_WARNING=1 \
+	    $(BIN)/mkdocs build --config-file data/docs/mkdocs.yml
+	@echo "Open build/site/index.html"
 
 bench: $(VENV)/installed
 	$(BIN)/python -m workbench.speed
@@ -67,6 +73,10 @@ $(BIN)/python:
 
 $(VENV)/installed: $(SETUP) | $(BIN)/python
 	$(PIP) $(PINS) --editable .
+	@touch $@
+
+$(VENV)/installed-docs: $(SETUP) | $(VENV)/installed
+	$(PIP) $(PINS) --editable ".[docs]"
 	@touch $@
 
 $(VENV)/installed-test: $(SETUP) | $(VENV)/installed
