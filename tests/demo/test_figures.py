@@ -43,7 +43,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "law errors": lambda: law_errors(["law"], [3.0], [5.0], [90.0]),
 }
 
-UNIT = re.compile(r" in (s|V|N|°|°/s|bar|mm|Hz|° per V)$")
+UNIT = re.compile(r"\sin (s|V|N|°|°/s|bar|mm|Hz|° per V)$")
 
 
 @pytest.mark.parametrize("name", FIGURES)

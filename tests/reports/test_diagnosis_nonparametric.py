@@ -20,7 +20,7 @@ from workbench.evaluation.blind_round import score_verdicts
 from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_nonparametric import taken_back
 from workbench.reports.diagnosis_page import diagnosis_page
-from workbench.reports.page import Page, Words
+from workbench.reports.page import Answers, Page, Words
 from workbench.reports.tables import Table
 
 
@@ -38,6 +38,12 @@ def _table(page: Page, title: str) -> Table:
     return next(table for table in tables if table.title.startswith(title))
 
 
+def _answers(page: Page) -> dict[str, str]:
+    answers = page.first[0]
+    assert isinstance(answers, Answers)
+    return dict(answers.entries)
+
+
 def _words(page: Page) -> str:
     return " ".join(b.text for s in page.sections for b in s.blocks if isinstance(b, Words))
 
@@ -45,19 +51,21 @@ def _words(page: Page) -> str:
 def test_a_curve_without_a_name_leads_the_page() -> None:
     found, _ = sprung()
     assert found.verdict is not None and found.verdict.kind == "located_unnamed"
-    lead = _page(True).lead
+    said = _answers(_page(True))
     share = 100 * found.verdict.findings[0].excess_explained
-    assert "Missing at axis.force" in lead and "a curve over position" in lead
-    assert f"takes away {share:.0f} % of the held-out mean square error" in lead
-    assert "empirical: valid inside its data hull, position from 0 to" in lead
-    assert lead.endswith("Next: read the position twice.")
+    assert "Missing at axis.force" in said["what"] and "a curve over position" in said["what"]
+    assert f"removes {share:.3g} % of the excess error" in said["how sure"]
+    assert "empirical: valid inside its data hull, position from 0 to" in said["how sure"]
+    assert said["record next"] == "Read the position twice."
 
 
 def test_the_curve_is_shown_with_its_argument_and_the_improved_run() -> None:
     found, _ = sprung()
     page = _page(True)
     names = [picture.name for picture in page.pictures]
-    assert names == ["runs-1", "residuals-1", "location", "nonparametric-1", "law-1", "signal-1"]
+    assert names == [
+        *("answer", "runs-1", "residuals-1", "location", "nonparametric-1", "law-1", "signal-1")
+    ]
     # Measured, refitted and extended.
     assert len(page.pictures[0].figure.axes[0].lines) == 3
     assert "extended" in _table(page, "Errors of").headings
@@ -83,14 +91,14 @@ def test_noise_is_shown_where_it_acts_with_what_was_refused() -> None:
     found, _ = shaken()
     assert found.verdict is not None and found.verdict.kind == "unexplained"
     page = _page(False)
-    assert [p.name for p in page.pictures][2:] == ["location", "law-1", "signal-1"]
+    assert [p.name for p in page.pictures][3:] == ["location", "law-1", "signal-1"]
     assert "extended" not in _table(page, "Errors of").headings
     band = next(p for p in page.pictures if p.name == "signal-1").figure.axes[0].collections
     assert len(band) == 1
     said = _words(page)
     assert "A law without a name at axis.force was tried and refused: the signal depends" in said
     assert "a signal at axis.force looks like one at position.reading" in said
-    assert page.lead.endswith("Next: read the position twice.")
+    assert _answers(page)["record next"] == "Read the position twice."
 
 
 def test_what_was_taken_back_stands_with_the_reason() -> None:

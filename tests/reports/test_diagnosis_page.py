@@ -18,7 +18,7 @@ from workbench.plants.servo_axis import servo_axis
 from workbench.reports.diagnosis_page import diagnosis_page
 from workbench.reports.figures.diagnosis_location import diagnosis_location
 from workbench.reports.figures.diagnosis_runs import diagnosis_runs, moving_rms
-from workbench.reports.page import Page, html
+from workbench.reports.page import Answers, Page, html
 from workbench.reports.tables import Table
 
 
@@ -33,13 +33,23 @@ def _table(page: Page, title: str) -> Table:
     return next(table for table in tables if table.title.startswith(title))
 
 
-def test_the_verdict_stands_on_top_with_what_it_is_worth() -> None:
-    lead = _page(True).lead
-    assert lead.startswith("Missing: stribeck friction at axis.force")
+def _answers(page: Page) -> dict[str, str]:
+    answers = page.first[0]
+    assert isinstance(answers, Answers)
+    return dict(answers.entries)
+
+
+def test_the_first_screen_answers_what_a_reader_asks() -> None:
+    said = _answers(_page(True))
+    assert said["what"].startswith("stribeck friction, break away ")
+    assert said["where"] == "axis.force"
+    assert said["how sure"].startswith("named: gains")
+    assert re.search(r"most from [\d.]+ to [\d.]+ s of axis-3, at position", said["when"])
+    assert "what else it could be" in said
     errors = diagnosed(True).verdict
     assert errors is not None
     before, after = (1e3 * errors.fit[label]["position"] for label in ("refitted", "extended"))
-    told = re.search(r"position from ([\d.]+) to ([\d.]+) mm", lead)
+    told = re.search(r"position ([\d.]+) → ([\d.]+) mm", said["how much better"])
     assert told is not None
     assert float(told[1]) == pytest.approx(before, rel=0.01)
     assert float(told[2]) == pytest.approx(after, rel=0.01)
@@ -57,6 +67,7 @@ def test_measured_and_both_models_share_their_axes() -> None:
 def test_the_page_has_every_part_of_the_proof() -> None:
     page = _page(True)
     assert [p.name for p in page.pictures] == [
+        "answer",
         "runs-1",
         "residuals-1",
         "location",
@@ -97,7 +108,8 @@ def test_the_next_experiment_stands_with_its_separation() -> None:
     step = {"sentence": "A slow triangle would tell a from b.", "separation_sigma": 5.1}
     verdict = replace(found.verdict, next_experiment=step)
     page = diagnosis_page(replace(found, verdict=verdict), Proof((), ()), name="axis")
-    assert page.lead.endswith("Predicted separation: 5.10 standard deviations.")
+    said = _answers(page)["record next"]
+    assert said.endswith("Predicted separation: 5.10 standard deviations.")
 
 
 def test_parameters_stand_with_their_intervals() -> None:
@@ -113,7 +125,10 @@ def test_parameters_stand_with_their_intervals() -> None:
 
 def test_a_page_without_findings_claims_none() -> None:
     page = _page(False)
-    assert page.lead.startswith("Nothing is missing")
+    said = _answers(page)
+    assert said["what"].startswith("Nothing is missing")
+    # What was not found has no place, no time, no alternatives.
+    assert not {"where", "when", "what else it could be", "how much better"} & set(said)
     assert "law-1" not in {p.name for p in page.pictures}
     assert _table(page, "Errors of").headings == ("output", "nominal", "refitted", "sensor's noise")
     # What the data could not have shown is the price of every silence.

@@ -16,6 +16,8 @@ from workbench.reports.style import (
     SIMULATED,
     colours,
     controller_colours,
+    label,
+    new_figure,
     palette,
     ramp,
 )
@@ -78,3 +80,11 @@ def test_too_many_curves_are_refused() -> None:
         colours([f"controller {i}" for i in range(7)])
     with pytest.raises(WorkbenchError, match="family"):
         ramp(8)
+
+
+def test_a_label_longer_than_its_panel_is_broken_before_its_unit() -> None:
+    _, (low, high) = new_figure([1.0, 3.0])
+    for axes in (low, high):
+        label(axes, y="pressure 1 in bar")
+    assert low.get_ylabel() == "pressure 1\nin bar"
+    assert high.get_ylabel() == "pressure 1 in bar"

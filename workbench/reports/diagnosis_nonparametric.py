@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from workbench.diagnosis.location.isolability import Isolability
@@ -193,20 +191,6 @@ def group_sentence(told: Isolability | None, ports: tuple[str, ...]) -> str:
     if not others:
         return f"With these sensors, a signal at {_plain(here)} looks like one at no other place."
     return f"With these sensors, a signal at {_plain(here)} looks like one at {_plain(others)}."
-
-
-def share_sentence(share: float) -> str:
-    """Say how much of the held-out error goes away.
-
-    Args:
-        share: Share of the mean square error beyond the noise, 0 to 1, dimensionless.
-    """
-    if not math.isfinite(share):
-        return ""
-    return (
-        f"It takes away {100 * share:.0f} % of the held-out mean square error beyond the noise of"
-        " the sensors."
-    )
 
 
 def _plain(name: str) -> str:

@@ -10,15 +10,14 @@ from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.missing_signal import Located
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
+from workbench.reports.diagnosis_answers import KINDS, diagnosis_answers, plain, worst_run
 from workbench.reports.diagnosis_nonparametric import (
     accepted_term,
     group_sentence,
-    hull_sentence,
     improved,
     nonparametric_blocks,
     outside_sentence,
     refusals,
-    share_sentence,
     taken_back,
 )
 from workbench.reports.diagnosis_tables import (
@@ -31,26 +30,12 @@ from workbench.reports.diagnosis_tables import (
     unfit_sentences,
     unseen_table,
 )
+from workbench.reports.figures.diagnosis_answer import diagnosis_answer
 from workbench.reports.figures.diagnosis_law import diagnosis_law, diagnosis_signal
 from workbench.reports.figures.diagnosis_location import diagnosis_location
 from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
-from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Block, Method, Page, Section, Words
 from workbench.reports.pictures import Picture
-from workbench.reports.tables import number
-
-VERDICTS: dict[str, str] = {
-    "data_unfit": "the recordings are unfit to judge",
-    "nothing_missing": "nothing is missing",
-    "parameter": "a value was wrong",
-    "likely": "likely found",
-    "sensor": "a sensor is wrong",
-    "named": "found and named",
-    "named_class": "found, named up to look-alikes",
-    "located_unnamed": "located but not named",
-    "unexplained": "not explained",
-}
-"""Verdicts as people read them."""
 
 
 def diagnosis_page(
@@ -94,79 +79,35 @@ def diagnosis_page(
     sections.append(_recordings(verdict, commands))
     return Page(
         f"Diagnosis of {name}",
-        _lead(diagnosis, proof, verdict),
+        "" if diagnosis.runs else f"{plain(verdict.sentence).rstrip('.')}.",
         tuple(section for section in sections if section.blocks),
         facts=_facts(diagnosis, verdict),
+        first=_first(diagnosis, proof, verdict) if diagnosis.runs else (),
     )
 
 
-def _lead(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
-    """Return the verdict, and what it is worth on recordings that it has not seen."""
-    sentence = verdict.sentence.replace("+-", "±").replace("_", " ")
-    term = accepted_term(diagnosis)
-    if term is not None:
-        share = share_sentence(verdict.findings[0].excess_explained)
-        parts = (sentence, share, _falls(diagnosis, proof), hull_sentence(term), _next(verdict))
-        return " ".join(part for part in parts if part)
-    if not diagnosis.accepted:
-        stop = "" if sentence.endswith(".") else "."
-        return f"{sentence}{stop} {_next(verdict)}".strip()
-    if all(f.belief == "sure" and len(f.alike) < 2 for f in verdict.findings):
-        sentence += " No other effect of the library explains the recordings as well."
-    sentence = f"{sentence} {_falls(diagnosis, proof)}".strip()
-    if any(len(finding.alike) > 1 for finding in verdict.findings):
-        sentence += f" {_next(verdict)}"
-    return sentence.strip()
+def _first(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> tuple[Block, ...]:
+    """Return the answers and the picture that carries them."""
+    answers = diagnosis_answers(diagnosis, proof, verdict)
+    runs = {n: run for n, run in diagnosis.runs["refitted"].items() if run.finite}
+    if not runs:
+        return (answers,)
+    title, before = worst_run(runs)
+    after = diagnosis.runs.get("extended", {}).get(title) if improved(diagnosis) else None
+    located = proof.located[0] if proof.located else None
+    drawn = diagnosis_answer(before, after, verdict.fit.get("noise_floor", {}), located)
+    caption = f"{_plain_title(title)}, held out: {before.used[0].replace('_', ' ')}, and its error"
+    caption += " (green: no larger than the sensor's noise)"
+    caption += f"; the signal that is missing at {located.port}." if located else "."
+    return (answers, Picture("answer", drawn, caption, "measured and simulated, before and after"))
 
 
-def _falls(diagnosis: Diagnosis, proof: Proof) -> str:
-    """Say how far the errors on held-out recordings fall, or rise."""
-    moved: dict[str, list[str]] = {}
-    for row in proof.errors:
-        if {"refitted", "extended"} <= set(row.rmse):
-            unit, factor = readable(row.unit)
-            before, after = (number(factor * row.rmse[k]) for k in ("refitted", "extended"))
-            word = "falls" if row.rmse["extended"] < row.rmse["refitted"] else "rises"
-            if before == after:
-                word = "stays"
-            text = f"{row.output.replace('_', ' ')} from {before} to {after} {unit}"
-            moved.setdefault(word, []).append(text)
-    said = [
-        f"{word}: {', '.join(moved[word])}" for word in ("falls", "stays", "rises") if word in moved
-    ]
-    return f"{_seen_in(diagnosis)} the error {'; it '.join(said)}." if said else ""
-
-
-def _seen_in(diagnosis: Diagnosis) -> str:
-    """Say on how many held-out recordings the first output is better described."""
-    before, after = diagnosis.runs["refitted"], diagnosis.runs["extended"]
-    better = [n for n, run in after.items() if _first(run) < _first(before[n])]
-    if len(after) == 1:
-        return "On the held-out recording" if better else "Over all outputs of a held-out recording"
-    if not better:
-        return f"On the {len(after)} held-out recordings"
-    return f"Seen in {len(better)} of {len(after)} held-out recordings, over which"
-
-
-def _first(run: FreeRun) -> float:
-    return run.rmse[run.used[0]]
-
-
-def _next(verdict: Verdict) -> str:
-    """Say what to record next, with the predicted separation."""
-    step = verdict.next_experiment
-    sentence = str(step.get("sentence") or "").replace("+-", "±").replace("_", " ")
-    sigma = step.get("separation_sigma")
-    if sentence and sigma and "deviations" not in sentence:
-        sentence += f" Predicted separation: {number(sigma)} standard deviations."
-    return f"Next: {sentence[:1].lower()}{sentence[1:]}" if sentence else ""
+def _plain_title(title: str) -> str:
+    return title.split("/")[-1].replace("_", " ")
 
 
 def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...]:
-    facts = [("verdict", VERDICTS[verdict.kind]), ("model", diagnosis.nominal.name)]
-    share = [f.excess_explained for f in verdict.findings]
-    if share and math.isfinite(share[0]):
-        facts.append(("excess error removed", f"{100 * share[0]:.4g} %"))
+    facts = [("verdict", KINDS[verdict.kind]), ("model", diagnosis.nominal.name)]
     if math.isfinite(verdict.seconds):
         facts.append(("computed in", f"{verdict.seconds:.0f} s"))
     return tuple(facts)
@@ -187,20 +128,20 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     ]
     for i, (title, run) in enumerate(diagnosis.runs["refitted"].items()):
         after = extended.get(title)
-        plain = title.split("/")[-1].replace("_", " ")
+        name = _plain_title(title)
         blocks += [
             Picture(
                 f"runs-{i + 1}",
                 diagnosis_runs(run, after),
-                f"{plain}: measured, and simulated by {_models(after)}.{_failed(run, after)}",
-                f"measurements and free runs of {plain} over time",
+                f"{name}: measured, and simulated by {_models(after)}.{_failed(run, after)}",
+                f"measurements and free runs of {name} over time",
             ),
             Picture(
                 f"residuals-{i + 1}",
                 diagnosis_residuals(run, noise, after),
-                f"{plain}: error of the free run, root mean square over 0.2 s, on a logarithmic"
+                f"{name}: error of the free run, root mean square over 0.2 s, on a logarithmic"
                 " axis. In the green band it is no larger than the noise of the sensor.",
-                f"errors of the free runs of {plain} over time",
+                f"errors of the free runs of {name} over time",
             ),
         ]
     blocks.append(errors_table(proof.errors, bool(extended)))
@@ -327,7 +268,7 @@ def _numbers(diagnosis: Diagnosis, verdict: Verdict) -> Section:
         )
     blocks.append(parameters_table(diagnosis))
     title = "The value that is wrong" if verdict.kind == "parameter" else "Parameters"
-    return Section("parameters", title, tuple(blocks))
+    return Section("parameters", title, tuple(blocks), folded=verdict.kind != "parameter")
 
 
 def _alternatives(diagnosis: Diagnosis) -> Section:
@@ -348,7 +289,7 @@ def _alternatives(diagnosis: Diagnosis) -> Section:
         ]
     named = bool(diagnosis.accepted) or not diagnosis.rounds
     title = "Alternatives" if named else "What was tried, and why it was refused"
-    return Section("alternatives", title, tuple(blocks))
+    return Section("alternatives", title, tuple(blocks), folded=True)
 
 
 def _round_title(number: int, found: int) -> str:
@@ -361,13 +302,11 @@ def _round_title(number: int, found: int) -> str:
 
 def _limits(diagnosis: Diagnosis, verdict: Verdict) -> Section:
     blocks: list[Block] = []
-    if _next(verdict):
-        blocks.append(Words(_next(verdict)))
     if verdict.not_testable:
         blocks.append(unseen_table(verdict))
     elif diagnosis.rounds:
         blocks.append(Words("Every effect of the library would have shown at a plausible size."))
-    return Section("limits", "What could not be seen, and what to do next", tuple(blocks))
+    return Section("limits", "What could not be seen", tuple(blocks), folded=True)
 
 
 def _recordings(verdict: Verdict, commands: Sequence[str]) -> Section:
@@ -386,4 +325,4 @@ def _recordings(verdict: Verdict, commands: Sequence[str]) -> Section:
     if commands:
         blocks.append(Commands(tuple(commands)))
     title = "Which check failed" if unfit else "Recordings and methods"
-    return Section("recordings", title, tuple(blocks))
+    return Section("recordings", title, tuple(blocks), folded=not unfit)

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from zlib import crc32
 
 from workbench.errors import check_choice, check_range
@@ -92,7 +92,9 @@ def palette() -> tuple[Colour, ...]:
 WIDTH_INCHES = 5.2
 """One width for all pictures: readable on a phone, and two stand side by side on a screen."""
 
-FONT_POINTS = 10.0
+FONT_POINTS = 11.0
+
+_POINTS_PER_LETTER = 0.58 * FONT_POINTS
 
 
 def colours(names: Iterable[str]) -> dict[str, Colour]:
@@ -197,9 +199,22 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str 
     if x is not None:
         axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)
     if y is not None:
-        axes.set_ylabel(y, fontsize=FONT_POINTS, color=INK.light)
+        axes.set_ylabel(_broken(y, axes), fontsize=FONT_POINTS, color=INK.light)
     if title:
         axes.set_title(title, fontsize=FONT_POINTS, color=INK.light, loc="left")
+
+
+def _broken(text: str, axes: Axes) -> str:
+    """Break a label before its unit where it is longer than its panel, lest two labels meet."""
+    spec = axes.get_subplotspec()
+    if spec is None:
+        return text
+    ratios: Any = spec.get_gridspec().get_height_ratios()
+    room = 72.0 * ratios[spec.rowspan.start]
+    words, unit = text.rpartition(" in ")[::2]
+    if len(text) * _POINTS_PER_LETTER <= room or not words:
+        return text
+    return f"{words}\nin {unit}"
 
 
 def key(axes: Axes, *, columns: int = 3, handles: list[Line2D] | None = None) -> None:

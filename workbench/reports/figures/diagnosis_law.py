@@ -12,6 +12,7 @@ from workbench.reports.figures.diagnosis_units import readable, titled
 from workbench.reports.style import FAINT, MEASURED, key, label, new_figure
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _POINTS = 1200
@@ -26,6 +27,12 @@ def diagnosis_law(located: Located) -> Figure:
         effect adds at the same times.
     """
     figure, (axes,) = new_figure([2.7])
+    draw_law(axes, located)
+    return figure
+
+
+def draw_law(axes: Axes, located: Located) -> None:
+    """Draw a located signal and the law on it against its argument."""
     rows = np.flatnonzero(located.known)
     rows = rows[:: max(1, len(rows) // _POINTS)]
     unit, factor = readable(located.unit)
@@ -68,7 +75,6 @@ def diagnosis_law(located: Located) -> Figure:
     legend = axes.get_legend()
     for handle in legend.legend_handles if legend is not None else ():
         handle.set_markersize(8.0)  # type: ignore[union-attr]
-    return figure
 
 
 def diagnosis_signal(located: Located) -> Figure:

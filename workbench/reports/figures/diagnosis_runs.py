@@ -24,6 +24,7 @@ from workbench.reports.style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
 
 Vector = npt.NDArray[np.float64]
 
@@ -49,17 +50,24 @@ def diagnosis_runs(before: FreeRun, after: FreeRun | None = None) -> Figure:
         The figure: one panel per output over time in s; the last repeats the first output where
         the refitted model is farthest off, measured by what moves there.
     """
-    from matplotlib.lines import Line2D
-
     count = len(before.used)
     figure, panels = new_figure([1.6] + [1.4] * (count - 1) + [1.7], share_x=False)
     for i, axes in enumerate(panels[:count]):
-        _curves(axes, before, after, i, np.ones(len(before.time), dtype=bool))
+        draw_run(axes, before, after, i, np.ones(len(before.time), dtype=bool))
         if i < count - 1:
             axes.tick_params(labelbottom=False)
     label(panels[count - 1], x="time in s")
-    _curves(panels[-1], before, after, 0, _worst(before))
+    draw_run(panels[-1], before, after, 0, farthest_off(before))
     label(panels[-1], x="time in s, where the refitted model is farthest off")
+    key(panels[0], columns=3, handles=run_key(after))
+    figure.align_ylabels()
+    return figure
+
+
+def run_key(after: FreeRun | None) -> list[Line2D]:
+    """Return the legend of measured and simulated curves."""
+    from matplotlib.lines import Line2D
+
     handles = [
         Line2D([], [], color=MEASURED.light, linewidth=3.0, alpha=0.45, label="measured"),
         Line2D([], [], color=BEFORE.light, linewidth=1.2, label="refitted"),
@@ -68,13 +76,15 @@ def diagnosis_runs(before: FreeRun, after: FreeRun | None = None) -> Figure:
         handles.append(
             Line2D([], [], color=AFTER.light, linewidth=1.2, linestyle=_DASHES, label="extended")
         )
-    key(panels[0], columns=3, handles=handles)
-    figure.align_ylabels()
-    return figure
+    return handles
 
 
-def _worst(run: FreeRun) -> npt.NDArray[np.bool_]:
-    """Rows where the error of the first output is the largest share of what is measured there."""
+def farthest_off(run: FreeRun) -> npt.NDArray[np.bool_]:
+    """Find where the error of the first output is the largest share of what is measured there.
+
+    Returns:
+        Whether a sample lies in that twelfth of the recording, shape (n,).
+    """
     width = max(2, len(run.time) // 12)
     # A window in which nothing moves is judged by a twentieth of the whole range.
     floor = 0.05 * float(np.nanmax(run.measured[:, 0]) - np.nanmin(run.measured[:, 0]))
@@ -90,9 +100,10 @@ def _worst(run: FreeRun) -> npt.NDArray[np.bool_]:
     return rows
 
 
-def _curves(
+def draw_run(
     axes: Axes, before: FreeRun, after: FreeRun | None, i: int, rows: npt.NDArray[np.bool_]
 ) -> None:
+    """Draw one output as measured and as both models say, at some of the samples."""
     factor = readable(before.units[i])[1]
     time, seen = _thinned(before.time[rows], before.measured[rows, i])
     axes.plot(time, factor * seen, color=MEASURED.light, linewidth=3.0, alpha=0.45)
@@ -135,22 +146,7 @@ def diagnosis_residuals(
         [(1.9 + 1.4 * len(before.used)) / len(before.used)] * len(before.used)
     )
     for i, axes in enumerate(panels):
-        factor = readable(before.units[i])[1]
-        level = max(factor * noise.get(before.used[i], 0.0), 1e-12)
-        curves = [(before, BEFORE), *([] if after is None else [(after, AFTER)])]
-        smallest, largest = level, 3 * level
-        for run, colour in curves:
-            if run.finite:
-                time, rms = moving_rms(run.time, run.error[:, i])
-                axes.plot(time, factor * rms, color=colour.light, linewidth=1.3)
-                smallest = min(smallest, float(np.nanmin(factor * rms, initial=level)))
-                largest = max(largest, float(np.nanmax(factor * rms, initial=level)))
-        axes.set_yscale("log")
-        axes.set_ylim(0.5 * max(smallest, 1e-3 * level), 2 * largest)
-        axes.axhspan(1e-12, 2 * level, color=BAND.light, zorder=0)
-        axes.axhline(level, color=REFERENCE.light, linewidth=0.9, linestyle=":")
-        _decades(axes)
-        label(axes, y=titled(before.used[i], before.units[i]))
+        draw_error(axes, before, noise, after, i)
     label(panels[-1], x="time in s")
     handles: list[Line2D | Patch] = [
         Line2D([], [], color=BEFORE.light, linewidth=1.3, label="refitted")
@@ -161,6 +157,32 @@ def diagnosis_residuals(
     key(panels[0], columns=3, handles=handles)  # type: ignore[arg-type]
     figure.align_ylabels()
     return figure
+
+
+def draw_error(
+    axes: Axes, before: FreeRun, noise: Mapping[str, float], after: FreeRun | None, i: int
+) -> None:
+    """Draw the error of one output over time, on a logarithmic axis.
+
+    Args:
+        noise: Noise of each output, in its SI unit; the band is twice that.
+        i: Which output.
+    """
+    factor = readable(before.units[i])[1]
+    level = max(factor * noise.get(before.used[i], 0.0), 1e-12)
+    smallest, largest = level, 3 * level
+    for run, colour in ((before, BEFORE), (after, AFTER)):
+        if run is not None and run.finite:
+            time, rms = moving_rms(run.time, run.error[:, i])
+            axes.plot(time, factor * rms, color=colour.light, linewidth=1.3)
+            smallest = min(smallest, float(np.nanmin(factor * rms, initial=level)))
+            largest = max(largest, float(np.nanmax(factor * rms, initial=level)))
+    axes.set_yscale("log")
+    axes.set_ylim(0.5 * max(smallest, 1e-3 * level), 2 * largest)
+    axes.axhspan(1e-12, 2 * level, color=BAND.light, zorder=0)
+    axes.axhline(level, color=REFERENCE.light, linewidth=0.9, linestyle=":")
+    _decades(axes)
+    label(axes, y=titled(before.used[i], before.units[i]))
 
 
 def _decades(axes: Axes) -> None:

@@ -1,0 +1,174 @@
+"""The first screen of a diagnosis: what, where, when, how sure, how much better, what next."""
+
+from __future__ import annotations
+
+import math
+
+from workbench.diagnosis.comparison import Proof
+from workbench.diagnosis.estimation.free_run import FreeRun
+from workbench.diagnosis.stages import Diagnosis
+from workbench.diagnosis.verdict import Finding, Verdict
+from workbench.reports.diagnosis_nonparametric import accepted_term, hull_sentence, improved
+from workbench.reports.figures.diagnosis_runs import farthest_off
+from workbench.reports.figures.diagnosis_units import readable
+from workbench.reports.page import Answers
+from workbench.reports.tables import interval, number
+
+KINDS: dict[str, str] = {
+    "data_unfit": "the recordings are unfit to judge",
+    "nothing_missing": "nothing is missing",
+    "parameter": "a value is wrong",
+    "likely": "likely, not sure",
+    "sensor": "a sensor is wrong",
+    "named": "named",
+    "named_class": "named up to look-alikes",
+    "located_unnamed": "located, without a name",
+    "unexplained": "not explained",
+}
+"""Verdicts as people read them."""
+
+
+def diagnosis_answers(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Answers:
+    """Answer what a reader wants to know first; a question without an answer is left out."""
+    entries = (
+        ("what", _what(verdict)),
+        ("where", _where(verdict)),
+        ("when", _when(diagnosis, verdict)),
+        ("how sure", _how_sure(diagnosis, proof, verdict)),
+        ("what else it could be", _what_else(verdict)),
+        ("how much better", _better(proof) if improved(diagnosis) else ""),
+        ("still left", _left(verdict)),
+        ("record next", next_step(verdict)),
+    )
+    return Answers(tuple((question, answer) for question, answer in entries if answer))
+
+
+def plain(text: str) -> str:
+    """Write names and signs as people read them."""
+    return text.replace("+-", "±").replace("_", " ")
+
+
+def _what(verdict: Verdict) -> str:
+    named = [_named(f) for f in verdict.findings if f.effect and f.effect != "nonparametric"]
+    if named:
+        return "; ".join(named)
+    return plain(verdict.sentence)
+
+
+def _named(finding: Finding) -> str:
+    """Return the name of what was found, with its size: the first of its parameters."""
+    name = plain(finding.effect or "")
+    for parameter, size in finding.parameters.items():
+        unit, factor = readable(size.unit)
+        value, std = (number(factor * x, digits) for x, digits in ((size.value, 3), (size.std, 2)))
+        return f"{name}, {plain(parameter)} {value} ± {std} {unit}".removesuffix(" 1")
+    return name
+
+
+def _where(verdict: Verdict) -> str:
+    places = dict.fromkeys(port for finding in verdict.findings for port in finding.where)
+    return plain(", ".join(places))
+
+
+def _when(diagnosis: Diagnosis, verdict: Verdict) -> str:
+    """Say when the refitted model is farthest off, and at which values of the output."""
+    runs = {name: run for name, run in diagnosis.runs.get("refitted", {}).items() if run.finite}
+    if not runs or verdict.kind in ("nothing_missing", "parameter"):
+        return ""
+    title, run = worst_run(runs)
+    rows = farthest_off(run)
+    unit, factor = readable(run.units[0])
+    seen = factor * run.measured[rows, 0]
+    seen = seen[seen == seen]
+    time = run.time[rows]
+    at = interval(float(seen.min()), float(seen.max()), 2, unit=unit) if seen.size else ""
+    return (
+        (
+            f"most from {number(float(time[0]), 3)} to {number(float(time[-1]), 3)} s of"
+            f" {plain(title.split('/')[-1])}" + (f", at {plain(run.used[0])} {at}" if at else "")
+        )
+        .removesuffix(" 1")
+        .replace(" °", "°")
+    )
+
+
+def worst_run(runs: dict[str, FreeRun]) -> tuple[str, FreeRun]:
+    """Return the recording on which the first output is farthest off, against what moves there."""
+    return max(runs.items(), key=lambda item: _share(item[1]))
+
+
+def _share(run: FreeRun) -> float:
+    name = run.used[0]
+    return run.rmse[name] / run.spread[name] if run.spread[name] > 0 else 0.0
+
+
+def _how_sure(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
+    said = []
+    if not verdict.findings and proof.errors:
+        most = max(row.over_noise("refitted") for row in proof.errors if "refitted" in row.rmse)
+        said.append(f"held-out error at most {number(most, 2)} times the sensor's noise")
+    for finding in verdict.findings[:1]:
+        gain, low, high = finding.held_out
+        if math.isfinite(gain) and math.isfinite(low):
+            said.append(
+                f"gains {number(gain)} of log likelihood on held-out recordings (99 %:"
+                f" {interval(low, high)})"
+            )
+        if math.isfinite(finding.excess_explained):
+            said.append(f"removes {100 * finding.excess_explained:.3g} % of the excess error")
+        said += [plain(doubt) for doubt in finding.doubts]
+    term = accepted_term(diagnosis)
+    if term is not None:
+        said.append(hull_sentence(term).removesuffix("."))
+    return f"{KINDS[verdict.kind]}{': ' if said else ''}{'; '.join(said)}"
+
+
+def _what_else(verdict: Verdict) -> str:
+    """Name the look-alikes, or the law that comes next and how far it is behind."""
+    alike = [plain(other) for f in verdict.findings for other in f.alike[1:]]
+    if alike:
+        return f"these recordings cannot tell it from {', '.join(alike)}"
+    if len(verdict.findings) != 1 or not math.isfinite(verdict.findings[0].held_out[0]):
+        return ""
+    behind = {
+        row["effect"]: verdict.findings[0].held_out[0] - row["held_out_gain"][0]
+        for row in verdict.refused
+        if str(row.get("rule", "")).startswith("surpassed")
+        and row.get("held_out_gain")
+        and math.isfinite(row["held_out_gain"][0])
+    }
+    if not behind:
+        return "no other law of the library"
+    name = min(behind, key=behind.__getitem__)
+    return f"next best: {plain(name)}, {number(behind[name])} of log likelihood behind"
+
+
+def _better(proof: Proof) -> str:
+    """Say how far the errors on held-out recordings fall, or rise."""
+    moved = []
+    for row in proof.errors:
+        if {"refitted", "extended"} <= set(row.rmse):
+            unit, factor = readable(row.unit)
+            before, after = (number(factor * row.rmse[k]) for k in ("refitted", "extended"))
+            moved.append(f"{plain(row.output)} {before} → {after} {unit}")
+    return f"error on held-out recordings: {', '.join(moved)}".replace(" °", "°") if moved else ""
+
+
+def _left(verdict: Verdict) -> str:
+    """Return what the sentence says beyond its findings."""
+    if not verdict.findings:
+        return ""
+    rest = verdict.sentence
+    for finding in verdict.findings:
+        rest = rest.replace(finding.sentence, "")
+    return plain(rest.strip().removeprefix("Something else is still left out: "))
+
+
+def next_step(verdict: Verdict) -> str:
+    """Say what to record next, with the predicted separation."""
+    step = verdict.next_experiment
+    sentence = plain(str(step.get("sentence") or ""))
+    sigma = step.get("separation_sigma")
+    if sentence and sigma and "deviations" not in sentence:
+        sentence += f" Predicted separation: {number(sigma)} standard deviations."
+    return sentence
