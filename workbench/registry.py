@@ -225,7 +225,11 @@ def own_place(error: BaseException) -> str:
     """Return file and line of the user's own code that an error passed last; empty if none did."""
     frames = traceback.extract_tb(error.__traceback__)
     own = [f for f in frames if not f.filename.startswith(_NOT_OWN)]
-    return f"{own[-1].filename}, line {own[-1].lineno}" if own else ""
+    if not own:
+        return ""
+    file = Path(own[-1].filename)
+    shown = file.relative_to(Path.cwd()) if file.is_relative_to(Path.cwd()) else file
+    return f"{shown}, line {own[-1].lineno}"
 
 
 def _plain(name: str) -> str:

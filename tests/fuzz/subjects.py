@@ -32,7 +32,7 @@ from workbench.recordings import (
 )
 from workbench.recordings.column_matching import driven_by
 from workbench.recordings.example import example_recording
-from workbench.study.baseline import changes, read_baseline
+from workbench.study.baseline import box_changes, changes, read_baseline
 from workbench.study.bless import bless
 from workbench.study.conditions import condition_changes
 from workbench.study.schema import load_study
@@ -216,6 +216,7 @@ def baseline(path: Path) -> None:
     names = {n for r in found.records.values() if r.metrics for n in r.metrics}
     rules = {name: tolerance_of(name) for name in names}
     changes(rules, found.records.values(), found)
+    box_changes(BOX, found)
     if found.conditions is not None:
         condition_changes(found.conditions, CONDITIONS)
         condition_changes(CONDITIONS, found.conditions)
@@ -271,6 +272,13 @@ RUN = {
     "events": [{"output": "angle", "time": 1.0, "what": "load", "peak": 0.1, "left": None}],
     "margins": {"Ms": 1.5},
 }
+BOX = [
+    {
+        "controller": "pid",
+        "worst_score": 0.8,
+        "requirements": [{"requirement": "rmse", "hard": True, "met": 3, "draws": 4}],
+    }
+]
 VERDICT = {
     "schema": "workbench.verdict/1",
     "verdict": "named",
@@ -334,7 +342,7 @@ SUBJECTS: dict[str, Subject] = {
     "baseline": Subject(
         "b.json",
         fixed({"kind": "workbench baseline", "schema": 2, "study": "s", "conditions": CONDITIONS,
-               "runs": [RUN]}),
+               "runs": [RUN], "box": BOX}),
         damaged_json,
         baseline,
     ),
@@ -342,7 +350,7 @@ SUBJECTS: dict[str, Subject] = {
         "results.json",
         fixed({"kind": "workbench results", "schema": 1, "study": "s", "runs": [RUN],
                "conditions": CONDITIONS, "tolerances": {"rmse": {"relative": 0.1}},
-               "requirements": [{"hard": True, "met": False}]}),
+               "robustness": BOX, "requirements": [{"hard": True, "met": False}]}),
         damaged_json,
         accepted,
     ),

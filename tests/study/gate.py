@@ -82,6 +82,7 @@ def finished_gate(folder: Path) -> Gate:
     gate = Gate(folder)
     first = gate.compared(against=False)
     assert first.passed, first.headline()
-    write_baseline(gate.baseline, first.study.name, first.records, conditions(first.study))
+    box = [r.table() for r in first.robustness]
+    write_baseline(gate.baseline, first.study.name, first.records, conditions(first.study), box)
     shutil.copytree(folder / "out" / "runs", gate.kept)
     return gate

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from xml.sax.saxutils import escape
 
 import pytest
 
@@ -13,9 +14,9 @@ from tests.study.gate import Gate, finished_gate
 from workbench.reports.results import json_text
 from workbench.reports.study_page import study_page
 from workbench.study.annotations import github_annotations
-from workbench.study.baseline import read_baseline
+from workbench.study.baseline import box_changes, read_baseline, write_baseline
 from workbench.study.bless import bless
-from workbench.study.conditions import condition_changes
+from workbench.study.conditions import condition_changes, conditions
 from workbench.study.junit import junit
 from workbench.study.result import StudyResult
 from workbench.study.summary import mark_of, plain_summary, summary
@@ -217,3 +218,59 @@ def test_a_summary_fits_into_a_comment_and_ends_with_its_mark(
     short = summary(outcome)
     assert len(short) < 900 and short.splitlines()[-1] == mark_of("small")
     assert short.count("<details>") == short.count("</details>")
+
+
+def test_fewer_plants_of_the_box_than_accepted_are_worse(gate: Gate, tmp_path: Path) -> None:
+    now = gate.compared(NARROW, INFORMS, against=False)
+    (row,) = [r.table() for r in now.robustness]
+    (own,) = [r for r in row["requirements"] if r["hard"]]
+    assert (own["met"], own["draws"]) == (3, 4)
+    kept = tmp_path / "kept.json"
+    write_baseline(kept, "small", now.records, conditions(now.study), [row])
+    assert gate_against(now, kept).passed
+    # Accepted were all four; the box informs only, and still nothing may get worse unseen.
+    better = {**row, "requirements": [{**own, "met": 4}]}
+    write_baseline(kept, "small", now.records, conditions(now.study), [better])
+    outcome = gate_against(now, kept)
+    assert not outcome.passed
+    (change,) = outcome.worse
+    name = "plants that meet settling_time at most 0.495 s"
+    assert str(change) == f"pid, box: {name} 100 -> 75 %, worse (tolerance 0 %)"
+    assert f"| **pid**, box | {name} | – | 100 → 75 % |" in summary(outcome)
+    assert f'<failure message="{escape(str(change))}' in junit(outcome)
+    # A baseline that keeps none says what it cannot see.
+    write_baseline(kept, "small", now.records, conditions(now.study))
+    assert "keeps no results of the parameter box" in summary(gate_against(now, kept))
+
+
+def gate_against(outcome: StudyResult, kept: Path) -> StudyResult:
+    """Return the outcome compared with a baseline."""
+    stored = read_baseline(kept)
+    found = box_changes([r.table() for r in outcome.robustness], stored)
+    return replace(outcome, baseline=stored, changes=found)
+
+
+def test_a_reviewer_reads_what_changed_nominal_and_worst_in_ten_lines(gate: Gate) -> None:
+    outcome = gate.compared(("bandwidth = 30.0", "bandwidth = 24.0"))
+    full = [line for line in summary(outcome).splitlines() if line]
+    top = full[: full.index("<details>")]
+    assert len(top) <= 10
+    scores = next(line for line in top if line.startswith("| ✅ pid"))
+    assert " → " in scores
+    (row,) = (line for line in top if "chatter" in line)
+    # Both numbers are those of the baseline and of now, on the nominal plant and on the worst.
+    (nominal, worst) = re.findall(r"([\d.]+) → ([\d.]+) V/s \(\+[\d.]+ %\)", row)
+    runs = {r.variation: r for r in outcome.records if r.scenario == "sine"}
+    now = {name: r.metrics["chatter"].value for name, r in runs.items() if r.metrics}
+    assert float(nominal[1]) == pytest.approx(now["nominal"], rel=1e-3)
+    assert float(worst[1]) == pytest.approx(max(now.values()), rel=1e-3)
+
+
+def test_a_broken_controller_is_told_once(gate: Gate) -> None:
+    (gate.folder / "broken.py").write_text(
+        "def design(linear, specification):\n    raise ValueError('no gain')\n"
+    )
+    outcome = gate.compared(('design = "pid"', 'design = "broken:design"'))
+    for text in (summary(outcome), plain_summary(outcome)):
+        assert text.count("ValueError: no gain") == 1 and "4 of 4 runs" in text
+    assert "100 → 0 %" in summary(outcome)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -34,6 +34,8 @@ BASELINE_SCHEMA = 2
 
 KIND = "workbench baseline"
 RESULTS_KIND = "workbench results"
+RUN_FAILED = "it failed"
+"""How the reason of a change begins that is a failed run."""
 
 Way = Literal["worse", "better", "changed", "new", "gone"]
 Key = tuple[str, str, str, int]
@@ -76,6 +78,11 @@ class Change:
         """Whether the change fails the study."""
         return self.gates and self.way in ("worse", "gone")
 
+    @property
+    def failed(self) -> bool:
+        """Whether it is worse because the run failed, which is told with the failed runs."""
+        return self.reason.startswith(RUN_FAILED)
+
     def numbers(self) -> str:
         """Return both values with their unit."""
         unit = "" if self.unit == "1" else "°" if self.unit == "deg" else f" {self.unit}"
@@ -85,7 +92,7 @@ class Change:
     def __str__(self) -> str:
         """Return one line."""
         controller, variation, scenario, _ = self.key
-        where = f"{controller}, {scenario}, {variation}"
+        where = ", ".join(filter(None, (controller, scenario, variation)))
         tail = f" ({self.reason})" if self.reason else ""
         if not self.metric:
             return f"{where}: run is {self.way}{tail}"
@@ -105,12 +112,15 @@ class Baseline:
         records: Records by controller, variation, scenario and seed.
         conditions: What was required, and under which conditions; None in a baseline of the first
             schema.
+        box: What the parameter box did to each controller, as `BOX` has it; empty if it was not
+            kept.
     """
 
     records: Mapping[Key, Record]
     study: str
     path: Path
     conditions: Mapping[str, Any] | None = None
+    box: Sequence[Mapping[str, Any]] = ()
 
 
 def read_baseline(path: str | Path) -> Baseline:
@@ -134,6 +144,7 @@ def read_baseline(path: str | Path) -> Baseline:
         table.get("study", ""),
         place,
         table.get("conditions"),
+        table.get("box", table.get("robustness", ())),
     )
 
 
@@ -201,19 +212,42 @@ CONDITIONS = TableShape(
 )
 """Shape of the conditions in a file."""
 
+BOX = listed(
+    TableShape(
+        {
+            "controller": text,
+            "worst_score": number,
+            "requirements": listed(
+                TableShape({"requirement": text, "hard": flag, "met": whole, "draws": whole})
+            ),
+        }
+    )
+)
+"""Shape of what a parameter box did, in a file."""
+
 _BASELINE = TableShape(
     {"schema": whole, "runs": listed(RECORD)},
-    {"study": text, "kind": one_of(KIND, RESULTS_KIND), "conditions": CONDITIONS},
+    {
+        "study": text,
+        "kind": one_of(KIND, RESULTS_KIND),
+        "conditions": CONDITIONS,
+        "box": BOX,
+        "robustness": BOX,
+    },
 )
 
 
 def baseline_text(
-    study: str, records: Iterable[Record], conditions: Mapping[str, Any] | None = None
+    study: str,
+    records: Iterable[Record],
+    conditions: Mapping[str, Any] | None = None,
+    box: Sequence[Mapping[str, Any]] = (),
 ) -> str:
     """Return a baseline as text that changes only where numbers do.
 
     Args:
         conditions: What was required, as `workbench.study.conditions` tells it.
+        box: What the parameter box did, as `BOX` has it.
 
     Returns:
         JSON with one run per entry, sorted, numbers to 9 digits, nothing that differs from machine
@@ -248,7 +282,19 @@ def baseline_text(
             )
             parts.append(f'   "{part}": {{\n{own}}}' if own else f'   "{part}": {{}}')
         top = f'{top[:-1]}, "conditions": {{\n' + ",\n".join(parts) + "}}"
+    if box:
+        own = ",\n".join(f"  {json.dumps(_box_row(row), ensure_ascii=False)}" for row in box)
+        top = f'{top[:-1]}, "box": [\n{own}]}}'
     return f'{top[:-1]}, "runs": [' + ",\n".join(["", *rows])[1:] + "\n]}\n"
+
+
+def _box_row(row: Mapping[str, Any]) -> dict[str, Any]:
+    kept = ("requirement", "hard", "met", "draws")
+    return {
+        "controller": row["controller"],
+        "worst_score": float(f"{row['worst_score']:.9g}"),
+        "requirements": [{key: own[key] for key in kept} for own in row["requirements"]],
+    }
 
 
 def write_baseline(
@@ -256,13 +302,14 @@ def write_baseline(
     study: str,
     records: Iterable[Record],
     conditions: Mapping[str, Any] | None = None,
+    box: Sequence[Mapping[str, Any]] = (),
 ) -> Path:
     """Write a baseline.
 
     Raises:
         WorkbenchError: If it cannot be written.
     """
-    return write_whole(path, baseline_text(study, records, conditions))
+    return write_whole(path, baseline_text(study, records, conditions, box))
 
 
 def changes(
@@ -290,7 +337,7 @@ def changes(
         if before is None:
             found.append(_whole(record.key, "new", "the baseline has no such run"))
         elif record.failed and not before.failed:
-            found.append(_whole(record.key, "worse", f"it failed: {record.reason}"))
+            found.append(_whole(record.key, "worse", f"{RUN_FAILED}: {record.reason}"))
         elif before.failed and not record.failed:
             found.append(_whole(record.key, "better", "it failed in the baseline"))
         elif not record.failed:
@@ -301,6 +348,39 @@ def changes(
         if key not in seen
     ]
     return tuple(found)
+
+
+def box_changes(rows: Iterable[Mapping[str, Any]], baseline: Baseline) -> tuple[Change, ...]:
+    """Compare how many plants of the parameter box meet each requirement.
+
+    Args:
+        rows: What the box does now, as `BOX` has it.
+
+    Returns:
+        A change wherever the share of plants differs; a smaller one is worse.
+    """
+    before = {
+        (row["controller"], own["requirement"]): own
+        for row in baseline.box
+        for own in row["requirements"]
+    }
+    found = []
+    for row in rows:
+        for own in row["requirements"]:
+            old = before.get((row["controller"], own["requirement"]))
+            if old is None or not old["draws"] or not own["draws"]:
+                continue
+            shares = [100.0 * part["met"] / part["draws"] for part in (old, own)]
+            if not math.isclose(*shares):
+                way: Way = "worse" if shares[1] < shares[0] else "better"
+                key = (row["controller"], IN_BOX, "", 0)
+                name = f"plants that meet {own['requirement']}"
+                found.append(Change(key, name, shares[0], shares[1], "%", way, own["hard"]))
+    return tuple(found)
+
+
+IN_BOX = "box"
+"""What stands in the place of a variation where the parameter box is meant."""
 
 
 def _whole(key: Key, way: Way, reason: str) -> Change:

@@ -7,10 +7,12 @@ from pathlib import Path
 from workbench.checked_json import TableShape, flag, listed, named, one_of, read_json, text
 from workbench.errors import WorkbenchError
 from workbench.study.baseline import (
+    BOX,
     CONDITIONS,
     RESULTS_KIND,
     TOLERANCE,
     Baseline,
+    box_changes,
     changes,
     read_baseline,
     records_of,
@@ -26,6 +28,7 @@ _RESULTS = TableShape(
     {
         "conditions": CONDITIONS,
         "tolerances": named(TOLERANCE),
+        "robustness": BOX,
         "requirements": listed(TableShape({"hard": flag, "met": flag})),
     },
 )
@@ -59,11 +62,12 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
     known = [*records, *before.records.values()]
     names = dict.fromkeys(name for r in known if r.metrics for name in r.metrics)
     rules = {name: own.get(name) or tolerance_of(name) for name in names}
-    found = changes(rules, records, before)
+    box = table.get("robustness", ())
+    found = (*changes(rules, records, before), *box_changes(box, before))
     failed = [r for r in records if r.failed]
     kept = table.get("conditions")
     other = condition_changes(before.conditions, kept) if kept and before.conditions else ()
-    write_baseline(place, study, records, kept)
+    write_baseline(place, study, records, kept, box)
     lines = []
     if not before.records:
         lines.append(f"accepted {len(records)} runs of study {study} as the first baseline")

@@ -16,6 +16,10 @@ LARGEST = 10.0
 """Score that counts in a mean where a requirement was missed by more, or could not be judged."""
 
 
+RUN_FAILED = "the run failed"
+"""How the reason of a requirement begins that has no value because its run failed."""
+
+
 @dataclass(frozen=True)
 class Judgement:
     """A requirement on one controller, variation and scenario: the worst seed counts.
@@ -62,6 +66,8 @@ class Judgement:
             where = "above" if self.value > 0 else "at"
             return f"is {self.value:.4g}{unit}, {where} {limit}"
         ratio = self.value / required.limit - 1.0
+        if ratio > 1.0:
+            return f"is {self.value:.4g}{unit}, {ratio + 1.0:.3g} times {limit}"
         where = "over" if ratio > 0 else "under"
         return f"is {self.value:.4g}{unit}, {abs(100 * ratio):.3g} % {where} {limit}"
 
@@ -141,7 +147,7 @@ def _judged(study: Study, demand: Demand, record: Record) -> bool:
 def _judgement(demand: Demand, record: Record) -> Judgement:
     identity = (demand, record.controller, record.variation, record.scenario, record.seed)
     if record.metrics is None:
-        return Judgement(*identity, math.nan, math.inf, f"the run failed: {record.reason}")
+        return Judgement(*identity, math.nan, math.inf, f"{RUN_FAILED}: {record.reason}")
     measured = record.metrics
     if demand.step is not None:
         found = worst(record.values_of_steps(demand.requirement.metric, demand.step))

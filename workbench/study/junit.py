@@ -59,7 +59,8 @@ def junit(outcome: StudyResult) -> str:
         if change.fails:
             ET.SubElement(test, "failure", message=_clean(str(change)))
     if outcome.baseline is not None:
-        for key in dict.fromkeys([*(r.key for r in outcome.records), *outcome.baseline.records]):
+        runs = [*(r.key for r in outcome.records), *outcome.baseline.records]
+        for key in dict.fromkeys([*runs, *(c.key for c in outcome.worse)]):
             if key[0] not in suites:
                 continue
             test = case(key[0], key[2], f"no worse than the baseline, {key[1]}, seed {key[3]}")

@@ -11,7 +11,14 @@ from typing import Any
 
 from workbench.errors import WorkbenchError, check_range
 from workbench.files import check_folder, write_whole
-from workbench.study.baseline import RESULTS_KIND, Baseline, Change, changes, read_baseline
+from workbench.study.baseline import (
+    RESULTS_KIND,
+    Baseline,
+    Change,
+    box_changes,
+    changes,
+    read_baseline,
+)
 from workbench.study.conditions import ConditionChange, condition_changes, conditions
 from workbench.study.execution import run_tasks, store_of, verify_kept
 from workbench.study.judgements import Judgement, Score, judge_records, scores
@@ -335,5 +342,8 @@ def run_study(
         0.0,
         distances(study, records, limits),
     )
-    differences = changes(outcome.rules(), records, before) if before is not None else ()
+    differences: tuple[Change, ...] = ()
+    if before is not None:
+        box = box_changes([r.table() for r in found], before)
+        differences = (*changes(outcome.rules(), records, before), *box)
     return replace(outcome, changes=differences, seconds=time.perf_counter() - begin)

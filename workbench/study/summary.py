@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
+from workbench.errors import WorkbenchError
 from workbench.model.units import from_si
-from workbench.study.baseline import Change
+from workbench.study.baseline import IN_BOX, Change
 from workbench.study.grouped import Group, changes_by_plant, missed_by_plant
-from workbench.study.judgements import Judgement
+from workbench.study.judgements import RUN_FAILED, Judgement, judge_records
 from workbench.study.limits import Distance
 from workbench.study.result import StudyResult
 from workbench.study.robustness import Robustness
@@ -27,6 +28,11 @@ OLD_BASELINE = (
     "`workbench bless` writes them."
 )
 
+
+NO_BOX = (
+    "The baseline keeps no results of the parameter box, so fewer plants that meet a requirement "
+    "are not seen; `workbench bless` writes them."
+)
 
 LONGEST = 60_000
 """Characters of a comment: GitHub takes 65,536."""
@@ -45,16 +51,18 @@ def summary(outcome: StudyResult) -> str:
     headline = escaped(f"{study.name} {outcome.verdict()}: {outcome.headline()}")
     lines = [f"## {mark} {headline}", ""]
     lines += _scores(outcome)
-    hard = [(_judged(g), g) for g in missed_by_plant(outcome.missed)]
-    lines += _list("Missed", len(outcome.missed), [f"{text}{_also(g)}" for text, g in hard])
+    hard = missed_by_plant(without_failed(outcome.missed))
+    lines += _list("Missed", len(outcome.missed), [f"{_judged(g)}{_also(g)}" for g in hard])
     title = "Missed in the box" if outcome.fragile else "Missed in the box, which only informs"
     missed = [f"{_BOLD}{r.controller}{_BOLD}: {r.why()}" for r in outcome.box_missed]
     lines += _list(title, len(missed), missed)
-    lines += _list("Failed runs", len(outcome.failed), [_failed(r) for r in outcome.failed])
+    lines += _list("Failed runs", len(outcome.failed), failures(outcome))
     weaker = [f"{_BOLD}{c}{_BOLD}" for c in outcome.weakened]
     lines += _list("Changed conditions, which must be accepted", len(weaker), weaker)
     if outcome.baseline is not None and outcome.baseline.conditions is None:
         lines += [OLD_BASELINE, ""]
+    elif outcome.baseline is not None and outcome.robustness and not outcome.baseline.box:
+        lines += [NO_BOX, ""]
     if outcome.baseline is not None:
         rest = [c for c in outcome.changes if not c.fails and c.way != "better"]
         for title, found in (
@@ -62,12 +70,10 @@ def summary(outcome: StudyResult) -> str:
             ("Better than the baseline", outcome.better),
             ("Other changes, which do not count", rest),
         ):
-            groups = changes_by_plant(found, outcome.required)
-            entries = [f"{_bold(g.worst)}{_also(g)}" for g in groups]
-            lines += _list(title, len(found), entries, fold=not title.startswith("Worse"))
+            lines += _changed(outcome, title, found, fold=not title.startswith("Worse"))
     stricter = [str(c) for c in outcome.condition_changes if not c.fails]
     lines += _list("Stricter conditions", len(stricter), stricter, fold=True)
-    soft = missed_by_plant(outcome.missed_softly)
+    soft = missed_by_plant(without_failed(outcome.missed_softly))
     entries = [f"{g.worst}{_also(g)}" for g in soft]
     lines += _list("Soft requirements missed", len(outcome.missed_softly), entries, fold=True)
     for case in study.cases:
@@ -106,9 +112,12 @@ def plain_summary(outcome: StudyResult) -> str:
         A score per controller, then what is missed, failed or worse.
     """
     lines = []
+    worse = [c for c in outcome.worse if not c.failed]
     for s in outcome.scores:
         state = "met" if s.met else "MISSED"
         tail = f"  ({s.judgement})" if s.judgement else ""
+        if s.judgement is not None and s.judgement.reason.startswith(RUN_FAILED):
+            tail = "  (its runs failed)"
         lines.append(f"{s.controller:<20} score {score_text(s.worst):>8}  {state}{tail}")
     for r in outcome.robustness:
         state = f"MISSED  ({r.why()})" if r.missed else "met"
@@ -120,12 +129,15 @@ def plain_summary(outcome: StudyResult) -> str:
             where = f", {distance.case}" if distance.case else ""
             lines.append(f"{text} settling / physical limit, {distance.scenario}{where}")
     for title, entries in (
-        ("missed", [f"{g.worst}{_also(g)}" for g in missed_by_plant(outcome.missed)]),
-        ("failed", [_failed(r).replace(_BOLD, "") for r in outcome.failed]),
+        (
+            "missed",
+            [f"{g.worst}{_also(g)}" for g in missed_by_plant(without_failed(outcome.missed))],
+        ),
+        ("failed", [entry.replace(_BOLD, "") for entry in failures(outcome)]),
         ("changed condition", [str(c) for c in outcome.weakened]),
         (
             "worse",
-            [f"{g.worst}{_also(g)}" for g in changes_by_plant(outcome.worse, outcome.required)],
+            [f"{g.worst}{_also(g)}" for g in changes_by_plant(worse, outcome.required)],
         ),
     ):
         lines += [f"{title}: {entry}" for entry in entries[:MOST]]
@@ -160,28 +172,69 @@ def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 def _scores(outcome: StudyResult) -> list[str]:
     rows = []
+    before = _before(outcome)
     for s in outcome.scores:
         j = s.judgement
         where = f"{j.demand.requirement.metric}, {j.scenario}, {j.variation}" if j else "–"
         box = next((r for r in outcome.robustness if r.controller == s.controller), None)
+        # Scores of the box are kept as they were judged.
+        known = outcome.baseline is not None and not outcome.condition_changes
+        kept = outcome.baseline.box if known and outcome.baseline is not None else ()
+        old = next((r["worst_score"] for r in kept if r["controller"] == s.controller), None)
         rows.append(
             [
                 f"{_mark(outcome, s.met, box)} {s.controller}",
-                score_text(s.worst),
-                f"{s.mean:.2f}",
+                *(
+                    _score_moved(_worst(outcome, judged, s.controller, nominal=n) for judged in js)
+                    for n, js in ((True, before), (False, before))
+                ),
                 where,
-                score_text(box.worst_score, capped=True) if box else "–",
+                _score_moved((old, box.worst_score), capped=True) if box else "–",
             ]
         )
     head = [
         "controller",
-        "score",
-        "mean score",
-        "worst requirement, scenario, variation",
-        "score at the worst plant of the box",
+        "score, nominal plant",
+        "worst score",
+        "at requirement, scenario, variation",
+        "worst score in the box",
     ]
-    note = "Score: metric over limit, the worst of all hard requirements; at most 1 means met."
+    note = (
+        "Score: metric over limit, the worst of all hard requirements; at most 1 means met."
+        " An arrow leads from the baseline to now, both judged by the requirements of now."
+    )
     return [*_table(head, rows), note, ""]
+
+
+def _before(outcome: StudyResult) -> tuple[Sequence[Judgement] | None, Sequence[Judgement]]:
+    """Return the judgements of the baseline's runs by today's requirements, and those of today."""
+    study = outcome.study
+    # Single steps are not kept in a baseline.
+    if outcome.baseline is None or any(d.step is not None for d in study.demands):
+        return None, outcome.judgements
+    known = {r.key for r in outcome.records}
+    kept = [r for key, r in outcome.baseline.records.items() if key in known]
+    try:
+        return judge_records(study, kept), outcome.judgements
+    except WorkbenchError:
+        return None, outcome.judgements  # a metric or a unit that the baseline does not have
+
+
+def _worst(
+    outcome: StudyResult, judged: Sequence[Judgement] | None, controller: str, *, nominal: bool
+) -> float | None:
+    plain = {v.name for v in outcome.study.variations.values() if v.nominal}
+    scores = [
+        j.score
+        for j in judged or ()
+        if j.hard and j.controller == controller and (not nominal or j.variation in plain)
+    ]
+    return max(scores, default=None)
+
+
+def _score_moved(scores: Iterable[float | None], *, capped: bool = False) -> str:
+    old, new = ("" if s is None else score_text(s, capped=capped) for s in scores)
+    return f"{old} → {new}" if old and old != new else new or "–"
 
 
 def _mark(outcome: StudyResult, met: bool, box: Robustness | None) -> str:
@@ -234,13 +287,114 @@ def _judged(group: Group[Judgement]) -> str:
     return f"{_BOLD}{j.controller}{_BOLD}{str(j)[len(j.controller) :]}"
 
 
-def _bold(change: Change) -> str:
-    text = str(change)
-    return f"{_BOLD}{change.key[0]}{_BOLD}{text[len(change.key[0]) :]}".replace("->", "→")
+def without_failed(judgements: Iterable[Judgement]) -> list[Judgement]:
+    """Return judgements of runs that did not fail: a failed one is told once, with its reason."""
+    return [j for j in judgements if not j.reason.startswith(RUN_FAILED)]
 
 
-def _failed(r: Record) -> str:
-    return f"{_BOLD}{r.controller}{_BOLD}, {r.scenario}, {r.variation}, seed {r.seed}: {r.reason}"
+def failures(outcome: StudyResult) -> list[str]:
+    """Return a sentence for each reason why runs failed, with how many of which controller."""
+    found: dict[tuple[str, str], list[Record]] = {}
+    for record in outcome.failed:
+        found.setdefault((record.controller, record.reason), []).append(record)
+    said = []
+    for (controller, reason), rows in found.items():
+        every = sum(r.controller == controller for r in outcome.records)
+        first = rows[0]
+        where = f"{first.scenario}, {first.variation}, seed {first.seed}"
+        count = where if len(rows) == 1 else f"{len(rows)} of {every} runs"
+        said.append(f"{_BOLD}{controller}{_BOLD}, {count}: {reason}")
+    return said
+
+
+def _changed(outcome: StudyResult, title: str, found: Sequence[Change], *, fold: bool) -> list[str]:
+    """Return changes as a table: on the nominal plant and on the worst of all, before and after."""
+    groups = changes_by_plant([c for c in found if not c.failed], outcome.required)
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for group in groups:
+        controller, variation, scenario, _ = group.worst.key
+        metric = group.worst.metric
+        name = f"{_BOLD}{controller}{_BOLD}, {scenario or variation}"
+        if not metric:
+            rows[name, group.worst.way] = [f"{name}{_also(group)}", *_words(group.worst)]
+        elif variation == IN_BOX:
+            text = _moved(group.worst.before, group.worst.after, "%", share=False)
+            rows[name, metric] = [name, metric, "–", text]
+        else:
+            cells = _nominal_and_worst(outcome, group.worst)
+            rows.setdefault((name, metric), [name, metric.replace("_", " "), *cells])
+    if not rows:
+        return []
+    shown = list(rows.values())
+    head = ["controller, scenario", "metric", "nominal plant", "worst plant"]
+    table = _table(head, shown[:MOST])
+    if len(shown) > MOST:
+        table += [f"and {len(shown) - MOST} more in `results.json`", ""]
+    failed = sum(c.failed for c in found)
+    heading = f"{title} ({len(found)}{f', {failed} of them failed runs' if failed else ''})"
+    if fold:
+        return ["<details>", f"<summary>{heading}</summary>", "", *table, "</details>", ""]
+    return [f"### {heading}", "", *table]
+
+
+def _words(change: Change) -> list[str]:
+    return [f"run is {change.way}", change.reason, "–"]
+
+
+def _nominal_and_worst(outcome: StudyResult, change: Change) -> list[str]:
+    """Return how a metric moved on the nominal plant, and on the plant where it is worst.
+
+    Where no direction is worse, the plant counts on which it moved most.
+    """
+    assert outcome.baseline is not None
+    (controller, _, scenario, _), metric = change.key, change.metric
+    better = outcome.study.tolerance(metric).better
+    highest = better != "more"
+    nominal: list[MetricValue | None] = []
+    worst: list[tuple[MetricValue, str] | None] = []
+    for records in (list(outcome.baseline.records.values()), outcome.records):
+        own = [
+            (r.metrics[metric], r.variation)
+            for r in records
+            if (r.controller, r.scenario) == (controller, scenario)
+            and r.metrics is not None
+            and metric in r.metrics
+        ]
+        plain = {v.name for v in outcome.study.variations.values() if v.nominal}
+        nominal.append(next((m for m, v in own if v in plain), None))
+        # No value is worse than any.
+        worst.append(
+            max(
+                own,
+                key=lambda e: (
+                    math.inf if math.isnan(e[0].value) else (e[0].value if highest else -e[0].value)
+                ),
+                default=None,
+            )
+        )
+    if better == "neither":
+        text = _moved(change.before, change.after, change.unit)
+        return [_two(*nominal), f"{text}, {change.key[1]}"]
+    at = worst[1][1] if worst[1] is not None else ""
+    cells = [_two(*nominal), _two(*(w and w[0] for w in worst))]
+    return [cells[0], f"{cells[1]}, {at}" if at else cells[1]]
+
+
+def _two(before: MetricValue | None, after: MetricValue | None) -> str:
+    shown = [m.shown() if m is not None else (math.nan, "1") for m in (before, after)]
+    unit = shown[1][1] if after is not None else shown[0][1]
+    return _moved(shown[0][0], shown[1][0], unit)
+
+
+def _moved(before: float, after: float, unit: str, *, share: bool = True) -> str:
+    suffix = "" if unit == "1" else "°" if unit == "deg" else f" {unit}"
+    old, new = ("none" if math.isnan(v) else f"{v:.4g}" for v in (before, after))
+    if old == new:
+        return f"{new}{suffix}"
+    tail = ""
+    if share and before and math.isfinite(before) and math.isfinite(after):
+        tail = f" ({100 * (after / before - 1):+.2g} %)"
+    return f"{old} → {new}{suffix if new != 'none' else ''}{tail}"
 
 
 def _list(title: str, count: int, entries: Sequence[str], *, fold: bool = False) -> list[str]:
