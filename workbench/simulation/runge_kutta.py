@@ -12,11 +12,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from workbench.model import Trace
-from workbench.simulation.equations import CFunction, Equations, address, in_c
+from workbench.simulation.equations import Buffered, CFunction, Equations, address, in_c
 
 Vector = npt.NDArray[np.float64]
 
@@ -145,29 +146,19 @@ class RungeKutta:
 
     def _sample(self, x: Vector, u: Vector, p: Vector) -> Vector | None:
         done, h = 0.0, self._step
-        k: list[Vector] = [self.equations(0, x, u, p)[0].copy()]
+        first = self.equations(0, x, u, p)[0].copy()
         for _ in range(MOST_STEPS):
             left = self._sample_time - done
             last = h >= left
             taken = left if last else h
-            del k[1:]
-            end = x
-            for row in _A:
-                total = np.zeros_like(x)
-                for weight, slope in zip(row, k, strict=True):
-                    total += weight * slope
-                end = x + taken * total
-                k.append(self.equations(0, end, u, p)[0].copy())
-            total = np.zeros_like(x)
-            for weight, slope in zip(_E, k, strict=True):
-                total += weight * slope
+            end, slope, wrong = self._one(x, u, p, first, taken)
             size = self._scale + np.maximum(np.abs(x), np.abs(end))
-            parts = np.abs(taken * total) / (self._tolerance * size)
+            parts = np.abs(wrong) / (self._tolerance * size)
             error = float(parts.max(initial=0.0)) if np.all(parts <= 1e30) else 1e30
             factor = min(5.0, max(0.2, 0.9 * max(error, 1e-10) ** -0.2))
             if error <= 1.0:
                 done += taken
-                x, k = end, [k[6]]
+                x, first = end.copy(), slope.copy()
                 h = max(h, taken * factor) if last else taken * factor
                 if last:
                     self._step = min(h, self._sample_time)
@@ -175,6 +166,29 @@ class RungeKutta:
             else:
                 h = taken * factor
         return None
+
+    @functools.cached_property
+    def _one(self) -> Buffered:
+        return Buffered(_one_step(self.equations.functions[0]))
+
+
+@functools.lru_cache(maxsize=64)
+def _one_step(rates: ca.Function) -> ca.Function:
+    """Build (x, u, p, rates at x, h) -> (x after h, rates there, estimate of the error)."""
+    x, u, p, first = (ca.SX.sym(name, rates.size1_in(i % 3)) for i, name in enumerate("xupk"))
+    h = ca.SX.sym("h")
+    k, end = [first], x
+    for row in _A:
+        end = x + h * _weighted(row, k)
+        k.append(rates(end, u, p))
+    return ca.Function("step", [x, u, p, first, h], [end, k[6], h * _weighted(_E, k)])
+
+
+def _weighted(weights: tuple[float, ...], slopes: list[ca.SX]) -> ca.SX:
+    total = ca.SX(0)
+    for weight, slope in zip(weights, slopes, strict=True):
+        total += weight * slope
+    return total
 
 
 def at_every_row(equations: Equations, i: int, x: Vector, u: Vector, p: Vector) -> Vector:

@@ -11,6 +11,8 @@ from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, stack
 from workbench.errors import WorkbenchError
 from workbench.plants.servo_axis import servo_axis
+from workbench.simulation.compiled import compiler
+from workbench.simulation.equations import _library as built_before
 
 AXIS = servo_axis()
 FREE = ("mass", "offset", "viscous_friction.coefficient", "coulomb_friction.level")
@@ -101,3 +103,23 @@ def test_unknown_names_are_refused() -> None:
         PredictionError(AXIS, 0.01, ("position",), ("mas",))
     with pytest.raises(WorkbenchError, match="port is 'axis'"):
         PredictionError(AXIS, 0.01, ("position",), (), {"axis": 1.0})
+
+
+@pytest.mark.skipif(compiler() is None, reason="there is no C compiler to compare with")
+def test_without_a_compiler_the_filter_gives_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = made_up_axis(2, samples=330)
+    seen.outputs[40:45] = np.nan
+    seen.outputs[200] += 0.05  # an outlier
+    disturbed = {AXIS.ports[0].name: 3.0}
+    found = []
+    for setting in ("", "none"):
+        monkeypatch.setenv("WORKBENCH_CC", setting)
+        compiler.cache_clear()
+        built_before.cache_clear()
+        found.append(PredictionError(AXIS, 0.01, seen.used, FREE, disturbed).run(seen, AXIS.values))
+    monkeypatch.undo()
+    compiler.cache_clear()
+    built_before.cache_clear()
+    for ours, other in zip(vars(found[0]).values(), vars(found[1]).values(), strict=True):
+        np.testing.assert_allclose(ours, other, rtol=1e-9, atol=1e-9 * np.nanmax(np.abs(other)))
+    assert np.isnan(found[0].whitened[40:45]).all()

@@ -2,7 +2,7 @@
 
 Explicit Runge-Kutta steps carry the state, the exponential of the linearised equations its
 covariance and its derivatives with respect to the free parameters. `filter.c` does the same as
-machine code; `_in_python` is the reading version, and the one that runs without a C compiler.
+machine code; `_block_of` is the version to read, and the one that runs without a C compiler.
 """
 
 from __future__ import annotations
@@ -40,6 +40,9 @@ corrected by the measurements."""
 _LOOKS = 20
 """Random states at which the fastest mode is looked for, beside the starting state."""
 
+
+_BLOCK = 100
+"""Samples per call of the interpreted filter."""
 
 _FADED = 1e-50
 """Covariance and sensitivity, relative to the scales, that are none any more."""
@@ -199,8 +202,7 @@ class Filter:
         # Copies: they are overwritten.
         x, covariance = np.array(x, dtype=float), np.array(covariance, dtype=float)
         u, y, r, p = (np.ascontiguousarray(v, dtype=float) for v in (u, y, r, p))
-        # CasADi takes matrices by columns.
-        d = np.ascontiguousarray(np.asarray(d, dtype=float).reshape(-1, 2).T)
+        d = np.asarray(d, dtype=float).reshape(-1, 2)
         n, n_y = y.shape
         sensitivity = np.zeros((len(self._kept), self._equations.functions[0].size1_out(2)))
         found = Filtered(
@@ -211,77 +213,114 @@ class Filter:
             np.full((n, len(x)), np.nan),
         )
         if self._struct is None:
-            return found._replace(
-                done=self._in_python(x, covariance, sensitivity, u, y, r, p, d, found)
-            )
+            return found._replace(done=self._interpreted(x, covariance, u, y, r, p, d, found))
+        # CasADi takes matrices by columns.
+        d = np.ascontiguousarray(d.T)
         arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[1:])
         places = (address(array) for array in arrays)
         return found._replace(done=int(self._in_c(ctypes.byref(self._struct), n, *places)))
 
-    def _in_python(
-        self,
-        x: Vector,
-        covariance: Vector,
-        sensitivity: Vector,
-        inputs: Vector,
-        measured: Vector,
-        r: Vector,
-        p: Vector,
-        d: Vector,
-        found: Filtered,
-    ) -> int:
-        slope, rates, read, noise = range(4)
-        kept, h = self._kept, self._sample_time / self._substeps
-        identity = np.eye(len(kept))
-        equations = self._equations
-        for t, (u, y) in enumerate(zip(inputs, measured, strict=True)):
-            predicted, *slopes = (v.copy() for v in equations(read, x, u, p))
-            by_state, by_free = (v.reshape(-1, len(y)) for v in slopes)
-            moved = np.zeros(len(kept))
-            for i in np.flatnonzero(np.isfinite(y)):
-                h_i = by_state[:, i]
-                error = y[i] - predicted[i] - h_i @ moved
-                gain = covariance @ h_i
-                variance, pull = h_i @ gain + r[i], 1.0
-                # An outlier counts as OUTLIER_SIGMA and corrects the state no more than that. Its
-                # cost grows with the logarithm of the error only, so it pulls that much less: one
-                # impact on a stop must not decide on the parameters.
-                if error**2 > OUTLIER_SIGMA**2 * variance:
-                    variance, pull = error**2 / OUTLIER_SIGMA**2, 1.0 / OUTLIER_SIGMA**2
-                row = by_free[:, i] + h_i @ sensitivity
-                found.whitened[t, i] = error / np.sqrt(variance)
-                found.jacobian[t, i] = -pull * row / np.sqrt(variance)
-                found.log_deviation[t, i] = 0.5 * np.log(variance)
-                moved = moved + gain / variance * error
-                sensitivity = sensitivity - np.outer(gain / variance, row)
-                covariance = covariance - np.outer(gain / variance, gain)
-            x[kept] += self._scale[kept] * moved
-            found.states[t] = x
-            added = equations(noise, x, u, p, d.ravel())[0].copy()
-            transition = identity
-            for _ in range(self._substeps):
-                k1 = equations(rates, x, u, p)[0].copy()
-                k2, *slopes = (v.copy() for v in equations(slope, x + 0.5 * h * k1, u, p))
-                a, b = (v.reshape(-1, len(kept)) for v in slopes)
-                k3 = equations(rates, x + 0.5 * h * k2, u, p)[0].copy()
-                k4 = equations(rates, x + h * k3, u, p)[0].copy()
-                x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-                ha = h * a.T
-                half = identity + 0.5 * ha @ (identity + ha / 3)
-                step = identity + ha @ half
-                sensitivity = step @ sensitivity + h * half @ b.T
-                transition = step @ transition
-            covariance = _flushed(transition @ covariance @ transition.T)
-            covariance = 0.5 * (covariance + covariance.T) + added
-            sensitivity = _flushed(sensitivity)
+    def _interpreted(
+        self, x: Vector, covariance: Vector, inputs: Vector, measured: Vector, r: Vector, p: Vector,
+        d: Vector, found: Filtered,
+    ) -> int:  # fmt: skip
+        """Filter block by block in CasADi's own interpreter; returns the samples done."""
+        n = len(measured)
+        missing = ~np.isfinite(measured)
+        # A measurement that is not there is one with a very large noise.
+        variance, measured = np.where(missing, 1e12, r), np.where(missing, 0.0, measured)
+        sensitivity = np.zeros((len(self._kept), found.jacobian.shape[2]))
+        scale = self._scale[self._kept]
+        for k in range(0, n, _BLOCK):
+            rows = np.minimum(np.arange(k, k + _BLOCK), n - 1)
+            block = slice(k, min(k + _BLOCK, n))
+            size = block.stop - k
+            table = inputs[rows].T, measured[rows].T, variance[rows].T
+            end = self._block(x, covariance, sensitivity, *table, p, d, scale)
+            states, covariances, sensitivities, *told = (np.asarray(m) for m in end)
+            x, covariance = states[:, -1], covariances[:, -len(scale) :]
+            sensitivity = sensitivities[:, sensitivities.shape[1] - found.jacobian.shape[2] :]
+            for into, values in zip((found.whitened, found.log_deviation), told[:2], strict=True):
+                into[block] = values.T[:size]
+            found.states[block] = told[2].T[:size]
+            derivatives = told[3].reshape(measured.shape[1], _BLOCK, -1)
+            found.jacobian[block] = derivatives.transpose(1, 0, 2)[:size]
             if not np.isfinite(x).all():
-                return t + 1
-        return len(inputs)
+                return k + size if k + size < n else n - 1
+        found.whitened[missing], found.log_deviation[missing] = np.nan, np.nan
+        found.jacobian[missing] = 0.0
+        return n
+
+    @functools.cached_property
+    def _block(self) -> ca.Function:
+        functions = self._equations.functions
+        return _block_of(functions, tuple(self._kept.tolist()), self._sample_time, self._substeps)
 
 
-def _flushed(matrix: Vector) -> Vector:
+@functools.lru_cache(maxsize=32)
+def _block_of(
+    functions: tuple[ca.Function, ...], kept: tuple[int, ...], sample_time: float, substeps: int
+) -> ca.Function:
+    """Build the filter over a block of samples from its four functions; the reading version."""
+    slope, rates, read, noise = functions
+    n_x, n_u, n_p = (slope.size1_in(i) for i in range(3))
+    n, n_y, n_f = len(kept), read.size1_out(0), slope.size1_out(2)
+    x0, u, p = ca.MX.sym("x", n_x), ca.MX.sym("u", n_u), ca.MX.sym("p", n_p)
+    covariance0, sensitivity0 = ca.MX.sym("P", n, n), ca.MX.sym("G", n, n_f)
+    y, r, d = ca.MX.sym("y", n_y), ca.MX.sym("r", n_y), ca.MX.sym("d", *noise.size_in(3))
+    scale = ca.MX.sym("scale", n)
+    predicted, by_state, by_free = read(x0, u, p)
+    moved, covariance, sensitivity = ca.MX.zeros(n), covariance0, sensitivity0
+    whitened, rows, logs = [], [], []
+    for i in range(n_y):
+        h = by_state[:, i].T
+        error = y[i] - predicted[i] - ca.mtimes(h, moved)
+        gain = ca.mtimes(covariance, h.T)
+        variance = ca.mtimes(h, gain) + r[i]
+        # An outlier counts as OUTLIER_SIGMA and corrects the state no more than that.
+        outlier = error**2 > OUTLIER_SIGMA**2 * variance
+        variance = ca.if_else(outlier, error**2 / OUTLIER_SIGMA**2, variance)
+        # Its cost grows with the logarithm of the error only, so it pulls that much less: one
+        # impact on a stop must not decide on the parameters.
+        pull = ca.if_else(outlier, 1 / OUTLIER_SIGMA**2, 1.0)
+        row = -(ca.mtimes(h, sensitivity) + by_free[:, i].T)
+        deviation = ca.sqrt(variance)
+        whitened.append(error / deviation)
+        rows.append(pull * row / deviation)
+        logs.append(ca.log(deviation))
+        moved = moved + gain * (error / variance)
+        sensitivity = sensitivity + ca.mtimes(gain / variance, row)
+        covariance = covariance - ca.mtimes(gain, gain.T) / variance
+    # Rows of the unit matrix put the correction on the states that are corrected.
+    x = filtered = x0 + ca.mtimes(ca.DM.eye(n_x)[:, list(kept)], scale * moved)
+    h, identity, whole = sample_time / substeps, ca.DM.eye(n), ca.MX(ca.DM.eye(n))
+    for _ in range(substeps):
+        k1 = rates(x, u, p)
+        k2, a, b = slope(x + 0.5 * h * k1, u, p)
+        k3 = rates(x + 0.5 * h * k2, u, p)
+        k4 = rates(x + h * k3, u, p)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        half = identity + 0.5 * ca.mtimes(h * a.T, identity + h * a.T / 3)
+        transition = identity + ca.mtimes(h * a.T, half)
+        sensitivity = ca.mtimes(transition, sensitivity) + h * ca.mtimes(half, b.T)
+        whole = ca.mtimes(transition, whole)
+    covariance = _flushed(ca.mtimes(ca.mtimes(whole, covariance), whole.T))
+    covariance = 0.5 * (covariance + covariance.T) + noise(filtered, u, p, d)
+    told = [*(ca.vcat(v) for v in (whitened, logs)), filtered, ca.vcat(rows)]
+    arguments = [x0, covariance0, sensitivity0, u, y, r, p, d, scale]
+    step = ca.Function("sample", arguments, [x, covariance, _flushed(sensitivity), *told])
+    block = step.mapaccum("samples", _BLOCK, 3)
+    many = [ca.MX.sym("v", *step.size_in(i)) for i in range(3)]
+    many += [ca.MX.sym("v", step.size1_in(i), _BLOCK) for i in range(3, 6)]
+    fixed = [ca.MX.sym("v", *step.size_in(i)) for i in range(6, 9)]
+    return ca.Function(
+        "filter", [*many, *fixed], block(*many, *(ca.repmat(v, 1, _BLOCK) for v in fixed))
+    )
+
+
+def _flushed(matrix: ca.MX) -> ca.MX:
     """Put zero for what has faded out: numbers below the normal range are slow to multiply."""
-    return np.where(np.abs(matrix) <= _FADED, 0.0, matrix)
+    return matrix * (ca.fabs(matrix) > _FADED)
 
 
 @functools.lru_cache(maxsize=64)
