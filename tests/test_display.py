@@ -58,14 +58,14 @@ def test_an_object_shows_its_tables(axis: dict[str, Shown], kind: str) -> None:
 
 
 def test_what_a_table_says_is_no_markup() -> None:
-    page = Rows("a<b", ("x",), [("<script>",)]).html()
+    page = Rows("a<b", ("x",), [("<script>",)])._repr_html_()
     assert "<script>" not in page
     assert "&lt;script&gt;" in page
 
 
 def test_a_long_table_is_folded() -> None:
-    assert "<details open>" in Rows("few", ("x",), [(1,)]).html()
-    assert "<details open>" not in Rows("many", ("x",), [(i,) for i in range(40)]).html()
+    assert "<details open>" in Rows("few", ("x",), [(1,)])._repr_html_()
+    assert "<details open>" not in Rows("many", ("x",), [(i,) for i in range(40)])._repr_html_()
 
 
 @pytest.mark.parametrize(

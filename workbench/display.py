@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from workbench.errors import WorkbenchError
@@ -16,6 +17,9 @@ if TYPE_CHECKING:
 
 _FOLDED = 14
 """A table with more rows than this is shown folded."""
+
+_LONGEST = 80
+"""Characters of a text beside a progress bar."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +34,8 @@ class Rows:
     headings: tuple[str, ...]
     rows: Sequence[Sequence[object]]
 
-    def html(self) -> str:
-        """Return the table as HTML, folded if it is long."""
+    def _repr_html_(self) -> str:
+        # Folded if it is long.
         head = "".join(f"<th>{_escaped(h)}</th>" for h in self.headings)
         body = "".join(
             "<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in row) + "</tr>"
@@ -74,7 +78,7 @@ class Shown:
 
     def _repr_html_(self) -> str:
         head = _escaped(str(self).partition("\n")[0])
-        return f"<p><b>{head}</b></p>" + "".join(table.html() for table in self.tables())
+        return f"<p><b>{head}</b></p>" + "".join(table._repr_html_() for table in self.tables())
 
     def to_dataframe(self) -> Any:
         """Return the object's main table as a ``pandas.DataFrame``.
@@ -117,14 +121,14 @@ def notebook_progress() -> Callable[[str], None]:
     Example:
         >>> notebook_progress()("fitting")
     """
-    if not in_notebook():
+    if not in_notebook() or find_spec("ipywidgets") is None:
         return lambda text: None
-    from tqdm.auto import tqdm
+    from tqdm.notebook import tqdm
 
     bar = tqdm(bar_format="{desc} {elapsed}", leave=False)
 
     def show(text: str) -> None:
-        bar.set_description_str(text, refresh=True)
+        bar.set_description_str(text[:_LONGEST])
         bar.update()
 
     return show

@@ -79,7 +79,11 @@ def _of_linear(linear: LinearModel, output: str = "") -> Figure:
     driven = linear.input_names[0]
     units = {q.name: q.unit for q in linear.operating_point.model.inputs}
     unit = f"{written(quantity.display_unit)}/{units.get(driven, '1')}"
-    return bode(hertz, {f"{driven} to {name}".replace("_", " "): shown}, unit=unit)
+    figure = bode(hertz, {f"{driven} to {name}".replace("_", " "): shown}, unit=unit)
+    low, high = np.array(figure.axes[1].get_ylim()) / 90.0
+    # Whole quarter turns, so that a phase between two of them has marks on its axis.
+    figure.axes[1].set_ylim(90.0 * np.floor(low), 90.0 * np.ceil(high))
+    return figure
 
 
 @_drawn.register(Run)
