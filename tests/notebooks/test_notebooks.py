@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import importlib
-import itertools
 import json
 import os
 import re
@@ -108,7 +107,7 @@ def test_a_notebook_is_stored_so_that_it_diffs_well(path: Path) -> None:
     assert path.read_text(encoding="utf-8") == nbformat.writes(notebook) + "\n"
 
 
-def test_the_notebooks_lead_from_one_to_the_next() -> None:
+def test_the_notebooks_are_numbered_and_lead_from_one_to_the_next() -> None:
     assert [p.name[:2] for p in PATHS] == [f"{i:02}" for i in range(1, len(PATHS) + 1)]
-    for path, following in itertools.pairwise(PATHS):
-        assert f"({following.name})" in path.read_text(encoding="utf-8")
+    for i, path in enumerate(PATHS[:-1], start=2):
+        assert f"Next: notebook {i}, " in path.read_text(encoding="utf-8")
