@@ -10,6 +10,7 @@ import pytest
 
 from workbench.errors import WorkbenchError
 from workbench.linearisation import amplitude_validity, frequency_validity, linearise
+from workbench.linearisation.sines import FrequencyValidity
 from workbench.operating_point import operating_point
 from workbench.physics.friction import coulomb_friction
 from workbench.plants.arm import arm
@@ -90,3 +91,9 @@ def test_wrong_arguments_are_refused() -> None:
         amplitude_validity(OPENING, within=-1.0)
     with pytest.raises(WorkbenchError, match="amplitude"):
         frequency_validity(OPENING, amplitude=0.0)
+
+
+def test_a_band_of_one_frequency_is_no_range() -> None:
+    one = np.ones(2)
+    alone = FrequencyValidity("u", "y", 0.1, 0.17, 0.233, 0.2331, one, one, one, 0 * one)
+    assert str(alone).endswith("at 0.233 Hz alone")

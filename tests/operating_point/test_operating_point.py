@@ -141,7 +141,9 @@ def test_a_start_nearby_gives_the_same_point() -> None:
 def test_table_is_aligned() -> None:
     text = str(operating_point(ARM, {"angle": math.radians(30), "mean_pressure": THREE_BAR}))
     rows = [line for line in text.splitlines() if line.startswith(("  input", "  output"))]
-    assert len({line.index(line.split()[-1]) for line in rows}) == 1
+    # Kind, name, value and unit stand in columns, then what it is.
+    assert len({line.index(f" {line.split()[3]} ") for line in rows}) == 1
+    assert all("gauge" in line for line in rows if "pressure" in line)
     assert "30 deg" in text and "bar/s" in text and "condition number" in text
 
 

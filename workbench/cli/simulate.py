@@ -83,7 +83,7 @@ def simulate(
         from workbench.files import write_whole
 
         write_whole(out, _csv(run))
-        typer.echo(f"written to {out}")
+        typer.echo(f"simulated recording written to {out}")
     return 0
 
 

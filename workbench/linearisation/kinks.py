@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.linearisation.linear_model import LinearModel
+from workbench.model.units import rate_unit
 from workbench.operating_point import Derivatives, OperatingPoint
 
 Vector = npt.NDArray[np.float64]
@@ -35,6 +36,7 @@ class Kink:
         of: Rate or measurement whose slope jumps most.
         slope_below: Its slope below the kink, in SI.
         slope_above: Its slope above the kink, in SI.
+        slope_unit: Unit of both slopes.
 
     Example:
         >>> from workbench.linearisation import linearise
@@ -53,6 +55,7 @@ class Kink:
     of: str
     slope_below: float
     slope_above: float
+    slope_unit: str
 
     @property
     def factor(self) -> float:
@@ -69,8 +72,8 @@ class Kink:
         """Return one line: where, and both slopes."""
         where = "at the point" if self.distance == 0.0 else f"{self.distance:+.3g} {self.unit} away"
         return (
-            f"kink in {self.name}, {where}: slope of {self.of} {self.slope_below:.4g} below,"
-            f" {self.slope_above:.4g} above (factor {self.factor:.3g})"
+            f"kink in {self.name}, {where}: slope of {self.of} {self.slope_below:.4g}"
+            f" {self.slope_unit} below, {self.slope_above:.4g} above (factor {self.factor:.3g})"
         )
 
 
@@ -101,6 +104,7 @@ def find_kinks(
     model = point.model
     quantities = [*model.states, *model.inputs]
     rows = [f"d {q.name}/dt" for q in model.states] + [q.name for q in model.outputs]
+    units = [rate_unit(q.unit) for q in model.states] + [q.unit for q in model.outputs]
     columns = np.array([q.scale for q in quantities])
     sizes = np.array([q.scale for q in (*model.states, *model.outputs)])
     norm = columns / sizes[:, None]
@@ -149,6 +153,7 @@ def find_kinks(
                     f"{rows[row]} by {quantities[column].name}",
                     float(below[row, column]),
                     float(above[row, column]),
+                    f"{units[row]} per {quantities[column].unit}",
                 )
             )
     return tuple(sorted(found, key=lambda kink: (kink.distance != 0.0, -kink.factor)))

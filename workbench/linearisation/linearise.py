@@ -15,6 +15,7 @@ from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.matrices import check_amplitude, describing_function, speeds
 from workbench.linearisation.validity import DescribingFunction, Validity
 from workbench.model import EXACT, ActuatorCurve, Form
+from workbench.model.units import rate_unit
 from workbench.operating_point import OperatingPoint, derivatives_of
 
 Vector = npt.NDArray[np.float64]
@@ -90,7 +91,13 @@ def linearise(
             row = int(np.argmax(np.abs(matrix[: len(names), i] - jacobian[: len(names), i])))
             described.append(
                 DescribingFunction(
-                    name, size, names[row], float(jacobian[row, i]), float(matrix[row, i])
+                    name,
+                    size,
+                    names[row],
+                    float(jacobian[row, i]),
+                    float(matrix[row, i]),
+                    model.states[i].unit,
+                    rate_unit(model.states[row].unit),
                 )
             )
     linear = _model(op, point, matrix, curve)

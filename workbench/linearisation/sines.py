@@ -64,10 +64,9 @@ class FrequencyValidity:
         )
         if math.isnan(self.upper):
             return f"sines of {self.input}: {self.output} agrees at no frequency {limits}"
-        return (
-            f"sines of {self.input}: {self.output} agrees {limits} from {self.lower:.3g} to"
-            f" {self.upper:.3g} Hz"
-        )
+        low, high = f"{self.lower:.3g}", f"{self.upper:.3g}"
+        band = f"at {low} Hz alone" if low == high else f"from {low} to {high} Hz"
+        return f"sines of {self.input}: {self.output} agrees {limits} {band}"
 
 
 def frequency_validity(

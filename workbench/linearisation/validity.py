@@ -21,10 +21,13 @@ class DescribingFunction:
         of: State whose rate has the slope.
         at_rest: Slope at the point, in SI.
         over_oscillation: Slope over the oscillation, in SI, which the matrices hold.
+        unit: Unit of the oscillation.
+        rate_unit: Unit of the rate.
 
     Example:
-        >>> print(DescribingFunction("speed", 1.0, "speed", -32.8, -1.4))
-        slope of d speed/dt by speed: -1.4 over an oscillation of 1, -32.8 at the point
+        >>> print(DescribingFunction("speed", 1.0, "speed", -32.8, -1.4, "rad/s", "rad/s2"))
+        slope of d speed/dt by speed: -1.4 rad/s2 per rad/s over an oscillation of 1 rad/s, -32.8 at
+        the point
     """
 
     name: str
@@ -32,12 +35,15 @@ class DescribingFunction:
     of: str
     at_rest: float
     over_oscillation: float
+    unit: str
+    rate_unit: str
 
     def __str__(self) -> str:
         """Return one line with both slopes."""
         return (
-            f"slope of d {self.of}/dt by {self.name}: {self.over_oscillation:.4g} over an"
-            f" oscillation of {self.amplitude:.4g}, {self.at_rest:.4g} at the point"
+            f"slope of d {self.of}/dt by {self.name}: {self.over_oscillation:.4g} {self.rate_unit}"
+            f" per {self.unit} over an oscillation of {self.amplitude:.4g} {self.unit},"
+            f" {self.at_rest:.4g} at the point"
         )
 
 

@@ -352,6 +352,16 @@ def quantity(name: str, given: object, unit: str) -> float:
     return float(f"{convert(value, match[2], unit):.12g}")
 
 
+def rate_unit(unit: str) -> str:
+    """Return the unit of a rate of change.
+
+    Example:
+        >>> rate_unit("rad/s"), rate_unit("Pa")
+        ('rad/s2', 'Pa/s')
+    """
+    return f"{unit}2" if unit.endswith("/s") else f"{unit}/s"
+
+
 def shown_unit(unit: str) -> str:
     """Return the unit in which people read a quantity that says nothing else.
 

@@ -106,8 +106,12 @@ class OperatingPoint(Shown):
         """Return a short aligned table of inputs, measurements, states, drift and residual."""
         model = self.model
         lines = [f"operating point of {model.name}: {model.description}".rstrip(": ")]
-        for kind, name, value, unit in self.tables()[0].rows:
-            lines.append(f"  {kind:<8} {name:<28} {value:>12.5g} {unit}")
+        meanings = [q.description for q in (*model.inputs, *model.outputs, *model.states)]
+        rows = self.tables()[0].rows
+        # What drifts stands at the end and has no meaning of its own.
+        for i, (kind, name, value, unit) in enumerate(rows):
+            meaning = meanings[i] if i < len(meanings) else ""
+            lines.append(f"  {kind:<8} {name:<28} {value:>12.5g} {unit:<6} {meaning}".rstrip())
         lines.append(
             f"  residual {self.residual:.1g} of the states' scales,"
             f" condition number {self.condition_number:.2g}"

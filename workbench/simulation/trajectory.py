@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from workbench.errors import check_choice
 from workbench.model import EXACT, Form, Model, Trace
+from workbench.model.units import from_si, shown_unit
 from workbench.simulation.equations import Equations
 from workbench.simulation.runge_kutta import at_every_row
 
@@ -119,10 +120,11 @@ class Trajectory:
             f"  {self.integrator}, tolerance {self.tolerance:g}, difference to a ten times tighter"
             f" run {self.error:.1g} of the states' scales",
         ]
-        lines += [
-            f"  {q.name:<28} {column.min():>12.5g} to {column.max():<12.5g} {q.unit}"
-            for q, column in zip(self.model.states, self.states.T, strict=True)
-        ]
+        for q, column in zip(self.model.states, self.states.T, strict=True):
+            unit = shown_unit(q.unit)
+            low, high = (float(from_si(v, unit)) for v in (column.min(), column.max()))
+            text = f"  {q.name:<28} {low:>12.5g} to {high:<12.5g} {unit:<6} {q.description}"
+            lines.append(text.rstrip())
         return "\n".join(lines + [f"  ! {violation}" for violation in self.violations])
 
 
