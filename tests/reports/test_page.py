@@ -130,6 +130,14 @@ def test_a_long_table_is_folded_and_a_short_one_is_not() -> None:
         assert html(Page("", "", (section,))).count("<details>") == folds
 
 
+def test_what_was_not_computed_is_absent() -> None:
+    rows = (("one", "–", "", "–"), ("two", "–", "", Cell("–", reason="the run failed")))
+    told = Table("Numbers", ("run", "a", "b", "c"), rows).told()
+    assert told.headings == ("run", "c") and told.rows == (("one", "–"), ("two", rows[1][3]))
+    whole = Table("Numbers", ("run", "a"), (("one", "1"), ("two", "–")))
+    assert whole.told() is whole
+
+
 def test_a_script_comes_only_with_what_moves() -> None:
     moving = Moving("<div><script>0</script></div>", "Moves.")
     assert "<script>0</script>" in html(Page("", "", (), first=(moving,)))

@@ -93,6 +93,8 @@ def page(outcome: StudyResult) -> Page:
 
 @pytest.mark.system
 def test_every_part_is_there(outcome: StudyResult, page: Page) -> None:
+    # The scores and a picture stand on the first screen.
+    assert [type(block).__name__ for block in page.first] == ["Table", "Picture"]
     names = [section.name for section in page.sections]
     assert names == ["verdict", "baseline", "scenario-1", "scenario-2", "limit", "sliding",
                      "solver", "linear", "robustness", "requirements", "how"]  # fmt: skip

@@ -30,6 +30,7 @@ class Figure:
             one or several, and nothing where there is nothing to show.
         takes: What it is drawn of.
         caption: What to see in it, for a figure of matplotlib.
+        folded: Whether its section is detail that stays closed until the reader opens it.
         methods: How its numbers are computed: pairs of a quantity and an explanation.
     """
 
@@ -39,6 +40,7 @@ class Figure:
     title: str = ""
     caption: str = ""
     order: int = 1000
+    folded: bool = False
     methods: tuple[tuple[str, str], ...] = ()
 
     def blocks(self, *result: Any) -> tuple[Block, ...]:
@@ -98,7 +100,7 @@ def figures_of(takes: Takes) -> list[Figure]:
 def sections(figures: Iterable[Figure], *result: Any) -> list[Section]:
     """Return a section for every figure that has something to show of a result."""
     drawn = [(figure, figure.blocks(*result)) for figure in figures]
-    return [Section(f.name, f.title or f.name, blocks) for f, blocks in drawn if blocks]
+    return [Section(f.name, f.title or f.name, blocks, f.folded) for f, blocks in drawn if blocks]
 
 
 def own_figures(names: Iterable[str], *, folder: Path | None = None) -> list[Figure]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 from workbench.errors import WorkbenchError
 from workbench.model.units import from_si
@@ -17,6 +19,7 @@ from workbench.reports.metrics_table import (
     score_cell,
 )
 from workbench.reports.page import Block, Commands, Method, Page, Section, Words
+from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Mark, Table, number
 from workbench.study.grouped import changes_by_plant, missed_by_plant
 from workbench.study.judgements import Judgement
@@ -59,28 +62,24 @@ def study_page(outcome: StudyResult) -> Page:
     figures = [*figures_of("study"), *(f for f in own if f.takes == "study")]
     drawn = [(figure, sections([figure], outcome)) for figure in figures]
     each = [*figures_of("scenario"), *(f for f in own if f.takes == "scenario")]
+    first, scenarios = _first(outcome, each)
     parts = [
         _verdict(outcome),
         *([_baseline(outcome)] if outcome.baseline is not None else []),
-        *(_scenario(outcome, name, i + 1, each) for i, name in enumerate(study.scenarios)),
+        *scenarios,
         *(section for _, found in drawn for section in found),
         *failed,
         _requirements(outcome),
         _how(outcome, [figure for figure, found in drawn if found]),
     ]
-    lead = (
-        f"{study.description} ".lstrip() + f"The study {outcome.verdict()}: {outcome.headline()}."
-    )
-    if outcome.missed:
-        worst = outcome.missed[0]
-        lead += (
-            f" Missed by most: {metric_title(worst.demand.requirement.metric)} of "
-            f"{worst.controller} in {worst.scenario} with {worst.variation} {worst.excess()}."
-        )
+    # What each controller misses in the box stands with the box.
+    headline = re.sub(r" \([^()]*\)", "", outcome.headline())
+    lead = f"{study.description} {headline[:1].upper()}{headline[1:]}.".lstrip()
     return Page(
         f"Study {study.name}: {outcome.verdict()}",
         lead,
-        tuple(parts),
+        tuple(part for part in parts if part.blocks),
+        first=first,
         facts=(
             ("runs", str(len(outcome.records))),
             ("controllers", str(len(study.controllers))),
@@ -89,6 +88,19 @@ def study_page(outcome: StudyResult) -> Page:
             ("workbench", installed_version()),
         ),
     )
+
+
+def _first(
+    outcome: StudyResult, figures: Sequence[Figure]
+) -> tuple[tuple[Block, ...], list[Section]]:
+    """Return the first screen, scores and the first picture of a scenario, and the scenarios."""
+    scenarios = [
+        _scenario(outcome, name, i + 1, figures) for i, name in enumerate(outcome.study.scenarios)
+    ]
+    drawn = next((b for s in scenarios for b in s.blocks if isinstance(b, Picture)), None)
+    # A picture stands on the page once.
+    rest = [replace(s, blocks=tuple(b for b in s.blocks if b is not drawn)) for s in scenarios]
+    return (_scores(outcome), *([drawn] if drawn is not None else [])), rest
 
 
 def _own_figures(outcome: StudyResult) -> tuple[list[Figure], list[Section]]:
@@ -111,7 +123,7 @@ def _where(j: Judgement | None) -> str:
     return f"{metric_title(j.demand.requirement.metric)}, {j.scenario}, {j.variation}"
 
 
-def _verdict(outcome: StudyResult) -> Section:
+def _scores(outcome: StudyResult) -> Table:
     boxes = {r.controller: r for r in outcome.robustness}
     head = ["controller", "score", "mean score", "worst requirement, scenario, plant"]
     if boxes:
@@ -128,20 +140,23 @@ def _verdict(outcome: StudyResult) -> Section:
             box = boxes.get(s.controller)
             row.append(score_cell(box.worst_score, capped=True) if box else "–")
         rows.append(tuple(row))
-    blocks: list[Block] = [
-        Table(
-            "Scores",
-            tuple(head),
-            tuple(rows),
-            "Score: metric over limit. At most 1 means that every hard requirement is met on every "
-            "plant, in every scenario, with every seed."
-            + (
-                ""
-                if not boxes or outcome.study.box is None or outcome.study.box.hard
-                else " The box of plants informs and does not fail this study."
-            ),
-        )
-    ]
+    return Table(
+        "Scores",
+        tuple(head),
+        tuple(rows),
+        "Score: metric over limit. At most 1 means that every hard requirement is met on every "
+        "plant, in every scenario, with every seed."
+        + (
+            ""
+            if not boxes or outcome.study.box is None or outcome.study.box.hard
+            else " The box of plants informs and does not fail this study."
+        ),
+    )
+
+
+def _verdict(outcome: StudyResult) -> Section:
+    """Say what is missed; nothing where all is met."""
+    blocks: list[Block] = []
     if outcome.missed:
         blocks.append(_list("Hard requirements missed", outcome.missed))
     if outcome.missed_softly:
@@ -154,7 +169,7 @@ def _verdict(outcome: StudyResult) -> Section:
                 tuple((r.controller, r.scenario, r.variation, r.reason) for r in outcome.failed),
             )
         )
-    return Section("verdict", "What is met", tuple(blocks))
+    return Section("verdict", "What is missed", tuple(blocks))
 
 
 def _list(title: str, found: Sequence[Judgement]) -> Table:
@@ -398,6 +413,7 @@ def _how(outcome: StudyResult, figures: Sequence[Figure]) -> Section:
             Method((*metric_methods(runs), *STUDY_METHODS, *methods)),
             Commands((command,)),
         ),
+        folded=True,
     )
 
 

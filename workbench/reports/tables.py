@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from workbench.errors import WorkbenchError
@@ -65,6 +65,17 @@ class Table:
                     f"row {number} of table {self.title!r} has {len(row)} entries; its headings"
                     f" ask for {len(self.headings)}"
                 )
+
+    def told(self) -> Table:
+        """Return the table without the columns in which nothing was computed."""
+        empty = {Cell(""), Cell("–")}
+        kept = [
+            i for i, _ in enumerate(self.headings) if any(row[i] not in empty for row in self.cells)
+        ]
+        if not self.rows or len(kept) == len(self.headings):
+            return self
+        rows = tuple(tuple(row[i] for i in kept) for row in self.rows)
+        return replace(self, headings=tuple(self.headings[i] for i in kept), rows=rows)
 
     @property
     def cells(self) -> tuple[tuple[Cell, ...], ...]:

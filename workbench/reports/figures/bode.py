@@ -1,4 +1,4 @@
-"""Bode plots of a family of linear models."""
+"""Bode plots of a family of linear models, with the margins of opened loops."""
 
 from __future__ import annotations
 
@@ -8,11 +8,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from workbench.reports.style import Colour, key, label, new_figure, ramp
+from workbench.reports.style import REFERENCE, key, label, new_figure, ramp
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+Vector = npt.NDArray[np.float64]
+Complex = npt.NDArray[np.complex128]
+
+_SAME = 5e-3
 
 
 def bode(
@@ -20,37 +25,116 @@ def bode(
     responses: Mapping[str, npt.ArrayLike],
     *,
     unit: str,
-    family: Mapping[str, Colour] | None = None,
+    quantity: str = "magnitude",
+    margins: bool = False,
 ) -> Figure:
     """Draw magnitude and phase of frequency responses over frequency.
 
     Args:
         frequency: Frequencies, shape (n,), in Hz.
         responses: Complex response, shape (n,), in ``unit``, by the name of its curve; an ordered
-            family such as angles takes the colours of the ramp.
+            family such as angles takes the colours of the ramp, and curves that lie on each other
+            are drawn once.
         unit: Unit of the magnitude, such as ``°/V``.
-        family: Colours by name, where the curves are no ordered family.
+        quantity: What the magnitude is.
+        margins: Whether they are loop gains, so that gain and phase margins are marked.
 
     Returns:
         The figure: magnitude in ``unit`` and phase in ° over frequency in Hz.
     """
     figure, (magnitude, phase) = new_figure([2.2, 1.7])
     hertz = np.asarray(frequency, dtype=float)
-    shades = family or dict(zip(responses, ramp(len(responses)), strict=True))
-    for name, response in responses.items():
-        values = np.asarray(response, dtype=complex)
-        line = {"color": shades[name].light, "linewidth": 1.3}
-        magnitude.loglog(hertz, np.abs(values), label=name, **line)
+    drawn = distinct(responses)
+    for (name, values), colour in zip(drawn.items(), ramp(len(drawn)), strict=True):
+        shade = colour.light
         degrees = np.degrees(np.unwrap(np.angle(values)))
         # Unwrapping starts anywhere; curves are comparable when all start within one turn.
         degrees -= 360.0 * np.ceil((degrees[0] - 1.0) / 360.0)
-        phase.semilogx(hertz, degrees, **line)
+        magnitude.loglog(hertz, np.abs(values), label=name, color=shade, linewidth=1.3)
+        phase.semilogx(hertz, degrees, color=shade, linewidth=1.3)
+        if margins:
+            _mark_margins(magnitude, phase, hertz, values, degrees, shade)
+    if margins:
+        magnitude.axhline(1.0, color=REFERENCE.light, linewidth=0.9, linestyle=":")
+        phase.axhline(-180.0, color=REFERENCE.light, linewidth=0.9, linestyle=":")
     _round_ticks(magnitude, phase)
-    label(magnitude, y=f"magnitude in {unit}")
+    label(magnitude, y=quantity if unit == "1" else f"{quantity} in {unit}")
     label(phase, x="frequency in Hz", y="phase in °")
     key(magnitude, columns=4)
     figure.align_ylabels()
     return figure
+
+
+def distinct(responses: Mapping[str, npt.ArrayLike]) -> dict[str, Complex]:
+    """Put curves that lie on each other together, such as those of angles that mirror each other.
+
+    Args:
+        responses: Complex response, shape (n,), by the name of its curve.
+
+    Returns:
+        One curve for each that can be seen, under the names of all that it stands for.
+
+    Example:
+        >>> list(distinct({"10°": [1.0, 2.0], "30°": [1.0, 3.0], "50°": [1.0, 2.001]}))
+        ['10° and 50°', '30°']
+    """
+    groups: list[tuple[list[str], Complex]] = []
+    for name, response in responses.items():
+        values = np.asarray(response, dtype=complex)
+        for names, first in groups:
+            if np.all(np.abs(values - first) <= _SAME * np.abs(first)):
+                names.append(name)
+                break
+        else:
+            groups.append(([name], values))
+    return {" and ".join(names): values for names, values in groups}
+
+
+def crossings(frequency: Vector, response: Complex) -> tuple[Complex, Vector, Complex, Vector]:
+    """Find where a loop gain crosses the unit circle and the negative real axis.
+
+    Args:
+        frequency: Frequencies, shape (n,), in Hz.
+        response: Loop gain, shape (n,), dimensionless.
+
+    Returns:
+        Loop gains on the unit circle and their frequencies in Hz, then those on the negative real
+        axis and theirs.
+
+    Example:
+        >>> hertz = np.geomspace(0.01, 10.0, 400)
+        >>> circle, _, axis, at = crossings(hertz, 4 / (1 + 2j * np.pi * hertz) ** 3)
+        >>> round(float(-1 / axis[0].real), 1), round(float(2 * np.pi * at[0]), 2)
+        (2.0, 1.73)
+    """
+
+    def where(level: Vector) -> tuple[Complex, Vector]:
+        at = np.flatnonzero(level[:-1] * level[1:] < 0.0)
+        part = level[at] / (level[at] - level[at + 1])
+        found = response[at] + part * (response[at + 1] - response[at])
+        return found, frequency[at] + part * (frequency[at + 1] - frequency[at])
+
+    circle, at_circle = where(np.log(np.maximum(np.abs(response), 1e-300)))
+    axis, at_axis = where(response.imag)
+    left = axis.real < 0.0
+    return circle, at_circle, axis[left], at_axis[left]
+
+
+def _mark_margins(
+    magnitude: Axes, phase: Axes, hertz: Vector, values: Complex, degrees: Vector, shade: str
+) -> None:
+    """Mark the smallest phase margin and the smallest gain margin of a loop gain."""
+    line = {"color": shade, "marker": "o", "markersize": 4.0, "linewidth": 1.0}
+    circle, at_circle, axis, at_axis = crossings(hertz, values)
+    if circle.size:
+        lines = np.interp(at_circle, hertz, degrees)
+        # The phase margin is the distance to the nearest odd multiple of half a turn.
+        edges = 360.0 * np.round((lines + 180.0) / 360.0) - 180.0
+        i = int(np.argmin(np.abs(lines - edges)))
+        phase.plot([at_circle[i]] * 2, [lines[i], edges[i]], markevery=[0], **line)  # type: ignore[arg-type]
+    if axis.size:
+        i = int(np.argmin(np.abs(np.log(np.abs(axis)))))
+        magnitude.plot([at_axis[i]] * 2, [abs(axis[i]), 1.0], markevery=[0], **line)  # type: ignore[arg-type]
 
 
 def _round_ticks(magnitude: Axes, phase: Axes) -> None:

@@ -67,20 +67,23 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
             continue
         curves = {point_text(study, a.point): a.response for a in outer}
         margins = [a.disk_margin for a in outer if a.stable]
-        loop_gain = bode(outer[0].frequency_Hz, curves, unit="1")
-        loop_gain.axes[0].set_ylabel("loop gain")
+        loop_gain = bode(
+            outer[0].frequency_Hz, curves, unit="1", quantity="loop gain", margins=True
+        )
         blocks += [
             Words(_sentence(study, name, own)),
             Picture(
                 f"bode-{index}",
                 loop_gain,
-                f"{name}: loop gain, opened at the {outer[0].opened}.",
+                f"{name}: loop gain, opened at the {outer[0].opened}. Marked: the gain margin, from"
+                " the dot to 1, and the phase margin, from the dot to -180° or its like.",
                 f"Bode plot of the loop gain of {name}",
             ),
             Picture(
                 f"nyquist-{index}",
                 nyquist(curves, disk_margin=min(margins, default=None)),
-                f"{name}: the same in the complex plane; dotted the unit circle, + the point -1.",
+                f"{name}: the same in the complex plane; dotted the unit circle, + the point -1,"
+                " dots where the margins are.",
                 f"Nyquist plot of the loop gain of {name}",
             ),
         ]

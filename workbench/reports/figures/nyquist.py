@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from workbench.reports.figures.bode import crossings, distinct
 from workbench.reports.style import BAND, FAINT, INK, key, label, new_figure, ramp
 
 if TYPE_CHECKING:
@@ -19,12 +20,13 @@ def nyquist(responses: Mapping[str, npt.ArrayLike], *, disk_margin: float | None
 
     Args:
         responses: Loop gain over frequency, shape (n,), dimensionless, by the name of its curve,
-            an ordered family such as angles.
+            an ordered family such as angles; curves that lie on each other are drawn once.
         disk_margin: Smallest disk margin alpha of the family, dimensionless: its disk about -1 is
             drawn.
 
     Returns:
-        The figure: imaginary over real part, with the unit circle and the point -1.
+        The figure: imaginary over real part, with the unit circle and the point -1; dots where a
+        curve crosses the circle (phase margin) and the negative real axis (gain margin).
     """
     from matplotlib.patches import Circle
 
@@ -43,9 +45,12 @@ def nyquist(responses: Mapping[str, npt.ArrayLike], *, disk_margin: float | None
     axes.add_patch(
         Circle((0.0, 0.0), 1.0, fill=False, edgecolor=FAINT.light, linewidth=0.9, linestyle=":")
     )
-    for (name, response), shade in zip(responses.items(), ramp(len(responses)), strict=True):
-        values = np.asarray(response, dtype=complex)
+    drawn = distinct(responses)
+    for (name, values), shade in zip(drawn.items(), ramp(len(drawn)), strict=True):
         axes.plot(values.real, values.imag, color=shade.light, linewidth=1.4, label=name)
+        circle, _, axis, _ = crossings(np.arange(float(len(values))), values)
+        marked = np.concatenate([circle, axis])
+        axes.plot(marked.real, marked.imag, "o", color=shade.light, markersize=4.0)
     axes.plot([-1.0], [0.0], marker="+", color=INK.light, markersize=9, linestyle="none")
     axes.set_aspect("equal", adjustable="box")
     axes.set_xlim(-3.2, 1.4)

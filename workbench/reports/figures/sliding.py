@@ -120,4 +120,4 @@ def _draw(result: StudyResult) -> list[Block]:
     return [words, *found]
 
 
-SLIDING = Figure("sliding", _draw, title="Sliding mode", order=20)
+SLIDING = Figure("sliding", _draw, title="Sliding mode", order=20, folded=True)

@@ -111,4 +111,4 @@ def _draw(result: StudyResult) -> list[Block]:
     return [picture, Table("How the solver ended, nominal plant", head, tuple(rows))]
 
 
-SOLVER = Figure("solver", _draw, title="Optimisation at every sample", order=30)
+SOLVER = Figure("solver", _draw, title="Optimisation at every sample", order=30, folded=True)
