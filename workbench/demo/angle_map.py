@@ -122,7 +122,8 @@ def angle_map_part() -> Part:
                     {name: np.degrees(1) * response(m, "angle") for name, m in drawn.items()},
                     unit=unit,
                 ),
-                f"From the valve's opening to the angle with {DRAWN_LOAD_KG} kg, at seven angles.",
+                f"From the valve's opening to the angle with {DRAWN_LOAD_KG} kg, at seven angles;"
+                " those that mirror each other about 30° have the same curve.",
                 "magnitude and phase with a resonance near 2 hertz",
             ),
             Picture(

@@ -69,7 +69,7 @@ def distinct(responses: Mapping[str, npt.ArrayLike]) -> dict[str, Complex]:
     """Put curves that lie on each other together, such as those of angles that mirror each other.
 
     Args:
-        responses: Complex response, shape (n,), by the name of its curve.
+        responses: Complex response, shape (n,), in any unit, by the name of its curve.
 
     Returns:
         One curve for each that can be seen, under the names of all that it stands for.
