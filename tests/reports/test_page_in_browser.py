@@ -18,6 +18,8 @@ MEASURE = """
 <script>
 addEventListener("load", () => {
   const inner = document.querySelector("iframe").contentDocument;
+  // What is folded must fit too.
+  for (const folded of inner.querySelectorAll("details")) folded.open = true;
   const width = inner.documentElement.clientWidth;
   const outside = [...inner.querySelectorAll("body *")].filter(e => {
     const box = e.getBoundingClientRect();

@@ -22,6 +22,8 @@ MEASURE = """
 <script>
 addEventListener("load", () => {
   const inner = document.querySelector("iframe").contentDocument;
+  // What is folded must fit too.
+  for (const folded of inner.querySelectorAll("details")) folded.open = true;
   const width = inner.documentElement.clientWidth;
   const name = e => e.tagName + ": " + e.textContent.trim().slice(0, 40);
   const outside = [...inner.querySelectorAll("body *")].filter(e => {

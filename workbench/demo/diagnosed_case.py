@@ -23,7 +23,9 @@ from workbench.model import Model
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
 from workbench.recordings import Recording, read_case
+from workbench.reports.diagnosis_answers import plain
 from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
+from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Table, number
@@ -121,7 +123,7 @@ def diagnosed_case_part() -> Part:
     found = diagnosed_case()
     tracked = found.tracked_deg
     finding = found.verdict["findings"][0]
-    name = finding["effect"].replace("_", " ")
+    name = plain(finding["effect"])
     size, of = next(iter(finding["parameters"].values())), next(iter(finding["parameters"]))
     held = ("refitted", "extended")
     errors = {model: found.error_deg(model) for model in held}
@@ -162,7 +164,7 @@ def _between(run: FreeRun, start: float, stop: float) -> FreeRun:
 
 def _section(found: DiagnosedCase) -> Section:
     verdict = found.verdict
-    units = verdict["fit"]["units"]
+    units = {name: readable(unit) for name, unit in verdict["fit"]["units"].items()}
     held_out = verdict["fit"]["held_out"]
     return Section(
         "diagnosed",
@@ -170,7 +172,8 @@ def _section(found: DiagnosedCase) -> Section:
         (
             Words(
                 f"The case {CASE} ships with its recordings and with the verdict of 'workbench"
-                f" diagnose', which is read here and not computed again: {verdict['sentence']}"
+                " diagnose', which is read here and not computed again:"
+                f" {plain(verdict['sentence'])}"
                 " The models of that verdict then run freely along a recording that nothing was"
                 " fitted on, and the same rules design a controller on both. Both controllers"
                 " follow a sine on the improved model."
@@ -178,22 +181,22 @@ def _section(found: DiagnosedCase) -> Section:
             Picture(
                 "diagnosed-runs",
                 diagnosis_runs(found.before, found.after),
-                f"{DRAWN}: measured, and simulated by the refitted nominal model and by the"
+                f"{plain(DRAWN)}: measured, and simulated by the refitted nominal model and by the"
                 " extended one.",
                 "measurements and free runs over time",
             ),
             Picture(
                 "diagnosed-errors",
                 diagnosis_residuals(found.before, held_out["noise_floor"], found.after),
-                f"{DRAWN}: error of both free runs, root mean square over 0.2 s.",
+                f"{plain(DRAWN)}: error of both free runs, root mean square over 0.2 s.",
                 "errors of the free runs over time",
             ),
             Table(
                 "Errors of free runs over all held-out recordings, rms",
-                ("output", "unit", *held_out),
+                ("output", "unit", *(plain(model) for model in held_out)),
                 tuple(
-                    (name, unit, *(number(row[name]) for row in held_out.values()))
-                    for name, unit in units.items()
+                    (plain(name), shown, *(number(f * row[name]) for row in held_out.values()))
+                    for name, (shown, f) in units.items()
                 ),
             ),
             Method(

@@ -6,6 +6,7 @@ values; `workbench.reports.pictures` lets a page replace them when it is shown d
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -221,16 +222,16 @@ def key(axes: Axes, *, columns: int = 3, handles: list[Line2D] | None = None) ->
     """Write the legend above a panel, where it covers no curve.
 
     Args:
-        columns: Entries side by side.
+        columns: Entries side by side; fewer where they are too long for that.
         handles: Lines to name; those of the panel that have a label by default.
     """
-    options = {} if handles is None else {"handles": handles}
+    named = axes.get_legend_handles_labels()[0] if handles is None else handles
     axes.legend(
-        **options,
+        handles=named,
         loc="lower left",
         bbox_to_anchor=(0.0, 1.0, 1.0, 0.1),
         borderaxespad=0.2,
-        ncols=columns,
+        ncols=_fitting([len(str(line.get_label())) for line in named], columns),
         frameon=False,
         fontsize=FONT_POINTS - 1,
         labelcolor=INK.light,
@@ -238,3 +239,13 @@ def key(axes: Axes, *, columns: int = 3, handles: list[Line2D] | None = None) ->
         columnspacing=1.2,
         handletextpad=0.5,
     )
+
+
+def _fitting(letters: list[int], columns: int) -> int:
+    """Return how many columns of a legend fit, filled from above; a line takes five letters."""
+    for count in range(min(columns, len(letters)), 1, -1):
+        rows = math.ceil(len(letters) / count)
+        widths = [5 + max(letters[i : i + rows]) for i in range(0, len(letters), rows)]
+        if sum(widths) * _POINTS_PER_LETTER <= 0.87 * 72.0 * WIDTH_INCHES:
+            return count
+    return 1

@@ -115,9 +115,11 @@ def draw_run(
         axes.plot(time, factor * told, color=AFTER.light, linewidth=1.2, linestyle=_DASHES)
     low, high = float(np.nanmin(seen)) * factor, float(np.nanmax(seen)) * factor
     if before.finite:
-        # A model that is far off is shown as far as it leaves the measurements legible.
+        # A model that is far off is shown as far as it leaves the measurements legible, be it
+        # where nothing moves.
         told = factor * _thinned(before.time[rows], before.simulated[rows, i])[1]
-        reach = high - low
+        whole = before.measured[:, i]
+        reach = max(high - low, 0.2 * factor * float(np.nanmax(whole) - np.nanmin(whole)))
         low = max(min(low, float(np.nanmin(told))), low - reach)
         high = min(max(high, float(np.nanmax(told))), high + reach)
     room = 0.2 * (high - low) or 1.0
