@@ -74,6 +74,7 @@ def compare(
         workbench.errors.WorkbenchError: study 'nowhere.toml' cannot be read: no such file ...
     """
     from workbench.cli.counter import Counter
+    from workbench.cli.typed import typed
     from workbench.reports.figure import own_figures
     from workbench.reports.study_files import write_study_files
     from workbench.study.annotations import github_annotations, on_github
@@ -102,7 +103,7 @@ def compare(
     finally:
         counter.close()
     typer.echo("writing the report ...", err=True)
-    written = write_study_files(outcome, out)
+    written = write_study_files(outcome, out, command=typed())
     if on_github(os.environ):
         for line in github_annotations(outcome):
             typer.echo(line)

@@ -61,6 +61,7 @@ def controllers(
     from dataclasses import replace
 
     from workbench.cli.counter import Counter
+    from workbench.cli.typed import typed
     from workbench.reports.figures.limitations import limitation_tables, missed_table
     from workbench.reports.study_files import write_study_files
     from workbench.study.result import run_study
@@ -82,7 +83,7 @@ def controllers(
         counter.close()
     for table in limitation_tables(result):
         typer.echo(f"{table}\n")
-    written = write_study_files(result, out)
+    written = write_study_files(result, out, command=typed())
     typer.echo(plain_summary(result))
     typer.echo(f"written to {out}: {', '.join(path.name for path in written)}")
     return 0 if result.passed and not missed_table(result).rows else 1

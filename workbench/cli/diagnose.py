@@ -144,6 +144,7 @@ def _text(verdict: Verdict, loaded: Loaded) -> str:
 
 
 def _write(found: Diagnosis, loaded: Loaded, out: Path) -> None:
+    from workbench.cli.typed import typed
     from workbench.diagnosis.comparison import proof_of
     from workbench.files import whole_folder, write_whole
     from workbench.reports.diagnosis_page import diagnosis_page
@@ -157,7 +158,7 @@ def _write(found: Diagnosis, loaded: Loaded, out: Path) -> None:
             found,
             proof_of(found),
             name=loaded.problem.name,
-            commands=(f"workbench diagnose {loaded.arguments} --out {out.name}",),
+            commands=tuple(filter(None, (typed(),))),
         )
         write_page(page, folder / "report.html")
         for picture in page.pictures:

@@ -47,12 +47,13 @@ def force_map(
     if out is not None:
         import json
 
+        from workbench.cli.typed import typed
         from workbench.demo.force_map_page import force_map_page
         from workbench.files import write_whole
         from workbench.reports.page import write_page
         from workbench.reports.pictures import save
 
-        page = force_map_page(study, command=f"workbench force-map {file.name} --out {out.name}")
+        page = force_map_page(study, command=typed())
         write_page(page, out / "report.html")
         for picture in page.pictures:
             save(picture, out)

@@ -24,6 +24,7 @@ from workbench.cli.recording import recording
 from workbench.cli.refit import refit
 from workbench.cli.report import report
 from workbench.cli.simulate import simulate
+from workbench.cli.typed import typing
 from workbench.cli.verify import verify
 from workbench.errors import WorkbenchError
 from workbench.registry import own_place, told
@@ -112,7 +113,8 @@ def run(arguments: Sequence[str]) -> int:
         2
     """
     try:
-        status = app(args=list(arguments), standalone_mode=False)
+        with typing(arguments):
+            status = app(args=list(arguments), standalone_mode=False)
         # Typer turns Ctrl-C into this status without a word.
         if status == INTERRUPTED:
             raise KeyboardInterrupt

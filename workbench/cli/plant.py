@@ -156,8 +156,6 @@ class Chosen:
             is made for.
         at: Values at rest that were given, by name, in SI.
         inputs: Steps of inputs by name: times, in s, and values, in SI.
-        changes: The options of the command that change the plant.
-        arguments: The same with the name of the plant before them.
     """
 
     reference: str
@@ -167,8 +165,6 @@ class Chosen:
     nominal: Model
     at: Mapping[str, float]
     inputs: Mapping[str, tuple[tuple[float, float], ...]]
-    changes: str
-    arguments: str
 
     @property
     def design_point(self) -> Mapping[str, float]:
@@ -254,9 +250,6 @@ def chosen_plant(
         parameters=parameters or (),
         folder=folder,
     )
-    said = [f"--option {key}={value}" for key, value in given.items()]
-    for word, values in (("effect", attached), ("without", without), ("parameter", parameters)):
-        said += [f"--{word} {value}" for value in values or ()]
     return Chosen(
         name,
         plant,
@@ -265,8 +258,6 @@ def chosen_plant(
         nominal,
         dict(value_at_rest(model, text) for text in states),
         _steps(model, driven),
-        " ".join(said),
-        " ".join([f"--plant {name}", *said]),
     )
 
 

@@ -80,11 +80,10 @@ Data = Annotated[
 
 @dataclass(frozen=True)
 class Loaded:
-    """A problem, its plant, and how the command line that asked for it goes on after the verb."""
+    """A problem and its plant."""
 
     problem: Problem
     chosen: Chosen
-    arguments: str
 
 
 def load_problem(
@@ -130,7 +129,6 @@ def load_problem(
         if same:
             read.check_options(chosen.options)
         problem = problem_of_case(read, chosen.model)
-        arguments = " ".join(filter(None, (case, chosen.arguments if plant else chosen.changes)))
         base = read.refit
     else:
         name = plant or DEFAULT_PLANT
@@ -139,8 +137,6 @@ def load_problem(
         problem = problem_of_files(chosen.model, fit or (), hold_out or (), mapping=mapping)
         for note in problem.notes:
             typer.echo(f"note: {note}", err=True)
-        words = [*(f"--fit {p}" for p in fit or ()), *(f"--hold-out {p}" for p in hold_out or ())]
-        arguments = " ".join(filter(None, (*words, chosen.arguments)))
     from dataclasses import replace
 
     if not any(q.fitted for q in problem.model.parameters):
@@ -150,7 +146,7 @@ def load_problem(
             err=True,
         )
     settled = _settings(problem.model, base, settings)
-    return Loaded(replace(problem, refit=settled), chosen, arguments)
+    return Loaded(replace(problem, refit=settled), chosen)
 
 
 def _joined(of_case: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:

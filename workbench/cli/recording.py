@@ -46,13 +46,12 @@ def recording(
         typer.echo(f"\n{seen.mapping}")
     typer.echo(f"\n{report}")
     if out is not None:
+        from workbench.cli.typed import typed
         from workbench.reports.page import write_page
         from workbench.reports.pictures import save
         from workbench.reports.recording_page import recording_page
 
-        words = ["workbench recording", file.name, f"--plant {plant}" if plant else ""]
-        command = " ".join(filter(None, (*words, f"--out {out.name}")))
-        page = recording_page(report, command=command)
+        page = recording_page(report, command=typed())
         write_page(page, out / "report.html")
         for picture in page.pictures:
             save(picture, out)

@@ -74,20 +74,21 @@ def refit(
     report = run_refit(loaded.problem.task(), progress=lambda text: typer.echo(text, err=True))
     typer.echo(str(report))
     if out is not None:
-        _write(report, out, f"workbench refit {loaded.arguments} --out {out.name}")
+        _write(report, out)
         typer.echo(f"open {out / 'report.html'}")
     return 0
 
 
-def _write(report: Any, out: Path, command: str) -> None:
+def _write(report: Any, out: Path) -> None:
     import json
 
+    from workbench.cli.typed import typed
     from workbench.files import write_whole
     from workbench.reports.page import write_page
     from workbench.reports.pictures import save
     from workbench.reports.refit_page import refit_page
 
-    page = refit_page(report, command=command)
+    page = refit_page(report, command=typed())
     write_page(page, out / "report.html")
     for picture in page.pictures:
         save(picture, out)

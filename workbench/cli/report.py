@@ -63,6 +63,7 @@ def report(
     """
     from workbench.cli.compare import study_file
     from workbench.cli.counter import Counter
+    from workbench.cli.typed import typed
     from workbench.errors import WorkbenchError, check_choice
     from workbench.reports.figures.study_traces import point_text
     from workbench.reports.page import write_page
@@ -90,7 +91,7 @@ def report(
         chosen = replace(chosen, points=tuple((value_at_rest(model, p),) for p in points))
     if bode:
         loops = analyse_study(chosen)
-        page = linear_page(chosen, loops)
+        page = linear_page(chosen, loops, command=typed())
         for loop in loops:
             said = loop.reason or (
                 f"disk margin {loop.disk_margin:.2f}, Ms {loop.sensitivity:.2f},"
@@ -107,7 +108,7 @@ def report(
             )
         finally:
             counter.close()
-        page = study_page(outcome)
+        page = study_page(outcome, command=typed())
     path = write_page(page, out / "report.html")
     count = write_pictures(page, out)
     typer.echo(f"written to {path}, and {count} pictures as PNG and SVG to {out / 'pictures'}")

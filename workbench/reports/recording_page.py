@@ -34,7 +34,7 @@ def recording_page(report: CheckReport, *, command: str) -> Page:
         (
             Section("checks", "Checks", tuple(blocks)),
             Section("signals", "Signals", (_picture(report),)),
-            Section("again", "Again", (Commands((command,)),)),
+            *([Section("again", "Again", (Commands((command,)),))] if command else []),
         ),
         facts=(("result", report.result),),
     )

@@ -54,7 +54,8 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
                 ),
             )
         )
-    sections.append(Section("again", "Again", (Commands((command,)),)))
+    if command:
+        sections.append(Section("again", "Again", (Commands((command,)),)))
     return Page(
         f"Refit: {task.title}",
         f"Parameters estimated from {len(task.fit)} recording(s) and judged on"

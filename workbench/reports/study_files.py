@@ -17,8 +17,13 @@ from workbench.study.study import Study
 from workbench.study.summary import summary
 
 
-def write_study_files(outcome: StudyResult, folder: str | Path) -> tuple[Path, ...]:
+def write_study_files(
+    outcome: StudyResult, folder: str | Path, *, command: str = ""
+) -> tuple[Path, ...]:
     """Write what a study found.
+
+    Args:
+        command: Command that makes the page again.
 
     Returns:
         ``results.json``, ``summary.md``, ``junit.xml`` and ``report.html``, each complete.
@@ -31,21 +36,25 @@ def write_study_files(outcome: StudyResult, folder: str | Path) -> tuple[Path, .
         "results.json": json_text(outcome.table()),
         "summary.md": summary(outcome),
         "junit.xml": junit(outcome),
-        "report.html": html(study_page(outcome)),
+        "report.html": html(study_page(outcome, command=command)),
     }
     # All are made before the first is written: a mistake in one leaves the earlier results.
     return tuple(write_whole(place / name, text) for name, text in texts.items())
 
 
-def linear_page(study: Study, loops: tuple[LoopAnalysis, ...]) -> Page:
-    """Build the page of the linear analysis alone."""
+def linear_page(study: Study, loops: tuple[LoopAnalysis, ...], *, command: str = "") -> Page:
+    """Build the page of the linear analysis alone.
+
+    Args:
+        command: Command that makes it again.
+    """
     worst = min((a.disk_margin for a in loops if a.stable), default=float("nan"))
     lead = (
         f"{len(study.controllers)} controllers at {len(study.points)} operating points; the "
         f"smallest disk margin is {worst:.2g}. No run was made."
     )
-    command = Commands((f"workbench report {study.path.name} --bode --out DIR",))
-    blocks = (*linear_blocks(study, loops), Method(LINEAR.methods), command)
+    again = [Commands((command,))] if command else []
+    blocks = (*linear_blocks(study, loops), Method(LINEAR.methods), *again)
     section = Section(LINEAR.name, LINEAR.title, blocks)
     facts = (("workbench", installed_version()),)
     return Page(f"Linear analysis of study {study.name}", lead, (section,), facts=facts)

@@ -55,8 +55,12 @@ STUDY_METHODS: tuple[tuple[str, str], ...] = (
 """How the numbers that only a study has were computed."""
 
 
-def study_page(outcome: StudyResult) -> Page:
-    """Build the page of a study."""
+def study_page(outcome: StudyResult, *, command: str = "") -> Page:
+    """Build the page of a study.
+
+    Args:
+        command: Command that makes it again.
+    """
     study = outcome.study
     own, failed = _own_figures(outcome)
     figures = [*figures_of("study"), *(f for f in own if f.takes == "study")]
@@ -70,7 +74,7 @@ def study_page(outcome: StudyResult) -> Page:
         *(section for _, found in drawn for section in found),
         *failed,
         _requirements(outcome),
-        _how(outcome, [figure for figure, found in drawn if found]),
+        _how(outcome, [figure for figure, found in drawn if found], command),
     ]
     # What each controller misses in the box stands with the box.
     headline = re.sub(r" \([^()]*\)", "", outcome.headline())
@@ -376,7 +380,7 @@ def _worst_cell(outcome: StudyResult, demand: Demand, controller: str) -> Cell:
     return Cell(text, "met" if worst.met else "missed" if hard else "", place)
 
 
-def _how(outcome: StudyResult, figures: Sequence[Figure]) -> Section:
+def _how(outcome: StudyResult, figures: Sequence[Figure], command: str) -> Section:
     study = outcome.study
     plants = Table(
         "Plants",
@@ -402,8 +406,6 @@ def _how(outcome: StudyResult, figures: Sequence[Figure]) -> Section:
     )
     runs = [r.metrics for r in outcome.records if r.metrics is not None]
     methods = [entry for figure in figures for entry in figure.methods]
-    command = f"workbench compare {study.path.name} --out DIR"
-    command += " --limit" if study.report.physical_limit else ""
     return Section(
         "how",
         "How it was done",
@@ -411,7 +413,7 @@ def _how(outcome: StudyResult, figures: Sequence[Figure]) -> Section:
             plants,
             designs,
             Method((*metric_methods(runs), *STUDY_METHODS, *methods)),
-            Commands((command,)),
+            *([Commands((command,))] if command else []),
         ),
         folded=True,
     )
