@@ -11,11 +11,14 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
-from typing import Any, Literal, NamedTuple, cast
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 from controllers.protocol import Controller
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.registry import Registry, user_code
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
 
 Source = Literal["linear", "map", "model"]
 """What a design starts from: a linear model at one operating point, a `JointSchedule` of linear
@@ -195,3 +198,20 @@ DESIGNS: Registry[Design] = Registry(
     "design", Design, package="controllers", group="workbench.designs", adopt=_adopted
 )
 """Every design, by the name used in a study."""
+
+
+def designs_for(linear: LinearModel) -> tuple[Design, ...]:
+    """Return the designs that start from one linear model: those made for such a plant, else all.
+
+    Returns:
+        Designs whose sensors and actuators the model has; those for any linear model if none has.
+    """
+    one = [d for d in DESIGNS.members().values() if d.needs == "linear"]
+    own = [
+        d
+        for d in one
+        if d.sensors
+        and set(d.sensors) <= set(linear.output_names)
+        and set(d.actuators) <= set(linear.input_names)
+    ]
+    return tuple(own or [d for d in one if not d.sensors])

@@ -181,7 +181,7 @@ def sampled_synthesis(
     generalised = ct.ss(*generalised_plant(plant, weights))
     try:
         full, _, gamma, _ = ct.hinfsyn(generalised, 1, 1)
-    except (ct.ControlException, ValueError, ArithmeticError) as error:
+    except (RuntimeError, ValueError, ArithmeticError) as error:
         raise NumericalError(
             f"no H-infinity controller was found for a speed of {weights.speed:g} rad/s ({error});"
             " take a smaller speed or a smaller disturbance"

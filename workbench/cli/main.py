@@ -18,6 +18,7 @@ from workbench.cli.evaluate import evaluate
 from workbench.cli.force_map import force_map
 from workbench.cli.linearise import linearise
 from workbench.cli.new import new_controller, new_plant, new_study, study_fields
+from workbench.cli.notebook import notebook
 from workbench.cli.plant import PlantCommand
 from workbench.cli.plants import plants
 from workbench.cli.recording import recording
@@ -55,6 +56,7 @@ for _verb in (
     plants,
     simulate,
     linearise,
+    notebook,
     verify,
     recording,
     refit,

@@ -156,6 +156,7 @@ class Chosen:
             is made for.
         at: Values at rest that were given, by name, in SI.
         inputs: Steps of inputs by name: times, in s, and values, in SI.
+        effects: Effects that were attached, by the word that was given.
     """
 
     reference: str
@@ -165,6 +166,7 @@ class Chosen:
     nominal: Model
     at: Mapping[str, float]
     inputs: Mapping[str, tuple[tuple[float, float], ...]]
+    effects: tuple[str, ...]
 
     @property
     def design_point(self) -> Mapping[str, float]:
@@ -258,6 +260,7 @@ def chosen_plant(
         nominal,
         dict(value_at_rest(model, text) for text in states),
         _steps(model, driven),
+        tuple(attached),
     )
 
 

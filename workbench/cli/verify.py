@@ -216,7 +216,7 @@ def _requirements(chosen: Chosen, given: Sequence[str]) -> tuple[Requirement, ..
 
 def _designed(linear: LinearModel, names: Sequence[str], scenario: Scenario) -> list[Any]:
     """Return the named controllers, or those made for such a plant, or those for any plant."""
-    from controllers.design import DESIGNS
+    from controllers.design import DESIGNS, designs_for
 
     # What a design for any linear model must be told: which output, and how often.
     told = {"measured": next(iter(scenario.references)), "sample_time": scenario.sample_time}
@@ -233,17 +233,11 @@ def _designed(linear: LinearModel, names: Sequence[str], scenario: Scenario) -> 
             if design.needs != "linear":
                 check_choice("controller", design.name, one)
         return [made(design) for design in found]
-    own = [
-        d
-        for d in one.values()
-        if d.sensors
-        and set(d.sensors) <= set(linear.output_names)
-        and set(d.actuators) <= set(linear.input_names)
-    ]
-    if own:
-        return [made(design) for design in own]
+    fitting = designs_for(linear)
+    if any(design.sensors for design in fitting):
+        return [made(design) for design in fitting]
     plain = []
-    for design in (d for d in one.values() if not d.sensors):
+    for design in fitting:
         try:
             plain.append(made(design))
         except WorkbenchError as error:

@@ -1,0 +1,70 @@
+"""The verb ``notebook``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from workbench.cli.plant import (
+    At,
+    Effects,
+    Options,
+    Parameters,
+    PlantName,
+    Short,
+    Without,
+    chosen_plant,
+)
+from workbench.errors import WorkbenchError
+from workbench.plants import DEFAULT_PLANT
+
+
+def notebook(
+    plant: PlantName = DEFAULT_PLANT,
+    at: At = None,
+    option: Options = None,
+    parameter: Parameters = None,
+    without: Without = None,
+    effect: Effects = None,
+    out: Annotated[
+        Path, typer.Option(help="Notebook to write; it must not exist.", metavar="FILE.ipynb")
+    ] = Path("starter.ipynb"),
+    short: Short = None,
+) -> int:
+    """Write a starter notebook: a plant at an operating point, controllers, and their proof.
+
+    Examples: 'workbench notebook --angle 30deg --load 3kg --out arm.ipynb',
+    'workbench notebook --plant my_plants:circuit --at voltage=2V'.
+    """
+    from workbench.files import write_whole
+    from workbench.notebook.starter import Beginning, starter_notebook
+
+    if out.suffix != ".ipynb":
+        raise WorkbenchError(f"file {str(out)!r} does not end in .ipynb; try starter.ipynb")
+    if out.exists():
+        raise WorkbenchError(f"file {str(out)!r} exists; give another name, nothing was changed")
+    chosen = chosen_plant(
+        plant,
+        options=option,
+        parameters=parameter,
+        without=without,
+        effects=effect,
+        at=at,
+        short=short,
+        takes=("option", "effect", "at"),
+    )
+    begin = Beginning(
+        chosen.plant,
+        plant,
+        chosen.nominal,
+        options=chosen.options,
+        effects=chosen.effects,
+        without=tuple(without or ()),
+        parameters=tuple(parameter or ()),
+        at=chosen.design_point,
+    )
+    write_whole(out, starter_notebook(begin))
+    typer.echo(f"written to {out}; open it: jupyter lab {out}")
+    return 0
