@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.demo.figures.force_maps import force_map, law_errors
 from workbench.demo.force_map_study import LAW_LENGTH, MapStudy
-from workbench.reports.page import Commands, Method, Page, Section, Words
+from workbench.reports.page import Method, Page, Section, Words, again
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Table, interval, number
 
@@ -62,7 +62,7 @@ def force_map_page(study: MapStudy, *, command: str) -> Page:
                     ),
                 ),
             ),
-            Section("again", "Again", (Commands((command,)),)),
+            *again(command),
         ),
     )  # fmt: skip
 

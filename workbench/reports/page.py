@@ -95,6 +95,11 @@ class Section:
     folded: bool = False
 
 
+def again(command: str) -> tuple[Section, ...]:
+    """Return a section with the command that makes the page again; none without a command."""
+    return (Section("again", "Again", (Commands((command,)),), folded=True),) if command else ()
+
+
 @dataclass(frozen=True)
 class Page:
     """A page with a headline, the answer in its first screen, and sections.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from workbench.recordings.checks.report import CheckReport
 from workbench.recordings.recording import Recording
 from workbench.reports.figures.recording import recorded_signals
-from workbench.reports.page import Block, Commands, Page, Section, Words
+from workbench.reports.page import Answers, Block, Page, Section, Words, again
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Mark, Table, number
 
@@ -23,20 +23,33 @@ def recording_page(report: CheckReport, *, command: str) -> Page:
         'Recording example'
     """
     seen = report.original
-    verdict = "fit to judge a model on" if report.fit else "not fit to judge a model on"
-    blocks: list[Block] = [_checks(report), _signals(seen)]
+    blocks: list[Block] = [_signals(seen)]
     if seen.mapping is not None:
         blocks.append(_mapping(seen))
     blocks += [Words(f"{note[0].upper()}{note[1:]}.", "note") for note in seen.notes if note]
     return Page(
         f"Recording {seen.name}",
-        f"{len(seen)} samples over {seen.duration:.4g} s; {verdict}.",
+        f"{len(seen)} samples over {seen.duration:.4g} s.",
         (
-            Section("checks", "Checks", tuple(blocks)),
-            Section("signals", "Signals", (_picture(report),)),
-            *([Section("again", "Again", (Commands((command,)),))] if command else []),
+            Section("signals", "Signals", tuple(blocks)),
+            Section("checks", "Checks", (_checks(report),)),
+            *again(command),
         ),
         facts=(("result", report.result),),
+        first=(_answers(report), _picture(report)),
+    )
+
+
+def _answers(report: CheckReport) -> Answers:
+    """Say whether the recording is fit, and what every check found that did not simply pass."""
+    remarks = [check for check in report.checks if check.result != "pass"]
+    passed = len(report.checks) - len(remarks)
+    return Answers(
+        (
+            ("fit to judge a model on", "yes" if report.fit else "no"),
+            *((check.name, f"{check.result}: {check.note}") for check in remarks),
+            ("passed", f"{passed} of {len(report.checks)} checks"),
+        )
     )
 
 
@@ -75,7 +88,10 @@ def _mapping(recording: Recording) -> Table:
 
 def _picture(report: CheckReport) -> Picture:
     seen = report.recording
-    names = [f"{s.name} in {s.display_unit.replace('deg', '°') or '?'}" for s in seen.signals]
+    names = [
+        f"{s.name.replace('_', ' ')} in {s.display_unit.replace('deg', '°') or '?'}"
+        for s in seen.signals
+    ]
     places = {signal.name: i for i, signal in enumerate(seen.signals)}
     spans = [
         (places[span.signal], span.start, span.stop)

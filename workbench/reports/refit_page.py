@@ -9,7 +9,8 @@ from workbench.diagnosis.estimation.refit_report import RefitReport
 from workbench.model.model import index_of
 from workbench.model.units import parse_unit
 from workbench.reports.figures.held_out import held_out
-from workbench.reports.page import Block, Commands, Method, Page, Section, Words
+from workbench.reports.figures.study_traces import written
+from workbench.reports.page import Answers, Block, Method, Page, Section, Words, again
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Table, interval, number
 
@@ -31,42 +32,56 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
     if task.published:
         blocks.append(_published(report))
     found = report.refit
-    remarks = [f"Not determined by the recordings: {text}." for text in found.unidentifiable]
-    remarks += [f"The recordings disagree on {text}." for text in found.disagreements]
-    remarks += [
-        f"{e.name} sits on a bound: physics that the model lacks may pull it there."
-        for e in found.estimates
-        if e.on_bound
-    ]
-    blocks += [Words(text, "note") for text in remarks]
+    drawn = pictures(report)
     sections = [Section("estimates", "Estimates", tuple(blocks))]
     if report.rows:
-        sections.append(
+        sections.insert(
+            0,
             Section(
                 "held-out",
                 "Recordings that the refit has not seen",
                 (
-                    Words(_verdict(report)),
+                    *drawn[1:],
                     _errors(report),
                     *(Words(f"{note[0].upper()}{note[1:]}.", "note") for note in task.notes),
-                    *pictures(report),
                     _method(),
                 ),
-            )
+            ),
         )
-    if command:
-        sections.append(Section("again", "Again", (Commands((command,)),)))
+    sections += again(command)
     return Page(
         f"Refit: {task.title}",
         f"Parameters estimated from {len(task.fit)} recording(s) and judged on"
         f" {len(task.hold_out) + len(task.in_loop)} other run(s).",
         tuple(sections),
+        first=(_answers(report), *drawn[:1]),
         facts=(
             ("converged", "yes" if found.converged else "no"),
             ("steps", str(found.iterations)),
             ("time", f"{report.seconds:.1f} s"),
         ),
     )
+
+
+def _answers(report: RefitReport) -> Answers:
+    """Say what the refit is worth on recordings that it has not seen, and what to mistrust."""
+    found = report.refit
+    one = report.rows[0].recording if report.rows else ""
+    errors = [
+        f"{r.output.replace('_', ' ')} {number(r.nominal)} → {number(r.refitted)} {written(r.unit)}"
+        f" (noise {number(r.noise, 2)})"
+        for r in report.rows
+        if r.recording == one
+    ]
+    bound = [e.name for e in found.estimates if e.on_bound]
+    entries = (
+        ("do parameters explain it", _verdict(report) if report.rows else "nothing was held out"),
+        (f"error on {one.split('/')[-1].replace('_', ' ')}", ", ".join(errors)),
+        ("not determined", "; ".join(found.unidentifiable)),
+        ("recordings disagree on", "; ".join(found.disagreements)),
+        ("on a bound", f"{', '.join(bound)}: missing physics may pull there" if bound else ""),
+    )
+    return Answers(tuple((question, answer) for question, answer in entries if answer))
 
 
 def pictures(report: RefitReport) -> tuple[Picture, ...]:
@@ -82,7 +97,7 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
         sizes = [_display(report, name) for name in after.used]
         factors = [parse_unit(unit).factor for unit in sizes]
         names = [
-            f"{name} in {'°' if unit == 'deg' else unit}"
+            f"{name.replace('_', ' ')} in {written(unit)}"
             for name, unit in zip(after.used, sizes, strict=True)
         ]
         drawn.append(
