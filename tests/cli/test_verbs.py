@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.study.small_study import small_study
 from workbench.cli.main import INTERRUPTED, REQUIREMENTS_MISSED, run
+from workbench.data_folder import shipped_folder
 from workbench.model.units import quantity
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
@@ -132,3 +137,50 @@ def test_ctrl_c_is_one_sentence(
 )
 def test_values_carry_their_unit(text: str, unit: str, value: float) -> None:
     assert quantity("value", text, unit) == pytest.approx(value, rel=1e-10)
+
+
+JSON = {
+    "linearise": ["linearise", "--angle", "30deg"],
+    "verify": ["verify", "--plant", "servo-axis", "-c", "lqi"],
+    "recording": ["recording", str(shipped_folder() / "practice-07" / "identify_open.csv.gz")],
+    "compare": ["compare", "small.toml", "--out", "out", "--jobs", "1"],
+}
+
+
+@pytest.mark.parametrize("verb", JSON)
+def test_a_script_gets_json_and_nothing_else(
+    verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    small_study(tmp_path)
+    assert run([*JSON[verb], "--json"]) == 0
+    printed = capsys.readouterr()
+    found = json.loads(printed.out)
+    keys = {
+        "linearise": "A",
+        "verify": "runs",
+        "recording": "checks",
+        "compare": "requirements",
+    }
+    assert found[keys[verb]]
+    # What a person reads is still there.
+    assert len(printed.err.splitlines()) > 2
+
+
+def test_a_shell_completes_verbs_and_options() -> None:
+    program = "import sys; sys.argv = ['workbench']; from workbench.cli import main; main()"
+    for words, wanted in (("workbench dia", "diagnose"), ("workbench compare --ba", "--baseline")):
+        variables = {
+            "_WORKBENCH_COMPLETE": "complete_bash",
+            "COMP_WORDS": words,
+            "COMP_CWORD": str(words.count(" ")),
+        }
+        found = subprocess.run(
+            [sys.executable, "-c", program],
+            env={**os.environ, **variables},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert found.stdout.split() == [wanted], found

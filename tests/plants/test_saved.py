@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -54,3 +55,100 @@ def test_a_file_without_a_plant_is_refused(tmp_path: Path) -> None:
             path.write_text(text)
         with pytest.raises(WorkbenchError, match=message):
             PLANTS.get(str(path))
+
+
+@pytest.fixture
+def axis(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An axis that is heavier than its plant says and has drag that the plant leaves out."""
+    monkeypatch.chdir(tmp_path)
+    plant = PLANTS.get("servo-axis")
+    better = plant.model(effects=["quadratic_drag"]).with_parameters(
+        {"mass": 120.0, "quadratic_drag.coefficient": 300.0}
+    )
+    Path("verdict.json").write_text(
+        json.dumps({"plant": saved_plant("servo-axis", {}, plant.model(), better)})
+    )
+    return Path("verdict.json")
+
+
+def _number(said: str, name: str) -> float:
+    return float(re.findall(rf"^ *{name} +(\S+)", said, re.MULTILINE)[0])
+
+
+def test_simulate_and_linearise_use_the_improved_model(
+    axis: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ends = []
+    for name in ("servo-axis", str(axis)):
+        words = ["--plant", name, "--force", "0:200", "--duration", "1s", "--out", "run.csv"]
+        assert run(["simulate", *words]) == 0
+        ends.append(float(Path("run.csv").read_text().splitlines()[-1].split(",")[2]))
+    # Heavier, with drag: it comes less far.
+    assert ends[1] < 0.95 * ends[0]
+    dry = ["--without", "coulomb_friction", "--without", "quadratic_drag"]
+    assert run(["linearise", "--plant", str(axis), *dry]) == 0
+    model = PLANTS.get(str(axis)).model()
+    damping = model.parameter("viscous_friction.coefficient").value
+    # The axis slows down with the time constant m / d of the heavier mass.
+    assert f"{120.0 / damping:.4g} s" in capsys.readouterr().out
+
+
+@pytest.mark.system
+def test_verify_and_compare_run_controllers_on_it(
+    axis: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = []
+    for name in ("servo-axis", str(axis)):
+        words = ["--plant", name, "-c", "lqi", "--from", "0mm", "--to", "20mm", "--out", "m.json"]
+        assert run(["verify", *words]) == 0
+        (metrics,) = json.loads(Path("m.json").read_text())["runs"].values()
+        found.append(metrics["iae"]["value"])
+    assert found[0] != found[1]
+    capsys.readouterr()
+    assert run(["new-study", "on_it.toml"]) == 0
+    text = Path("on_it.toml").read_text().replace('kind = "servo-axis"', 'kind = "verdict.json"')
+    text = text.partition("[robustness]")[0].replace('mass = "110 kg"', 'mass = "130 kg"')
+    Path("on_it.toml").write_text(text)
+    assert run(["compare", "on_it.toml", "--out", "out", "--jobs", "1"]) in (0, 1)
+    results = json.loads(Path("out/results.json").read_text())
+    assert {r["status"] for r in results["runs"]} == {"done"}
+
+
+WRONG = {
+    "a value out of its range": ("parameters", {"mass": 1e9}, ("mass", "50 to 150 kg")),
+    "an unknown parameter": ("parameters", {"mas": 100.0}, ("'mas'", "did you mean 'mass'")),
+    "an unknown effect": ("effects", ["quadratic_drga"], ("quadratic_drga", "did you mean")),
+    "another plant": ("name", "servo-axes", ("servo-axes", "did you mean 'servo-axis'")),
+    "a loop of files": ("name", "verdict.json", ("names another file",)),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("verb", ["simulate", "linearise", "verify", "compare", "refit"])
+def test_what_is_wrong_in_it_is_a_sentence(
+    name: str, verb: str, axis: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key, value, words = WRONG[name]
+    table = json.loads(axis.read_text())
+    table["plant"][key] = value
+    axis.write_text(json.dumps(table))
+    given = {"simulate": ["--force", "0:1"], "refit": ["--fit", "a.csv", "--hold-out", "b.csv"]}
+    arguments = [verb, "--plant", str(axis), *given.get(verb, [])]
+    if verb == "compare":
+        run(["new-study", "on_it.toml"])
+        text = Path("on_it.toml").read_text().replace('"servo-axis"', '"verdict.json"')
+        Path("on_it.toml").write_text(text)
+        arguments = ["compare", "on_it.toml", "--out", "out"]
+    capsys.readouterr()
+    assert run(arguments) == 2
+    said = capsys.readouterr().err
+    assert all(word in said for word in words) and said.count("\n") == 1, said
+    assert not Path("out").exists()
+
+
+def test_a_value_out_of_range_from_the_command_line_is_a_sentence(
+    axis: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for verb in (["linearise"], ["verify"], ["simulate", "--force", "0:1"]):
+        assert run([*verb, "--plant", str(axis), "-p", "mass=1000"]) == 2
+        assert "mass is 1000 kg; the valid range is 50 to 150 kg" in capsys.readouterr().err

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli.as_json import AsJson
+
 
 def compare(
     study: Annotated[
@@ -46,6 +48,7 @@ def compare(
         bool,
         typer.Option("--verify-cache", help="Do a sample of the finished runs again and compare."),
     ] = False,
+    as_json: AsJson = False,
 ) -> int:
     """Run a study: every controller on every plant in every scenario, judged and compared.
 
@@ -63,6 +66,7 @@ def compare(
         limit: Whether steps are compared with the physical limit, or None as the study says.
         fresh: Whether finished runs are done again.
         verify_cache: Whether a sample of them is done again and must come out the same.
+        as_json: Whether results.json is printed too.
 
     Returns:
         Exit status: 1 if the study does not pass.
@@ -104,11 +108,13 @@ def compare(
         counter.close()
     typer.echo("writing the report ...", err=True)
     written = write_study_files(outcome, out, command=typed())
-    if on_github(os.environ):
+    if on_github(os.environ) and not as_json:
         for line in github_annotations(outcome):
             typer.echo(line)
-    typer.echo(plain_summary(outcome))
-    typer.echo(f"written to {out}: {', '.join(path.name for path in written)}")
+    typer.echo(plain_summary(outcome), err=as_json)
+    typer.echo(f"written to {out}: {', '.join(path.name for path in written)}", err=as_json)
+    if as_json:
+        typer.echo((out / "results.json").read_text(encoding="utf-8"), nl=False)
     return 0 if outcome.passed else 1
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from workbench.cli.as_json import AsJson
 from workbench.cli.plant import Effects, Options, Parameters, Short, Without
 from workbench.cli.problem import (
     CaseName,
@@ -52,6 +53,7 @@ def diagnose(
         Path | None,
         typer.Option(help="Folder for verdict.json, report.html and the pictures."),
     ] = None,
+    as_json: AsJson = False,
     short: Short = None,
 ) -> int:
     """Find out what physics a model leaves out, and prove it on held-out recordings.
@@ -91,10 +93,13 @@ def diagnose(
         )
     own = own_hypotheses(problem.model, effects or (), folder=Path.cwd())
     found = _run(loaded, own, workers, out)
-    typer.echo(str(found.verdict))
+    typer.echo(str(found.verdict), err=as_json)
     if out is not None:
         _write(found, loaded, out)
-        typer.echo(f"open {out / 'report.html'}")
+        typer.echo(f"open {out / 'report.html'}", err=as_json)
+    if as_json:
+        assert found.verdict is not None
+        typer.echo(_text(found.verdict, loaded))
     return 0
 
 

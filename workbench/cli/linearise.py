@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli.as_json import AsJson
 from workbench.cli.plant import (
     At,
     Effects,
@@ -37,6 +38,7 @@ def linearise(
         Path | None,
         typer.Option(help="JSON file for the operating point and the matrices A, B, C, D, in SI."),
     ] = None,
+    as_json: AsJson = False,
     short: Short = None,
 ) -> int:
     """Trim a plant and print its linear model: modes, and how far to trust it.
@@ -59,10 +61,10 @@ def linearise(
     )
     point = operating_point(chosen.model, chosen.design_point)
     linear = linear_model(point)
-    typer.echo(f"{point}\n\n{linear}")
+    typer.echo(f"{point}\n\n{linear}", err=as_json)
     if verdict and linear.verdict is not None:
-        typer.echo(f"\n{linear.verdict.amplitude}\n{linear.verdict.frequency}")
-    if out is not None:
+        typer.echo(f"\n{linear.verdict.amplitude}\n{linear.verdict.frequency}", err=as_json)
+    if out is not None or as_json:
         from workbench.files import write_whole
         from workbench.reports.results import json_text
 
@@ -74,6 +76,9 @@ def linearise(
             "outputs": dict(zip(linear.output_names, linear.y0.tolist(), strict=True)),
             **{name: getattr(linear, name).tolist() for name in "ABCD"},
         }
-        write_whole(out, json_text(content))
-        typer.echo(f"written to {out}")
+        if as_json:
+            typer.echo(json_text(content), nl=False)
+        if out is not None:
+            write_whole(out, json_text(content))
+            typer.echo(f"written to {out}", err=as_json)
     return 0

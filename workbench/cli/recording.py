@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli.as_json import AsJson
+
 UNFIT = 1
 """Exit status if the recording is not fit to judge a model on."""
 
@@ -26,6 +28,7 @@ def recording(
         ),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the page and the pictures.")] = None,
+    as_json: AsJson = False,
 ) -> int:
     """Read a recording, say how its columns were understood, and check whether it is fit.
 
@@ -41,10 +44,15 @@ def recording(
     seen = read_recording(file, mapping=mapping, signals=wanted)
     required = None if wanted is None else [w.name for w in wanted if w.name in seen]
     report = check_recording(seen, model=model, required=required)
-    typer.echo(str(seen))
+    typer.echo(str(seen), err=as_json)
     if seen.mapping is not None:
-        typer.echo(f"\n{seen.mapping}")
-    typer.echo(f"\n{report}")
+        typer.echo(f"\n{seen.mapping}", err=as_json)
+    typer.echo(f"\n{report}", err=as_json)
+    if as_json:
+        from workbench.reports.results import json_text
+
+        content = {"result": report.result, "fit": report.fit, "checks": report.as_data()}
+        typer.echo(json_text(content), nl=False)
     if out is not None:
         from workbench.cli.typed import typed
         from workbench.reports.page import write_page
@@ -55,5 +63,5 @@ def recording(
         write_page(page, out / "report.html")
         for picture in page.pictures:
             save(picture, out)
-        typer.echo(f"open {out / 'report.html'}")
+        typer.echo(f"open {out / 'report.html'}", err=as_json)
     return 0 if report.fit else UNFIT

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
+from workbench.cli.as_json import AsJson
 from workbench.cli.plant import Effects, Options, Parameters, Short, Without
 from workbench.cli.problem import (
     CaseName,
@@ -41,6 +42,7 @@ def refit(
     out: Annotated[
         Path | None, typer.Option(help="Folder for the page, the pictures and results.json.")
     ] = None,
+    as_json: AsJson = False,
     short: Short = None,
 ) -> int:
     """Estimate a model's parameters from recordings and judge it on others.
@@ -72,16 +74,16 @@ def refit(
         },
     )
     report = run_refit(loaded.problem.task(), progress=lambda text: typer.echo(text, err=True))
-    typer.echo(str(report))
+    typer.echo(str(report), err=as_json)
     if out is not None:
         _write(report, out)
-        typer.echo(f"open {out / 'report.html'}")
+        typer.echo(f"open {out / 'report.html'}", err=as_json)
+    if as_json:
+        typer.echo(_results_text(report), nl=False)
     return 0
 
 
 def _write(report: Any, out: Path) -> None:
-    import json
-
     from workbench.cli.typed import typed
     from workbench.files import write_whole
     from workbench.reports.page import write_page
@@ -92,8 +94,13 @@ def _write(report: Any, out: Path) -> None:
     write_page(page, out / "report.html")
     for picture in page.pictures:
         save(picture, out)
-    text = json.dumps(_results(report), indent=2, allow_nan=False, ensure_ascii=False)
-    write_whole(out / "results.json", text + "\n")
+    write_whole(out / "results.json", _results_text(report))
+
+
+def _results_text(report: Any) -> str:
+    from workbench.reports.results import json_text
+
+    return json_text(_results(report))
 
 
 def _results(report: Any) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from workbench.cli.as_json import AsJson
 from workbench.cli.plant import (
     Chosen,
     Effects,
@@ -75,6 +76,7 @@ def verify(
     without: Without = None,
     effect: Effects = None,
     out: Annotated[Path | None, typer.Option(help="JSON file for the metrics, in SI.")] = None,
+    as_json: AsJson = False,
     short: Short = None,
 ) -> int:
     """Run controllers on the full plant through a step and back, and score what they do.
@@ -107,20 +109,24 @@ def verify(
         found = metrics(run_loop(designed, chosen.model, scenario, seed=seed))
         total, verdicts = score(requirements, [found])
         worst = max(worst, total)
-        typer.echo(str(found))
+        typer.echo(str(found), err=as_json)
         if verdicts:
-            typer.echo("  required")
-            typer.echo("\n".join(f"    {verdict}" for verdict in verdicts))
+            typer.echo("  required", err=as_json)
+            typer.echo("\n".join(f"    {verdict}" for verdict in verdicts), err=as_json)
         results[designed.name] = {
             metric.name: {"value": metric.value, "unit": metric.unit, "reason": metric.reason}
             for metric in found.values
         }
-    if out is not None:
+    if out is not None or as_json:
         from workbench.files import write_whole
         from workbench.reports.results import json_text
 
-        write_whole(out, json_text({"scenario": scenario.name, "seed": seed, "runs": results}))
-        typer.echo(f"written to {out}")
+        text = json_text({"scenario": scenario.name, "seed": seed, "runs": results})
+        if as_json:
+            typer.echo(text, nl=False)
+        if out is not None:
+            write_whole(out, text)
+            typer.echo(f"written to {out}", err=as_json)
     return 0 if worst <= 1.0 else 1
 
 
