@@ -115,21 +115,29 @@ def in_notebook() -> bool:
     return "ipykernel" in sys.modules
 
 
-def notebook_progress() -> Callable[[str], None]:
-    """Return a function that shows texts in a progress bar in a notebook, and nothing elsewhere.
+def notebook_progress() -> Callable[..., None]:
+    """Return a function that shows a text, and how much is done, in a notebook's progress bar.
+
+    Returns:
+        Called with a text and, where they are known, the finished steps and all of them; does
+        nothing outside of notebooks.
 
     Example:
-        >>> notebook_progress()("fitting")
+        >>> show = notebook_progress()
+        >>> show("fitting")
+        >>> show("runs", 3, 12)
     """
     if not in_notebook() or find_spec("ipywidgets") is None:
-        return lambda text: None
+        return lambda text, done=0, total=0: None
     from tqdm.notebook import tqdm
 
-    bar = tqdm(bar_format="{desc} {elapsed}", leave=False)
+    bar = tqdm(bar_format="{desc} {bar} {elapsed}", leave=False)
 
-    def show(text: str) -> None:
+    def show(text: str, done: int = 0, total: int = 0) -> None:
+        if total and bar.total != total:
+            bar.reset(total)
+        bar.n = done
         bar.set_description_str(text[:_LONGEST])
-        bar.update()
 
     return show
 

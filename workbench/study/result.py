@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from workbench.display import notebook_progress
 from workbench.errors import WorkbenchError, check_range
 from workbench.files import check_folder, write_whole
 from workbench.study.baseline import (
@@ -293,7 +294,8 @@ def run_study(
         dask: Address of a Dask scheduler that does the runs instead, or None.
         fresh: Whether finished runs are done again.
         verify_cache: Whether a sample of the finished runs is done again and must agree.
-        progress: Told the part of the study, finished and all runs of it, and what was finished.
+        progress: Told the part of the study, finished and all runs of it, and what was finished;
+            by default a notebook shows a bar.
 
     Returns:
         The outcome.
@@ -311,9 +313,11 @@ def run_study(
     if fresh:
         store.prune()
 
-    def part(name: str) -> Callable[[int, int, str], None] | None:
+    bar = notebook_progress()
+
+    def part(name: str) -> Callable[[int, int, str], None]:
         if progress is None:
-            return None
+            return lambda done, total, what: bar(name, done, total)
         return lambda done, total, what: progress(name, done, total, what)
 
     if verify_cache:
