@@ -25,6 +25,8 @@ def test_the_lines_of_python_design_and_verify_a_controller() -> None:
 def test_folders_and_files_that_are_named_exist() -> None:
     root = README.parent
     text = README.read_text(encoding="utf-8")
-    named = re.findall(r"`((?:workbench|controllers|data)/[\w./-]+)`|\((data/[^)]+)\)", text)
+    named = re.findall(
+        r"`((?:workbench|controllers|data)/[\w./-]+)`|[(\"](data/[^)\"]+)[)\"]", text
+    )
     for path in (a or b for a, b in named):
         assert (root / path).exists(), path

@@ -15,9 +15,9 @@ from workbench.demo.figures.diagnosed import diagnosed
 from workbench.demo.figures.force_lines import force_lines
 from workbench.demo.figures.force_maps import force_map, law_errors
 from workbench.demo.figures.open_loop import open_loop
-from workbench.demo.figures.steps import ClosedLoopCurves, closed_loop_steps
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.reports.figures.bode import bode
+from workbench.reports.figures.tracking import Trajectory, tracking
 from workbench.reports.style import controller_colours
 
 T = np.linspace(0.0, 2.0, 41)
@@ -27,10 +27,15 @@ RUN = FreeRun("run", ("angle",), ("rad",), T, WAVE[:, None], WAVE[:, None])
 
 def steps() -> Figure:
     runs = [
-        ClosedLoopCurves(name, T, WAVE + 0.01 * i, 5.0 + WAVE, WAVE)
+        Trajectory(name, T, WAVE + 0.01 * i, 5.0 + WAVE, WAVE)
         for i, name in enumerate(controller_colours())
     ]
-    return closed_loop_steps(T, np.full_like(T, 0.5), runs)
+    return tracked(T, np.full_like(T, 0.5), runs)
+
+
+def tracked(time: np.ndarray, reference: np.ndarray, runs: list[Trajectory]) -> Figure:
+    words = {"quantity": "angle", "unit": "°", "command": "valve in V"}
+    return tracking(time, reference, runs, error_limit=0.3, **words)
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {
@@ -85,18 +90,12 @@ def test_a_controller_has_its_colour_and_the_linear_run_is_dashed() -> None:
         assert {line.get_linestyle() for line in own} == {"-", "--"}, name
 
 
-def test_angles_are_drawn_in_degrees() -> None:
-    position = steps().axes[0]
-    reference = position.lines[0].get_ydata()
-    np.testing.assert_allclose(reference, np.degrees(0.5))
-
-
 def test_the_error_is_the_reference_held_at_each_sample_less_the_angle() -> None:
     fine = np.linspace(0.0, 1.0, 11)
-    run = ClosedLoopCurves("cascade PID", fine, np.full(11, 0.2), np.full(11, 5.0))
-    figure = closed_loop_steps([0.0, 0.5], [0.2, 0.4], [run])
+    run = Trajectory("cascade PID", fine, np.full(11, 0.2), np.full(11, 5.0))
+    figure = tracked(np.array([0.0, 0.5]), np.array([0.2, 0.4]), [run])
     drawn = np.asarray(figure.axes[1].lines[0].get_ydata())
-    np.testing.assert_allclose(drawn, np.degrees(np.where(fine < 0.5, 0.0, 0.2)), atol=1e-12)
+    np.testing.assert_allclose(drawn, np.where(fine < 0.5, 0.0, 0.2), atol=1e-12)
 
 
 def test_phases_start_within_one_turn() -> None:

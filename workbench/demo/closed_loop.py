@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.demo.figures.steps import ClosedLoopCurves, closed_loop_steps
 from workbench.demo.part import Part
+from workbench.reports.figures.tracking import Trajectory, tracking
 from workbench.reports.metrics_table import metric_methods, metrics_table
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
@@ -24,6 +24,9 @@ from workbench.verification.metrics import columns
 WINDOWS = {"up": (0.4, 1.6), "down": (2.4, 3.6)}
 """Times drawn around each step, in s: the whole run would hide how the curves differ."""
 
+
+ERROR_LIMIT_DEG = 0.3
+"""Steady error that the study allows, in °."""
 
 FIRST = "steps-with-muscle-hysteresis-up"
 """The picture of the first screen."""
@@ -90,26 +93,30 @@ def _pictures(plant: str, records: Sequence[Record]) -> list[Picture]:
     found = []
     for way, (begin, end) in WINDOWS.items():
         seen = (first["time"] >= begin - 1e-9) & (first["time"] <= end + 1e-9)
-        figure = closed_loop_steps(
+        figure = tracking(
             first["time"][seen],
-            first["reference.angle"][seen],
+            np.degrees(first["reference.angle"][seen]),
             [
-                ClosedLoopCurves(
+                Trajectory(
                     name,
                     own["time"][seen],
-                    own["output.angle"][seen],
+                    np.degrees(own["output.angle"][seen]),
                     own["input.valve"][seen],
-                    own["linear.angle"][seen],
+                    np.degrees(own["linear.angle"][seen]),
                 )
                 for name, own in traces.items()
             ],
+            quantity="angle",
+            unit="°",
+            command="valve in V",
+            error_limit=ERROR_LIMIT_DEG,
         )
         found.append(
             Picture(
                 f"steps-{plant.replace(' ', '-')}-{way}",
                 figure,
-                f"Step {way}, full plant {plant}: angle, error (dotted: ± 0.3°) and valve "
-                "voltage. Dashed: the same controller on the linear model, with ideal sensors.",
+                f"Step {way}, full plant {plant}: angle, error (dotted: ± {ERROR_LIMIT_DEG}°) and "
+                "valve voltage. Dashed: the same controller on its linear model, ideal sensors.",
                 f"step {way} between 15 and 45 degrees; all controllers settle in half a second",
             )
         )

@@ -23,12 +23,11 @@ from workbench.model import Model
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
 from workbench.recordings import Recording, read_case
-from workbench.reports.diagnosis_answers import plain
 from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
 from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
-from workbench.reports.tables import Table, number
+from workbench.reports.tables import Table, number, plain
 from workbench.verification import Scenario, Sine, verify
 
 Vector = npt.NDArray[np.float64]

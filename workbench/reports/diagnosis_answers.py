@@ -12,7 +12,7 @@ from workbench.reports.diagnosis_nonparametric import accepted_term, hull_senten
 from workbench.reports.figures.diagnosis_runs import farthest_off
 from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Answers
-from workbench.reports.tables import interval, number
+from workbench.reports.tables import interval, number, plain
 
 KINDS: dict[str, str] = {
     "data_unfit": "the recordings are unfit to judge",
@@ -41,11 +41,6 @@ def diagnosis_answers(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> A
         ("record next", next_step(verdict)),
     )
     return Answers(tuple((question, answer) for question, answer in entries if answer))
-
-
-def plain(text: str) -> str:
-    """Write names and signs as people read them."""
-    return text.replace("+-", "±").replace("_", " ")
 
 
 def _what(verdict: Verdict) -> str:

@@ -12,7 +12,7 @@ from workbench.reports.figures.diagnosis_nonparametric import diagnosis_nonparam
 from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
-from workbench.reports.tables import Cell, Table, interval, number
+from workbench.reports.tables import Cell, Table, interval, number, plain
 
 
 def accepted_term(diagnosis: Diagnosis) -> NonparametricTerm | None:
@@ -44,7 +44,7 @@ def hull_sentence(term: NonparametricTerm) -> str:
     for a in term.arguments:
         unit, factor = readable(a.unit)
         low, high = (number(_rounded(factor * end, a, factor)) for end in a.hull)
-        ranges.append(f"{_plain(a.name)} from {low} to {high} {unit}".removesuffix(" 1"))
+        ranges.append(f"{plain(a.name)} from {low} to {high} {unit}".removesuffix(" 1"))
     curves = "curve is" if len(ranges) == 1 else "curves are"
     return f"The {curves} empirical: valid inside its data hull, {' and '.join(ranges)}.".replace(
         "are empirical: valid inside its", "are empirical: valid inside their"
@@ -80,8 +80,8 @@ def outside_sentence(term: NonparametricTerm, located: Located) -> str:
 
 def nonparametric_blocks(term: NonparametricTerm) -> list[Block]:
     """Show the curves of a term on what was measured, and the evidence for their arguments."""
-    place = _plain(", ".join(term.ports))
-    over = " and ".join(_plain(a.name) for a in term.arguments)
+    place = plain(", ".join(term.ports))
+    over = " and ".join(plain(a.name) for a in term.arguments)
     form = (
         f"The term changes {place} by a fraction that is a curve over {over}"
         if term.relative
@@ -102,9 +102,9 @@ def nonparametric_blocks(term: NonparametricTerm) -> list[Block]:
             Picture(
                 f"nonparametric-{i + 1}",
                 diagnosis_nonparametric(argument, place=", ".join(term.ports), unit=term.unit),
-                f"What is missing at {place} over {_plain(argument.name)}: means of classes with"
+                f"What is missing at {place} over {plain(argument.name)}: means of classes with"
                 " the scatter within each in grey, and the fitted curve.",
-                f"missing signal at {place} over {_plain(argument.name)} with the fitted curve",
+                f"missing signal at {place} over {plain(argument.name)} with the fitted curve",
             )
         )
     blocks.append(arguments_table(term))
@@ -120,7 +120,7 @@ def arguments_table(term: NonparametricTerm) -> Table:
         like = ", ".join(str(t) for t in a.terms).replace("^2", "²").replace("^3", "³")
         rows.append(
             (
-                _plain(a.name) + (f" in {unit}" if unit != "1" else ""),
+                plain(a.name) + (f" in {unit}" if unit != "1" else ""),
                 number(a.p_value),
                 f"{100 * a.share:.0f} %",
                 interval(low, high),
@@ -155,15 +155,15 @@ def refusals(diagnosis: Diagnosis) -> list[Block]:
         A paragraph for each; nothing where there is nothing to say.
     """
     blocks: list[Block] = [
-        Words(f"Taken back: {_plain(name)}; {reason}.", "note")
+        Words(f"Taken back: {plain(name)}; {reason}.", "note")
         for name, reason in taken_back(diagnosis).items()
     ]
     term = diagnosis.nonparametric
     if term is not None and term.reason:
-        reason = term.reason.replace("_", " ")
+        reason = plain(term.reason)
         blocks.append(
             Words(
-                f"A law without a name at {_plain(', '.join(term.ports))} was tried and refused:"
+                f"A law without a name at {plain(', '.join(term.ports))} was tried and refused:"
                 f" {reason}.",
                 "note",
             )
@@ -189,9 +189,5 @@ def group_sentence(told: Isolability | None, ports: tuple[str, ...]) -> str:
     others = ", ".join(p for p in alike if p not in ports)
     here = ", ".join(ports)
     if not others:
-        return f"With these sensors, a signal at {_plain(here)} looks like one at no other place."
-    return f"With these sensors, a signal at {_plain(here)} looks like one at {_plain(others)}."
-
-
-def _plain(name: str) -> str:
-    return name.replace("_", " ")
+        return f"With these sensors, a signal at {plain(here)} looks like one at no other place."
+    return f"With these sensors, a signal at {plain(here)} looks like one at {plain(others)}."

@@ -10,7 +10,7 @@ from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.location.missing_signal import Located
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
-from workbench.reports.diagnosis_answers import KINDS, diagnosis_answers, plain, worst_run
+from workbench.reports.diagnosis_answers import KINDS, diagnosis_answers, worst_run
 from workbench.reports.diagnosis_nonparametric import (
     accepted_term,
     group_sentence,
@@ -36,6 +36,7 @@ from workbench.reports.figures.diagnosis_location import diagnosis_location
 from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
 from workbench.reports.page import Block, Method, Page, Section, Words
 from workbench.reports.pictures import Picture
+from workbench.reports.tables import plain
 
 
 def diagnosis_page(
@@ -96,14 +97,14 @@ def _first(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> tuple[Block,
     after = diagnosis.runs.get("extended", {}).get(title) if improved(diagnosis) else None
     located = proof.located[0] if proof.located else None
     drawn = diagnosis_answer(before, after, verdict.fit.get("noise_floor", {}), located)
-    caption = f"{_plain_title(title)}, held out: {before.used[0].replace('_', ' ')}, and its error"
+    caption = f"{_plain_title(title)}, held out: {plain(before.used[0])}, and its error"
     caption += " (green: no larger than the sensor's noise)"
     caption += f"; the signal that is missing at {located.port}." if located else "."
     return (answers, Picture("answer", drawn, caption, "measured and simulated, before and after"))
 
 
 def _plain_title(title: str) -> str:
-    return title.split("/")[-1].replace("_", " ")
+    return plain(title.split("/")[-1])
 
 
 def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...]:

@@ -15,7 +15,7 @@ from workbench.diagnosis.verdict import Verdict
 from workbench.recordings.checks import CHECKS
 from workbench.reports.diagnosis_nonparametric import improved
 from workbench.reports.figures.diagnosis_units import readable
-from workbench.reports.tables import Cell, Table, number
+from workbench.reports.tables import Cell, Table, number, plain
 
 METHODS: tuple[tuple[str, str], ...] = (
     (
@@ -147,8 +147,8 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
         one = before.get(name) or after[name]
         new = name not in before
         unit, factor = readable(one.unit)
-        plain = ordinates.get(name) or name.replace("_", " ").replace(".", ", ")
-        shown = plain if unit == "1" else f"{plain} in {unit}"
+        words = ordinates.get(name) or plain(name).replace(".", ", ")
+        shown = words if unit == "1" else f"{words} in {unit}"
         known = f"{_value(factor * one.prior.mean)} ± {_value(factor * one.prior.std, 2)}"
         cells: list[Cell | str] = [
             shown + (" (new)" if new else ""),
@@ -182,7 +182,7 @@ def _ordinates(diagnosis: Diagnosis) -> dict[str, str]:
             # A knot at the end of the data may miss zero by a rounding error.
             near = abs(knot) < 1e-3 * (curve.knots[-1] - curve.knots[0])
             where = f"{number(0.0 if near else factor * knot)} {unit}".removesuffix(" 1")
-            argument = curve.argument.replace("_", " ")
+            argument = plain(curve.argument)
             named[f"{term.effect_name}.{short}"] = (
                 f"nonparametric term, curve at {argument} {where},"
             )
@@ -237,8 +237,8 @@ def scores_table(
         score, candidate = scores.scores[i], tried.get(name)
         rows.append(
             (
-                name.replace("_", " "),
-                ", ".join(dict.fromkeys(score.entry.ports)).replace("_", " "),
+                plain(name),
+                plain(", ".join(dict.fromkeys(score.entry.ports))),
                 number(score.gain),
                 _size(score.size, score.entry.unit),
                 f"{100 * score.collinearity:.0f} %",
@@ -303,7 +303,7 @@ def unseen_table(verdict: Verdict) -> Table:
     return Table(
         "What these recordings could not have shown",
         ("effect", "why"),
-        tuple((item["effect"].replace("_", " "), item["reason"]) for item in verdict.not_testable),
+        tuple((plain(item["effect"]), item["reason"]) for item in verdict.not_testable),
         f"Collinear beyond {100 * COLLINEAR:.0f} %, or too small at every plausible size.",
     )
 
@@ -370,21 +370,17 @@ def isolability_table(found: Isolability, located: Sequence[str] = ()) -> Table:
         near = found.nearest.get(group[0])
         beside = "" if near is None else f"{near[0]}, {number(math.degrees(near[1]), 2)}° apart"
         # The port that was located stands first in its group.
-        named = _plain(sorted(group, key=lambda port: port not in located))
+        named = plain(", ".join(sorted(group, key=lambda port: port not in located)))
         here = "located here" if set(group) & set(located) else ""
-        rows.append((Cell(named, reason=here), beside.replace("_", " ")))
+        rows.append((Cell(named, reason=here), plain(beside)))
     if found.unseen:
-        rows.append((_plain(found.unseen), "cannot be seen at all"))
+        rows.append((plain(", ".join(found.unseen)), "cannot be seen at all"))
     return Table(
         "What these sensors can tell apart",
         ("ports that cannot be told apart", "hardest to tell from"),
         tuple(rows),
         _isolability_note(found, located),
     )
-
-
-def _plain(ports: Sequence[str]) -> str:
-    return ", ".join(ports).replace("_", " ")
 
 
 def _isolability_note(found: Isolability, located: Sequence[str]) -> str:
@@ -399,7 +395,7 @@ def _isolability_note(found: Isolability, located: Sequence[str]) -> str:
     left: dict[str, int] = {}
     for sensor in found.sensors_that_split(own[0]):
         with_it = [part for part in sensor.splits[0] if set(part) & set(located)]
-        left[sensor.text.replace("_", " ")] = sum(map(len, with_it))
+        left[plain(sensor.text)] = sum(map(len, with_it))
     # The fewer ports remain with the located one, the better.
     apart = sorted((name for name in left if left[name] < len(own[0])), key=left.__getitem__)
     if not apart:

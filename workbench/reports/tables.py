@@ -96,6 +96,16 @@ class Table:
         return "\n".join([self.title, *body, *([self.note] if self.note else [])])
 
 
+def plain(text: str) -> str:
+    """Write names and signs as people read them.
+
+    Example:
+        >>> plain("arm_inertia +- 0.01")
+        'arm inertia ± 0.01'
+    """
+    return text.replace("+-", "±").replace("_", " ")
+
+
 def number(value: float, digits: int = 3, *, unit: str = "") -> str:
     """Write a number with a given number of significant digits, and none that mean nothing.
 
