@@ -11,6 +11,7 @@ from typing import Any, Literal
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
 from workbench.model import Model
+from workbench.model.units import parse_unit, written_unit
 
 SCHEMA = "workbench.verdict/2"
 
@@ -193,16 +194,20 @@ class Verdict(Shown):
             if finding.sentence not in self.sentence:
                 lines.append(f"  {finding.sentence}")
             lines += [
-                f"    {name:<34} {v.value:>11.4g} +- {v.std:<9.2g} {v.unit}"
+                f"    {name:<34} {v.value:>11.4g} +- {v.std:<9.2g} {written_unit(v.unit)}".rstrip()
                 for name, v in finding.parameters.items()
             ]
         if self.fit:
-            names = list(self.units)
-            lines.append(
-                "  held out     " + "".join(f"{n + ' ' + self.units[n]:>20}" for n in names)
-            )
+            shown = {q.name: q.display_unit for q in self.model.outputs}
+            units = {n: shown.get(n, unit) for n, unit in self.units.items()}
+            heads = (f"{n} in {written_unit(u)}" if u != "1" else n for n, u in units.items())
+            lines.append("  held-out rms " + "".join(f"{head:>20}" for head in heads))
             lines += [
-                f"    {label:<11}" + "".join(f"{errors.get(n, math.nan):>20.4g}" for n in names)
+                f"    {label:<11}"
+                + "".join(
+                    f"{errors.get(n, math.nan) / parse_unit(u).factor:>20.4g}"
+                    for n, u in units.items()
+                )
                 for label, errors in self.fit.items()
             ]
         if self.next_experiment:

@@ -352,6 +352,25 @@ def quantity(name: str, given: object, unit: str) -> float:
     return float(f"{convert(value, match[2], unit):.12g}")
 
 
+def written_unit(unit: str) -> str:
+    """Return a unit as an engineer writes it in a text; empty for a ratio.
+
+    Example:
+        >>> [written_unit(u) for u in ("Pa^-1", "m3/(s Pa)", "rad/s2", "deg", "1")]
+        ['1/Pa', 'm³/(s Pa)', 'rad/s²', '°', '']
+    """
+    if unit in ("1", "-"):
+        return ""
+    inverse = re.fullmatch(r"([A-Za-z]+)\^?-1", unit)
+    if inverse is not None:
+        return f"1/{inverse[1]}"
+    raised = re.sub(r"(?<=[A-Za-z])\^?(-?\d+)", lambda m: m[1].translate(_RAISED), unit)
+    return re.sub(r"\bdeg\b", "°", raised)
+
+
+_RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+
 def rate_unit(unit: str) -> str:
     """Return the unit of a rate of change.
 

@@ -14,6 +14,7 @@ from workbench.diagnosis.estimation.priors import Prior
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
+from workbench.model.units import written_unit
 
 Vector = npt.NDArray[np.float64]
 
@@ -49,8 +50,9 @@ class Estimate:
 
     def __str__(self) -> str:
         """Return one aligned line."""
+        unit = written_unit(self.unit)
         line = (
-            f"{self.name:<30} {self.value:>10.5g} +- {self.std:<10.2g} {self.unit:<14}"
+            f"{self.name:<30} {self.value:>10.5g} +- {self.std:<10.2g} {unit:<14}"
             f" prior {self.prior.mean:.5g} +- {self.prior.std:.2g}"
         )
         return line + ("  ON BOUND" if self.on_bound else "")
