@@ -5,16 +5,19 @@ from __future__ import annotations
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tests.reports.browser import BROWSER, measured
 from workbench.demo.moving_arm import FRAME_TIME, moving_arm
 from workbench.errors import WorkbenchError
 from workbench.model import EXACT
 from workbench.plants.arm import arm
 from workbench.plants.arm.drawing import arm_drawing
 from workbench.plants.servo_axis import servo_axis
+from workbench.reports.page import Page, html
 from workbench.simulation import Trajectory
 
 
@@ -62,3 +65,33 @@ def test_it_needs_no_network_and_heeds_reduced_motion() -> None:
     markup = moving_arm(run(), start=0.0, stop=0.9, caption="Moves.").markup
     assert not re.search(r"https?://|@import|src=|fetch\(", markup)
     assert "prefers-reduced-motion" in markup
+
+
+MOVED = """
+<script>
+addEventListener("load", () => {
+  const page = document.querySelector("iframe").contentDocument;
+  const one = name => page.querySelector(name);
+  const turned = () => one(".moving .arm").getAttribute("transform");
+  const before = turned(), slider = one(".moving input");
+  slider.value = 500;
+  slider.dispatchEvent(new page.defaultView.Event("input"));
+  document.body.textContent = JSON.stringify({
+    before, after: turned(), angle: one(".moving .angle").textContent,
+    button: one(".moving button").textContent, controls: !one(".moving .controls").hidden,
+  });
+});
+</script>
+"""
+
+
+@pytest.mark.system
+@pytest.mark.skipif(BROWSER is None, reason="there is no Chromium on this machine")
+def test_the_reader_moves_the_arm(tmp_path: Path) -> None:
+    moving = moving_arm(run(), start=0.0, stop=0.9, caption="Moves.")
+    found = measured(html(Page("Arm", "", (), first=(moving,))), MOVED, 390, tmp_path)
+    assert found["before"] != found["after"]
+    # Half way through the run, 0.45 s.
+    assert found["angle"] == "39"
+    # Who takes the slider stops the film.
+    assert found["button"] == "play" and found["controls"] is True
