@@ -54,3 +54,18 @@ def test_too_few_lengths_are_refused() -> None:
     points = made_up_map()
     with pytest.raises(WorkbenchError, match="needs 4 or more"):
         study_map(points.take(points.contraction < 0.011), "short")
+
+
+@pytest.mark.parametrize(
+    ("of", "factor"),
+    [("pressure", 100.0), ("pressure", 0.01), ("pressure", 1e5), ("pressure", 1e-5),
+     ("length", 1e3), ("length", 1e-3), ("force", 1e3), ("force", 1e-3)],
+)  # fmt: skip
+def test_a_map_in_a_wrong_unit_is_refused(of: str, factor: float) -> None:
+    points = made_up_map()
+    wrong = {
+        name: getattr(points, name) * (factor if name == of else 1.0)
+        for name in ("pressure", "length", "force")
+    }
+    with pytest.raises(WorkbenchError, match="check the units of pressure, length and force"):
+        study_map(ForceMap(**wrong), "wrong")

@@ -219,6 +219,30 @@ class MapStudy:
         return "\n".join(lines)
 
 
+_STRENGTH = (1.5e-3, 1.0)
+"""Force over pressure and squared length, a ratio: pi/4 (D/L)^2 times some 10 for a braid, with
+diameters D of a fiftieth to a third of the length L."""
+
+
+def check_units(points: ForceMap) -> None:
+    """Check that forces are those of a muscle of that length at that pressure.
+
+    Raises:
+        WorkbenchError: If they are too large or too small for any, as numbers in a wrong unit are.
+    """
+    strongest = int(np.argmax(points.force))
+    force, pressure = float(points.force[strongest]), float(points.pressure[strongest])
+    length = float(points.length.max())
+    ratio = force / (pressure * length**2) if pressure > 0 and length > 0 else np.nan
+    if not _STRENGTH[0] <= ratio <= _STRENGTH[1]:
+        low, high = (bound * abs(pressure) * length**2 for bound in _STRENGTH)
+        raise WorkbenchError(
+            f"the force map has {force:.4g} N at {pressure / 1e5:.4g} bar (gauge) and a length of"
+            f" {1e3 * length:.4g} mm, where a muscle pulls {low:.2g} to {high:.2g} N; check the"
+            " units of pressure, length and force in the header (pressure_Pa, length_m, force_N)"
+        )
+
+
 def study_map(
     points: ForceMap,
     name: str,
@@ -243,6 +267,7 @@ def study_map(
         >>> study_map(made_up_map(), "made up").best.name.startswith("paper")
         True
     """
+    check_units(points)
     levels = np.unique(points.length[points.force > _BLOCKED_FORCE])
     if len(levels) < 4:
         raise WorkbenchError(
