@@ -73,7 +73,7 @@ def test_a_long_table_is_folded() -> None:
     [
         ("model", "value", 5),
         ("point", "value", 4),
-        ("linear", "damping", 2),
+        ("linear", "time constant in s", 2),
         ("run", "position reference", 500),
         ("recording", "angle", 8000),
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -143,5 +144,6 @@ def notebook_progress() -> Callable[..., None]:
 
 
 def _escaped(value: object) -> str:
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return html.escape(text)
+    if isinstance(value, float):
+        return "" if math.isnan(value) else f"{value:.4g}"
+    return html.escape(str(value))

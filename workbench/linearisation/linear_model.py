@@ -282,11 +282,8 @@ class LinearModel(Drawn):
 
     def tables(self) -> tuple[Rows, ...]:
         """Return the modes, and the verdict as far as it needs no simulation."""
-        modes = [
-            (m.frequency_hz, m.damping, f"{m.pole:.4g}", ", ".join(m.main_states))
-            for m in self.modes
-        ]
-        heads = ("frequency in Hz", "damping", "pole in rad/s", "main states")
+        modes = [(*m.figures, ", ".join(m.main_states)) for m in self.modes]
+        heads = ("frequency in Hz", "damping", "time constant in s", "main states")
         words = self.verdict.summary() if self.verdict is not None else ["none was asked for"]
         return (
             Rows(f"modes from {', '.join(self.input_names)} on", heads, modes),

@@ -49,6 +49,14 @@ class Mode:
         return self.participation.get(state, 0.0)
 
     @property
+    def figures(self) -> tuple[float, float, float]:
+        """Frequency in Hz and damping ratio of an oscillation, time constant in s; NaN if none."""
+        if self.pole.imag:
+            return self.frequency_hz, self.damping, math.nan
+        time = -1.0 / self.pole.real if abs(self.pole.real) >= 1e-9 else math.inf
+        return math.nan, math.nan, time
+
+    @property
     def main_states(self) -> tuple[str, ...]:
         """Names of the states that take more than a fifth, the largest part first."""
         names = sorted(self.participation, key=lambda n: -self.participation[n])
@@ -56,14 +64,12 @@ class Mode:
 
     def __str__(self) -> str:
         """Return one line: frequency and damping, or time constant, and the main states."""
-        main = ", ".join(self.main_states)
-        if self.pole.imag:
-            what = f"{self.frequency_hz:9.4g} Hz  damping {self.damping:7.3f}"
-        elif abs(self.pole.real) < 1e-9:
-            what = "integrator".ljust(29)
+        frequency, damping, time = self.figures
+        if math.isnan(time):
+            what = f"{frequency:9.4g} Hz  damping {damping:7.3f}"
         else:
-            what = f"time constant {-1.0 / self.pole.real:9.4g} s".ljust(29)
-        return f"mode {what}  {main}"
+            what = "integrator" if math.isinf(time) else f"time constant {time:9.4g} s"
+        return f"mode {what:<29}  {', '.join(self.main_states)}"
 
 
 def find_modes(A: Vector, names: tuple[str, ...]) -> tuple[Mode, ...]:
