@@ -1,9 +1,10 @@
 """Build steps of the documentation site: it takes texts in from where they live.
 
 Every text has one place. A page takes a file of the repository in, or one of its sections, with a
-line of its own: ``<!-- include README.md # Put it on the rig -->``; pictures are linked from the
-repository's root, ``/data/pictures/NAME.png``. Notebooks and the reference are made into pages
-here, so that no list of them stands anywhere.
+line of its own: ``<!-- include README.md # Put it on the rig -->``, or several files by a pattern
+such as ``data/blind/*/README.md``; pictures are linked from the repository's root,
+``/data/pictures/NAME.png``. Notebooks and the reference are made into pages here, so that no list
+of them stands anywhere.
 """
 
 from __future__ import annotations
@@ -42,21 +43,34 @@ def taken_in(text: str, folder: str = "") -> str:
     """
 
     def place(found: re.Match[str]) -> str:
-        name, heading = found.groups()
-        path = ROOT / name
-        if not path.is_file():
-            raise ValueError(f"a page includes {name!r}, which is no file of the repository")
-        own = path.read_text(encoding="utf-8")
-        if heading is not None:
-            own = section(own, heading, name)
-            if not found.start():
-                # A page that is a section starts with its title.
-                own = re.sub("^#+", "#", own)
-        # Where a fence names the file that it shows, the site shows the name above it.
-        own = FENCE.sub(r'```\1 title="\2"', own)
-        return LINK.sub(lambda link: _moved(link, posixpath.dirname(name), folder), own)
+        texts = []
+        for name, own in included(found):
+            # Where a fence names the file that it shows, the site shows the name above it.
+            named = FENCE.sub(r'```\1 title="\2"', own)
+            here = posixpath.dirname(name)
+            texts.append(LINK.sub(lambda link, here=here: _moved(link, here, folder), named))
+        return "\n".join(texts)
 
     return INCLUDE.sub(place, ROOTED.sub(lambda link: _moved(link, "", folder), text))
+
+
+def included(found: re.Match[str]) -> list[tuple[str, str]]:
+    """Return the files that a line of a page includes, or their section, by their paths.
+
+    Raises:
+        ValueError: If a file or a section of it does not exist.
+    """
+    pattern, heading = found.groups()
+    paths = sorted(path for path in ROOT.glob(pattern) if path.is_file())
+    if not paths:
+        raise ValueError(f"a page includes {pattern!r}, which is no file of the repository")
+    texts = []
+    for path in paths:
+        name, own = path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8")
+        own = own if heading is None else section(own, heading, name)
+        # A page that is a section starts with its title.
+        texts.append((name, own if found.start() else re.sub("^#+", "#", own)))
+    return texts
 
 
 def section(text: str, heading: str, name: str = "the text") -> str:
@@ -85,9 +99,10 @@ def homes() -> dict[str, str]:
     """Return the page that takes a file in, whole, by the file's path in the repository."""
     found = {}
     for page in sorted(PAGES.rglob("*.md")):
-        for name, heading in INCLUDE.findall(page.read_text(encoding="utf-8")):
-            if not heading:
-                found[name] = page.relative_to(PAGES).as_posix()
+        for line in INCLUDE.finditer(page.read_text(encoding="utf-8")):
+            if not line[2]:
+                place = page.relative_to(PAGES).as_posix()
+                found.update(dict.fromkeys((name for name, _ in included(line)), place))
     return found
 
 
@@ -95,7 +110,7 @@ def _moved(link: re.Match[str], folder: str, page: str) -> str:
     """Rewrite a link of an included text: to a page of the site, a picture, or to words alone."""
     picture, words, target, anchor = link.groups()
     path = posixpath.normpath(posixpath.join(folder, target))
-    home = f"pictures/{posixpath.basename(path)}" if picture else homes().get(path)
+    home = f"pictures/{path}" if picture else homes().get(path)
     if home is None:
         return words
     return f"{picture}[{words}]({posixpath.relpath(home, page or '.')}{anchor or ''})"
@@ -107,14 +122,10 @@ def pictures() -> list[str]:
     for page in sorted(PAGES.rglob("*.md")):
         text = page.read_text(encoding="utf-8")
         found += [target for _, _, target, _ in ROOTED.findall(text)]
-        for name, heading in INCLUDE.findall(text):
-            own = (ROOT / name).read_text(encoding="utf-8")
-            own = section(own, heading, name) if heading else own
-            found += [
-                posixpath.normpath(posixpath.join(posixpath.dirname(name), target))
-                for mark, _, target, _ in LINK.findall(own)
-                if mark
-            ]
+        for name, own in (file for line in INCLUDE.finditer(text) for file in included(line)):
+            here = posixpath.dirname(name)
+            drawn = (target for mark, _, target, _ in LINK.findall(own) if mark)
+            found += [posixpath.normpath(posixpath.join(here, target)) for target in drawn]
     return list(dict.fromkeys(found))
 
 
@@ -244,7 +255,7 @@ def on_files(files: Any, config: Any) -> Any:
     for found in notebooks():
         made |= {found.place: found.text, **found.pictures}
     for name in pictures():
-        made[f"pictures/{posixpath.basename(name)}"] = (ROOT / name).read_bytes()
+        made[f"pictures/{name}"] = (ROOT / name).read_bytes()
     for place, content in made.items():
         files.append(File.generated(config, place, content=content))
     return files

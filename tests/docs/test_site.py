@@ -42,6 +42,11 @@ def test_what_is_included_must_exist(hooks: ModuleType) -> None:
         hooks.taken_in("<!-- include nothing.md -->")
 
 
+def test_a_pattern_includes_every_file(hooks: ModuleType) -> None:
+    text = hooks.taken_in("<!-- include data/[bo]*/**/README.md -->")
+    assert "# Blind round 1" in text and "# Cases of our own" in text
+
+
 def test_links_of_included_texts_lead_to_pages(hooks: ModuleType) -> None:
     text = hooks.taken_in("<!-- include README.md # Your own machine -->", "evidence")
     assert text.startswith("# Your own machine")
