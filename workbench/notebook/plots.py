@@ -18,9 +18,10 @@ from workbench.reports.figures.bode import bode
 from workbench.reports.figures.diagnosis_runs import diagnosis_runs
 from workbench.reports.figures.recording import recorded_signals
 from workbench.reports.figures.study_traces import written
+from workbench.reports.figures.tracking import TRACKING, tracking
 from workbench.reports.figures.tracking import Trajectory as Curves
-from workbench.reports.figures.tracking import tracking
 from workbench.simulation import Trajectory
+from workbench.study.result import StudyResult
 from workbench.verification import Run
 
 if TYPE_CHECKING:
@@ -32,11 +33,12 @@ Vector = npt.NDArray[np.float64]
 
 
 def plot(shown: Any, *what: Any) -> Figure:
-    """Draw a linear model, a run, a trajectory, a recording or a diagnosis.
+    """Draw a linear model, a run, a trajectory, a recording, a study's result or a diagnosis.
 
     Args:
         what: Of a linear model, the output; of a run, other runs of its scenario, dashed those on
-            a linear model; of a trajectory, what of it; of a diagnosis, the held-out recording.
+            a linear model; of a trajectory, what of it; of a study's result, the scenario; of a
+            diagnosis, the held-out recording.
 
     Returns:
         The figure, which a notebook shows.
@@ -111,6 +113,18 @@ def _of_run(run: Run, *others: Run) -> Figure:
         unit=written(unit),
         command=f"{command.name.replace('_', ' ')} in {written(command.unit)}",
     )
+
+
+@_drawn.register(StudyResult)
+def _of_study(found: StudyResult, scenario: str = "") -> Figure:
+    """Draw what every controller did on the nominal plant in a scenario."""
+    name = scenario or next(iter(found.study.scenarios))
+    check_choice("scenario", name, found.study.scenarios)
+    pictures = TRACKING.draw(found, name, "", "nominal")
+    if not pictures:
+        raise WorkbenchError(f"scenario {name!r} kept no trajectories on the nominal plant")
+    figure: Figure = pictures[0].figure
+    return figure
 
 
 @_drawn.register(Trajectory)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from workbench.display import notebook_progress
+from workbench.display import Drawn, Rows, notebook_progress
 from workbench.errors import WorkbenchError, check_range
 from workbench.files import check_folder, write_whole
 from workbench.study.baseline import (
@@ -33,8 +34,8 @@ RESULTS_SCHEMA = 1
 """Version of ``results.json``; a change of meaning or a removed entry raises it."""
 
 
-@dataclass(frozen=True)
-class StudyResult:
+@dataclass(frozen=True, repr=False)
+class StudyResult(Drawn):
     """Everything a study found.
 
     Args:
@@ -116,6 +117,25 @@ class StudyResult:
     def passed(self) -> bool:
         """Whether nothing failed, nothing hard is missed, and nothing is worse or weaker."""
         return not (self.failed or self.missed or self.worse or self.fragile or self.weakened)
+
+    def tables(self) -> tuple[Rows, ...]:
+        """Return the score of every controller and what it comes from, and what changed."""
+        boxes = {found.controller: found.worst_score for found in self.robustness}
+        rows = [
+            (s.controller, s.worst, boxes.get(s.controller, math.nan), str(s.judgement or ""))
+            for s in self.scores
+        ]
+        heads = ("controller", "score", "worst score of the box", "worst requirement")
+        ordered = sorted(self.changes, key=lambda change: not change.gates)
+        changed = [(str(c), "yes" if c.gates else "no") for c in ordered]
+        return (
+            Rows("scores, at most 1 where all is met", heads, rows),
+            *([Rows("changes from the baseline", ("change", "gates"), changed)] if changed else []),
+        )
+
+    def __str__(self) -> str:
+        """Return name, verdict and headline."""
+        return f"{self.study.name} {self.verdict()}: {self.headline()}"
 
     def headline(self) -> str:
         """Return in one line what was found: nominal, varied, in the box, soft, baseline."""
