@@ -214,3 +214,19 @@ def test_what_is_kept_is_what_is_written(host: str) -> None:
         assert f"comparison/{name}" in text
     installs = [line for line, _ in LINES[host]() if "pip install" in line]
     assert len(installs) == 1
+
+
+@pytest.mark.parametrize("host", LINES)
+def test_a_pull_request_that_brings_its_own_results_is_red(host: str, checkout: Path) -> None:
+    (guard,) = [(line, always) for line, always in LINES[host]() if "ls-files" in line]
+    lines = [line for line, _ in LINES[host]()]
+    assert lines.index(guard[0]) < next(i for i, t in enumerate(lines) if "compare" in t)
+    for words in (["init", "-q"], ["add", "-f", "studies"]):
+        subprocess.run(["git", *words], cwd=checkout, check=True)
+    assert play([guard], checkout)[0]
+    forged = checkout / "comparison" / "runs" / f"{'0' * 32}.json"
+    forged.parent.mkdir(parents=True)
+    forged.write_text("{}")
+    assert play([guard], checkout)[0]
+    subprocess.run(["git", "add", "-f", "comparison"], cwd=checkout, check=True)
+    assert not play([guard], checkout)[0]
