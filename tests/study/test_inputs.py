@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -113,3 +115,23 @@ def test_a_sample_of_the_finished_runs_is_done_again(tmp_path: Path) -> None:
         path.write_text(json.dumps(table))
     with pytest.raises(WorkbenchError, match=r"does not come out .*: rmse was .* with --fresh"):
         run_study(study, tmp_path / "out", verify_cache=True)
+
+
+def test_gains_in_a_data_base_are_part_of_the_run(tmp_path: Path) -> None:
+    path = tmp_path / "gains.db"
+
+    def write(value: float) -> None:
+        path.unlink(missing_ok=True)
+        with closing(sqlite3.connect(path)) as base:
+            base.execute("create table gains (bandwidth real)")
+            base.execute("insert into gains values (?)", (value,))
+            base.commit()
+
+    write(30.0)
+    new_study(tmp_path)
+    with watched(), closing(sqlite3.connect(path)) as base:
+        assert base.execute("select bandwidth from gains").fetchone() == (30.0,)
+    Store(tmp_path / "out" / "runs", "0", tmp_path).put(KEY, {"value": 1})
+    assert kept(tmp_path)
+    write(20.0)
+    assert not kept(tmp_path)

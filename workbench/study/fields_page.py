@@ -17,6 +17,10 @@ A study is a TOML file. Numbers are in the unit of their column; text may carry 
 `"20 ms"`, `"5 bar"`, `"30 deg"`. What has no entry under *if left out* may be missing; **needed**
 fields must be there. `workbench new-study FILE` writes a commented study that runs. A study that
 names `module:object` runs that code: compare only studies whose authors you trust.
+
+A finished run is not done again while the files that it read, its modules and its packages are as
+they were. What a design takes from environment variables, from names of files or from the network
+is not seen: keep gains in files, or use `workbench compare --fresh`.
 """
 
 _NAMES = {

@@ -1,7 +1,8 @@
 """What a run depends on beside its description: files that were read, modules, packages.
 
 A finished run is taken again only if all of it is as it was. Python itself tells which files are
-opened (an audit hook, PEP 578), so that gains in a JSON file count wherever it stands.
+opened (an audit hook, PEP 578), so that gains in a JSON file count wherever it stands. What comes
+from environment variables, names of files or the network is not seen: ``--fresh`` does all again.
 """
 
 from __future__ import annotations
@@ -59,10 +60,10 @@ _WATCH = _Watch()
 
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
-    if event != "open" or not _WATCH.depth:
+    if event not in ("open", "sqlite3.connect") or not _WATCH.depth:
         return
-    path, _, flags = arguments
-    if isinstance(path, (str, bytes)) and not (flags or 0) & _WRITES:
+    path, flags = arguments[0], arguments[2] if event == "open" else 0
+    if isinstance(path, (str, bytes, os.PathLike)) and not (flags or 0) & _WRITES:
         place = str(Path(os.fsdecode(path)).absolute())
         _WATCH.opened[place] = None
         _WATCH.digests.pop(place, None)
