@@ -63,6 +63,11 @@ def test_what_a_table_says_is_no_markup() -> None:
     assert "&lt;script&gt;" in page
 
 
+def test_a_column_without_entries_is_not_shown() -> None:
+    page = Rows("some", ("x", "why"), [(1.0, ""), (math.nan, "")])._repr_html_()
+    assert "<th>x</th>" in page and "why" not in page
+
+
 def test_a_long_table_is_folded() -> None:
     assert "<details open>" in Rows("few", ("x",), [(1,)])._repr_html_()
     assert "<details open>" not in Rows("many", ("x",), [(i,) for i in range(40)])._repr_html_()

@@ -25,7 +25,7 @@ _LONGEST = 80
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows under headings, as an object lists them.
+    """Rows under headings, as an object lists them; a notebook folds a long table.
 
     Args:
         rows: One sequence per row, as long as the headings.
@@ -36,11 +36,12 @@ class Rows:
     rows: Sequence[Sequence[object]]
 
     def _repr_html_(self) -> str:
-        # Folded if it is long.
-        head = "".join(f"<th>{_escaped(h)}</th>" for h in self.headings)
+        rows = [[_escaped(cell) for cell in row] for row in self.rows]
+        # A column in which nothing stands would only take room.
+        told = [i for i in range(len(self.headings)) if any(row[i] for row in rows)]
+        head = "".join(f"<th>{_escaped(self.headings[i])}</th>" for i in told)
         body = "".join(
-            "<tr>" + "".join(f"<td>{_escaped(cell)}</td>" for cell in row) + "</tr>"
-            for row in self.rows
+            "<tr>" + "".join(f"<td>{row[i]}</td>" for i in told) + "</tr>" for row in rows
         )
         opened = "" if len(self.rows) > _FOLDED else " open"
         return (
