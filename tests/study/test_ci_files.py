@@ -230,3 +230,11 @@ def test_a_pull_request_that_brings_its_own_results_is_red(host: str, checkout: 
     assert play([guard], checkout)[0]
     subprocess.run(["git", "add", "-f", "comparison"], cwd=checkout, check=True)
     assert not play([guard], checkout)[0]
+
+
+@pytest.mark.parametrize("host", LINES)
+def test_a_module_that_ends_the_process_is_red(host: str, checkout: Path) -> None:
+    (checkout / "studies" / "gone.py").write_text("import os\nos._exit(0)\n")
+    path = checkout / "studies" / "arm.toml"
+    path.write_text(path.read_text().replace('design = "pid"', 'design = "gone:design"'))
+    assert not play(LINES[host](), checkout)[0]
