@@ -190,9 +190,9 @@ def user_code(what: str) -> Iterator[None]:
     """
     try:
         yield
-    except WorkbenchError:
+    except (WorkbenchError, KeyboardInterrupt):
         raise
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         raise WorkbenchError(f"{what} failed: {told(error)}") from error
 
 

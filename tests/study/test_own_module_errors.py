@@ -97,6 +97,11 @@ IN_A_RUN = {
         "it left the process with 0",
         "SystemExit",
     ),
+    "an exception of the base class": (
+        ("return (5.0,), state + 1, {}", "raise BaseException(3)"),
+        "BaseException: 3",
+        "raise B",
+    ),
     "an unknown name in a step": (("state + 1", "stat + 1"), "NameError", "stat +"),
     "a design of one argument": (("design(linear, ", "design("), "TypeError", ""),
     "no preview": (("    preview: int = 0\n", ""), "it has no preview", ""),

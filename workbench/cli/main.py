@@ -129,7 +129,7 @@ def run(arguments: Sequence[str]) -> int:
     except WorkbenchError as error:
         _complain(str(error))
         return WRONG_USE
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         # A module of the user's own must neither show our insides nor leave with a good status.
         if not own_place(error):
             if isinstance(error, SystemExit):
