@@ -51,7 +51,12 @@ def recording(
     if as_json:
         from workbench.reports.results import json_text
 
-        content = {"result": report.result, "fit": report.fit, "checks": report.as_data()}
+        content = {
+            "result": report.result,
+            "fit": report.fit,
+            "doubtful": list(report.doubtful),
+            "checks": report.as_data(),
+        }
         typer.echo(json_text(content), nl=False)
     if out is not None:
         from workbench.cli.typed import typed

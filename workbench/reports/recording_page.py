@@ -35,7 +35,10 @@ def recording_page(report: CheckReport, *, command: str) -> Page:
             Section("checks", "Checks", (_checks(report),)),
             *again(command),
         ),
-        facts=(("result", report.result),),
+        facts=(
+            ("result", report.result),
+            *([("doubtful", ", ".join(report.doubtful))] if report.doubtful else []),
+        ),
         first=(_answers(report), _picture(report)),
     )
 

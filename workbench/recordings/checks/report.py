@@ -47,6 +47,11 @@ class CheckReport:
         return "pass"
 
     @property
+    def doubtful(self) -> tuple[str, ...]:
+        """Names of the checks with a suspicion that they cannot decide."""
+        return tuple(check.name for check in self.checks if check.doubt)
+
+    @property
     def hypotheses(self) -> tuple[Hypothesis, ...]:
         """What sensors may do to their signals."""
         return tuple(h for check in self.checks for h in check.hypotheses)
@@ -116,9 +121,8 @@ class CheckReport:
 
     def __str__(self) -> str:
         rows = [(c.name, c.result, c.note) for c in self.checks]
-        doubts = [c.name for c in self.checks if c.doubt]
         open_ = [c.name for c in self.checks if c.result == "not checked"]
-        tail = f", doubtful: {', '.join(doubts)}" if doubts else ""
+        tail = f", doubtful: {', '.join(self.doubtful)}" if self.doubtful else ""
         tail += f", not checked: {', '.join(open_)}" if open_ else ""
         tail += " (see why below)" if tail else ""
         return f"{self.name}: {self.result}{tail}\n" + aligned_table(
