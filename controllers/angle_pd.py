@@ -38,7 +38,7 @@ class AnglePDState(NamedTuple):
     angle: Number
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class AnglePD(ClosedForm):
     """PD law on the angle without an inner loop.
 

@@ -48,6 +48,7 @@ from controllers.pid import (
     design_pid,
 )
 from controllers.protocol import Command, Info, Measurement, Reference
+from controllers.shown import ShownLaw
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -152,8 +153,8 @@ class Air:
         return arithmetic.clip(1.0 - z * z, 0.04, 1.0) ** 0.5
 
 
-@dataclass(frozen=True)
-class AngleStiffness:
+@dataclass(frozen=True, repr=False)
+class AngleStiffness(ShownLaw):
     """Cascaded control of angle and mean pressure with two valves.
 
     Args:

@@ -144,7 +144,7 @@ class PIDState(NamedTuple):
     arrived: Number
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CascadePID(ClosedForm):
     """Cascaded PID on angle and pressure difference.
 

@@ -75,7 +75,7 @@ class SlidingModeState(NamedTuple):
     arrived: Number
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SlidingMode(ClosedForm):
     """Sliding mode with observer.
 

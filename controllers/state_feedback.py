@@ -63,7 +63,7 @@ class StateFeedbackState(NamedTuple):
     arrived: Number
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class StateFeedback(ClosedForm):
     """Gain-scheduled LQI with planned reference and Kalman filter.
 

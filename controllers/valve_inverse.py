@@ -14,6 +14,7 @@ from typing import Any
 from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.c_source import CSource, closed_form
 from controllers.protocol import Command, Info, Measurement, Reference
+from controllers.shown import ShownLaw
 from workbench.errors import WorkbenchError, check_finite
 
 MPYE_VOLTAGE: tuple[float, ...] = (
@@ -106,7 +107,7 @@ class ValveInverse:
         return self.centre + opening / self.gain_at_rest
 
 
-class ThroughValve:
+class ThroughValve(ShownLaw):
     """A controller with one command, bent by the inverse of the valve's curve."""
 
     valve: ValveInverse
@@ -121,7 +122,7 @@ class ThroughValve:
         return (self.valve.linear_command(command[0]),)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ValveController(ThroughValve):
     """What the controllers of a joint with one valve have in common.
 

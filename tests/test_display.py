@@ -32,6 +32,7 @@ def axis() -> dict[str, object]:
         "model": model,
         "point": point,
         "linear": linear,
+        "controller": controller,
         "run": run,
         "metrics": wb.metrics(run),
         "case": case,
@@ -39,7 +40,7 @@ def axis() -> dict[str, object]:
     }
 
 
-KINDS = ("model", "point", "linear", "run", "metrics", "case", "recording")
+KINDS = ("model", "point", "linear", "controller", "run", "metrics", "case", "recording")
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -55,6 +56,18 @@ def test_an_object_shows_its_tables(axis: dict[str, Shown], kind: str) -> None:
         assert f"<summary>{html.escape(table.title)}</summary>" in page
         assert all(len(row) == len(table.headings) for row in table.rows)
     assert page.count("<tr>") == sum(1 + len(table.rows) for table in axis[kind].tables())
+
+
+@pytest.mark.parametrize("name", ["pid", "sliding-mode", "mpc", "angle-pd"])
+def test_a_controller_lists_its_numbers_and_the_sizes_of_its_matrices(name: str) -> None:
+    from controllers.design import DESIGNS
+
+    point = wb.operating_point(wb.arm(3).without("bearing_friction"), {"angle": math.radians(30)})
+    design = DESIGNS.get(name)
+    law = design.controller(wb.linearise(point, verdict=False), design.specified({}))
+    assert repr(law).endswith("-> valve every 2 ms>") and len(repr(law)) < 100
+    assert 200 < len(str(law)) < 2500
+    assert ["valve.centre", 5.0] in [list(row) for row in law.tables()[0].rows]
 
 
 def test_what_a_table_says_is_no_markup() -> None:

@@ -46,7 +46,7 @@ class HInfinityState(NamedTuple):
     controller: tuple[Number, ...]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class HInfinity(ClosedForm):
     """H-infinity controller with planned reference, scheduled around.
 

@@ -104,7 +104,7 @@ class Problem(NamedTuple):
     plan: Number
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ScheduledMPC(ValveController):
     """Gain-scheduled linear MPC with planned reference.
 

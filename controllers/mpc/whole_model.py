@@ -75,7 +75,7 @@ class MPCState(NamedTuple):
     target: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LinearMPC(ValveController):
     """Linear MPC with constraints on opening, its rate and the pressures.
 

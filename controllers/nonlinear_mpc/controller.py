@@ -102,7 +102,7 @@ class Step(NamedTuple):
     iterations: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NonlinearMPC(ThroughValve):
     """Real-time iteration MPC with disturbance estimate.
 

@@ -13,6 +13,7 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number
 from controllers.c_source import CSource, closed_form
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.sensitivity import loop_matrices, peaks_of
+from controllers.shown import ShownLaw
 from workbench.errors import WorkbenchError, check_choice
 
 if TYPE_CHECKING:
@@ -98,8 +99,8 @@ def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoo
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlainLaw:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PlainLaw(ShownLaw):
     """A law of numbers from one measurement to one command, within its ends.
 
     Written once for floats and for symbols, like `controllers.valve_inverse.ClosedForm`; its info

@@ -64,7 +64,7 @@ class ObservedState(NamedTuple):
     target: Number
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class ObserverLaw(PlainLaw):
     """State feedback with integral action, with or without a sliding mode.
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class TransferLaw(PlainLaw):
     """A sampled linear controller with two degrees of freedom, and anti-windup.
 
