@@ -18,6 +18,7 @@ def plants(
 
     Example: 'workbench plants arm'.
     """
+    from workbench.model.units import written_unit
     from workbench.plants.registry import PLANTS
 
     if name is None:
@@ -33,6 +34,7 @@ def plants(
         ("states", model.states),
         ("parameters", model.parameters),
     ):
-        typer.echo(f"  {kind}: {', '.join(f'{q.name} ({q.unit})' for q in quantities) or 'none'}")
+        named = (f"{q.name} ({written_unit(q.unit) or 'ratio'})" for q in quantities)
+        typer.echo(f"  {kind}: {', '.join(named) or 'none'}")
     typer.echo(f"  effects: {', '.join(effect.name for effect in model.effects) or 'none'}")
     return 0
