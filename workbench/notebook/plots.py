@@ -82,9 +82,9 @@ def _of_linear(linear: LinearModel, output: str = "") -> Figure:
     units = {q.name: q.unit for q in linear.operating_point.model.inputs}
     unit = f"{written(quantity.display_unit)}/{units.get(driven, '1')}"
     figure = bode(hertz, {f"{driven} to {name}".replace("_", " "): shown}, unit=unit)
-    low, high = np.array(figure.axes[1].get_ylim()) / 90.0
+    turns = np.asarray(figure.axes[1].lines[0].get_ydata(), dtype=float) / 90.0
     # Whole quarter turns, so that a phase between two of them has marks on its axis.
-    figure.axes[1].set_ylim(90.0 * np.floor(low), 90.0 * np.ceil(high))
+    figure.axes[1].set_ylim(90.0 * np.floor(turns.min()), 90.0 * np.ceil(turns.max()))
     return figure
 
 
