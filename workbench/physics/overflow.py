@@ -50,8 +50,7 @@ def _brim(at: Place) -> tuple[Own, ...]:
     return (
         size("coefficient", per(at.unit, level.unit), 10 * rate, 0.5 * rate, 100 * rate,
              "spill over excess level"),
-        shape("limit", level.unit, level.scale, "level of the brim", around=None,
-              scale=level.scale),
+        shape("limit", level.unit, level.scale, "level of the brim", around=(0.1, 10.0)),
         shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
         *((caught,) if at.others else ()),
     )  # fmt: skip
@@ -66,7 +65,12 @@ overflow = Law(
     states=lambda at: (State("excess", at.level.unit, at.level.scale, "level beyond the brim"),),
     rates=lambda e: {"excess": (_excess(e) - e.x.excess) / _LAG},
     start=lambda e: {"excess": _excess(e)},
-    shapes=lambda at: [{"limit": k * at.level.scale} for k in (1.0, 1.5, 2.0)],
+    # Where there is a store below, all of the spill may fall into it, or nothing.
+    shapes=lambda at: [
+        {"limit": k * at.level.scale, **({"caught": caught} if at.others else {})}
+        for k in (1.0, 1.5, 2.0)
+        for caught in (0.0, 1.0)[: 1 + bool(at.others)]
+    ],
     source="broad-crested brim, linearised",
     look_alikes=("saturation",),
     separated_by="fill slowly beyond the brim: the level stops rising",

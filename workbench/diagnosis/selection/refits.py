@@ -23,7 +23,7 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import held_out_gain, runs_closer, told_apart
-from workbench.diagnosis.selection.rules import HELD_OUT, SURPASSED, UNTRIED, Limits, judged
+from workbench.diagnosis.selection.rules import HELD_OUT, SHARE, SURPASSED, UNTRIED, Limits, judged
 from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.errors import NumericalError
@@ -43,6 +43,9 @@ _BY_SCORE = 4
 
 _HEADS = (1500, 5000)
 """Samples of each recording that the first refits of a hypothesis use, one after the other."""
+
+_SHORT = 5000
+"""Samples of all recordings below which a refit begins from more places."""
 
 _FAR = 50.0
 """A step that gains less log likelihood than this ends a short refit."""
@@ -124,12 +127,22 @@ def refit_candidates(
     for i, final in zip(leaders, finals, strict=True):
         first[i] = final
     found = sorted((judged(c, limits) for c in (*first, *lost)), key=lambda c: -c.gain)
+    # What a sensor does between process and reading colours the noise, and so predicts the next
+    # sample of anything: it has to show in free runs too.
+    idle = [] if limits.near_noise else [c for c in found if _is_sensor(c) and not c.refused]
+    for candidate in idle:
+        if candidate.fit is not None and not runs_closer(base, candidate.fit, hold_out):
+            i = found.index(candidate)
+            why = "with it the model does not run closer to the held-out recordings"
+            found[i] = replace(candidate, refused=why, rule="free run")
     for i, candidate in enumerate(found):
         if not candidate.refused or limits.near_noise:
             # Near the noise free runs cannot be closer but by chance.
             break
         if _runs_closer(base, candidate, hold_out):
-            found[i] = replace(candidate, refused="", rule="")
+            # How much it explains may lower the belief; what it gains on unseen data it gains.
+            doubt = (candidate.refused,) if candidate.rule == SHARE.name else ()
+            found[i] = replace(candidate, refused="", rule="", doubts=doubt)
             break
     passing = [c for c in found if not c.refused]
     best = passing[0] if passing else None
@@ -137,17 +150,19 @@ def refit_candidates(
         # Of two that the data cannot tell apart, the one without a doubt.
         sure = (c for c in passing if not c.doubts and not told_apart(best.blocks, c.blocks))
         best = next(sure, best)
-    if best is not None and best.fit is not None and best.entry.group == "sensor":
-        # What a sensor does between process and reading colours the noise, and so predicts the next
-        # sample of anything: where the process explains the runs better, it is the process.
+    if best is not None and best.fit is not None and _is_sensor(best):
+        # Where the process explains the runs better, it is the process.
+        closest: Candidate | None = None
         for c in passing:
-            if c.entry.group == "sensor" or c.fit is None:
+            if _is_sensor(c) or c.fit is None:
                 continue
-            if runs_closer(base, c.fit, hold_out, than=best.fit):
-                best = c
-                found = [_outrun(f, c) for f in found]
-                passing = [f for f in found if not f.refused]
-                break
+            than = best.fit if closest is None else closest.fit
+            if runs_closer(base, c.fit, hold_out, than=than):
+                closest = c
+        if closest is not None:
+            best = closest
+            found = [_outrun(f, best) for f in found]
+            passing = [f for f in found if not f.refused]
     if best is not None:
         # Of those that explain the recordings as well, the one with the fewest parameters.
         same = [c for c in passing if len(c.doubts) <= len(best.doubts)]
@@ -156,9 +171,13 @@ def refit_candidates(
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
 
 
+def _is_sensor(candidate: Candidate) -> bool:
+    return candidate.entry.group == "sensor"
+
+
 def _outrun(candidate: Candidate, by: Candidate) -> Candidate:
     """Refuse what a sensor does where a law of the process runs closer to the recordings."""
-    if candidate.refused or candidate.entry.group != "sensor":
+    if candidate.refused or not _is_sensor(candidate):
         return candidate
     why = f"with {by.entry.name} the model runs closer to the held-out recordings"
     return replace(candidate, refused=why, rule="free run")
@@ -177,12 +196,13 @@ def _first_refits(
     """Refit hypotheses on the beginning of each recording, from where earlier refits ended."""
     if not field:
         return []
+    short = sum(len(r.outputs) for r in fit_on) <= _SHORT
     heads = [replace(r, inputs=r.inputs[:samples], outputs=r.outputs[:samples]) for r in fit_on]
     # Minus the logarithm of the priors is in the cost of a refit too.
     known = base.cost - float(blocks_of_cost(base, fit_on).sum())
     cost = known + float(blocks_of_cost(base, heads).sum())
     found: list[Candidate] = parallel(
-        joblib.delayed(_first)(base, cost, score, priors, heads, enough, earlier)
+        joblib.delayed(_first)(base, cost, score, priors, heads, enough, earlier, thorough=short)
         for score, earlier in zip(field, begun, strict=True)
     )
     return found
@@ -204,7 +224,8 @@ def untried(entry: Hypothesis, why: Exception | str) -> Candidate:
 
 def _runs_closer(base: ProcessNoiseFit, candidate: Candidate, hold_out: Sequence[Observed]) -> bool:
     """Whether free runs show what single predictions leave open on the held-out recordings."""
-    if candidate.rule != HELD_OUT.name or candidate.fit is None or candidate.held_out[0] <= 0.0:
+    needed = {HELD_OUT.name: 0, SHARE.name: 1}.get(candidate.rule)
+    if needed is None or candidate.fit is None or candidate.held_out[needed] <= 0.0:
         return False
     return runs_closer(base, candidate.fit, hold_out)
 
@@ -270,7 +291,7 @@ def widened(entry: Hypothesis, fit: ProcessNoiseFit) -> Hypothesis | None:
             if at_upper and not (q.unit == "1" and q.upper == 1.0):
                 upper = q.upper * _WIDER if q.upper > 0.0 else q.upper / _WIDER
                 q = replace(q, upper=upper)  # noqa: PLW2901
-            elif not at_upper and q.lower != 0.0:
+            elif not at_upper and q.lower != 0.0 and not (q.unit == "1" and q.lower == -1.0):
                 lower = q.lower * _WIDER if q.lower < 0.0 else q.lower / _WIDER
                 q = replace(q, lower=lower)  # noqa: PLW2901
         wider.append(q)
@@ -286,11 +307,13 @@ class _Way(NamedTuple):
         known: Values of the free parameters of the model without the effect, in SI.
         ladder: Process-noise scales, falling.
         starts: Starts to choose from; several sizes of the effect if empty.
+        shapes: Whether several of its shapes are tried too.
     """
 
     known: Mapping[str, float]
     ladder: tuple[float, ...]
     starts: tuple[dict[str, float], ...] = ()
+    shapes: bool = False
 
 
 def _refitted(
@@ -315,7 +338,7 @@ def _refitted(
         started = [extended_start(r, base.model, model) for r in fit_on]
         if begin is None:
             usual = {**start, **known}
-            starts = way.starts or _starts(score, usual, shapes=ladder is _STEEP)
+            starts = way.starts or _starts(score, usual, shapes=way.shapes)
             begin = _best_start(
                 model, started, (*priors, *own), starts, entry, ladder[0], found=bool(way.starts)
             )
@@ -348,6 +371,8 @@ def _first(
     fit_on: Sequence[Observed],
     enough: float,
     begun: Candidate | None,
+    *,
+    thorough: bool,
 ) -> Candidate:
     """Refit a hypothesis, the equations trusted as much as without it."""
     usual = start_values(base.refit, priors)
@@ -356,10 +381,14 @@ def _first(
         ended = {e.name: e.value for e in begun.fit.refit.estimates}
         ways = [_Way({}, (begun.fit.noise_scale,), (ended, ended | usual))]
         score = replace(score, entry=begun.entry, shape={})
-    elif score.entry.far or any(e.on_bound for e in base.refit.estimates):
+    else:
         # Without the effect, the free parameters have gone where they imitate it best, from where
-        # one that is far may not be found.
-        ways.append(_Way({q.name: q.mean for q in priors}, _STEEP))
+        # one that is far may not be found; where recordings are short, nobody waits for more ways.
+        means = {q.name: q.mean for q in priors}
+        if thorough or score.entry.far or any(e.on_bound for e in base.refit.estimates):
+            ways.append(_Way(means, _STEEP, shapes=True))
+        if thorough:
+            ways.append(_Way(means, (base.noise_scale,), shapes=True))
     fits: list[tuple[Score, ProcessNoiseFit]] = []
     failed: Exception | None = None
     for way in ways:

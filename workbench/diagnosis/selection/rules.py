@@ -145,7 +145,6 @@ def _held_out(q: Question) -> str:
 
 RULES = (
     Rule("refit", 0.0, "A refit that failed or did not converge says nothing.", _refit),
-    Rule("size beyond its uncertainty", 3.0, "Zero must be excluded.", _sigma),
     Rule("selection penalty", 1.0, "Among many effects one gains by chance.", _penalty),
     Rule("share of the excess", 1.0, "Less may be the wrong shape of another effect.", _share),
     Rule("held-out gain", 0.0, "Only what predicts unseen recordings is physics.", _held_out),
@@ -153,6 +152,13 @@ RULES = (
 """What refuses an effect, in the order in which it is asked."""
 
 DOUBTS = (
+    Rule(
+        "size beyond its uncertainty",
+        3.0,
+        "The gain excludes zero; where the curvature does not, the size is known from one side"
+        " only, as that of a stiff brim, or what gained was the move of another parameter.",
+        _sigma,
+    ),
     Rule("seen in the measurements", 0.3, "What moves nothing is not worth naming.", _seen),
     Rule("size off its bound", 0.999, "A solution on a bound is not a solution.", _bound),
 )
@@ -160,6 +166,7 @@ DOUBTS = (
 calls for an effect, and a doubt refuses it."""
 
 HELD_OUT = RULES[-1]
+SHARE = RULES[-2]
 
 IMPERFECT = Threshold(
     "imperfect",

@@ -359,7 +359,9 @@ def _withdrawn(state: Selected, excess: float) -> Selected:
     """Take back the last effects while all together explain too little."""
     while state.accepted:
         count = len(state.accepted)
-        least = (LEAST_SHARE if count == 1 else LEAST_TOGETHER).value
+        # What is likely only is reported with the doubt, and not asked for more.
+        doubted = bool(state.accepted[-1].candidate.doubts)
+        least = (LEAST_SHARE if count == 1 or doubted else LEAST_TOGETHER).value
         gain = state.fits[0].cost - state.fits[count].cost
         if gain >= least * excess:
             break

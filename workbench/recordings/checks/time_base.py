@@ -108,19 +108,22 @@ def _rate(recording: Recording, expected: Expected) -> tuple[Recording, str] | s
     return recording, ""
 
 
-def _speed_problem(recording: Recording, expected: Expected) -> str:
-    """Return what a time in another unit does to a machine of known speed; empty if nothing."""
+_SLOW = 5.0
+"""Factor by which steps may be too long for the model: some machines have a fast part that no
+sample needs to show, and a wrong unit makes them a thousand times too long."""
+
+
+def _speed_problem(recording: Recording, expected: Expected) -> tuple[str, bool]:
+    """Return what does not fit a machine of known speed, and whether it is a wrong unit."""
     step, length, speed = recording.sample_time, recording.duration, expected.speed
     said = f"{length:.4g} s in steps of {step:.4g} s"
     advice = "give the unit of the time (ms, us, ns) in its header or in a mapping file"
     if step * speed > np.pi:
-        return (
-            f"{said}: the model moves within {1 / speed:.3g} s, which such steps do not show;"
-            f" {advice}"
-        )
+        moves = f"{said}: the model moves within {1 / speed:.3g} s, which such steps do not show"
+        return f"{moves}; {advice}", step * speed > _SLOW * np.pi
     if length * speed < 0.5:
-        return f"{said}: the model has not moved yet after {0.5 / speed:.3g} s; {advice}"
-    return ""
+        return f"{said}: the model has not moved yet after {0.5 / speed:.3g} s; {advice}", True
+    return "", False
 
 
 def check_time_base(recording: Recording, expected: Expected) -> Finding:
@@ -149,9 +152,9 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
             " its header or in a mapping file",
             values,
         )
-    wrong = _speed_problem(recording, expected)
-    if wrong:
-        return Finding("unfit", wrong, values)
+    problem, wrong_unit = _speed_problem(recording, expected)
+    if wrong_unit:
+        return Finding("unfit", problem, values)
     if notes:
         return Finding("corrected", "; ".join(notes), values, recording)
     note = f"{recording.duration:.6g} s at {1 / recording.sample_time:.6g} Hz, increasing"
@@ -159,7 +162,9 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
     known = unit or expected.sample_rate_Hz or np.isfinite(expected.speed)
     if not known:
         note += "; no unit is stated: taken as s"
-    return Finding("pass", note, values, doubt=not known)
+    if problem:
+        note += f"; {problem}"
+    return Finding("pass", note, values, doubt=not known or bool(problem))
 
 
 TIME_BASE = Check(
