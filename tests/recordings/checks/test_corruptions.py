@@ -78,6 +78,9 @@ def shuffled(rows: Vector) -> Vector:
 CORRUPTIONS: dict[str, tuple[Change, tuple[str, ...], str, str]] = {
     # what is done, header, the result or "doubt", words of the reason
     "radians in a column of degrees": (of(ANGLE, np.deg2rad), HEAD, "doubt", "numbers in rad"),
+    "radians, by the model": (of(ANGLE, np.deg2rad), HEAD, "doubt", "less than the model says"),
+    "a tenth of the pressures": (of(PRESSURE, lambda p: p / 10), HEAD, "doubt",
+                                 "times as much as the model says"),
     "degrees in a column of radians": (
         lambda r: r, (*HEAD[:2], "angle_rad", *HEAD[3:]), "unfit", "look like deg, not rad"),
     "kPa in a column of bar": (of(PRESSURE, lambda p: 100 * p), HEAD, "unfit", "look like kPa"),

@@ -56,6 +56,20 @@ def test_frozen_measurement(name: str, length: int) -> None:
     assert abs(len(bad) - (length - 1)) <= 1
 
 
+def test_a_machine_that_friction_holds_is_a_doubt_and_no_lost_data() -> None:
+    # Slow moves whose sensor has noise, and rests between them where it has none.
+    time = TRIAL.time
+    phase = time % 2.0
+    moving = (phase > 0.6) & (phase < 1.4)
+    ramp = np.where((time // 2.0) % 2 == 0, 1.0, -1.0) * np.clip((phase - 0.6) / 0.8, 0.0, 1.0)
+    ramp = np.where((time // 2.0) % 2 == 0, ramp, 1.0 + ramp)
+    noise = np.random.default_rng(3).normal(0.0, 1e-3, len(time)) * moving
+    values = np.round(0.02 * ramp + noise, 4)
+    found = check_recording(with_values("angle", values)).check("stuck samples")
+    assert found.result == "pass" and found.doubt, found
+    assert "goes on without a jump" in found.note and "friction" in found.note
+
+
 def test_frozen_for_most_of_the_time_is_unfit() -> None:
     values = TRIAL["pressure_1"].copy()
     values[1500:] = values[1500]

@@ -29,6 +29,7 @@ class Expected:
         signs: Sign of the response to a cause, by (cause, response).
         scales: Typical size by signal, in SI.
         speed: Middle one of the magnitudes of the model's eigenvalues, in rad/s; NaN if unknown.
+        slopes: How strongly a measured cause accelerates a motion, by (cause, motion), in SI.
     """
 
     required: tuple[str, ...] = ()
@@ -37,6 +38,7 @@ class Expected:
     signs: Mapping[tuple[str, str], int] = field(default_factory=dict)
     scales: Mapping[str, float] = field(default_factory=dict)
     speed: float = math.nan
+    slopes: Mapping[tuple[str, str], float] = field(default_factory=dict)
     reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
@@ -63,15 +65,27 @@ def response_signs(model: Model) -> dict[tuple[str, str], int]:
             for i, y in enumerate(model.outputs)
             if reached[i]
         }
+    return signs | {pair: int(np.sign(slope)) for pair, slope in acceleration_slopes(model).items()}
+
+
+def acceleration_slopes(model: Model) -> dict[tuple[str, str], float]:
+    """Return how strongly measured states accelerate measured positions, by the model's equations.
+
+    Returns:
+        Acceleration over cause at the start, in SI, by (cause, motion).
+    """
+    x, u = model.initial_state(), model.nominal_input
+    A, B, C, _ = (np.asarray(m) for m in model.exact.jacobian_function(x, u, model.values))
+    found: dict[tuple[str, str], float] = {}
     # Outputs that read one state as it is, by the index of that state.
     read = {int(np.flatnonzero(row)[0]): i for i, row in enumerate(C) if np.count_nonzero(row) == 1}
     twice, position = A @ A, np.count_nonzero(np.hstack([A, B]), axis=1) == 1
     for m, motion in read.items():
         for c, cause_ in read.items():
             if c != m and position[m] and A[m, c] == 0 and twice[m, c] != 0:
-                sign = np.sign(twice[m, c] * C[motion, m] * C[cause_, c])
-                signs[model.outputs[cause_].name, model.outputs[motion].name] = int(sign)
-    return signs
+                pair = model.outputs[cause_].name, model.outputs[motion].name
+                found[pair] = float(twice[m, c] * C[motion, m] / C[cause_, c])
+    return found
 
 
 def middle_speed(model: Model) -> float:
@@ -169,5 +183,6 @@ def expectations(
         {k: s for k, s in (signs or {}).items() if k[0] in recording and k[1] in recording},
         scales,
         math.nan if free is None else middle_speed(free),
+        {} if free is None else acceleration_slopes(free),
         reach,
     )

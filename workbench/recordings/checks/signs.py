@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from itertools import combinations
 
@@ -15,6 +16,12 @@ from workbench.recordings.recording import Recording, Vector
 from workbench.recordings.resampling import low_pass
 
 _SURE = 6.0
+_FAR = 6.0
+"""Times a slope of the model; models at one point are wrong by less, units by more."""
+
+Pairs = list[tuple[str, str]]
+Signs = Mapping[tuple[str, str], int]
+Sizes = Mapping[tuple[str, str], float]
 
 
 def _slow(values: Vector, sample_time: float, edge_Hz: float) -> Vector:
@@ -22,14 +29,16 @@ def _slow(values: Vector, sample_time: float, edge_Hz: float) -> Vector:
     return low_pass(values, fraction)
 
 
-def acceleration_sign(recording: Recording, causes: list[str], motion: str) -> dict[str, float]:
-    """Return how surely each pressure or force accelerates a motion, in sigmas with sign.
+def accelerations(
+    recording: Recording, causes: list[str], motion: str
+) -> dict[str, tuple[float, float]]:
+    """Return how strongly each pressure or force accelerates a motion, and how surely.
 
     Least squares of the acceleration on the causes, the position and the speed, all low-passed
     at 8 Hz; the standard errors allow for the correlation that the filter leaves.
 
     Returns:
-        Estimate over standard error, dimensionless, by cause.
+        Acceleration over cause, in SI, and the same over its standard error, in sigmas, by cause.
     """
     dt = recording.sample_time
     edge = min(8.0, 0.1 / dt)
@@ -40,17 +49,26 @@ def acceleration_sign(recording: Recording, causes: list[str], motion: str) -> d
     every = max(1, round(0.5 / (edge * dt)))
     inner = slice(5 * every, -5 * every, every)
     if len(position[inner]) < 3 * len(columns):
-        return dict.fromkeys(causes, 0.0)
-    X = np.column_stack([(c[inner] - c[inner].mean()) / (np.std(c[inner]) or 1.0) for c in columns])
+        return dict.fromkeys(causes, (0.0, 0.0))
+    spread = [np.std(c[inner]) or 1.0 for c in columns]
+    X = np.column_stack(
+        [(c[inner] - c[inner].mean()) / size for c, size in zip(columns, spread, strict=True)]
+    )
     y = acceleration[inner] - acceleration[inner].mean()
     beta, *_ = np.linalg.lstsq(X, y, rcond=1e-8)
     rest = y - X @ beta
     covariance = np.linalg.pinv(X.T @ X) * float(rest @ rest) / (len(y) - X.shape[1])
     errors = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    return {c: float(beta[i] / errors[i]) for i, c in enumerate(causes)}
+    return {
+        c: (float(beta[i] / spread[i]), float(beta[i] / errors[i])) for i, c in enumerate(causes)
+    }
 
 
-def _strengths(recording: Recording, expected: Expected) -> dict[tuple[str, str], float]:
+def _strengths(
+    recording: Recording, expected: Expected
+) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
+    """Return how surely each cause acts, in sigmas, and how strongly it accelerates, in SI."""
+    slopes: dict[tuple[str, str], float] = {}
     found: dict[tuple[str, str], float] = {}
     motions: dict[str, list[str]] = {}
     for cause, response in expected.signs:
@@ -64,17 +82,33 @@ def _strengths(recording: Recording, expected: Expected) -> dict[tuple[str, str]
         else:
             motions.setdefault(response, []).append(cause)
     for motion, causes in motions.items():
-        for cause, strength in acceleration_sign(recording, causes, motion).items():
-            found[cause, motion] = strength
-    return found
+        for cause, (slope, strength) in accelerations(recording, causes, motion).items():
+            found[cause, motion], slopes[cause, motion] = strength, slope
+    return found, slopes
+
+
+def _of_another_size(right: Pairs, slopes: Sizes, known: Sizes) -> list[str]:
+    """Return what accelerates a motion far more or less than the model says."""
+    said = []
+    for cause, motion in right:
+        ratio = slopes.get((cause, motion), math.nan) / known.get((cause, motion), math.nan)
+        if ratio > _FAR or ratio < 1 / _FAR:
+            more = (
+                f"{ratio:.2g} times as much as" if ratio > 1 else f"{1 / ratio:.2g} times less than"
+            )
+            said.append(
+                f"{cause} accelerates {motion} {more} the model says: look at the units and gains"
+                " of both"
+            )
+    return said
 
 
 def check_signs(recording: Recording, expected: Expected) -> Finding:
-    """Check that commands and pressures act in the expected direction."""
+    """Check that causes act in the expected direction, and accelerate as the model says."""
     if not expected.signs or len(recording) < 10 * MEMORY:
         why = "no model says which way a response goes" if not expected.signs else "too short"
         return Finding("not checked", why)
-    found = _strengths(recording, expected)
+    found, slopes = _strengths(recording, expected)
     wrong = [k for k, s in found.items() if s * expected.signs[k] < -_SURE]
     right = [k for k, s in found.items() if s * expected.signs[k] > _SURE]
     values = {"strength": {f"{c}->{r}": s for (c, r), s in found.items()}}
@@ -82,12 +116,10 @@ def check_signs(recording: Recording, expected: Expected) -> Finding:
         if not right:
             return Finding("not checked", "too little motion to tell", values)
         seen = ", ".join(f"{c} -> {r}" for c, r in right)
-        return Finding("pass", f"as expected: {seen}", values)
+        sizes = _of_another_size(right, slopes, expected.slopes)
+        note = "; ".join([f"as expected: {seen}", *sizes])
+        return Finding("pass", note, values, doubt=bool(sizes))
     return Finding("unfit", _explanation(wrong, right, found, expected.signs), values)
-
-
-Pairs = list[tuple[str, str]]
-Signs = Mapping[tuple[str, str], int]
 
 
 def _exchanged(wrong: Pairs, signs: Signs) -> str:
