@@ -31,7 +31,7 @@ def _jumps_out(values: Vector, first: int, last: int, step: float) -> bool:
     return bool(jump > max(8 * step, 5 * around.max(initial=0.0)))
 
 
-def stuck_samples(values: Vector) -> npt.NDArray[np.bool_]:
+def stuck_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
     """Find samples that repeat a frozen measurement.
 
     A run of equal samples counts as frozen if the signal's own noise makes it impossible (the
@@ -43,19 +43,15 @@ def stuck_samples(values: Vector) -> npt.NDArray[np.bool_]:
         values: Samples, shape (n,), finite.
 
     Returns:
-        Mask, shape (n,); the first sample of a run is real.
+        Masks, shape (n,), dimensionless: of frozen samples (the first one of a run is real), and of
+        those that are surely so, for they end in a jump.
 
     Example:
         >>> x = np.random.default_rng(0).normal(0.0, 1.0, 1000).round(1)
         >>> x[500:540] = x[500]
-        >>> int(stuck_samples(x).sum())
+        >>> int(stuck_samples(x)[0].sum())
         39
     """
-    return _stuck(values)[0]
-
-
-def _stuck(values: Vector) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-    """Return which samples are frozen, and which surely, for they end in a jump."""
     bad = np.zeros(len(values), dtype=bool)
     sure = bad.copy()
     equal = np.diff(values) == 0
@@ -98,7 +94,7 @@ def check_stuck(recording: Recording, expected: Expected) -> Finding:
     changed = recording
     for name in recording.measurements:
         values = recording[name]
-        bad, sure = (mask & recording.valid(name) for mask in _stuck(values))
+        bad, sure = (mask & recording.valid(name) for mask in stuck_samples(values))
         if bad[-1] and _driven(recording, bad):
             sure[runs(bad)[-1][0] :] = True  # it never comes back
         if not bad.any():
