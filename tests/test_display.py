@@ -8,6 +8,7 @@ import re
 import sys
 
 import matplotlib.pyplot as plt
+import numpy as np
 import pytest
 
 import workbench as wb
@@ -34,13 +35,24 @@ def axis() -> dict[str, object]:
         "linear": linear,
         "controller": controller,
         "run": run,
+        "trajectory": wb.simulate(model, np.full(100, 20.0), sample_time=0.01),
         "metrics": wb.metrics(run),
         "case": case,
         "recording": case.recordings["validate_open"],
     }
 
 
-KINDS = ("model", "point", "linear", "controller", "run", "metrics", "case", "recording")
+KINDS = (
+    "model",
+    "point",
+    "linear",
+    "controller",
+    "run",
+    "trajectory",
+    "metrics",
+    "case",
+    "recording",
+)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from workbench.display import Drawn, Rows
 from workbench.errors import check_choice
-from workbench.model import EXACT, Form, Model, Trace
+from workbench.model import EXACT, Form, Model, Quantity, Trace
 from workbench.model.units import from_si, shown_unit
 from workbench.simulation.equations import Equations
 from workbench.simulation.runge_kutta import at_every_row
@@ -52,8 +54,8 @@ class RangeViolation:
         )
 
 
-@dataclass(frozen=True)
-class Trajectory:
+@dataclass(frozen=True, repr=False)
+class Trajectory(Drawn):
     """A simulated run of a model.
 
     Args:
@@ -113,6 +115,19 @@ class Trajectory:
             check_choice("signal", name, [*known, *signals])
         return signals[name]
 
+    def tables(self) -> tuple[Rows, ...]:
+        """Return between which values every output, state and input moved."""
+        model = self.model
+        quantities = (*model.outputs, *model.states, *model.inputs)
+        columns = [*self.outputs.T, *self.states.T, *self.inputs.T]
+        return (what_moved(quantities, columns),)
+
+    def columns(self) -> dict[str, Vector]:
+        """Return time, outputs, states and inputs over time, in SI."""
+        model = self.model
+        quantities = (*model.outputs, *model.states, *model.inputs)
+        return {"time": self.time} | {q.name: self[q.name] for q in quantities}
+
     def __str__(self) -> str:
         """Return a short aligned table: each state's range, and how far to trust the run."""
         lines = [
@@ -126,6 +141,20 @@ class Trajectory:
             text = f"  {q.name:<28} {low:>12.5g} to {high:<12.5g} {unit:<6} {q.description}"
             lines.append(text.rstrip())
         return "\n".join(lines + [f"  ! {violation}" for violation in self.violations])
+
+
+def what_moved(quantities: Sequence[Quantity], columns: Sequence[Vector]) -> Rows:
+    """Return between which values quantities moved, each in the unit in which it is shown.
+
+    Args:
+        columns: Values of each quantity over time, in SI.
+    """
+    rows = []
+    for quantity, column in zip(quantities, columns, strict=True):
+        unit = getattr(quantity, "display_unit", "") or shown_unit(quantity.unit)
+        shown = from_si(column, unit)
+        rows.append((quantity.name, float(shown.min()), float(shown.max()), unit))
+    return Rows("what moved", ("name", "smallest", "largest", "unit"), rows)
 
 
 def read_outputs(

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from workbench.display import Drawn, Rows
 from workbench.errors import check_choice
 from workbench.model import Input, Model, Output, Quantity
-from workbench.model.units import from_si, shown_unit
 from workbench.simulation.integrators import METHODS
+from workbench.simulation.trajectory import what_moved
 from workbench.verification.sampled_plant import FullPlant
 from workbench.verification.scenario import Scenario
 
@@ -157,13 +157,7 @@ class Run(Drawn):
 
     def tables(self) -> tuple[Rows, ...]:
         """Return between which values every output and input moved."""
-        columns = [*self.outputs.T, *self.inputs.T]
-        rows = []
-        for quantity, column in zip(self._quantities, columns, strict=True):
-            unit = getattr(quantity, "display_unit", "") or shown_unit(quantity.unit)
-            shown = from_si(column, unit)
-            rows.append((quantity.name, float(shown.min()), float(shown.max()), unit))
-        return (Rows("what moved", ("name", "smallest", "largest", "unit"), rows),)
+        return (what_moved(self._quantities, [*self.outputs.T, *self.inputs.T]),)
 
     def columns(self) -> dict[str, Vector]:
         """Return time, references, outputs, measurements and inputs over time, in SI."""
