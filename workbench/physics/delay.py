@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Fit, Law, by_port, drives, each, sensors, size
+from workbench.model.scope import Names
+from workbench.physics.law import Fit, Law, Own, by_port, drives, each, floor, sensors, size
 from workbench.physics.place import EFFORTS, Place, Survey
 
-FLOOR = 0.002
-"""Time f, in s, that keeps a delay regular at zero size: the fastest rate is 1220 1/s."""
 
-
-def _spare(time: Expression) -> Expression:
+def _spare(p: Names) -> Expression:
     """Time g = f^2 / (D + f), in s: f at zero delay, nothing beside a long one."""
-    return FLOOR * FLOOR / (time + FLOOR)
+    return p.floor * p.floor / (p.time + p.floor)
+
+
+def _times(
+    usual: float, least: float, largest: float, lead: float = 0.0
+) -> Callable[[Place], tuple[Own, ...]]:
+    """State a delay by sampling intervals: usual, least worth naming, largest plausible."""
+    return lambda at: (
+        size("time", "s", usual * at.interval, least * at.interval, largest * at.interval, "delay",
+             lower=-lead * at.interval if lead else None),
+        floor(at, 1.0),
+    )  # fmt: skip
 
 
 def _rest(at: PortView) -> Expression:
@@ -24,7 +33,7 @@ def _rest(at: PortView) -> Expression:
 
 
 def _delayed(at: PortView) -> Expression:
-    spare = _spare(at.p.time)
+    spare = _spare(at.p)
     share = spare / (at.p.time + spare)
     smooth = at.x.late + share * (at.x.slope + 0.5 * share * at.x.bend)
     return smooth + share * share * share * _rest(at)
@@ -32,7 +41,7 @@ def _delayed(at: PortView) -> Expression:
 
 def _rates(e: EffectView) -> dict[str, Expression]:
     # Derivatives times powers of the time constant, so that all have the signal's unit.
-    whole = e.p.time + _spare(e.p.time)
+    whole = e.p.time + _spare(e.p)
     at = replace(e.here, x=e.x)
     return {
         "late": e.x.slope / whole, "slope": e.x.bend / whole, "bend": 6.0 / whole * _rest(at),
@@ -59,7 +68,7 @@ sensor_delay = Law(
     "sensor_delay",
     "Y / U = exp(-D s), to third order",
     sensors(),
-    lambda at: (size("time", "s", 0.01, 0.002, 0.2, "delay", lower=-0.5 * FLOOR),),
+    _times(5, 1, 100, lead=0.5),
     _delayed,
     states=_states,
     rates=_rates,
@@ -106,14 +115,14 @@ def _command_rest(at: PortView) -> Expression:
 
 
 def _delayed_command(at: PortView) -> Expression:
-    r = at.p.time / (at.p.time + _spare(at.p.time))
+    r = at.p.time / (at.p.time + _spare(at.p))
     smooth = at.x.late + (2.0 / 3.0 - r) * at.x.slope
     return smooth + (1.0 - 4.0 * r + 3.0 * r * r) * _command_rest(at)
 
 
 def _command_rates(e: EffectView) -> dict[str, Expression]:
     # The slope is b times the rate, so that both states have the unit of the signal.
-    b = e.p.time + _spare(e.p.time)
+    b = e.p.time + _spare(e.p)
     return {"late": e.x.slope / b, "slope": 6.0 / b * _command_rest(replace(e.here, x=e.x))}
 
 
@@ -124,7 +133,7 @@ delay = Law(
     "delay",
     "Y / U = exp(-D s), Pade function of first over second order",
     drives(),
-    lambda at: (size("time", "s", 0.01, 0.001, 0.1, "delay"),),
+    _times(5, 0.5, 50),
     _delayed_command,
     states=lambda at: (
         State("late", at.unit, at.scale, "filtered signal", start_rms=0.05 * at.scale),
@@ -143,7 +152,7 @@ valve_delay = replace(
     delay,
     name="valve_delay",
     where=each("valve_command"),
-    parameters=lambda at: (size("time", "s", 0.005, 0.001, 0.1, "delay"),),
+    parameters=_times(2.5, 0.5, 50),
     look_alikes=("clock_shift", "spool_bandwidth", "slew_limit"),
     separated_by="steps of the command beside a fast spool or flow sensor",
 )
@@ -152,7 +161,7 @@ drive_delay = replace(
     delay,
     name="drive_delay",
     where=each(*EFFORTS, needs=("speed",), only=lambda at: at.driven),
-    parameters=lambda at: (size("time", "s", 0.005, 0.0005, 0.1, "delay"),),
+    parameters=_times(2.5, 0.25, 50),
     same_as=lambda survey: (),
     look_alikes=("clock_shift", "sensor_delay"),
     separated_by="steps of the command beside a force sensor",

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Law, drives, size
-
-_FLOOR = 1e-3
-"""Time, in s, that keeps the lead regular at zero interval."""
+from workbench.physics.law import Law, drives, floor, size
 
 
 def _ahead(at: PortView) -> Expression:
-    lead = 0.5 * at.p.interval / (at.p.interval + _FLOOR)
+    lead = 0.5 * at.p.interval / (at.p.interval + at.p.floor)
     return at.value + lead * (at.value - at.x.memory)
 
 
@@ -23,12 +20,22 @@ input_interpolation = Law(
     "input_interpolation",
     "y = u + (u - m) / 2, dm/dt = (u - m) / interval",
     drives("force", "acceleration", "flow", only=lambda at: at.driven),
-    lambda at: (size("interval", "s", 0.02, 0.002, 100.0, "interval between samples"),),
+    lambda at: (
+        size(
+            "interval",
+            "s",
+            10 * at.interval,
+            at.interval,
+            5e4 * at.interval,
+            "interval between samples",
+        ),
+        floor(at, 0.5),
+    ),
     _ahead,
     states=lambda at: (
         State("memory", at.unit, at.scale, "what was held", start_rms=0.05 * at.scale),
     ),
-    rates=lambda e: {"memory": (e.here.value - e.x.memory) / (e.p.interval + _FLOOR)},
+    rates=lambda e: {"memory": (e.here.value - e.x.memory) / (e.p.interval + e.p.floor)},
     start=lambda e: {"memory": e.here.value},
     far=True,
     source="zero-order and first-order hold of sampled signals",

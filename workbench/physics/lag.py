@@ -1,7 +1,8 @@
 """First-order lag of a sensor or a drive that vanishes at zero time.
 
 ``dm/dt = (u - m) / (time + g)``, ``y = u - time / (time + g) (u - m)`` with g = f^2 / (time + f)
-and f = 1 ms: exactly the identity at zero time, and a lag of that time for time >> f.
+and f half a sampling interval: exactly the identity at zero time, and a lag of that time for
+time >> f.
 """
 
 from __future__ import annotations
@@ -10,28 +11,29 @@ from dataclasses import replace
 
 from workbench.model import State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Law, drives, sensors, size
-
-FLOOR = 0.001
-"""Time, in s, that keeps a lag regular at zero size: the fastest rate is 1000 1/s."""
+from workbench.model.scope import Names
+from workbench.physics.law import Law, drives, floor, sensors, size
 
 
-def _constant(time: Expression) -> Expression:
+def _constant(p: Names) -> Expression:
     """Time constant with what keeps it regular, in s: f at zero time, nothing beside a long one."""
-    return time + FLOOR * FLOOR / (time + FLOOR)
+    return p.time + p.floor * p.floor / (p.time + p.floor)
 
 
 sensor_lag = Law(
     "sensor_lag",
     "Y / U = (1 + g s) / (1 + (time + g) s)",
     sensors(),
-    lambda at: (size("time", "s", 0.02, 0.002, 0.5, "time constant"),),
-    lambda at: at.value - at.p.time / _constant(at.p.time) * (at.value - at.x.memory),
+    lambda at: (
+        size("time", "s", 10 * at.interval, at.interval, 250 * at.interval, "time constant"),
+        floor(at, 0.5),
+    ),
+    lambda at: at.value - at.p.time / _constant(at.p) * (at.value - at.x.memory),
     states=lambda at: (
         State("memory", at.unit, at.scale, f"lagging signal of {at.name}",
               start_rms=0.05 * at.scale),
     ),
-    rates=lambda e: {"memory": (e.here.value - e.x.memory) / _constant(e.p.time)},
+    rates=lambda e: {"memory": (e.here.value - e.x.memory) / _constant(e.p)},
     start=lambda e: {"memory": e.here.value},
     group="sensor",
     far=True,
@@ -44,7 +46,10 @@ drive_lag = replace(
     sensor_lag,
     name="drive_lag",
     where=drives(),
-    parameters=lambda at: (size("time", "s", 0.05, 0.002, 1e4, "time constant"),),
+    parameters=lambda at: (
+        size("time", "s", 25 * at.interval, at.interval, 5e6 * at.interval, "time constant"),
+        floor(at, 0.5),
+    ),
     group="process",
     look_alikes=("delay", "slew_limit"),
     separated_by="steps of the command: a lag answers at once, a delay waits",

@@ -180,6 +180,16 @@ def shape(
     )  # fmt: skip
 
 
+def floor(at: Place, intervals: float) -> Own:
+    """State the time that keeps a law regular at zero size: short beside what samples show.
+
+    Args:
+        intervals: How many sampling intervals it is, dimensionless.
+    """
+    return shape("floor", "s", intervals * at.interval, "time that keeps it regular at zero size",
+                 around=(1.0, 1.0), source="", fitted=False)  # fmt: skip
+
+
 Site = tuple[Place, ...]
 """The places that one element of a law joins: one, or a pair such as a tube's two ends."""
 

@@ -175,6 +175,11 @@ class Place:
         return self.output.scale if self.output else self.port.scale
 
     @property
+    def interval(self) -> float:
+        """Sampling interval, in s; 2 ms where it is not known."""
+        return self.sample_time or 2e-3
+
+    @property
     def speed(self) -> Local:
         """The speed of what moves."""
         return self.signals.get("speed") or Local("speed", f"{self._coordinate_unit}/s")

@@ -9,11 +9,13 @@ from tests.physics.effects.bench import bench, read, response, run, triangle
 from workbench.physics.dead_band import dead_band
 from workbench.physics.delay import delay, sensor_delay
 from workbench.physics.drift import sensor_drift
-from workbench.physics.lag import FLOOR, sensor_lag
+from workbench.physics.lag import sensor_lag
+from workbench.physics.library import library
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
 from workbench.physics.play import command_play, play, spool_hysteresis
 from workbench.physics.saturation import lower_saturation, rectification, saturation
 from workbench.physics.slew_limit import slew_limit
+from workbench.plants.servo_axis import servo_axis
 
 
 def one_lag(time: float):
@@ -31,7 +33,8 @@ def late_command(time: float):
 def test_lag_is_a_lead_lag_with_the_delay_of_its_time() -> None:
     for time in (0.0, 0.01, 0.06):
         for w in (0.1, 5.0, 50.0):
-            spare = FLOOR**2 / (time + FLOOR)
+            floor = 1e-3  # half of 2 ms
+            spare = floor**2 / (time + floor)
             exact = (1 + 1j * w * spare) / (1 + 1j * w * (time + spare))
             assert response(one_lag(time), w) == pytest.approx(exact, rel=1e-9)
     # At low frequency the phase is that of a delay of the same time.
@@ -176,3 +179,14 @@ def test_offset_gain_and_asymmetry() -> None:
     model = bench(asymmetric_gain("valve.spool", difference=0.2), "V")
     assert read(model, value=1.0) == pytest.approx(1.1)
     assert read(model, value=-1.0) == pytest.approx(-0.9)
+
+
+def test_times_of_lags_and_delays_follow_the_sampling_interval() -> None:
+    for interval in (1e-5, 4.0):
+        entries = library(servo_axis(), sample_time=interval, duration=1e3 * interval)
+        late = [e for e in entries if e.law in ("sensor_lag", "sensor_delay", "drive_delay")]
+        assert len(late) >= 2
+        for entry in late:
+            floor = next(q for q in entry.effect.parameters if q.name == "floor")
+            assert 0.4 * interval < floor.value < 1.1 * interval
+            assert 2 * interval < entry.typical_size < 30 * interval < entry.largest_size

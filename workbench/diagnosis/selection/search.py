@@ -105,7 +105,13 @@ class Task:
         """Return the effects that may be missing from a model."""
         entries = self.entries
         if entries is None:
-            entries = library(model, outputs=self.fitting[0].used)
+            longest = max(self.fitting, key=lambda r: len(r.outputs))
+            entries = library(
+                model,
+                outputs=longest.used,
+                duration=longest.sample_time * (len(longest.outputs) - 1),
+                sample_time=longest.sample_time,
+            )
         attached = {effect.name for effect in model.effects}
         return [e for e in entries if e.name not in attached]
 
