@@ -23,7 +23,7 @@ def library(
     """Return every law of the library at each place of a model that it fits, at zero size.
 
     A law that is attached to one of the ports already is left out: its size is a parameter of the
-    model.
+    model. So is the delay of a sensor that has a lag, and the other way round.
 
     Args:
         outputs: Names of the outputs that are recorded, for the effects of sensors; all by default.
@@ -50,6 +50,11 @@ def library(
 
 
 def _same(hypothesis: Hypothesis, attached: Effect) -> bool:
+    if hypothesis.group == "sensor" and hypothesis.ports == attached.ports:
+        # A second memory of one sensor is the shape of the first: a lag beside a delay.
+        alike = hypothesis.law in attached.about.look_alikes
+        if alike and hypothesis.effect.states and attached.states:
+            return True
     if hypothesis.effect.about.equation == attached.about.equation:
         return bool(set(hypothesis.ports) & set(attached.ports))
     places = [{p.split(".")[0] for p in ports} for ports in (hypothesis.ports, attached.ports)]

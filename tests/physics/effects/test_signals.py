@@ -190,3 +190,10 @@ def test_times_of_lags_and_delays_follow_the_sampling_interval() -> None:
             floor = next(q for q in entry.effect.parameters if q.name == "floor")
             assert 0.4 * interval < floor.value < 1.1 * interval
             assert 2 * interval < entry.typical_size < 30 * interval < entry.largest_size
+
+
+def test_a_sensor_that_lags_is_not_offered_a_delay_as_well() -> None:
+    axis = servo_axis()
+    lag = next(e for e in library(axis) if e.law == "sensor_lag")
+    laws = {e.law for e in library(axis.with_effect(lag.at_size(0.02))) if e.group == "sensor"}
+    assert "sensor_delay" not in laws and {"sensor_offset", "sensor_gain"} <= laws

@@ -210,6 +210,7 @@ def runs_closer(
     hold_out: Sequence[Observed],
     *,
     than: ProcessNoiseFit | None = None,
+    by: float = 0.0,
 ) -> bool:
     """Say whether a model reliably runs closer to held-out recordings than another.
 
@@ -221,6 +222,7 @@ def runs_closer(
         fit: The model, fitted.
         hold_out: Held-out recordings, with a start for the model without an effect.
         than: The other model, fitted; the one without an effect by default.
+        by: Part of the error that has to go, dimensionless.
 
     Returns:
         Whether it does; not if a run fails.
@@ -233,7 +235,8 @@ def runs_closer(
         return False
     scale = np.nanmean(np.concatenate([first.error**2 for first, _ in pairs]), axis=0)
     before, after = (np.concatenate([_blocks(pair[i], scale) for pair in pairs]) for i in range(2))
-    return gain_interval(before, after)[1] > 0.0
+    left = math.sqrt(float(after.sum()) / max(float(before.sum()), 1e-300))
+    return gain_interval(before, after)[1] > 0.0 and left <= 1.0 - by
 
 
 def _blocks(run: FreeRun, scale: Vector) -> Vector:

@@ -23,7 +23,15 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import held_out_gain, runs_closer, told_apart
-from workbench.diagnosis.selection.rules import HELD_OUT, SHARE, SURPASSED, UNTRIED, Limits, judged
+from workbench.diagnosis.selection.rules import (
+    HELD_OUT,
+    LEAST_EXPLAINED,
+    SHARE,
+    SURPASSED,
+    UNTRIED,
+    Limits,
+    judged,
+)
 from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.errors import NumericalError
@@ -227,7 +235,9 @@ def _runs_closer(base: ProcessNoiseFit, candidate: Candidate, hold_out: Sequence
     needed = {HELD_OUT.name: 0, SHARE.name: 1}.get(candidate.rule)
     if needed is None or candidate.fit is None or candidate.held_out[needed] <= 0.0:
         return False
-    return runs_closer(base, candidate.fit, hold_out)
+    # The wrong shape of what was found leaves a rest too, of which another name takes a little.
+    by = LEAST_EXPLAINED.value if candidate.rule == SHARE.name else 0.0
+    return runs_closer(base, candidate.fit, hold_out, by=by)
 
 
 def _leaders(first: Sequence[Candidate]) -> list[int]:
