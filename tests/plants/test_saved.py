@@ -11,6 +11,7 @@ import pytest
 
 from workbench.cli.main import run
 from workbench.errors import WorkbenchError
+from workbench.physics.library import library
 from workbench.plants.registry import PLANTS
 from workbench.plants.saved import saved_plant
 from workbench.study.plants import PlantRecipe
@@ -45,6 +46,25 @@ def test_verbs_take_it(verdict: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert run(["plants", str(verdict)]) == 0
     assert "quadratic_drag" in capsys.readouterr().out
     assert run(["linearise", "--plant", str(verdict)]) == 0
+
+
+def test_a_size_that_followed_from_the_recordings_is_taken_as_it_stands(tmp_path: Path) -> None:
+    plant = PLANTS.get("pendulum")
+    nominal = plant.model()
+    (slow,) = (
+        entry.effect
+        for entry in library(nominal, sample_time=1.0)
+        if entry.name == "sensor_delay_angle"
+    )
+    late = nominal.with_effect(slow).with_parameters({"sensor_delay_angle.time": 5.0})
+    with pytest.raises(WorkbenchError, match="valid range"):
+        plant.model(effects=["sensor_delay_angle"]).with_parameters(
+            {"sensor_delay_angle.time": 5.0}
+        )
+    path = tmp_path / "verdict.json"
+    path.write_text(json.dumps({"plant": saved_plant("pendulum", {}, nominal, late)}))
+    model = PLANTS.get(str(path)).model()
+    np.testing.assert_array_equal(model.values, late.values)
 
 
 def test_a_file_without_a_plant_is_refused(tmp_path: Path) -> None:

@@ -59,6 +59,20 @@ _FILE = TableShape(
 )
 
 
+def _with_found(model: Model, values: Mapping[str, float]) -> Model:
+    """Set parameters; the bounds of effects reach as far as the values that were found.
+
+    They may follow from the recordings, such as that of a delay from the sampling interval.
+    """
+    parameters = tuple(
+        replace(q, value=v, lower=min(q.lower, v), upper=max(q.upper, v))
+        if "." in q.name and (v := values.get(q.name)) is not None
+        else q
+        for q in model.parameters
+    )
+    return replace(model, parameters=parameters).with_parameters(values)
+
+
 def plant_of_file(path: Path, find: Any) -> Plant:
     """Return the plant that a file such as ``verdict.json`` keeps.
 
@@ -84,7 +98,7 @@ def plant_of_file(path: Path, find: Any) -> Plant:
     def build(**options: Any) -> Model:
         chosen = {o.name: options[o.keyword] for o in base.options}
         model = base.model(chosen, effects=kept.get("effects", ()), without=kept.get("without", ()))
-        return model.with_parameters(kept.get("parameters", {}))
+        return _with_found(model, kept.get("parameters", {}))
 
     return replace(
         base,
