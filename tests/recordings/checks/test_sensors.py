@@ -7,7 +7,7 @@ import pytest
 
 from workbench.plants.arm.arm import arm
 from workbench.plants.servo_axis import servo_axis
-from workbench.recordings import Recording, check_recording
+from workbench.recordings import Recording, Signal, check_recording
 from workbench.recordings.checks.expected import response_signs
 from workbench.recordings.example import example_recording
 
@@ -68,6 +68,19 @@ def test_a_machine_that_friction_holds_is_a_doubt_and_no_lost_data() -> None:
     found = check_recording(with_values("angle", values)).check("stuck samples")
     assert found.result == "pass" and found.doubt, found
     assert "goes on without a jump" in found.note and "friction" in found.note
+
+
+def test_a_machine_that_is_held_to_the_end_is_a_doubt_whatever_its_command_does() -> None:
+    # Its only reading has noise in motion and none at rest; the command goes on against friction.
+    time = TRIAL.time
+    moving = time < 2.0
+    noise = np.random.default_rng(4).normal(0.0, 1e-3, len(time)) * moving
+    values = np.round(0.1 * np.sin(np.minimum(time, 2.0)) + noise, 4)
+    held = with_values("angle", values).select(["valve", "angle"])
+    report = check_recording(held)
+    assert np.ptp(held["valve"][time > 3.0]) > 0
+    assert report.fit and report.check("stuck samples").doubt, str(report)
+    assert report.recording.valid("angle").all()
 
 
 def test_frozen_for_most_of_the_time_is_unfit() -> None:
@@ -194,6 +207,22 @@ def test_reversed_angle(closed: bool) -> None:
     turned = trial.with_signal(replace(trial.signal("angle"), values=-trial["angle"]))
     check = check_recording(turned, signs=SIGNS).check("signs")
     assert (check.result, "angle is probably reversed" in check.note) == ("unfit", True)
+
+
+@pytest.mark.parametrize("turned", [1.0, -1.0])
+def test_what_swings_both_ways_is_a_doubt_and_not_of_a_wrong_sign(turned: float) -> None:
+    # A stiff loop whose position has next to no noise: what is new in it alternates.
+    rng, step = np.random.default_rng(0), 1e-3
+    force = np.repeat(100.0 * rng.integers(0, 2, 24), 500)
+    time, position, speed = step * np.arange(len(force)), np.zeros(len(force)), 0.0
+    for k in range(1, len(force)):
+        speed += step * (force[k] / 50.0 - 8100.0 * position[k - 1] - 126.0 * speed)
+        position[k] = position[k - 1] + step * speed
+    position += 0.01 * np.sin(2.0 * time) + 1e-9 * rng.normal(size=len(time))
+    drive = Signal("force", turned * force, "N", role="command")
+    trial = Recording("loop", time, (drive, Signal("position", position, "m")))
+    check = check_recording(trial, model=servo_axis()).check("signs")
+    assert check.result == "not checked" and check.doubt and "both ways" in check.note, check
 
 
 def test_exchanged_pressures() -> None:

@@ -66,10 +66,15 @@ def accelerations(
 
 def _strengths(
     recording: Recording, expected: Expected
-) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float]]:
-    """Return how surely each cause acts, in sigmas, and how strongly it accelerates, in SI."""
+) -> tuple[dict[tuple[str, str], float], dict[tuple[str, str], float], Pairs]:
+    """Return how surely each cause acts, in sigmas, and how strongly it accelerates, in SI.
+
+    Listed last are pairs whose answer goes surely both ways: what is new in a very smooth
+    measurement swings, and its strongest swing does not tell where the measurement itself goes.
+    """
     slopes: dict[tuple[str, str], float] = {}
     found: dict[tuple[str, str], float] = {}
+    both: Pairs = []
     motions: dict[str, list[str]] = {}
     for cause, response in expected.signs:
         if cause not in recording or response not in recording:
@@ -77,14 +82,18 @@ def _strengths(
         if np.ptp(recording[cause]) == 0 or np.ptp(recording[response]) == 0:
             continue
         if recording.signal(cause).role == "command":
-            early = response_correlation(recording, cause, response, max_delay=0.03)[1:]
+            every = response_correlation(recording, cause, response, max_delay=0.03)
+            # At lag zero a controller may have answered to the measurement.
+            early = every[1:]
             found[cause, response] = float(early[np.argmax(np.abs(early))])
+            if every.min() < -_SURE and every.max() > _SURE:
+                both.append((cause, response))
         else:
             motions.setdefault(response, []).append(cause)
     for motion, causes in motions.items():
         for cause, (slope, strength) in accelerations(recording, causes, motion).items():
             found[cause, motion], slopes[cause, motion] = strength, slope
-    return found, slopes
+    return found, slopes, both
 
 
 def _of_another_size(right: Pairs, slopes: Sizes, known: Sizes) -> list[str]:
@@ -108,17 +117,20 @@ def check_signs(recording: Recording, expected: Expected) -> Finding:
     if not expected.signs or len(recording) < 10 * MEMORY:
         why = "no model says which way a response goes" if not expected.signs else "too short"
         return Finding("not checked", why)
-    found, slopes = _strengths(recording, expected)
-    wrong = [k for k, s in found.items() if s * expected.signs[k] < -_SURE]
-    right = [k for k, s in found.items() if s * expected.signs[k] > _SURE]
+    found, slopes, both = _strengths(recording, expected)
+    told = {k: s * expected.signs[k] for k, s in found.items() if k not in both}
+    wrong = [k for k, s in told.items() if s < -_SURE]
+    right = [k for k, s in told.items() if s > _SURE]
     values = {"strength": {f"{c}->{r}": s for (c, r), s in found.items()}}
     if not wrong:
+        doubts = [f"the sign of {c} -> {r} cannot be told: it swings both ways" for c, r in both]
+        doubts += _of_another_size(right, slopes, expected.slopes)
         if not right:
-            return Finding("not checked", "too little motion to tell", values)
+            note = "; ".join(doubts) or "too little motion to tell"
+            return Finding("not checked", note, values, doubt=bool(doubts))
         seen = ", ".join(f"{c} -> {r}" for c, r in right)
-        sizes = _of_another_size(right, slopes, expected.slopes)
-        note = "; ".join([f"as expected: {seen}", *sizes])
-        return Finding("pass", note, values, doubt=bool(sizes))
+        note = "; ".join([f"as expected: {seen}", *doubts])
+        return Finding("pass", note, values, doubt=bool(doubts))
     return Finding("unfit", _explanation(wrong, right, found, expected.signs), values)
 
 

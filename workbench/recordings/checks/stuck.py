@@ -77,39 +77,43 @@ def stuck_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np
     return bad, sure
 
 
-def _driven(recording: Recording, bad: npt.NDArray[np.bool_]) -> bool:
-    """Tell whether a command goes on while a reading stands still to the end."""
-    begin = runs(bad)[-1][0]
-    later = slice(begin + (len(bad) - begin) // 4, None)
-    return any(np.ptp(recording[command][later]) > 0 for command in recording.commands)
+def _goes_on(recording: Recording, name: str, bad: npt.NDArray[np.bool_]) -> bool:
+    """Tell whether other measurements move to the end as before, while one stands still.
+
+    A command that goes on proves nothing: friction or a stop may hold the machine against it.
+    """
+    first = runs(bad)[-1][0]
+    others = [recording[m] for m in recording.measurements if m != name]
+    return any(np.ptp(v[first:]) > 0.5 * np.ptp(v[:first]) > 0 for v in others)
 
 
 def check_stuck(recording: Recording, expected: Expected) -> Finding:
     """Check for frozen measurements; bridge them and exclude them from judgement.
 
-    A reading that stands still for a large part and goes on without a jump may be that of a machine
-    which dry friction holds: that is a doubt, and nothing is left out.
+    A reading that stands still and goes on without a jump has hidden nothing, and may be that of a
+    machine which dry friction or a stop holds: that is a doubt, and nothing is left out.
     """
     notes, doubts = [], []
     changed = recording
     for name in recording.measurements:
-        values = recording[name]
-        bad, sure = (mask & recording.valid(name) for mask in stuck_samples(values))
-        if bad[-1] and _driven(recording, bad):
+        bad, sure = (mask & recording.valid(name) for mask in stuck_samples(recording[name]))
+        if bad[-1] and _goes_on(recording, name, bad):
             sure[runs(bad)[-1][0] :] = True  # it never comes back
         if not bad.any():
             continue
-        share = float(np.mean(bad))
-        where = runs(bad)
+        lost = sure if sure.any() else bad
+        where = runs(lost)
         longest = max(where, key=lambda ab: ab[1] - ab[0])
         seconds = (longest[1] - longest[0] + 1) * recording.sample_time
         text = (
             f"{name} freezes {len(where)} time(s), the longest for {seconds:.3g} s at "
             f"{recording.time[longest[0]]:.6g} s"
         )
-        if share > MAX_EXCLUDED and float(np.mean(sure)) <= MAX_EXCLUDED:
+        share = float(np.mean(sure))
+        if not share:
             doubts.append(
-                f"{text} and goes on without a jump: the reading, or a machine that friction holds"
+                f"{text} and goes on without a jump: the reading, or a machine that friction or a"
+                " stop holds"
             )
             continue
         if share > MAX_EXCLUDED and name in expected.required:
@@ -118,7 +122,7 @@ def check_stuck(recording: Recording, expected: Expected) -> Finding:
                 f"{text}; {100 * share:.3g} % of it is lost",
                 {"share": {name: share}},
             )
-        changed = filled(changed, name, bad, "frozen reading")
+        changed = filled(changed, name, sure, "frozen reading")
         notes.append(text + "; bridged and excluded")
     if notes:
         note = "; ".join((*notes, *doubts))
