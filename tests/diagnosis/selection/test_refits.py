@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed
-from workbench.diagnosis.selection.rules import LEAST_GAIN, selection_penalty
+from workbench.diagnosis.selection import refits
+from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.rules import LEAST_GAIN, Limits, selection_penalty
 from workbench.diagnosis.selection.score import Score, Scores
 from workbench.diagnosis.selection.shortlist import shortlist, where
 from workbench.physics.friction import coulomb_friction
@@ -103,3 +105,66 @@ def test_a_candidate_that_failed_has_no_size(entries: dict[str, Hypothesis]) -> 
     assert failed.size is None and "failed" in str(failed)
     held = Candidate(entries["lines"], cast(Any, SimpleNamespace()), 1.0, (0.0, 0.0, 0.0))
     assert held.entry.replaces is (held.size is None)
+
+
+Closer = dict[str, float]
+"""Error of the free run with an effect, by its name; that without any is 1."""
+
+
+@pytest.fixture
+def free_runs(monkeypatch: pytest.MonkeyPatch) -> Closer:
+    """Let free runs of candidates have the errors that a test says."""
+    errors: Closer = {}
+
+    def closer(base: Any, fit: Any, hold_out: Any, *, than: Any = None, by: float = 0.0) -> bool:
+        return errors[fit.name] < (1.0 - by) * (errors[than.name] if than else 1.0)
+
+    monkeypatch.setattr(refits, "runs_closer", closer)
+    return errors
+
+
+def _candidate(entry: Hypothesis, gain: float, refused: str = "", rule: str = "") -> Candidate:
+    estimate = SimpleNamespace(value=entry.typical_size, std=1e-3 * entry.typical_size, unit="s")
+    refit = SimpleNamespace(converged=True, estimate=lambda name: estimate, estimates=())
+    fit = cast(Any, SimpleNamespace(name=entry.name, refit=refit))
+    blocks = (np.full(40, -gain / 40), np.full(40, -gain / 40))
+    held_out = (gain, 0.8 * gain, 1.2 * gain)
+    return Candidate(entry, fit, gain, held_out, refused, rule=rule, shift=5.0, blocks=blocks)
+
+
+def _taken(candidates: tuple[Candidate, ...]) -> list[str]:
+    return [c.entry.name for c in candidates if not c.refused]
+
+
+def test_a_sensor_has_to_show_in_free_runs(
+    entries: dict[str, Hypothesis], free_runs: Closer
+) -> None:
+    lag, offset = entries["sensor_lag_angle"], entries["valve_offset"]
+    pair = [_candidate(lag, 900.0), _candidate(offset, 500.0)]
+    asked = Limits(20.0, 100.0)
+    free_runs |= {lag.name: 1.2, offset.name: 0.5}
+    assert _taken(refits.decided(cast(Any, None), pair, (), asked)) == [offset.name]
+    free_runs |= {lag.name: 0.2}
+    assert _taken(refits.decided(cast(Any, None), pair, (), asked)) == [lag.name]
+
+
+def test_of_processes_that_run_closer_than_a_sensor_the_closest_is_taken(
+    entries: dict[str, Hypothesis], free_runs: Closer
+) -> None:
+    names = ("sensor_lag_angle", "stribeck_friction", "valve_offset")
+    gains = zip(names, (900.0, 600.0, 500.0), strict=True)
+    free_runs |= dict(zip(names, (0.9, 0.8, 0.3), strict=True))
+    field = [_candidate(entries[name], gain) for name, gain in gains]
+    found = refits.decided(cast(Any, None), field, (), Limits(20.0, 100.0))
+    assert _taken(found) == ["valve_offset"]
+
+
+@pytest.mark.parametrize(("error", "taken"), [(0.5, True), (0.9, False)])
+def test_what_explains_little_is_likely_if_it_takes_much_of_the_free_run(
+    entries: dict[str, Hypothesis], free_runs: Closer, error: float, taken: bool
+) -> None:
+    free_runs["valve_offset"] = error
+    one = [_candidate(entries["valve_offset"], 80.0)]
+    found = refits.decided(cast(Any, None), one, (), Limits(20.0, 100.0))
+    assert bool(_taken(found)) is taken
+    assert bool(found[0].doubts) is taken

@@ -134,7 +134,22 @@ def refit_candidates(
         )
     for i, final in zip(leaders, finals, strict=True):
         first[i] = final
-    found = sorted((judged(c, limits) for c in (*first, *lost)), key=lambda c: -c.gain)
+    return decided(base, (*first, *lost), hold_out, limits)
+
+
+def decided(
+    base: ProcessNoiseFit,
+    candidates: Sequence[Candidate],
+    hold_out: Sequence[Observed],
+    limits: Limits,
+) -> tuple[Candidate, ...]:
+    """Decide which of several refitted hypotheses is taken.
+
+    Returns:
+        The candidates by falling gain, the one that is taken without a refusal, the others with
+        the reason.
+    """
+    found = sorted((judged(c, limits) for c in candidates), key=lambda c: -c.gain)
     # What a sensor does between process and reading colours the noise, and so predicts the next
     # sample of anything: it has to show in free runs too.
     idle = [] if limits.near_noise else [c for c in found if _is_sensor(c) and not c.refused]
