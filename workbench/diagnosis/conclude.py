@@ -157,14 +157,12 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
     parameters = _own(diagnosis.extended, entry.effect.name)
     size = parameters.get(entry.size_parameter)
     about = entry.effect.about
+    # A law that is either there or not is told by its other numbers.
+    told = {entry.size_parameter: size} if size else parameters
     text = (
         f"{'Likely missing' if candidate.doubts else 'Missing'}:"
         f" {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
-        + (
-            f", {entry.size_parameter} {size.value:.3g} +- {size.std:.2g} {size.unit}"
-            if size
-            else ""
-        )
+        + "".join(f", {name} {v.value:.3g} +- {v.std:.2g} {v.unit}" for name, v in told.items())
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
         + "."

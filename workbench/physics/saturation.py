@@ -19,11 +19,20 @@ def _above(at: PortView) -> Expression:
     return at.value - at.p.share * at.form.ramp(at.value - at.p.limit, 0.01 * at.scale)
 
 
-def _limited(at: Place) -> tuple[Own, ...]:
+def _beyond(at: PortView) -> Expression:
+    ramp, limit, width = at.form.ramp, at.p.limit, 0.01 * at.scale
+    return at.value - at.p.share * (ramp(at.value - limit, width) - ramp(-at.value - limit, width))
+
+
+def _limit(at: Place, usual: float) -> tuple[Own, ...]:
     return (
         share("share of the excess that is cut"),
-        shape("limit", at.unit, at.scale, "the limit", around=None, scale=at.scale),
+        shape("limit", at.unit, usual, "the limit", around=(0.05, 20.0), scale=at.scale),
     )
+
+
+def _limited(at: Place) -> tuple[Own, ...]:
+    return _limit(at, at.scale)
 
 
 def _limits(at: Place) -> list[dict[str, float]]:
@@ -32,10 +41,10 @@ def _limits(at: Place) -> list[dict[str, float]]:
 
 saturation = Law(
     "saturation",
-    "y = u - share (excess of u above the limit)",
+    "y = u - share (excess of u beyond the limit, above and below)",
     drives("flow"),
     _limited,
-    _above,
+    _beyond,
     shapes=_limits,
     source="end of the range of a sensor or drive",
     look_alikes=("gain",),
@@ -63,6 +72,10 @@ lower_saturation = replace(
     name="lower_saturation",
     equation="y = u + share (excess of u below the limit)",
     where=drives(),
+    parameters=lambda at: (
+        share("share of the excess that is cut"),
+        shape("limit", at.unit, at.scale, "the limit", around=None, scale=at.scale),
+    ),
     transform=lambda at: (
         at.value + at.p.share * at.form.ramp(at.p.limit - at.value, 0.01 * at.scale)
     ),
@@ -85,10 +98,9 @@ sensor_clipping = replace(
     saturation,
     name="sensor_clipping",
     where=sensors(together=False),
-    parameters=lambda at: (
-        share("share of the excess that is cut"),
-        shape("limit", at.unit, _ends(at)[0], "the limit", around=None, scale=at.scale),
-    ),
+    equation="y = u - share (excess of u above the limit)",
+    parameters=lambda at: _limit(at, _ends(at)[0]),
+    transform=_above,
     shapes=lambda at: [{"limit": limit} for limit in _ends(at)],
     group="sensor",
     look_alikes=("sensor_gain",),

@@ -150,9 +150,9 @@ def test_spool_hysteresis_has_the_width_of_its_loop() -> None:
     assert falling - rising == pytest.approx(0.04, rel=0.01)
 
 
-def test_saturation_cuts_one_side() -> None:
+def test_saturation_cuts_both_sides_and_its_lower_brother_one() -> None:
     above = bench(saturation(("p.reading",), limit=4e5), "Pa")
-    assert [read(above, value=v) for v in (3e5, 5e5)] == [3e5, 4e5]
+    assert [read(above, value=v) for v in (3e5, 5e5, -5e5)] == [3e5, 4e5, -4e5]
     below = bench(lower_saturation(("p.reading",), limit=1e5), "Pa")
     assert [read(below, value=v) for v in (0.0, 3e5)] == [1e5, 3e5]
     half = bench(saturation(("p.reading",), limit=4e5, share=0.5), "Pa")
@@ -197,3 +197,15 @@ def test_a_sensor_that_lags_is_not_offered_a_delay_as_well() -> None:
     lag = next(e for e in library(axis) if e.law == "sensor_lag")
     laws = {e.law for e in library(axis.with_effect(lag.at_size(0.02))) if e.group == "sensor"}
     assert "sensor_delay" not in laws and {"sensor_offset", "sensor_gain"} <= laws
+
+
+def test_the_limit_of_a_saturation_is_refitted() -> None:
+    limits = [
+        q
+        for e in library(servo_axis())
+        if e.law in ("drive_saturation", "sensor_clipping")
+        for q in e.effect.parameters
+        if q.name == "limit"
+    ]
+    assert len(limits) == 2
+    assert all(q.fitted and 0.0 < q.lower < 0.1 * q.value < 10 * q.value < q.upper for q in limits)
