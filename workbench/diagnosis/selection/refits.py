@@ -598,22 +598,33 @@ def _judged_on(
 ) -> Candidate:
     assert first.fit is not None
     entry, fit = first.entry, first.fit
+    best: tuple[Hypothesis, ProcessNoiseFit, list[Observed]] | None = None
     for _ in range(_WIDENINGS + 1):
         model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
         started = [extended_start(r, base.model, model) for r in fit_on]
         own, _start = entry_priors(replace(score, entry=entry))
-        fit = fit_with_process_noise(
-            model,
-            started,
-            (*priors, *own),
-            start={e.name: e.value for e in fit.refit.estimates},
-            noise_scale=fit.noise_scale,
-            enough=_NEARER,
-        )
+        try:
+            fit = fit_with_process_noise(
+                model,
+                started,
+                (*priors, *own),
+                start={e.name: e.value for e in fit.refit.estimates},
+                noise_scale=fit.noise_scale,
+                enough=_NEARER,
+            )
+        except NumericalError:
+            if best is None:
+                raise
+            # What was tuned or widened cannot be integrated; what was before can.
+            break
+        best = entry, fit, started
         wider = _tuned(widened(entry, fit) or entry, fit, started)
         if wider is entry:
             break
         entry = wider
+    assert best is not None
+    entry, fit, started = best
+    model = fit.model
     held_out, blocks, shift = (0.0, -math.inf, math.inf), [blocks_of_cost(fit, started)], math.nan
     if before is not None:
         judging = [extended_start(r, base.model, model) for r in hold_out]
