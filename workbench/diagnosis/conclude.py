@@ -162,7 +162,10 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
     text = (
         f"{'Likely missing' if candidate.doubts else 'Missing'}:"
         f" {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
-        + "".join(f", {name} {v.value:.3g} +- {v.std:.2g} {v.unit}" for name, v in told.items())
+        + "".join(
+            f", {name} {v.value:.3g} +- {v.std:.2g} {v.unit}".removesuffix(" 1")
+            for name, v in told.items()
+        )
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
         + "."

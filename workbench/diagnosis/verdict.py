@@ -193,8 +193,9 @@ class Verdict(Shown):
         for finding in self.findings:
             if finding.sentence not in self.sentence:
                 lines.append(f"  {finding.sentence}")
+            own = f"{finding.effect}." if len(self.findings) > 1 else ""
             lines += [
-                f"    {name:<34} {v.value:>11.4g} +- {v.std:<9.2g} {written_unit(v.unit)}".rstrip()
+                f"    {own + name:<34} {v.value:>11.4g} +- {v.std:<9.2g} {written_unit(v.unit)}".rstrip()
                 for name, v in finding.parameters.items()
             ]
         if self.fit:

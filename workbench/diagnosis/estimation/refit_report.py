@@ -306,7 +306,7 @@ def _plain(value: float) -> str:
 def _remark(row: HeldOut) -> str:
     if row.at_floor:
         return "  at the noise floor"
-    return "  within what was expected" if row.as_expected else ""
+    return "  near the limit" if row.as_expected else ""
 
 
 def _started(task: RefitTask, model: Model, observed: Observed) -> Observed:
