@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import shlex
+import signal
+import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +14,9 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import recording
-from workbench.cli.main import INTERRUPTED, WRONG_USE, run
+from workbench.cli.main import INTERRUPTED, WRONG_USE, main, run
 from workbench.diagnosis import diagnose as engine
+from workbench.diagnosis.selection.selected import Scored
 
 
 def _write(folder: Path, seed: int, *, hidden: bool) -> Path:
@@ -67,20 +71,24 @@ def test_diagnose_writes_verdict_page_and_pictures(
     assert "right" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("found", [False, True])
+@pytest.mark.parametrize(("found", "end"), [(False, "Ctrl-C"), (True, "SIGTERM")])
 def test_an_interruption_keeps_what_was_found(
     axis_options: list[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     found: bool,
+    end: str,
 ) -> None:
     def stop(*_: Any, **__: Any) -> Any:
-        raise KeyboardInterrupt
+        signal.raise_signal(signal.SIGTERM if end == "SIGTERM" else signal.SIGINT)
 
     monkeypatch.setattr(engine, "settled_run" if found else "locate", stop)
     out = tmp_path / "out"
-    assert run(["diagnose", *axis_options, "--out", str(out)]) == INTERRUPTED
+    monkeypatch.setattr(sys, "argv", ["workbench", "diagnose", *axis_options, "--out", str(out)])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == INTERRUPTED
     assert "interrupted" in capsys.readouterr().err
     assert sorted(path.name for path in out.iterdir()) == ["stages", "verdict.json"]
     data = json.loads((out / "verdict.json").read_text())
@@ -89,6 +97,55 @@ def test_an_interruption_keeps_what_was_found(
     assert data["parameters"]["mass"]["value"] > 0
     names = [finding["effect"] for finding in data["findings"]]
     assert names == (["stribeck_friction"] if found else [])
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timer that interrupts")
+@pytest.mark.parametrize(
+    ("stage", "said"),
+    [
+        ("score", "nothing, but most is missing at axis.force; not tried: any effect"),
+        ("search", "not tried to the end: {best}"),
+    ],
+)
+def test_a_time_limit_gives_the_verdict_until_then(
+    axis_options: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    stage: str,
+    said: str,
+) -> None:
+    found: list[Scored] = []
+
+    def wait(*given: Any, **__: Any) -> Any:
+        found.extend(g for g in given if isinstance(g, Scored))
+        signal.setitimer(signal.ITIMER_REAL, 0.01)
+        time.sleep(60.0)
+
+    monkeypatch.setattr(engine, stage, wait)
+    out = tmp_path / "out"
+    assert run(["diagnose", *axis_options, "--quick", "--out", str(out)]) == 0
+    data = json.loads((out / "verdict.json").read_text())
+    assert data["interrupted"] is True and data["sentence"].startswith("Ended after 20 s while")
+    best = max(found[0].scores.scores, key=lambda s: s.gain).entry.name if found else ""
+    assert said.format(best=best.replace("_", " ")) in data["sentence"]
+    assert data["sentence"] in capsys.readouterr().out
+    assert sorted(path.name for path in out.iterdir()) == ["stages", "verdict.json"]
+
+
+def test_a_time_limit_that_nothing_meets_or_that_cannot_be_set_is_a_sentence(
+    axis_options: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(engine, "prepare", lambda *_: signal.raise_signal(signal.SIGALRM))
+    assert run(["diagnose", *axis_options, "--time-limit", "100"]) == WRONG_USE
+    assert "nothing was found within 100 s" in capsys.readouterr().err
+    monkeypatch.delattr(signal, "setitimer")
+    assert run(["diagnose", *axis_options, "--quick"]) == WRONG_USE
+    assert "this platform does not have" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -105,6 +162,8 @@ def test_an_interruption_keeps_what_was_found(
         ),
         (["--fit", "a.csv", "--hold-out", "a.csv"], "given twice"),
         (["--fit", "a.csv", "--hold-out", "b.csv"], "a.csv"),
+        (["practice-07", "--time-limit", "0"], "time limit is 0"),
+        (["practice-07", "--quick", "--time-limit", "9"], "keep one of them"),
         (["practice-07", "--jobs", "0"], "number of processes is 0"),
         (["practice-07", "--load", "3V"], "does not measure it"),
     ],

@@ -81,6 +81,7 @@ def test_a_killed_call_is_continued_from_its_last_round(
     early = conclude_early(found, "searching")
     assert early.interrupted and "Interrupted while searching" in early.sentence
     assert early.as_data()["interrupted"] is True
+    assert "not tried: the proof on the held-out recordings" in early.sentence
     monkeypatch.setattr(module, "fit", _never)
     monkeypatch.setattr(module, "score", _never)
     assert _said(diagnose(model, fit_on, hold_out, folder=tmp_path, **options)) == _said(whole)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,6 +29,10 @@ if TYPE_CHECKING:
     from workbench.physics.hypothesis import Hypothesis
 
 
+QUICK_S = 20.0
+"""Time limit of a quick diagnosis, in s."""
+
+
 def diagnose(
     case: CaseName = None,
     fit: Fit = None,
@@ -48,6 +53,18 @@ def diagnose(
     without: Without = None,
     effect: Effects = None,
     jobs: Annotated[int, typer.Option(help="Processes that work side by side.")] = 2,
+    time_limit: Annotated[
+        float | None,
+        typer.Option(
+            "--time-limit",
+            help="End after this time with the best verdict until then, which says what was not"
+            " tried; exit status 0.",
+            metavar="SECONDS",
+        ),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help=f"The same as --time-limit {QUICK_S:g}.")
+    ] = False,
     data: Data = None,
     out: Annotated[
         Path | None,
@@ -59,13 +76,19 @@ def diagnose(
     """Find out what physics a model leaves out, and prove it on held-out recordings.
 
     The model is refitted first; what parameters can explain is no missing physics. After Ctrl-C,
-    verdict.json holds what was found until then. Examples: 'workbench diagnose practice-08 --out
+    SIGTERM or a time limit, verdict.json holds what was found until then, and the same command goes
+    on from the last stage that was finished. Examples: 'workbench diagnose practice-08 --out
     diagnosis', 'workbench diagnose --fit a.csv --fit b.csv --hold-out c.csv --load 3kg',
     'workbench diagnose --plant my_plants:rig --effects my_physics:law --fit a.csv --hold-out
     b.csv'.
+
+    Args:
+        time_limit: Time after which it ends, in s, 1 to 1e6.
     """
     from workbench.diagnosis.problem import own_hypotheses
 
+    begin = time.perf_counter()
+    limit = _limit(time_limit, quick=quick)
     workers = round(check_range("number of processes", jobs, 1, 64))
     if out is not None and out.exists() and not out.is_dir():
         raise WorkbenchError(f"folder {str(out)!r} is a file; give the name of a folder")
@@ -92,9 +115,9 @@ def diagnose(
             " validate_*.csv"
         )
     own = own_hypotheses(problem.model, effects or (), folder=Path.cwd())
-    found = _run(loaded, own, workers, out)
+    found = _run(loaded, own, workers, out, begin, limit)
     typer.echo(str(found.verdict), err=as_json)
-    if out is not None:
+    if out is not None and not (found.verdict and found.verdict.interrupted):
         _write(found, loaded, out)
         typer.echo(f"open {out / 'report.html'}", err=as_json)
     if as_json:
@@ -103,16 +126,34 @@ def diagnose(
     return 0
 
 
+def _limit(seconds: float | None, *, quick: bool) -> float | None:
+    if quick and seconds is not None:
+        raise WorkbenchError(
+            f"--quick is a time limit of {QUICK_S:g} s, and --time-limit {seconds:g} is given too;"
+            " keep one of them"
+        )
+    if quick:
+        return QUICK_S
+    return None if seconds is None else check_range("time limit", seconds, 1.0, 1e6, "s")
+
+
 def _run(
-    loaded: Loaded, own: tuple[Hypothesis, ...] | None, jobs: int, out: Path | None
+    loaded: Loaded,
+    own: tuple[Hypothesis, ...] | None,
+    jobs: int,
+    out: Path | None,
+    begin: float,
+    limit: float | None,
 ) -> Diagnosis:
+    from workbench.cli.ending import TimeUp
+    from workbench.cli.ending import time_limit as until
     from workbench.diagnosis.conclude import conclude_early
     from workbench.diagnosis.diagnose import stages
     from workbench.files import write_whole
 
     problem = loaded.problem
-    begin = time.perf_counter()
     step = "starting"
+    left = None if limit is None else max(limit - (time.perf_counter() - begin), 0.01)
     found: Diagnosis | None = None
     reached: Diagnosis
 
@@ -122,20 +163,29 @@ def _run(
         typer.echo(f"{time.perf_counter() - begin:6.1f} s  {text}", err=True)
 
     try:
-        for reached in stages(
-            problem.model,
-            problem.fit,
-            problem.hold_out,
-            entries=own,
-            jobs=jobs,
-            folder=out,
-            progress=say,
-        ):
-            found = reached
-    except KeyboardInterrupt:
-        if out is not None and found is not None:
-            write_whole(out / "verdict.json", _text(conclude_early(found, step), loaded))
-        raise
+        with until(left):
+            for reached in stages(
+                problem.model,
+                problem.fit,
+                problem.hold_out,
+                entries=own,
+                jobs=jobs,
+                folder=out,
+                progress=say,
+            ):
+                found = reached
+    except KeyboardInterrupt as end:
+        asked = limit if isinstance(end, TimeUp) else None
+        if found is not None:
+            found = replace(found, verdict=conclude_early(found, step, after=asked))
+            if out is not None:
+                write_whole(out / "verdict.json", _text(found.verdict, loaded))
+        if asked is None:
+            raise
+        if found is None:
+            raise WorkbenchError(
+                f"nothing was found within {asked:g} s, which ended while {step}; give more time"
+            ) from None
     assert found is not None
     return found
 

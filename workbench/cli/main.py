@@ -14,6 +14,7 @@ from workbench.cli.compare import compare
 from workbench.cli.controllers import controllers
 from workbench.cli.demo import demo
 from workbench.cli.diagnose import diagnose
+from workbench.cli.ending import sigterm_interrupts
 from workbench.cli.evaluate import evaluate
 from workbench.cli.force_map import force_map
 from workbench.cli.linearise import linearise
@@ -37,7 +38,7 @@ WRONG_USE = 2
 """Exit status of wrong use."""
 
 INTERRUPTED = 130
-"""Exit status after Ctrl-C, as shells have it."""
+"""Exit status after Ctrl-C, as shells have it, and after SIGTERM."""
 
 app = typer.Typer(
     name="workbench",
@@ -45,7 +46,7 @@ app = typer.Typer(
         "Design controllers for an antagonistic pneumatic-muscle arm and prove them on the full "
         "nonlinear plant.\n\nStart with 'workbench demo --out demo' and open demo/report.html. "
         "Values may carry their unit: 30deg, 0.5rad, 3bar, 300kPa. "
-        "Exit status: 0 all is well, 1 a requirement is missed, 2 wrong use."
+        "Exit status: 0 all is well, 1 a requirement is missed, 2 wrong use, 130 interrupted."
     ),
     no_args_is_help=True,
     add_completion=True,
@@ -108,7 +109,7 @@ def run(arguments: Sequence[str]) -> int:
         arguments: Words after the name of the program.
 
     Returns:
-        0 if all is well, 1 if a requirement is missed, 2 for wrong use, 130 after Ctrl-C.
+        0 if all is well, 1 if a requirement is missed, 2 for wrong use, 130 if interrupted.
 
     Example:
         >>> run(["linearise", "--angle", "75"])
@@ -150,7 +151,8 @@ def main() -> None:
             ...
         SystemExit: 2
     """
-    sys.exit(run(sys.argv[1:]))
+    with sigterm_interrupts():
+        sys.exit(run(sys.argv[1:]))
 
 
 def _complain(text: str) -> None:

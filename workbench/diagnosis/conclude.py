@@ -13,6 +13,9 @@ from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
 
+_MOST_SAID = 5
+"""Effects that a sentence names."""
+
 
 def conclude(diagnosis: Diagnosis) -> Verdict:
     """Put what a finished diagnosis found into a verdict."""
@@ -49,12 +52,13 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     )
 
 
-def conclude_early(diagnosis: Diagnosis, step: str) -> Verdict:
+def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = None) -> Verdict:
     """Put what was found before an interruption into a verdict that claims nothing beyond it.
 
     Args:
         diagnosis: A diagnosis as far as it came.
         step: What was being done, in plain words.
+        after: Time limit that ended it, in s; None if it was interrupted.
     """
     findings = tuple(
         Finding(
@@ -74,9 +78,11 @@ def conclude_early(diagnosis: Diagnosis, step: str) -> Verdict:
     if findings:
         kind = "named_class" if any(len(f.alike) > 1 for f in findings) else "named"
     names = ", ".join(f.effect.replace("_", " ") for f in findings if f.effect) or "nothing"
+    ended = "Interrupted" if after is None else f"Ended after {after:g} s"
     return Verdict(
         kind,
-        f"Interrupted while {step}; found until then: {names}.",
+        f"{ended} while {step}; found until then: {names}{_most_at(diagnosis)}; not"
+        f" tried{_not_tried(diagnosis)}.",
         diagnosis.extended.model if diagnosis.fitted else diagnosis.nominal,
         findings=findings,
         parameters=_parameters(diagnosis.base) if diagnosis.fitted else {},
@@ -86,6 +92,32 @@ def conclude_early(diagnosis: Diagnosis, step: str) -> Verdict:
         seconds=diagnosis.seconds,
         interrupted=True,
     )
+
+
+def _most_at(diagnosis: Diagnosis) -> str:
+    """Say where most is missing, as long as nothing was found for it."""
+    if diagnosis.accepted or diagnosis.before is None:
+        return ""
+    ports = diagnosis.before.ports(diagnosis.nominal)
+    return f", but most is missing at {', '.join(ports)}" if ports else ""
+
+
+def _not_tried(diagnosis: Diagnosis) -> str:
+    """Say what a diagnosis did not come to; effects by falling score."""
+    if diagnosis.fitted is None:
+        return ": the refit of the nominal model and any effect"
+    if diagnosis.scored is None:
+        return ": any effect"
+    if diagnosis.selected is not None and diagnosis.selected.finished:
+        return ": the proof on the held-out recordings"
+    if diagnosis.accepted:
+        return ": what else may be missing, and the proof on the held-out recordings"
+    tried = {c.entry.name for _, candidates in diagnosis.rounds for c in candidates}
+    scores = sorted(diagnosis.scored.scores.scores, key=lambda s: -s.gain)
+    names = [s.entry.name.replace("_", " ") for s in scores if s.entry.name not in tried]
+    more = len(names) - _MOST_SAID
+    rest = f" and {more} more effects" if more > 0 else ""
+    return f" to the end: {', '.join(names[:_MOST_SAID])}{rest}"
 
 
 def _parameters(fit: ProcessNoiseFit) -> dict[str, dict[str, object]]:

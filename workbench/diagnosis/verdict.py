@@ -99,7 +99,7 @@ class Verdict(Shown):
         location: Log likelihood gained by an unknown input at each group of ports, before and
             after the extension, dimensionless.
         seconds: Time that the diagnosis took, in s.
-        interrupted: Whether the diagnosis was ended early.
+        interrupted: Whether the diagnosis was ended early, by an interruption or a time limit.
         model: The improved model; the refitted nominal one where nothing was found.
     """
 
