@@ -177,9 +177,17 @@ class PlainLaw(ShownLaw):
 
 
 def peaks(law: PlainLaw, loop: SingleLoop) -> tuple[float, float]:
-    """Return Ms and Mt of a sampled loop (ratios), both infinite if it is not stable."""
+    """Return Ms and Mt of a sampled loop (ratios), both infinite if it is not stable.
+
+    An integral that the measurement does not show, such as the angle where a speed is controlled,
+    does not count.
+    """
     parts = loop_matrices(law, loop.linear)
     A, B, C, F, G, H, J = parts
+    _, sizes, directions = np.linalg.svd(np.vstack([A - np.eye(len(A)), C]))
+    shown = directions[sizes > 1e-12 * sizes.max(initial=0.0)].T
+    A, B, C = shown.T @ A @ shown, shown.T @ B, C @ shown
+    parts = parts._replace(A=A, B=B, C=C)
     closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
     if np.max(np.abs(np.linalg.eigvals(closed))) >= 1.0 - 1e-9:
         return math.inf, math.inf

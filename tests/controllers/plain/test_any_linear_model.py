@@ -198,3 +198,20 @@ def test_what_cannot_be_designed_is_said(case: tuple[LinearModel, Model, str, fl
         design_lqi(3.0)  # type: ignore[arg-type]
     with pytest.raises(WorkbenchError, match="within the sample"):
         design_lqi(ct.tf([1.0, 2.0], [1.0, 1.0]))
+
+
+def test_an_angle_that_nobody_measures_does_not_keep_a_pid_from_its_speed() -> None:
+    def equations(m: Any) -> Any:
+        rates = {"angle": m.x.speed, "speed": m.u.torque - m.x.speed}
+        return rates, {"tacho": m.x.speed}
+
+    drive = Model(
+        "drive",
+        equations,
+        states=(State("angle", "rad"), State("speed", "rad/s")),
+        inputs=(Input("torque", "rad/s2", lower=-10.0, upper=10.0),),
+        outputs=(Output("tacho", "rad/s"),),
+    )
+    pid = design_plain_pid(linearise(operating_point(drive, {"tacho": 0.0})))
+    found = metrics(verify(pid, drive, step_scenario("tacho", 0.0, 1.0, sample_time=0.002)))
+    assert found["steady_error"].value < 0.01
