@@ -116,6 +116,8 @@ def _not_tried(diagnosis: Diagnosis) -> str:
     scores = sorted(diagnosis.scored.scores.scores, key=lambda s: -s.gain)
     names = [s.entry.name.replace("_", " ") for s in scores if s.entry.name not in tried]
     more = len(names) - _MOST_SAID
+    if not names:
+        return ": the proof on the held-out recordings"
     rest = f" and {more} more effects" if more > 0 else ""
     return f" to the end: {', '.join(names[:_MOST_SAID])}{rest}"
 
