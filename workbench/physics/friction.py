@@ -23,7 +23,7 @@ coulomb_friction = Law(
     look_alikes=(
         "stribeck_friction", "lugre_friction", "load_dependent_friction", "muscle_hysteresis",
     ),
-    separated_by="slow reversals against steady speeds, at low and high mean pressure",
+    separated_by="slow reversals against steady speeds",
 )  # fmt: skip
 
 viscous_friction = Law(
@@ -38,5 +38,5 @@ viscous_friction = Law(
     lambda at: at.value - at.p.coefficient * at.signals.speed,
     source="linear damper",
     look_alikes=("muscle_viscosity", "quadratic_drag"),
-    separated_by="swings of small and large amplitude, at low and high mean pressure",
+    separated_by="swings of small and large amplitude",
 )  # fmt: skip

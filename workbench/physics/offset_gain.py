@@ -73,7 +73,7 @@ constant_torque = replace(
     where=each(*EFFORTS, needs=("speed",), only=lambda at: at.unit == "N m"),
     parameters=_amount(0.05, 0.005, 0.5),
     look_alikes=("tilt_gravity", "force_gain", "linear_spring", "valve_offset"),
-    separated_by="hold several positions at two mean pressures and with two loads",
+    separated_by="hold several positions at two levels of the drive and with two loads",
 )
 
 sensor_offset = replace(

@@ -37,7 +37,7 @@ linear_spring = Law(
     lambda at: at.value - at.p.stiffness * _deflection(at),
     source="R. Hooke 1678",
     look_alikes=("cubic_stiffness", "force_shape", "tilt_gravity", "ripple"),
-    separated_by="holding positions over the whole travel at two mean pressures",
+    separated_by="holding positions over the whole travel at two levels of the drive",
 )
 
 
