@@ -27,7 +27,7 @@ from workbench.model import Model
 
 Vector = npt.NDArray[np.float64]
 
-LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03)
+LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003)
 """Process-noise scales that are tried, from a poor model to a perfect one."""
 
 _USUAL = 3.0
