@@ -390,8 +390,9 @@ def _regulator(F: Matrix, G: Matrix, weight: Matrix, cost: Matrix) -> Matrix:
     except (LinAlgError, ValueError) as error:
         raise WorkbenchError(
             f"no regulator exists for this linear model ({str(error).rstrip('.')}); a mode that"
-            " grows or integrates is out of the command's reach, or does not show in the output, such"
-            " as an angle in a speed: select() fewer states, follow another output, or take a PID"
+            " grows or integrates is out of the command's reach, or does not show in the output,"
+            " such as an angle in a speed: select() fewer states, follow another output, or take a"
+            " PID"
         ) from None
     return np.asarray(np.linalg.solve(1.0 + g.T @ p @ g, g.T @ p @ f) / size)
 

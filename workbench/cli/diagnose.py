@@ -177,9 +177,10 @@ def _run(
     except KeyboardInterrupt as end:
         asked = limit if isinstance(end, TimeUp) else None
         if found is not None:
-            found = replace(found, verdict=conclude_early(found, step, after=asked))
+            early = conclude_early(found, step, after=asked)
+            found = replace(found, verdict=early)
             if out is not None:
-                write_whole(out / "verdict.json", _text(found.verdict, loaded))
+                write_whole(out / "verdict.json", _text(early, loaded))
         if asked is None:
             raise
         if found is None:

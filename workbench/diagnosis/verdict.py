@@ -195,7 +195,8 @@ class Verdict(Shown):
                 lines.append(f"  {finding.sentence}")
             own = f"{finding.effect}." if len(self.findings) > 1 else ""
             lines += [
-                f"    {own + name:<34} {v.value:>11.4g} +- {v.std:<9.2g} {written_unit(v.unit)}".rstrip()
+                f"    {own + name:<34} {v.value:>11.4g} +- {v.std:<9.2g}"
+                f" {written_unit(v.unit)}".rstrip()
                 for name, v in finding.parameters.items()
             ]
         if self.fit:

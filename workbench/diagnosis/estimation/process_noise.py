@@ -30,6 +30,10 @@ Vector = npt.NDArray[np.float64]
 LADDER = (3000.0, 300.0, 30.0, 3.0, 1.0, 0.3, 0.03, 0.003)
 """Process-noise scales that are tried, from a poor model to a perfect one."""
 
+PERFECT = 0.03
+"""Process-noise scale at which the equations leave nothing out; the ladder goes on, lest a law is
+believed for making that noise smaller, as a wrong gain of a sensor does."""
+
 _USUAL = 3.0
 _BLOCK_S = 0.5
 _BLOCK_SAMPLES = 20

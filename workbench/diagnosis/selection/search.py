@@ -18,7 +18,7 @@ import numpy as np
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
-    LADDER,
+    PERFECT,
     ProcessNoiseFit,
     blocks_of_cost,
     extended_start,
@@ -338,7 +338,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         extended=extended,
         fits=(*state.fits, extended),
     )
-    return state, not extended.noise_scale <= LADDER[-1] < current.noise_scale
+    return state, not extended.noise_scale <= PERFECT < current.noise_scale
 
 
 def _passed(candidate: Candidate) -> bool:
