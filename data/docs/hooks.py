@@ -14,7 +14,6 @@ import json
 import os
 import posixpath
 import re
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -177,12 +176,13 @@ class Notebook:
 
 @cache
 def notebooks() -> list[Notebook]:
-    """Return the notebooks; executed, two at a time, if the environment asks for it."""
+    """Return the notebooks; executed if the environment asks for it.
+
+    One after the other: kernels that threads of one process talk to lose messages, and wait.
+    """
     paths = sorted((ROOT / "notebooks").glob("*.ipynb"))
     read = _executed if os.environ.get("WORKBENCH_EXECUTE_NOTEBOOKS") else _as_stored
-    with ThreadPoolExecutor(2) as pool:
-        contents = list(pool.map(read, paths))
-    return [_page_of(content, path.stem) for content, path in zip(contents, paths, strict=True)]
+    return [_page_of(read(path), path.stem) for path in paths]
 
 
 def _as_stored(path: Path) -> Any:

@@ -393,7 +393,8 @@ def _moved(before: float, after: float, unit: str, *, share: bool = True) -> str
         return f"{new}{suffix}"
     tail = ""
     if share and before and math.isfinite(before) and math.isfinite(after):
-        tail = f" ({100 * (after / before - 1):+.2g} %)"
+        percent = 100 * (after / before - 1)
+        tail = f" ({percent:+.0f} %)" if abs(percent) >= 10 else f" ({percent:+.2g} %)"
     return f"{old} → {new}{suffix if new != 'none' else ''}{tail}"
 
 
