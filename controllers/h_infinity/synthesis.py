@@ -186,21 +186,16 @@ def sampled_synthesis(
             f"no H-infinity controller was found for a speed of {weights.speed:g} rad/s ({error});"
             " take a smaller speed or a smaller disturbance"
         ) from None
+    enough = (1.0 + tolerance) * gamma
     # At the least norm the controller has poles towards infinity, and rounding decides on them; a
     # little above it they are finite.
     for back_off in (0.0, 0.01, 0.02, 0.05, 0.1, 0.2):
         whole = (
             _system(full) if back_off == 0.0 else _central(generalised, (1.0 + back_off) * gamma)
         )
-        slow = _without_fast_poles(whole, 2.0 / h)
-        candidates = [_truncated(slow, order) for order in range(1, len(slow[0]))] + [slow]
-        for found in candidates:
-            norm = closed_loop_norm(plant, weights, found)
-            if norm <= (1.0 + tolerance) * gamma:
-                break
-        else:
-            continue
-        break
+        found, norm = _reduced(whole, plant, weights, enough, 2.0 / h)
+        if norm <= enough:
+            break
     else:
         raise NumericalError(
             f"without its fast poles the H-infinity controller has a norm of {norm:.3g} instead of"
@@ -323,6 +318,19 @@ def closed_loop_norm(
     omega = weights.speed * np.geomspace(1e-4, 1e3, points)
     response = transfer_function(closed, entry, out, direct, 1j * omega)
     return float(np.linalg.norm(response, ord=2, axis=(1, 2)).max())
+
+
+def _reduced(
+    whole: System, plant: System, weights: Weights, enough: float, fastest: float
+) -> tuple[System, float]:
+    """Return the controller of least order whose norm is enough, else the largest; and its norm."""
+    slow = _without_fast_poles(whole, fastest)
+    for order in range(1, len(slow[0])):
+        found = _truncated(slow, order)
+        norm = closed_loop_norm(plant, weights, found)
+        if norm <= enough:
+            return found, norm
+    return slow, closed_loop_norm(plant, weights, slow)
 
 
 def _system(system: Any) -> System:

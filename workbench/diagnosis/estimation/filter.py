@@ -116,8 +116,8 @@ def _library() -> ctypes.CDLL | None:
     return library
 
 
-class Filter:
-    """The filter of a model's equations.
+class Asked(NamedTuple):
+    """What a filter is built for.
 
     Args:
         state_scale: Scale of each state, shape (n_states,), in SI.
@@ -127,42 +127,43 @@ class Filter:
         corrected: Places of the states that measurements correct.
         free_scale: Scale of each free parameter, in its SI unit.
         ports: Places of the ports at which an unmodelled signal may act.
+    """
+
+    traced: Trace
+    state_scale: tuple[float, ...]
+    output_scale: tuple[float, ...]
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+    corrected: tuple[int, ...]
+    free_scale: tuple[float, ...]
+    ports: tuple[int, ...]
+
+
+class Filter:
+    """The filter of a model's equations.
+
+    Args:
         sample_time: Time between samples, in s.
         substeps: Runge-Kutta steps per sample.
     """
 
-    def __init__(
-        self,
-        traced: Trace,
-        state_scale: tuple[float, ...],
-        output_scale: tuple[float, ...],
-        rows: tuple[int, ...],
-        columns: tuple[int, ...],
-        corrected: tuple[int, ...],
-        free_scale: tuple[float, ...],
-        ports: tuple[int, ...],
-        sample_time: float,
-        substeps: int,
-    ) -> None:
-        self._equations = Equations(
-            _functions(
-                traced, state_scale, output_scale, rows, columns, corrected, free_scale, ports
-            )
-        )
-        self._scale = np.array(state_scale)
-        self._kept = np.array(corrected, dtype=np.int64)
+    def __init__(self, asked: Asked, sample_time: float, substeps: int) -> None:
+        self._equations = Equations(_functions(asked))
+        self._scale = np.array(asked.state_scale)
+        self._kept = np.array(asked.corrected, dtype=np.int64)
         self._sample_time, self._substeps = sample_time, substeps
         self._struct: _Struct | None = None
         library = _library() if self._equations.compiled else None
         if library is not None:
             self._in_c = library.filter
-            n_x, n, n_y, n_f = len(state_scale), len(corrected), len(rows), len(columns)
+            n_x, n = len(asked.state_scale), len(asked.corrected)
+            n_y, n_f = len(asked.rows), len(asked.columns)
             size = 5 * n_x + n_y * (1 + n + n_f) + 2 * n + n_f + 6 * n * n + 2 * n * n_f
             self._work = np.zeros(max(1, size))
             self._struct = _Struct(
                 *(self._equations.in_c(i) for i in range(4)),
                 n_x,
-                traced.u.numel(),
+                asked.traced.u.numel(),
                 n_y,
                 n,
                 n_f,
@@ -324,35 +325,27 @@ def _flushed(matrix: ca.MX) -> ca.MX:
 
 
 @functools.lru_cache(maxsize=64)
-def _functions(
-    traced: Trace,
-    state_scale: tuple[float, ...],
-    output_scale: tuple[float, ...],
-    rows: tuple[int, ...],
-    columns: tuple[int, ...],
-    corrected: tuple[int, ...],
-    free_scale: tuple[float, ...],
-    ports: tuple[int, ...],
-) -> tuple[ca.Function, ...]:
+def _functions(asked: Asked) -> tuple[ca.Function, ...]:
     """Rates with their slopes, rates, measurements with their slopes, and process noise.
 
     Matrices are returned transposed: CasADi stores by columns, and so they stand by rows.
     """
-    sx, sy, kept = ca.DM(state_scale), ca.DM(output_scale), list(corrected)
+    traced, columns, ports = asked.traced, asked.columns, asked.ports
+    sx, sy, kept = ca.DM(asked.state_scale), ca.DM(asked.output_scale), list(asked.corrected)
     free = traced.p[list(columns)] if columns else ca.SX(0, 1)
 
     def slopes(values: ca.SX, scale: ca.DM) -> list[ca.SX]:
         by_state = ca.jacobian(values, traced.x)[:, kept] * ca.repmat(sx[kept].T, values.numel(), 1)
         by_free = (
-            ca.mtimes(ca.jacobian(values, free), ca.diag(ca.SX(ca.DM(free_scale))))
+            ca.mtimes(ca.jacobian(values, free), ca.diag(ca.SX(ca.DM(asked.free_scale))))
             if columns
             else ca.SX(values.numel(), 0)
         )
         return [ca.densify((m / ca.repmat(scale, 1, m.size2())).T) for m in (by_state, by_free)]
 
-    reads = traced.outputs[list(rows)]
+    reads = traced.outputs[list(asked.rows)]
     d = ca.SX.sym("d", len(ports), 2)
-    process = _process_noise(traced, np.array(state_scale), ports, d)
+    process = _process_noise(traced, np.array(asked.state_scale), ports, d)
     arguments, cse = [traced.x, traced.u, traced.p], {"cse": True}
     return (
         ca.Function("slope", arguments, [traced.rates, *slopes(traced.rates[kept], sx[kept])], cse),

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.estimation.filter import Filter, substeps_of
+from workbench.diagnosis.estimation.filter import Asked, Filter, substeps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import index_of
@@ -165,7 +165,7 @@ class PredictionError:
 
     @cached_property
     def _filter(self) -> Filter:
-        return Filter(
+        asked = Asked(
             self.model.form(self.form),
             tuple(self.state_scale),
             tuple(self._output_scale),
@@ -174,9 +174,8 @@ class PredictionError:
             self._corrected,
             tuple(self.free_scale),
             self._ports,
-            self.sample_time,
-            self._substeps,
         )
+        return Filter(asked, self.sample_time, self._substeps)
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:

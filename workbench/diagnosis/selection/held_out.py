@@ -32,7 +32,8 @@ _START_S = 0.5
 _START_SAMPLES = 10
 _BLOCK_S = 0.5
 _BLOCK_SAMPLES = 20
-MILD = 0.3
+
+_MILD = 0.3
 """Process-noise scale of a little trust in the equations, dimensionless."""
 
 _WINDOWS = 20
@@ -80,7 +81,7 @@ def windowed_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> Fr
     begun = extended_start(observed, nominal, model)
     count = len(begun.outputs)
     size = min(count, max(_WINDOW_SAMPLES, count // _WINDOWS))
-    rms = disturbances(model, max(fit.noise_scale, MILD))
+    rms = disturbances(model, max(fit.noise_scale, _MILD))
     filter_ = PredictionError(model, begun.sample_time, begun.used, (), rms)
     states = filter_.run(begun, model.values).states
     parts = []
@@ -187,7 +188,7 @@ def held_out_gain(
     milder = [scale for scale in LADDER if scale > fit.noise_scale]
     if held_out[1] > 0.0 or not milder:
         return held_out, blocks
-    mild = blocks_of_cost(replace(fit, noise_scale=max(milder[-1], MILD)), judged)
+    mild = blocks_of_cost(replace(fit, noise_scale=max(milder[-1], _MILD)), judged)
     other = gain_interval(before, mild)
     return (other, mild) if other[0] > held_out[0] else (held_out, blocks)
 
