@@ -144,6 +144,7 @@ def test_a_sensor_has_to_show_in_free_runs(
     asked = Limits(20.0, 100.0)
     free_runs |= {lag.name: 1.2, offset.name: 0.5}
     assert _taken(refits.decided(cast(Any, None), pair, (), asked)) == [offset.name]
+    assert _taken(refits.decided(cast(Any, None), pair[:1], (), asked)) == []
     free_runs |= {lag.name: 0.2}
     assert _taken(refits.decided(cast(Any, None), pair, (), asked)) == [lag.name]
 
