@@ -158,6 +158,9 @@ def test_of_processes_that_run_closer_than_a_sensor_the_closest_is_taken(
     field = [_candidate(entries[name], gain) for name, gain in gains]
     found = refits.decided(cast(Any, None), field, (), Limits(20.0, 100.0))
     assert _taken(found) == ["valve_offset"]
+    free_runs["stribeck_friction"] = 0.1
+    found = refits.decided(cast(Any, None), field, (), Limits(20.0, 100.0))
+    assert _taken(found) == ["stribeck_friction"]
 
 
 @pytest.mark.parametrize(("error", "taken"), [(0.5, True), (0.9, False)])
