@@ -48,14 +48,6 @@ class AnglePD(ClosedForm):
         derivative_filter: Time constant Tf of the derivative's filter, in s.
         name: Name under which results are reported.
         sensors: Name of the angle.
-
-    Raises:
-        WorkbenchError: If a gain or time constant is outside its range.
-
-    Example:
-        >>> pd = AnglePD(0.4, 0.02)
-        >>> pd.step(pd.initial_state((0.5,)), (0.5,), (0.5,))[0]
-        (5.0,)
     """
 
     proportional: float
@@ -65,7 +57,6 @@ class AnglePD(ClosedForm):
     sensors: tuple[str, ...] = field(default=("angle",), kw_only=True)
 
     def __post_init__(self) -> None:
-        """Check the gains."""
         check_range(f"proportional gain of {self.name}", self.proportional, 0.0, 1e6, "per rad")
         check_range(f"derivative gain of {self.name}", self.derivative, 0.0, 1e6, "s/rad")
         check_range(f"derivative filter of {self.name}", self.derivative_filter, 0.0, 10.0, "s")

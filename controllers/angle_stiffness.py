@@ -94,15 +94,6 @@ class Air:
         supply: Supply pressure, gauge, in Pa.
         ambient: Ambient pressure, absolute, in Pa.
         critical_ratio: Critical pressure ratio of the valve, dimensionless.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> air = Air()
-        >>> filling, venting = air.weights(3e5, 0.5236, 1.0, FLOATS)
-        >>> filling < 1.0 < venting
-        True
     """
 
     pressure: float = 3e5
@@ -113,7 +104,6 @@ class Air:
     critical_ratio: float = 0.23
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range("design pressure", self.pressure, 0.0, self.supply, "Pa")
         check_range("relative growth of the volume", self.volume_slope, -5.0, 5.0, "per rad")
         check_range("critical ratio", self.critical_ratio, 0.0, 0.9)
@@ -169,17 +159,6 @@ class AngleStiffness(ShownLaw):
         controlled: Names of the angle and the mean pressure.
         actuators: Names of the two commands.
         preview: No future references are used.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> from controllers.pid import cascade_pid
-        >>> both = AngleStiffness(cascade_pid(6e5, 2e6, 1e5, inner=2e-6))
-        >>> at_rest = (0.5, 3e5, 3e5)
-        >>> command, state, info = both.step(both.initial_state(at_rest), at_rest, (0.5, 3e5))
-        >>> command
-        (5.0, 5.0)
     """
 
     outer: CascadePID
@@ -195,7 +174,6 @@ class AngleStiffness(ShownLaw):
     preview: int = 0
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         fastest = 1.0 / self.sample_time
         check_range(f"mean speed of {self.name}", self.mean_speed, 1e-3, fastest, "rad/s")
         low, high = self.pressure_limits
@@ -329,14 +307,6 @@ def design_angle_stiffness(
 
     Source:
         `controllers.pid.design_pid`.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm.two_valves import two_valve_arm
-        >>> point = operating_point(two_valve_arm(3), {"angle": 0.5236, "mean_pressure": 3e5})
-        >>> design_angle_stiffness(linearise(point, verdict=False)).name
-        'angle and stiffness'
     """
     linear = linear_model(linear)
     one = opposed(linear)

@@ -47,7 +47,6 @@ class ExportedC:
     operations: int
 
     def __str__(self) -> str:
-        """Return one line."""
         return (
             f"{self.source} and {self.header.name}: {self.states} states, at most"
             f" {self.operations} operations per step"

@@ -190,9 +190,6 @@ class Guard:
         ramp: How long the reference then moves from what is measured to what is asked, in samples.
         stuck: Samples of full command after which a watched sensor must have changed.
         patience: How long a command may be at its end, or an error may stay, in samples.
-
-    Raises:
-        WorkbenchError: If a time is outside its range.
     """
 
     sensors: tuple[SensorLimits, ...]
@@ -205,7 +202,6 @@ class Guard:
     patience: float = _INFINITE
 
     def __post_init__(self) -> None:
-        """Check the times."""
         for name, least in (("hold", 0.0), ("settle", 1.0), ("ramp", 0.0)):
             value = check_range(f"{name} of a guard", getattr(self, name), least, 1e6, "samples")
             object.__setattr__(self, name, float(value))

@@ -19,10 +19,6 @@ class ConstantCommand:
         controlled: Names of the outputs that have a reference, which is not followed.
         actuators: Names of the inputs that are commanded.
         preview: No future references are used.
-
-    Example:
-        >>> ConstantCommand((5.0,)).step(None, (), ())
-        ((5.0,), None, {})
     """
 
     values: Command

@@ -70,9 +70,6 @@ class FixedGains:
         integral: Ki, in Pa/(rad s).
         derivative: Kd, in Pa s/rad.
         inner: Inner gain K_inner, opening fraction per Pa.
-
-    Raises:
-        WorkbenchError: If a gain is outside its range.
     """
 
     proportional: float
@@ -81,7 +78,6 @@ class FixedGains:
     inner: float
 
     def __post_init__(self) -> None:
-        """Check the gains."""
         for name in ("proportional", "integral", "derivative"):
             check_range(f"{name} gain", getattr(self, name), 0.0, 1e12)
         check_range("inner gain", self.inner, 1e-12, 1.0, "per Pa")
@@ -100,9 +96,6 @@ class PlacedGains:
         damping: Its damping ratio z.
         real_pole: Real pole as a fraction a of w.
         inner_bandwidth: Bandwidth omega_inner of the pressure-difference loop, in rad/s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
 
     frequency: float = 28.0
@@ -111,7 +104,6 @@ class PlacedGains:
     inner_bandwidth: float = 120.0
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range("frequency of the placed poles", self.frequency, 0.1, 1e3, "rad/s")
         check_range("inner bandwidth", self.inner_bandwidth, 1.0, 1e4, "rad/s")
 
@@ -160,9 +152,6 @@ class CascadePID(ClosedForm):
         lag: Lag tau of spool and sample that is predicted over, in s; 0 leaves it to the margin.
         name: Name under which results are reported.
 
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
     Example:
         >>> pid = CascadePID(LaggedReference(), FixedGains(6e5, 2e6, 1e5, inner=2e-6))
         >>> at_rest = (0.5, 3e5, 3e5)
@@ -183,7 +172,6 @@ class CascadePID(ClosedForm):
     name: str = "cascade PID"
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         h = check_range(f"sample time of {self.name}", self.sample_time, 1e-6, 1.0, "s")
         check_range(f"derivative filter of {self.name}", self.derivative_filter, 0.0, 10.0, "s")
         check_range(f"tracking time of {self.name}", self.tracking_time, h, 1e3, "s")
@@ -282,10 +270,6 @@ def cascade_pid(
         difference_limit: Largest pressure difference asked for, in Pa.
         pressure_filter: Time constant of the pressures' filter, in s.
         sample_time: Time between steps, in s.
-
-    Example:
-        >>> cascade_pid(6e5, 2e6, 1e5, inner=2e-6).name
-        'cascade PID'
     """
     return CascadePID(
         LaggedReference(reference_speed, pressure_filter, sample_time),
@@ -314,9 +298,6 @@ class PIDSpecification:
         maximum_complementary: Limit on Mt, the peak of the complementary sensitivity (ratio).
         reference_speed: Bandwidth of the reference filter, in rad/s.
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
 
     inner_bandwidth: float = 100.0
@@ -329,7 +310,6 @@ class PIDSpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         top = 1.0 / self.sample_time
         check_range("inner bandwidth", self.inner_bandwidth, 1.0, top, "rad/s")
@@ -428,9 +408,6 @@ def design_scheduled_pid(
             noisy), in rad/s; 0 for a smooth one.
         reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
 
     Example:
         >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))

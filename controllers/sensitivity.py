@@ -30,17 +30,6 @@ def peak_sensitivities(
 
     Source:
         Åström and Hägglund, Advanced PID Control, 2006, section 4.6.
-
-    Example:
-        >>> from controllers.pid import design_pid
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> point = operating_point(arm(3), {"angle": 0.5236})
-        >>> linear = linearise(point, verdict=False)
-        >>> ms, mt = peak_sensitivities(design_pid(linear), linear)
-        >>> ms <= 2.0
-        True
     """
     return peaks_of(loop_matrices(controller, linear), controller.sample_time, points, late)
 

@@ -105,7 +105,6 @@ class SlidingMode(ClosedForm):
     name: str = "sliding mode"
 
     def __post_init__(self) -> None:
-        """Check the gains."""
         check_choice("kind of sliding mode", self.kind, KINDS)
         h = check_range(f"sample time of {self.name}", self.sample_time, 1e-6, 1.0, "s")
         check_range(f"slope of {self.name}", self.slope, 0.01, 1.0 / h, "rad/s")
@@ -187,9 +186,6 @@ class SlidingModeSpecification:
         observer_bandwidth: Poles of the observer, in rad/s.
         reference_speed: Poles of the reference model, in rad/s.
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
 
     slope: float = 25.0
@@ -200,7 +196,6 @@ class SlidingModeSpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range("slope of the surface", self.slope, 0.01, 1e3, "rad/s")
         check_range("bound on the jerk", self.jerk_bound, 1e-6, 1e9, "rad/s3")
         check_range("bandwidth of the layer", self.layer_bandwidth, 0.1, 1e3, "rad/s")
@@ -223,15 +218,6 @@ def design_sliding_mode(
 
     Source:
         Slotine and Li, Applied Nonlinear Control, 1991, section 7.2.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> point = operating_point(arm(3), {"angle": 0.5236})
-        >>> law = design_sliding_mode(linearise(point, verdict=False))
-        >>> round(law.layer_bandwidth)
-        80
     """
     linear = linear_model(linear)
     want = specification or SlidingModeSpecification()
@@ -298,15 +284,6 @@ def design_scheduled_sliding_mode(
             noisy), in rad/s; 0 for a smooth one.
         reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
-        >>> law = design_scheduled_sliding_mode(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
-        >>> round(law.layer_bandwidth)
-        60
     """
     check_choice("kind of sliding mode", kind, KINDS)
     check_range("share of the jerk left out", unexplained_share, 1e-3, 1.0)

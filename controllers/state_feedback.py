@@ -163,15 +163,6 @@ def design_state_feedback(
             noisy), in rad/s; 0 for a smooth one.
         reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
-        >>> law = design_state_feedback(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
-        >>> len(law.gains), len(law.gains[0])
-        (4, 2)
     """
     import control as ct
 

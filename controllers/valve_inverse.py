@@ -56,7 +56,6 @@ class ValveInverse:
     centre: float = 5.0
 
     def __post_init__(self) -> None:
-        """Check the tables."""
         check_finite("valve curve", (*self.voltages, *self.fractions, self.centre))
         same = len(self.voltages) == len(self.fractions) >= 2
         if not same or not all(

@@ -159,12 +159,6 @@ def design_h_infinity(
     Raises:
         WorkbenchError: If slycot is not installed or a number is outside its range.
         NumericalError: If there is no such controller.
-
-    Example:
-        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
-        >>> law = design_h_infinity(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
-        >>> law.gamma < 1.5
-        True
     """
     check_range("compensated share", compensation, 0.0, 1.0)
     at = schedule.at(angle, mean_pressure)

@@ -57,13 +57,6 @@ class Weights:
         complementary_floor: Wanted |T| at high frequency, f', a ratio.
         disturbance: Disturbing acceleration that weighs as much as a change of the reference, in
             w^2 per rad.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> Weights(20.0).peak
-        2.0
     """
 
     speed: float
@@ -76,7 +69,6 @@ class Weights:
     disturbance: float = 0.3
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range("speed of the performance weight", self.speed, 0.1, 1e3, "rad/s")
         check_range("peak of the performance weight", self.peak, 1.0, 10.0)
         check_range("floor of the performance weight", self.floor, 1e-9, 0.5)
@@ -207,12 +199,7 @@ def sampled_synthesis(
 
 
 def has_slycot() -> bool:
-    """Tell whether slycot is installed.
-
-    Example:
-        >>> has_slycot()
-        True
-    """
+    """Tell whether slycot is installed."""
     return importlib.util.find_spec("slycot") is not None
 
 
@@ -221,9 +208,6 @@ def require_slycot() -> None:
 
     Raises:
         WorkbenchError: If slycot is not installed.
-
-    Example:
-        >>> require_slycot()
     """
     if not has_slycot():
         raise WorkbenchError(
@@ -238,12 +222,6 @@ def joint_behind_pressure_loop(joint: JointModel, inner_bandwidth: float, delay:
     Args:
         inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
         delay: Delay, in s.
-
-    Example:
-        >>> joint = JointModel(b=1.6e-4, a1=1.5, a0=96.0, g=3.5e7, e=6.2e5, d=0.8)
-        >>> A, B, C, D = joint_behind_pressure_loop(joint, 120.0, 0.004)
-        >>> round(float((-C @ np.linalg.solve(A, B)).ravel()[1]) * 96.0, 6)
-        1.0
     """
     v, p = inner_bandwidth, 2.0 / delay
     A = np.array(
@@ -259,14 +237,7 @@ def joint_behind_pressure_loop(joint: JointModel, inner_bandwidth: float, delay:
 
 
 def generalised_plant(plant: System, weights: Weights) -> System:
-    """Join plant and weights: from (n, d, u) to (z1, z2, z3, y).
-
-    Example:
-        >>> A, B, C, D = generalised_plant((np.zeros((1, 1)), np.ones((1, 2)), np.ones((1, 1)),
-        ...     np.zeros((1, 2))), Weights(20.0))
-        >>> A.shape, B.shape, C.shape
-        ((3, 3), (3, 3), (4, 3))
-    """
+    """Join plant and weights: from (n, d, u) to (z1, z2, z3, y)."""
     A, B, C, _ = plant
     a1, b1, c1, d1 = weights.performance()
     a3, b3, c3, d3 = weights.robustness()

@@ -43,9 +43,6 @@ class LaggedReference:
         speed: Speed omega_r of the lags, in rad/s; 0 for none.
         pressure_filter: Time constant of the pressures' filter, in s.
         sample_time: Time between samples, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
 
     speed: float = 25.0
@@ -53,7 +50,6 @@ class LaggedReference:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         h = check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         check_range("pressure filter", self.pressure_filter, 0.0, 10.0, "s")
         check_range("reference speed", self.speed, 0.0, 1.0 / h, "rad/s")
@@ -107,9 +103,6 @@ class ReferenceModel:
         speed: Poles omega_r of the reference model, in rad/s.
         pressure_filter: Time constant of the pressures' filter, in s.
         sample_time: Time between samples, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
 
     joint: JointModel
@@ -119,7 +112,6 @@ class ReferenceModel:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         h = check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         check_range("pressure filter", self.pressure_filter, 0.0, 10.0, "s")
         check_range("reference speed", self.speed, 0.1, 0.5 / h, "rad/s")

@@ -38,13 +38,6 @@ class HysteresisCompensation:
         breakaway: Contraction over which the loop turns, in m.
         lever: Lever of the muscles, in m.
         torque_per_difference: Torque per pressure difference, in N m/Pa.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> HysteresisCompensation(10.0, 7e-5, 5e-4, 0.03, 7.6e-5).difference(1.0, 4e5).__round__()
-        30000
     """
 
     level: float
@@ -54,7 +47,6 @@ class HysteresisCompensation:
     torque_per_difference: float
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range("half width of the hysteresis", self.level, 0.0, 1e4, "N")
         check_range("growth of the hysteresis", self.slope, 0.0, 1e-2, "N/Pa")
         check_range("breakaway of the hysteresis", self.breakaway, 1e-6, 1.0, "m")

@@ -41,11 +41,6 @@ class JointModel:
         angle: Angle of the operating point, in rad.
         difference: Pressure difference of the operating point, in Pa.
         misfit: Largest relative distance to the linear model's responses on the fitted grid.
-
-    Example:
-        >>> joint = JointModel(b=1.6e-4, a1=1.0, a0=100.0, g=3.7e7, e=6.9e5, d=0.3)
-        >>> round(joint.opening_to_jerk)
-        5920
     """
 
     b: float
@@ -136,14 +131,6 @@ def frequency_response(
 
     Raises:
         WorkbenchError: If the linear model lacks one of the signals.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> linear = linearise(operating_point(arm(3), {"angle": 0.5236}), verdict=False)
-        >>> frequency_response(linear, ("angle",), "valve", (1.0, 2.0))[0].shape
-        (1, 60)
     """
     for output in outputs:
         check_choice("sensor of the linear model", output, linear.output_names)

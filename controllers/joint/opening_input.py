@@ -38,14 +38,6 @@ def opening_input(
 
     Raises:
         WorkbenchError: If the model has neither input.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> point = operating_point(arm(3), {"angle": 0.5236})
-        >>> opening_input(linearise(point, verdict=False), ValveInverse()).per_opening
-        50.0
     """
     name = OPENING if OPENING in linear.input_names else actuator
     check_choice("actuator of the linear model", name, linear.input_names)

@@ -168,14 +168,6 @@ def joint_schedule(
     Raises:
         WorkbenchError: If the angles are not evenly spaced, there are not two mean pressures, or
             fewer than two operating points at one of them.
-
-    Example:
-        >>> from workbench.linearisation.operating_map import operating_map
-        >>> from workbench.plants.arm import arm
-        >>> axes = {"angle": [0.3, 0.5, 0.7], "mean_pressure": [2.8e5, 3.6e5]}
-        >>> schedule = joint_schedule(operating_map(arm(3), axes))
-        >>> abs(schedule.at(0.5236, 4.2e5).difference) < 1e3
-        True
     """
     if tuple(found.axes) != ("angle", "mean_pressure"):
         raise WorkbenchError(

@@ -264,15 +264,6 @@ def joint_tracking(
         reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
             noisy), in rad/s; 0 for a smooth one.
         reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
-        >>> front = joint_tracking(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
-        >>> round(front.planner.jerk)
-        1800
     """
     check_range("share of the opening for a planned move", jerk_share, 0.01, 1.0)
     check_range("pressure reserve", pressure_reserve, 1e3, 1e7, "Pa")

@@ -401,13 +401,6 @@ def design_scheduled_mpc(
 
     Raises:
         WorkbenchError: If a number is outside its range or a Riccati equation has no solution.
-
-    Example:
-        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
-        >>> mpc = design_scheduled_mpc(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
-        >>> at_rest = (0.5, 3e5, 3e5)
-        >>> round(mpc.step(mpc.initial_state(at_rest), at_rest, (0.5,))[0][0], 6)
-        5.0
     """
     h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
     w = check_range("radius of the poles", radius, 0.1, 0.5 / h, "rad/s")

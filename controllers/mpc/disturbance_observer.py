@@ -126,23 +126,6 @@ def design_disturbance_observer(
 
     Source:
         Pannocchia and Rawlings 2003, proposition 1 (observability of the joined system).
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> linear = linearise(operating_point(arm(3), {"angle": 0.5236}), verdict=False)
-        >>> observer = design_disturbance_observer(
-        ...     linear,
-        ...     sensors=("angle", "pressure_1", "pressure_2"),
-        ...     actuators=("valve",),
-        ...     disturbances={"speed": 100.0, "pressure_1": 1e6, "pressure_2": 1e6},
-        ...     sensor_noise=(2e-5, 600.0, 600.0),
-        ...     state_noise=0.01,
-        ...     sample_time=0.002,
-        ... )
-        >>> observer.disturbances
-        3
     """
     for name in disturbances:
         check_choice("disturbed state", name, linear.state_names)

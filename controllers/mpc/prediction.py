@@ -132,16 +132,6 @@ def condense(
 
     Source:
         Maciejowski, Predictive Control with Constraints, 2002, sections 2.6 and 3.1.
-
-    Example:
-        >>> one = np.eye(1)
-        >>> problem = condense(
-        ...     -one, one, one, one, weights=(1.0, 0.1, 0.1), prediction_time=0.1, stride=1,
-        ...     blocks=(1, 2), opening_limits=(-1.0, 1.0), move_limit=1.0, output_limits=(),
-        ...     softness=1.0,
-        ... )
-        >>> problem.size, problem.samples
-        ((3, 2), 3)
     """
     n_x, n_w, n_u, N = len(A), E.shape[1], len(blocks), sum(blocks)
     q, r, s = weights

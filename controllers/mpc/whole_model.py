@@ -273,13 +273,6 @@ class MPCSpecification:
         reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
         preview: Whether the future reference over the horizon is used.
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> sum(MPCSpecification().blocks)
-        40
     """
 
     angle_scale: float = 0.01
@@ -301,7 +294,6 @@ class MPCSpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         h = check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         check_range("prediction time", self.prediction_time, h, 10.0, "s")
         check_range("opening limit", self.opening_limit, 1e-3, 1.0)
@@ -328,17 +320,6 @@ def design_mpc(
 
     Source:
         Rawlings, Mayne and Diehl, Model Predictive Control, 2017, chapter 1.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> point = operating_point(arm(3), {"angle": 0.5236})
-        >>> mpc = design_mpc(linearise(point, verdict=False))
-        >>> state = mpc.initial_state((0.5236, 4.2e5, 4.2e5))
-        >>> (voltage,), state, info = mpc.step(state, (0.5236, 4.2e5, 4.2e5), (0.6,))
-        >>> voltage > 5.0, info["status"]
-        (True, 'SOLVER_RET_SUCCESS')
     """
     linear = linear_model(linear)
     want = specification or MPCSpecification()

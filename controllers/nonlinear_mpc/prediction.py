@@ -105,11 +105,6 @@ def dynamics(
     Raises:
         WorkbenchError: If a name is unknown, or the rates of the resting states are not linear in
             them.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> dynamics(servo_axis(), ("speed",)).names
-        ('position', 'speed')
     """
     traced = model.regularised
     names = [q.name for q in model.states]
@@ -160,12 +155,6 @@ def discrete(rates: Dynamics, duration: float, steps: int, name: str) -> ca.Func
 
     Source:
         Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.1.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> stage = discrete(dynamics(servo_axis(), ()), 0.01, 2, "stage")
-        >>> [stage.size_out(i) for i in range(3)]
-        [(2, 1), (2, 2), (2, 1)]
     """
     f = rates.function
     n, n_u, n_w = len(rates.names), f.size1_in(1), rates.disturbances
@@ -193,12 +182,6 @@ def shooting(stage: ca.Function, stages: int) -> ca.Function:
 
     Returns:
         Function (Z, U, w) of matrices with one column per stage -> the results side by side.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> stage = discrete(dynamics(servo_axis(), ()), 0.01, 2, "stage")
-        >>> shooting(stage, 5).size_out(1)
-        (2, 10)
     """
     n, n_u, n_w = (stage.size1_in(i) for i in range(3))
     Z, U, w = ca.MX.sym("Z", n, stages), ca.MX.sym("U", n_u, stages), ca.MX.sym("w", n_w)
@@ -214,11 +197,6 @@ def measurements(model: Model, sensors: tuple[str, ...]) -> ca.Function:
 
     Raises:
         WorkbenchError: If a name is unknown.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> measurements(servo_axis(), ("position",)).size_out(1)
-        (1, 2)
     """
     outputs = [q.name for q in model.outputs]
     for name in sensors:

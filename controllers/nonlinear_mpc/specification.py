@@ -36,13 +36,6 @@ class NonlinearMPCSpecification:
         planner: Planner of the reference in place of the lags; not used with preview.
         preview: Whether the future reference over the horizon is used.
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> NonlinearMPCSpecification().stages
-        20
     """
 
     angle_scale: float = 0.01
@@ -66,7 +59,6 @@ class NonlinearMPCSpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         h = check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         check_range("stage time", self.stage_time, h, 10.0, "s")
         check_range("number of stages", self.stages, 2, 200)

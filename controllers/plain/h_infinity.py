@@ -33,9 +33,6 @@ class PlainHInfinitySpecification:
         speed: Speed w below which the error is made small, in rad/s.
         delay: Delay of sample and converter, in s; one and a half samples by default (0).
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
 
     measured: str = ""
@@ -45,7 +42,6 @@ class PlainHInfinitySpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
         check_range("speed", self.speed, 1e-6, 0.5 / self.sample_time, "rad/s")
         check_range("delay", self.delay, 0.0, 1e3, "s")
@@ -62,11 +58,6 @@ def design_plain_h_infinity(
     Raises:
         WorkbenchError: If slycot is not installed.
         NumericalError: If there is no such controller.
-
-    Example:
-        >>> import control
-        >>> design_plain_h_infinity(control.tf([50.0], [0.1, 1.0, 0.0])).name
-        'H-infinity'
     """
     import control as ct
 

@@ -36,9 +36,6 @@ class PlainMPCSpecification:
         noise: Noise rms of the measurement, in SI; by default what the sensor declares, and 1e-4
             of its scale at least (0).
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
 
     measured: str = ""
@@ -50,7 +47,6 @@ class PlainMPCSpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
         check_range("speed", self.speed, 1e-6, 0.5 / self.sample_time, "rad/s")
         for name in ("error_scale", "rate_time", "noise"):
@@ -68,12 +64,6 @@ def design_plain_mpc(
     Raises:
         WorkbenchError: If the output cannot be led to a reference by the command, or a Riccati
             equation has no solution.
-
-    Example:
-        >>> import control
-        >>> mpc = design_plain_mpc(control.tf([50.0], [0.1, 1.0, 0.0]))
-        >>> mpc.step(mpc.initial_state((0.0,)), (0.0,), (0.1,))[2]["status"]
-        'SOLVER_RET_SUCCESS'
     """
     want = specification or PlainMPCSpecification()
     loop = single_loop(linear, want.measured, want.actuator)

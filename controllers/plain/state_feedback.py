@@ -161,9 +161,6 @@ class LQISpecification:
             sensor declares, and 1e-4 of its scale at least (0).
         disturbance: Random disturbance of the command for the Kalman filter, as a fraction of it.
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
 
     measured: str = ""
@@ -177,7 +174,6 @@ class LQISpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
         for name in ("error_scale", "integral_time", "reference_speed", "noise"):
             check_range(name.replace("_", " "), getattr(self, name), 0.0, 1e12)
@@ -196,11 +192,6 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
     Raises:
         WorkbenchError: If the output cannot be led to a reference by the command, or a Riccati
             equation has no solution.
-
-    Example:
-        >>> import control
-        >>> design_lqi(control.tf([50.0], [0.1, 1.0, 0.0])).name
-        'state feedback'
     """
     want = specification or LQISpecification()
     loop = single_loop(linear, want.measured, want.actuator)
@@ -290,9 +281,6 @@ class PlainSlidingModeSpecification(LQISpecification):
         slope: Speed of the poles on the surface, in rad/s; poles of the model that are faster stay.
         reach: What may lead to the surface, as a fraction of the command.
         layer_bandwidth: Pole inside the boundary layer, in rad/s; twice the slope by default (0).
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
 
     slope: float = 10.0
@@ -300,7 +288,6 @@ class PlainSlidingModeSpecification(LQISpecification):
     layer_bandwidth: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         super().__post_init__()
         check_range("slope of the surface", self.slope, 1e-6, 0.2 / self.sample_time, "rad/s")
         check_range("reach to the surface", self.reach, 1e-6, 10.0)
@@ -318,12 +305,6 @@ def design_plain_sliding_mode(
 
     Raises:
         WorkbenchError: If the command does not reach all states.
-
-    Example:
-        >>> import control
-        >>> law = design_plain_sliding_mode(control.tf([50.0], [0.1, 1.0, 0.0]))
-        >>> law.name, law.layer > 0
-        ('sliding mode', True)
     """
     want = specification or PlainSlidingModeSpecification()
     loop = single_loop(linear, want.measured, want.actuator)

@@ -133,9 +133,6 @@ def pid_by_hand(
         upper: Upper end of the command, in SI.
         sample_time: Time between steps, in s.
 
-    Raises:
-        WorkbenchError: If a number is outside its range.
-
     Example:
         >>> pi = pid_by_hand(2.0, 10.0, measured="speed", actuator="voltage", upper=24.0)
         >>> pi.step(pi.initial_state((0.0,)), (0.0,), (3.0,))[0]
@@ -275,9 +272,6 @@ class PlainPIDSpecification:
         maximum_complementary: Limit on Mt, the peak of the complementary sensitivity (ratio).
         delay: Delay beside that of sampling that the loop must have in its phase, in s.
         sample_time: Time between steps, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
 
     measured: str = ""
@@ -291,7 +285,6 @@ class PlainPIDSpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
         check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
         check_range("bandwidth", self.bandwidth, 0.0, 1.0 / self.sample_time, "rad/s")
         check_range("phase margin", self.phase_margin, 0.2, 1.5, "rad")
@@ -317,12 +310,6 @@ def design_plain_pid(
 
     Source:
         Loop shaping with lag and lead: Åström and Murray, Feedback Systems, 2008, section 11.4.
-
-    Example:
-        >>> import control
-        >>> law = design_plain_pid(control.tf([50.0], [0.1, 1.0, 0.0]))
-        >>> law.name, law.sensors
-        ('PID', ('y_0',))
     """
     want = specification or PlainPIDSpecification()
     loop = single_loop(linear, want.measured, want.actuator)

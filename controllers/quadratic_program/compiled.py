@@ -26,12 +26,7 @@ FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-shared")
 
 
 def solver_source(variables: int, rows: int, *, limit: int, factor: bool = True) -> str:
-    """Return the solver for problems of one size as C source.
-
-    Example:
-        >>> print(solver_source(2, 3, limit=9).splitlines()[0])
-        #define QP_N 2 /* variables */
-    """
+    """Return the solver for problems of one size as C source."""
     return (
         f"#define QP_N {variables} /* variables */\n"
         f"#define QP_ROWS {rows} /* constraints, then variables */\n"
@@ -42,24 +37,14 @@ def solver_source(variables: int, rows: int, *, limit: int, factor: bool = True)
 
 
 def solver_bytes(variables: int, rows: int, *, factor: bool = True) -> int:
-    """Return the solver's own memory, in bytes, with 4 bytes for an integer.
-
-    Example:
-        >>> solver_bytes(12, 103, factor=False)
-        5795
-    """
+    """Return the solver's own memory, in bytes, with 4 bytes for an integer."""
     numbers = (2 + factor) * variables**2 + 9 * variables + 3 * rows
     return 8 * numbers + 4 * (variables + 1) + rows
 
 
 @lru_cache(maxsize=32)
 def solver_library(variables: int, rows: int, limit: int) -> ctypes.PyDLL | None:
-    """Return the built solver for problems of one size, or None without a compiler.
-
-    Example:
-        >>> solver_library(1, 2, 10) is solver_library(1, 2, 10)
-        True
-    """
+    """Return the built solver for problems of one size, or None without a compiler."""
     cc = _compiler()
     if cc is None:
         return None

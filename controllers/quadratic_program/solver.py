@@ -95,10 +95,6 @@ def factored(H: Matrix, A: Matrix) -> Factored:
 
     Raises:
         WorkbenchError: If H is not positive definite or a number is not finite.
-
-    Example:
-        >>> factored(4.0 * np.eye(1), np.zeros((0, 1))).inverse
-        array([[0.5]])
     """
     try:
         inverse = np.linalg.inv(np.linalg.cholesky(H)).T
@@ -116,12 +112,7 @@ def factored(H: Matrix, A: Matrix) -> Factored:
 
 
 def most_iterations(variables: int, constraints: int) -> int:
-    """Return the number of iterations after which a solution is given up.
-
-    Example:
-        >>> most_iterations(12, 91)
-        163
-    """
+    """Return the number of iterations after which a solution is given up."""
     return 5 * variables + constraints + variables
 
 
@@ -300,12 +291,7 @@ def _pointer(array: npt.NDArray[Any]) -> ctypes.c_void_p:
 
 @lru_cache(maxsize=32)
 def quadratic_program(variables: int, constraints: int) -> QuadraticProgram:
-    """Return the solver for problems of a size, made once.
-
-    Example:
-        >>> quadratic_program(2, 1) is quadratic_program(2, 1)
-        True
-    """
+    """Return the solver for problems of a size, made once."""
     return QuadraticProgram(variables, constraints)
 
 

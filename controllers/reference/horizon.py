@@ -32,12 +32,6 @@ class ReferenceAhead:
         lag_speed: Speed omega_r of the lags, in rad/s.
         planner: Planner in place of the lags; None for the lags.
         sample_time: Time between samples, in s.
-
-    Example:
-        >>> ahead = ReferenceAhead((0.0, 0.1, 0.4), 40.0)
-        >>> path, _ = ahead.follow(ahead.start(0.0), 1.0)
-        >>> bool(path[0] < 0.01), bool(path[2] > 0.99)
-        (True, True)
     """
 
     times: tuple[float, ...]
@@ -92,10 +86,6 @@ def lagged(
 
     Returns:
         Both lags one sample later, in rad.
-
-    Example:
-        >>> lagged(0.0, 0.0, 1.0, 0.5)
-        (0.5, 0.25)
     """
     filtered = filtered + fresh * (reference - filtered)
     return filtered, target + fresh * (filtered - target)

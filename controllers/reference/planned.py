@@ -126,7 +126,6 @@ class Planner:
     jump: float = 0.02
 
     def __post_init__(self) -> None:
-        """Check the limits."""
         check_range("jerk of the planned reference", self.jerk, 1e-6, 1e9, "rad/s3")
         check_range("acceleration of the planned reference", self.acceleration, 1e-6, 1e9, "rad/s2")
         check_range("speed of the planned reference", self.speed, 1e-6, 1e9, "rad/s")

@@ -164,15 +164,6 @@ def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) ->
 
     Raises:
         WorkbenchError: If the file cannot be read, or an answer was not committed or differs.
-
-    Example:
-        >>> import tempfile
-        >>> answer = {"truth": [{"effect": "tilt"}], "salt": "3f"}
-        >>> with tempfile.TemporaryDirectory() as place:
-        ...     file = Path(place) / "commitments.txt"
-        ...     _ = file.write_text(f"one {commitments(answer)[0]}")
-        ...     check_commitments({"one": answer}, file)
-        1
     """
     try:
         content = Path(path).read_text(encoding="utf-8")

@@ -204,16 +204,6 @@ def score_verdicts(
     Raises:
         WorkbenchError: If a file cannot be read, a verdict is missing, a word of the key has no
             meaning, or an answer is not the one committed.
-
-    Example:
-        >>> import tempfile
-        >>> said = '{"schema": "workbench.verdict/1", "verdict": "nothing_missing"}'
-        >>> with tempfile.TemporaryDirectory() as place:
-        ...     folder, key = Path(place), Path(place) / "key.json"
-        ...     _ = (folder / "one.json").write_text(said)
-        ...     _ = key.write_text('{"one": {"truth": [{"effect": "none"}]}}')
-        ...     score_verdicts(folder, key).points
-        6
     """
     answers = read_key(key)
     table = read_names(names)

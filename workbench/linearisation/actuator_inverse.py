@@ -61,14 +61,6 @@ class ActuatorInverse:
 
     Args:
         operating_point: Where the plant stands.
-
-    Example:
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> plant = arm(3)
-        >>> inverse = ActuatorInverse(operating_point(plant), plant.traits.curve("opening"))
-        >>> inverse([0.0, 0.056]).round(6).tolist()
-        [5.0, 5.9]
     """
 
     operating_point: OperatingPoint

@@ -39,16 +39,6 @@ class Comparison:
 
     Raises:
         WorkbenchError: If there is no such output.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis().without("coulomb_friction")
-        >>> trial = Comparison(linearise(operating_point(axis)))
-        >>> push = np.full(BLOCK, 50.0)
-        >>> bool(np.allclose(trial.plant(push), trial.linear(push), atol=1e-6))
-        True
     """
 
     def __init__(self, linear: LinearModel, output: str = "") -> None:
@@ -171,14 +161,6 @@ def horizon_of(linear: LinearModel) -> float:
 
     Returns:
         Length of a comparison, in s.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis().without("coulomb_friction")
-        >>> round(horizon_of(linearise(operating_point(axis))), 3)  # three times 95 kg / 200 N s/m
-        1.425
     """
     swinging = [m.frequency_hz for m in linear.modes if m.damping < 1.0 and m.frequency_hz < 20.0]
     if swinging:

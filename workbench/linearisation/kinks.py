@@ -37,14 +37,6 @@ class Kink:
         slope_below: Its slope below the kink, in SI.
         slope_above: Its slope above the kink, in SI.
         slope_unit: Unit of both slopes.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> kink = linearise(operating_point(arm(3), {"mean_pressure": 3e5})).verdict.kinks[0]
-        >>> kink.name, kink.distance, kink.below.A.shape
-        ('spool', 0.0, (8, 8))
     """
 
     name: str
@@ -93,13 +85,6 @@ def find_kinks(
 
     Returns:
         The kinks, those at the point first, then by the size of the jump.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> linearise(operating_point(servo_axis())).verdict.kinks
-        ()
     """
     model = point.model
     quantities = [*model.states, *model.inputs]

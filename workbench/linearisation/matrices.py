@@ -34,11 +34,6 @@ def speeds(model: Model, jacobian: Vector) -> dict[str, float]:
 
     Returns:
         Amplitudes by name, in SI.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> speeds(servo_axis(), np.array([[0.0, 1.0, 0.0], [0.0, -2.0, 0.01], [1.0, 0.0, 0.0]]))
-        {'speed': 0.1}
     """
     n = len(model.states)
     found = {}
@@ -61,11 +56,6 @@ def check_amplitude(model: Model, amplitude: Mapping[str, float]) -> dict[str, f
 
     Raises:
         WorkbenchError: If a name is unknown or an amplitude not positive.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> check_amplitude(servo_axis(), {"speed": 1})
-        {'speed': 1.0}
     """
     names = {q.name: q for q in model.states}
     result = {}

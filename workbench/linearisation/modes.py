@@ -86,11 +86,6 @@ def find_modes(A: Vector, names: tuple[str, ...]) -> tuple[Mode, ...]:
 
     Source:
         I. J. Perez-Arriaga, G. C. Verghese, F. C. Schweppe 1982.
-
-    Example:
-        >>> spring = np.array([[0.0, 1.0], [-4.0, 0.0]])
-        >>> [round(mode.frequency_hz, 3) for mode in find_modes(spring, ("x", "v"))]
-        [0.318]
     """
     if not len(A):
         return ()

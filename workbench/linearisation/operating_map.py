@@ -28,13 +28,6 @@ class OperatingMap:
         state: State whose oscillation `frequency_hz` and `damping` describe.
         models: Linear models by their indices on the axes.
         reasons: Why there is no operating point, by the same indices.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axes = {"position": [0.0, 0.1], "mass": [50.0, 90.0, 95.0]}
-        >>> found = operating_map(servo_axis(), axes)
-        >>> found.table(lambda linear: linear.A).shape
-        (2, 3, 2, 2)
     """
 
     axes: Mapping[str, Vector]

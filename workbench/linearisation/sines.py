@@ -32,11 +32,6 @@ class FrequencyValidity:
         amplitudes: Amplitude of the input at each, shape (n,), in SI of the linear model's input.
         gain_ratios: Gain of the plant over that of the linear model, shape (n,), dimensionless.
         phase_errors: Phase of the plant less that of the linear model, shape (n,), in rad.
-
-    Example:
-        >>> one = np.ones(2)
-        >>> print(FrequencyValidity("u", "y", 0.1, 0.17, 1.0, 2.0, one, one, one, 0 * one))
-        sines of u: y agrees within 10 % and 10 deg from 1 to 2 Hz
     """
 
     input: str
@@ -98,15 +93,6 @@ def frequency_validity(
 
     Source:
         Describing functions by simulation.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis().without("coulomb_friction")
-        >>> agree = frequency_validity(linearise(operating_point(axis)), points=3)
-        >>> bool(agree.agrees.all())
-        True
     """
     check_range("number of frequencies", points, 2, 200)
     check_range("gain error", gain_within, 1e-6, 10.0)

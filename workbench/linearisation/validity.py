@@ -23,11 +23,6 @@ class DescribingFunction:
         over_oscillation: Slope over the oscillation, in SI, which the matrices hold.
         unit: Unit of the oscillation.
         rate_unit: Unit of the rate.
-
-    Example:
-        >>> print(DescribingFunction("speed", 1.0, "speed", -32.8, -1.4, "rad/s", "rad/s2"))
-        slope of d speed/dt by speed: -1.4 rad/s2 per rad/s over an oscillation of 1 rad/s, -32.8 at
-        the point
     """
 
     name: str
@@ -54,14 +49,6 @@ class Validity:
     Args:
         kinks: Kinks of the plant at or next to the point, with the matrices on both sides.
         describing_functions: Slopes that were taken over an oscillation.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> verdict = linearise(operating_point(servo_axis())).verdict
-        >>> [described.name for described in verdict.describing_functions]
-        ['speed']
     """
 
     linear: LinearModel

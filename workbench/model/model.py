@@ -373,10 +373,6 @@ def index_of(kind: str, name: str, quantities: Sequence[Quantity]) -> int:
 
     Raises:
         WorkbenchError: If there is none of that name; names the nearest.
-
-    Example:
-        >>> index_of("state", "speed", (State("angle", "rad"), State("speed", "rad/s")))
-        1
     """
     names = [q.name for q in quantities]
     check_choice(kind, name, names)
@@ -396,10 +392,6 @@ def check_vector(kind: str, values: npt.ArrayLike, quantities: Sequence[Quantity
 
     Raises:
         WorkbenchError: If the length is wrong or a value is not finite.
-
-    Example:
-        >>> check_vector("state", [1, 2], (State("angle", "rad"), State("speed", "rad/s")))
-        array([1., 2.])
     """
     vector = check_finite(f"{kind} vector", values).ravel()
     if vector.size != len(quantities):

@@ -23,10 +23,6 @@ def is_symbolic(*values: Expression) -> bool:
 
     Args:
         values: What to look at, in any unit and of any shape.
-
-    Example:
-        >>> is_symbolic(1.0), is_symbolic(ca.SX.sym("x"))
-        (False, True)
     """
     return any(isinstance(v, (ca.SX, ca.MX, ca.DM)) for v in values)
 

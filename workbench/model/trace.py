@@ -160,18 +160,6 @@ def trace(model: Written, form: Form) -> Trace:
     Raises:
         WorkbenchError: If the equations forget a state or an output, return one that is not
             declared, or an effect forgets the rate of one of its states.
-
-    Example:
-        >>> from workbench.model import EXACT, Input, Model, Output, State
-        >>> carriage = Model(
-        ...     "carriage",
-        ...     lambda m: ({"position": m.u.speed}, {"sensed": m.x.position}),
-        ...     states=(State("position", "m"),),
-        ...     inputs=(Input("speed", "m/s"),),
-        ...     outputs=(Output("sensed", "m"),),
-        ... )
-        >>> trace(carriage, EXACT).rates
-        SX(speed)
     """
     symbols = {
         "state": _symbols(model.states),

@@ -35,12 +35,6 @@ def elastoplastic_rate(
 
     Source:
         P. A. Bliman and M. Sorine 1995; Dupont et al., IEEE TAC 47 (2002).
-
-    Example:
-        >>> float(elastoplastic_rate(0.001, 1.0, 1e-3, 1e-5))
-        0.0
-        >>> round(float(elastoplastic_rate(-1e-5, 1.0, 1e-3, 1e-7)), 4)
-        -0.01
     """
     forward, backward = form.ramp(v, width), form.ramp(-v, width)
     # The ramps of z need no rounding: their sixth power is smooth at zero.

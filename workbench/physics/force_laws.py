@@ -59,10 +59,6 @@ def slack(tension: Expression, *, width: float = SLACK_WIDTH) -> Expression:
 
     Source:
         Line [3] of the paper's Figure 3; the rounding is an engineering choice.
-
-    Example:
-        >>> float(slack(0.0)), float(slack(-5.0, width=0.0)), round(float(slack(500.0)), 2)
-        (0.5, 0.0, 500.0)
     """
     return 0.5 * (tension + sqrt(tension * tension + width * width))
 
@@ -220,10 +216,6 @@ class PaperLaw(ForceLaw):
 
         Raises:
             WorkbenchError: If the name is none of these.
-
-        Example:
-            >>> PaperLaw.variant("as_printed").phi_switch
-            0.0016
         """
         check_choice("force law variant", name, ("corrected", "as_printed", "rounded_text"))
         if name == "as_printed":
@@ -275,10 +267,6 @@ class Petrovic(ForceLaw):
 
     Source:
         Equation (3) of the paper, after Petrovic (2002).
-
-    Example:
-        >>> round(float(Petrovic().tension(0.03, 6e5)), 1)
-        1462.2
     """
 
     gain_bar_mm: tuple[Expression, Expression, Expression] = (280.0, -2.2, 0.033)
@@ -309,10 +297,6 @@ class TonduLopez(ForceLaw):
     Source:
         Equations (1) and (2) of the paper; Tondu and Lopez (2000). The paper gives no k: those of
         `constant_k` and `pressure_dependent_k` are least-squares fits to equation (4).
-
-    Example:
-        >>> round(1e5 * float(TonduLopez().tension(0.0, 1.0)), 1)
-        257.5
     """
 
     k_constant: Expression = 1.0
@@ -335,11 +319,6 @@ class TonduLopez(ForceLaw):
         """Return equation (2) with ``k = 13.234 exp(-p) + 0.8566``, fitted to equation (4).
 
         The fit runs over 0..30 mm and 1..6 bar where equation (4) pulls; it leaves 39 N rms.
-
-        Example:
-            >>> law = TonduLopez.pressure_dependent_k()
-            >>> round(float(law.shape_factor(6e5)), 4)
-            0.8894
         """
         return cls(k_constant=0.8566, k_exponential=13.234)
 
@@ -383,10 +362,6 @@ class Sarosi(ForceLaw):
 
     Source:
         Sarosi, Tehnicki vjesnik 22 (2015), coefficients for the DMSP-20-200N.
-
-    Example:
-        >>> round(float(Sarosi().tension(0.03, 6e5)), 1)
-        645.5
     """
 
     a: Expression = -4.0018

@@ -34,10 +34,6 @@ def pressure_gain(
 
     Source:
         Equation (3) of the paper, identified values of its Figure 7.
-
-    Example:
-        >>> round(1e5 * pressure_gain(0.03), 3)
-        243.7
     """
     return _polynomial(1e3 * contraction, coefficients) / 1e5
 
@@ -87,10 +83,6 @@ def phi(
 
     Source:
         Line [1] of the paper's Figure 3, with the switch moved to where the branches meet.
-
-    Example:
-        >>> float(phi(0.0)), round(float(phi(0.03)), 2)
-        (-9.2101, -503.54)
     """
     above = _polynomial(1e3 * contraction, coefficients)
     if form.regularised:
@@ -113,10 +105,6 @@ def continuous_switch(
 
     Source:
         Continuity of line [1] of the paper's Figure 3.
-
-    Example:
-        >>> round(1e3 * continuous_switch(), 3)
-        1.757
     """
     shifted = np.array(coefficients[::-1], dtype=float)
     shifted[-1] -= floor

@@ -160,11 +160,6 @@ def free_form(
     Raises:
         WorkbenchError: If two curves have the same argument, or an ordinate is unknown or outside
             its bounds.
-
-    Example:
-        >>> friction = free_form("axis.force", (Curve("speed", "m/s", (-1.0, 0.0, 1.0)),), unit="N")
-        >>> [q.name for q in friction.parameters]
-        ['speed_1', 'speed_2', 'speed_3']
     """
     arguments = [curve.argument for curve in curves]
     if len(set(arguments)) != len(arguments):

@@ -25,10 +25,6 @@ class Gas:
 
     Source:
         Dry air.
-
-    Example:
-        >>> round(AIR.cv, 1), round(AIR.cp, 1)
-        (717.6, 1004.7)
     """
 
     gas_constant: float = 287.05
@@ -158,9 +154,5 @@ def wall_heat(
 
     Source:
         Line [15] of the paper's Figure 3.
-
-    Example:
-        >>> round(wall_heat(283.15, 293.15, coefficient=150.0, area=0.0126), 3)
-        18.9
     """
     return coefficient * area * (wall_temperature - temperature)

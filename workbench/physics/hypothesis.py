@@ -121,16 +121,7 @@ class Hypothesis:
 
 
 def look_alikes(hypothesis: Hypothesis, hypotheses: Iterable[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """Return the others that the same data may not separate from one: either names the other.
-
-    Example:
-        >>> from workbench.physics.library import library
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> known = {h.name: h for h in library(servo_axis().without("coulomb_friction"))}
-        >>> "stribeck_friction" in [h.name for h in look_alikes(known["coulomb_friction"],
-        ...                                                     known.values())]
-        True
-    """
+    """Return the others that the same data may not separate from one: either names the other."""
     own = {hypothesis.law, hypothesis.name}
     return tuple(
         other

@@ -165,10 +165,6 @@ class BraidedCylinder:
 
         Source:
             Lines [8] to [10] of the paper's Figure 3.
-
-        Example:
-            >>> round(1e6 * float(BraidedCylinder().end_flattening(0.17)), 2)
-            -3.02
         """
         if self.printing == "as_printed":
             return 2 * self.end_volume(fibre_length, form=form)
@@ -186,10 +182,6 @@ class BraidedCylinder:
 
         Source:
             Lines [6] to [10] of the paper's Figure 3.
-
-        Example:
-            >>> round(1e6 * float(BraidedCylinder().volume(0.2)), 2)
-            62.83
         """
         return self.cylinder_volume(fibre_length) + self.end_flattening(fibre_length, form=form)
 
@@ -222,10 +214,6 @@ class BraidedCylinder:
 
         Source:
             Derivative of lines [6] to [10] of the paper's Figure 3.
-
-        Example:
-            >>> round(-1e5 * float(BraidedCylinder().slope(0.2)), 1)
-            257.5
         """
         height2 = self._squared_height(fibre_length, form)
         excess = self.squared_radius(fibre_length) - self.nominal_diameter**2 / 4

@@ -68,9 +68,5 @@ def opening(
 
     Source:
         Manufacturer's flow curve.
-
-    Example:
-        >>> round(float(opening(0.9)), 3), float(opening(-0.9))
-        (0.056, 0.0)
     """
     return form.table(voltage_from_centre, curve.voltage, curve.fraction, VOLTAGE_WIDTH)

@@ -133,11 +133,6 @@ def cascaded_tanks() -> Model:
 
     Returns:
         Model with the input ``pump`` (V), the output ``level`` (V) and a port at every flow.
-
-    Example:
-        >>> model = cascaded_tanks()
-        >>> model.rates([10.0, 10.0], [0.0], values=model.values).round(2).tolist()
-        [-0.15, 0.0]
     """
     return Model(
         "cascaded tanks",

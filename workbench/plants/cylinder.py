@@ -38,10 +38,6 @@ def cylinder() -> Model:
     Returns:
         Model with the inputs ``speed`` (m/s, outwards) and ``pressure`` (Pa, gauge), the output
         ``force`` (N) and the port ``piston.force``.
-
-    Example:
-        >>> round(float(cylinder().rates([0.0, 0.0], [0.0, 5e5])[1] * 0.02), 1)
-        245.5
     """
     return Model(
         "pneumatic cylinder",

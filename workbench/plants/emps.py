@@ -56,10 +56,6 @@ def emps() -> Model:
 
     Returns:
         Model with the input ``force`` (N), the output ``position`` (m) and the port ``axis.force``.
-
-    Example:
-        >>> [q.name for q in emps().parameters if q.fitted]
-        ['mass', 'offset', 'viscous_friction.coefficient', 'coulomb_friction.level']
     """
     return Model(
         "EMPS axis",
@@ -90,10 +86,6 @@ def emps_in_loop() -> Model:
 
     Returns:
         The axis with the inputs ``goal`` (m) and ``pulse`` (V, added to the controller's output).
-
-    Example:
-        >>> [q.name for q in emps_in_loop().inputs]
-        ['goal', 'pulse']
     """
     return replace(
         emps(),

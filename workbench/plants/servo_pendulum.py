@@ -77,11 +77,6 @@ def servo_pendulum(load_kg: float = 0.49, *, length: float = 0.1) -> Model:
 
     Raises:
         WorkbenchError: If an argument is outside its range.
-
-    Example:
-        >>> model = servo_pendulum()
-        >>> model.rates([0.1, 0.0], [0.1, 400.0, 7.4, 1.0]).round(0).tolist()
-        [0.0, -8.0]
     """
     LOAD.check(load_kg)
     LENGTH.check(length)

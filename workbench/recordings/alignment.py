@@ -37,15 +37,6 @@ def clock_shift(
 
     Raises:
         WorkbenchError: If a signal is missing or constant.
-
-    Example:
-        >>> from workbench.recordings import Signal
-        >>> t = np.arange(2000) * 0.01
-        >>> a = Recording("a", t, (Signal("x", np.sin(t**1.5)),))
-        >>> b = Recording("b", t, (Signal("x", np.sin(np.maximum(t - 0.5, 0.0) ** 1.5)),))
-        >>> shift, _ = clock_shift(a, b, "x")
-        >>> round(shift, 2)
-        0.5
     """
     from scipy.signal import correlate
 
@@ -97,13 +88,6 @@ def align(
 
     Raises:
         WorkbenchError: If they have nothing in common or do not overlap.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(seconds=2.0)
-        >>> late = replace(trial.select(["valve", "angle"]), time=trial.time + 0.5)
-        >>> align(trial.select(["valve"]), late, "valve").names
-        ('valve', 'angle')
     """
     shift, likeness = clock_shift(first, second, signal, other=other)
     if likeness < least_correlation:

@@ -41,13 +41,7 @@ class Assigned:
 
 
 def header_list(columns: Columns) -> list[Header]:
-    """Return the headers taken apart; names that occur twice keep their unit.
-
-    Example:
-        >>> two = Columns(("laser_V", "laser_mm"), ("", ""), np.zeros((1, 2)))
-        >>> [h.name for h in header_list(two)]
-        ['laser_V', 'laser_mm']
-    """
+    """Return the headers taken apart; names that occur twice keep their unit."""
     headers = [read_header(text) for text in columns.headers]
     for i, text in enumerate(columns.units):
         if text and not headers[i].unit:

@@ -80,13 +80,7 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
 
 
 def driven_by(model: Any) -> tuple[Requested, ...]:
-    """Return what a recording of a model holds: all its inputs, and outputs as they were measured.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> [(wanted.name, wanted.optional) for wanted in driven_by(servo_axis())]
-        [('force', False), ('position', True)]
-    """
+    """Return what a recording of a model holds: all its inputs, and measured outputs."""
     return tuple(replace(w, optional=w.role == "measurement") for w in requested_signals(model))
 
 

@@ -235,13 +235,6 @@ def read_mapping(path: str | Path) -> MappingRules:
 
     Raises:
         WorkbenchError: If the file is missing, not TOML or has an unknown key.
-
-    Example:
-        >>> import tempfile
-        >>> file = Path(tempfile.mkdtemp()) / "mapping.toml"
-        >>> _ = file.write_text('[signals.position]\ncolumn = "laser_mm"\nsign = -1\n')
-        >>> read_mapping(file).signals[0].sign
-        -1
     """
     file = Path(path)
     content = read_toml(file, "mapping file")

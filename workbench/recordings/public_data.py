@@ -24,10 +24,6 @@ def public_data_sets() -> tuple[str, ...]:
 
     Returns:
         Names, which are folders under ``real`` in a data folder.
-
-    Example:
-        >>> public_data_sets()[:2]
-        ('emps', 'cascaded-tanks')
     """
     return tuple(_registry())
 
@@ -55,12 +51,6 @@ def public_file(name: str, *, data: str | os.PathLike[str] | None = None) -> Pat
     Raises:
         WorkbenchError: If the name is unknown, the given folder does not exist, or the file can
             neither be found nor fetched.
-
-    Example:
-        >>> public_file("emps/DATA.mat")
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: file of data set emps is 'DATA.mat'; it must be one of ...
     """
     data_set, _, file = name.partition("/")
     check_choice(f"file of data set {data_set}", file, public_files(data_set))
@@ -77,12 +67,6 @@ def fetch(data_set: str, file: str) -> Path:
 
     Raises:
         WorkbenchError: If the file has no address, cannot be fetched or is not the one expected.
-
-    Example:
-        >>> fetch("martens2017-festo-force-maps", "dmsp-10-250_static_force.csv")
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: dmsp-10-250_static_force.csv is not published as a file ...
     """
     check_choice(f"file of data set {data_set}", file, public_files(data_set))
     entry = _registry()[data_set]

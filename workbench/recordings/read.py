@@ -39,11 +39,6 @@ class Table:
         notes: What was left out, assumed or repaired.
         metadata: Settings found beside the columns, in the units of the file.
         mapping: How the columns of the file became signals.
-
-    Example:
-        >>> table = Table("map", (Signal("force", np.array([0.0, 10.0]), "N"),))
-        >>> table["force"]
-        array([ 0., 10.])
     """
 
     name: str
@@ -303,13 +298,6 @@ def read_table(
 
     Raises:
         WorkbenchError: If the file cannot be read, or a column is missing, of another unit or text.
-
-    Example:
-        >>> import tempfile
-        >>> file = Path(tempfile.mkdtemp()) / "map.csv"
-        >>> _ = file.write_text("pressure_bar,force_N\n1,100\n2,200\n")
-        >>> read_table(file)["pressure"]
-        array([100000., 200000.])
     """
     file = Path(path)
     rules = rules_of(mapping, columns, None)

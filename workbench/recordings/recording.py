@@ -42,10 +42,6 @@ class Signal:
 
     Raises:
         WorkbenchError: If the values are not one column or the role is unknown.
-
-    Example:
-        >>> Signal("angle", np.zeros(3), "rad").kind
-        'angle'
     """
 
     name: str

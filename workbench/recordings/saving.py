@@ -70,15 +70,6 @@ def write_recording(recording: Recording, path: str | Path) -> Path:
 
     Raises:
         WorkbenchError: If the file cannot be written.
-
-    Example:
-        >>> import tempfile
-        >>> file = Path(tempfile.mkdtemp()) / "trial.csv"
-        >>> from workbench.recordings import Signal, read_recording
-        >>> trial = Recording("r", np.arange(30) / 3, (Signal("angle", np.ones(30) / 7, "rad"),))
-        >>> again = read_recording(write_recording(trial, file))
-        >>> bool((again["angle"] == trial["angle"]).all())
-        True
     """
     target = Path(path)
     columns = [_column(s) for s in recording.signals]

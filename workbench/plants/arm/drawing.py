@@ -75,12 +75,6 @@ def arm_drawing(model: Model, angle: npt.ArrayLike) -> ArmDrawing:
 
     Raises:
         WorkbenchError: If the model is no arm.
-
-    Example:
-        >>> from workbench.plants.arm import arm
-        >>> drawn = arm_drawing(arm(), [0.0])
-        >>> [round(1e3 * float(m.length[0]), 2) for m in drawn.muscles]
-        [422.96, 392.96]
     """
     equations: Any = model.equations
     if not isinstance(equations, ArmEquations):

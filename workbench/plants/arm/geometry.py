@@ -99,10 +99,6 @@ class ArmGeometry:
 
         Source:
             The paper's equation for L, with b = 180 deg - a.
-
-        Example:
-            >>> round(1e3 * float(ArmGeometry().length(TRAVEL)), 2)
-            392.96
         """
         constant, cosine, sine = self._constants
         return sqrt(constant + cosine * _cos(alpha) - sine * _sin(self._beta(alpha)))
@@ -145,10 +141,6 @@ class ArmGeometry:
 
         Source:
             Derivative of the paper's equation for L.
-
-        Example:
-            >>> [round(1e3 * float(a), 1) for a in ArmGeometry().moment_arms(TRAVEL / 2)]
-            [-30.1, 30.1]
         """
         one, two = self.length_slope(angle), -self.length_slope(TRAVEL - angle)
         return (two, one) if self.printing == "as_printed" else (one, two)
@@ -176,10 +168,6 @@ class ArmGeometry:
 
         Source:
             The paper's nominal lengths: 423 mm between the anchors, 200 mm of fibre.
-
-        Example:
-            >>> [round(1e3 * float(q), 2) for q in ArmGeometry().contractions(0.0)]
-            [0.04, 30.04]
         """
         one, two = self.fibre_lengths(angle)
         return self.nominal_length - one, self.nominal_length - two

@@ -66,10 +66,6 @@ class ArmBody:
 
         Source:
             Parallel-axis theorem with the paper's dimensions.
-
-        Example:
-            >>> round(ArmBody().inertia(1.0), 4)
-            0.1924
         """
         along, above = self.plate_centre
         return self.arm_inertia + check_load(load) * (along**2 + above**2 + self.plate_inertia)
@@ -95,10 +91,6 @@ class ArmBody:
 
         Source:
             Statics with the paper's masses and centres.
-
-        Example:
-            >>> float(ArmBody().gravity_torque(0.5, 3, plane="horizontal"))
-            0.0
         """
         check_choice("plane", plane, ("horizontal", "vertical"))
         load = check_load(load)

@@ -125,18 +125,6 @@ def joint(
 
     Source:
         The paper's Figure 4 and its description of arm, plates and stops.
-
-    Example:
-        >>> from workbench.model import EXACT, Names
-        >>> scope = Scope(
-        ...     Names("state", {"angle": 0.5, "speed": 0.0}),
-        ...     Names("input", {}),
-        ...     Names("parameter", {q.name: q.value for q in PARAMETERS}),
-        ...     EXACT,
-        ... )
-        >>> motion = joint(scope, forces=(500.0, 0.0), geometry=ArmGeometry(), body=ArmBody())
-        >>> bool(motion.rates["speed"] > 0.0), float(motion.load_cell)
-        (True, 0.0)
     """
     x, p = m.x, m.p
     lower = _stop(m, "lower_stop", p.lower_stop - x.angle, -x.speed)
@@ -221,10 +209,6 @@ def damper_and_bearing() -> tuple[Effect, Effect]:
 
     Returns:
         The effects ``damper`` and ``bearing_friction`` on ``joint.torque``.
-
-    Example:
-        >>> [effect.name for effect in damper_and_bearing()]
-        ['damper', 'bearing_friction']
     """
     return (
         viscous_friction(

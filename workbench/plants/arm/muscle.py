@@ -140,27 +140,6 @@ def muscle(
 
     Source:
         The paper's Figure 3, lines [1] to [15], with the corrections of its misprints.
-
-    Example:
-        >>> from workbench.model import EXACT, Names
-        >>> length = ca.SX.sym("fibre_length")
-        >>> scope = Scope(
-        ...     Names("state", {"pressure": 4.01325e5, "temperature": 293.15}),
-        ...     Names("input", {}),
-        ...     Names("parameter", {q.name: q.value for q in (*PARAMETERS, *AMBIENT)}),
-        ...     EXACT,
-        ... )
-        >>> action = muscle(
-        ...     scope,
-        ...     "",
-        ...     fibre_length=length,
-        ...     coordinate=length,
-        ...     coordinate_speed=0.0,
-        ...     flow=0.0,
-        ...     laws=MuscleLaws(),
-        ... )
-        >>> round(float(ca.evalf(ca.substitute(action.force, length, 0.2))), 1)
-        830.8
     """
     p = m.p
     pressure, temperature = m.x[f"pressure{suffix}"], m.x[f"temperature{suffix}"]

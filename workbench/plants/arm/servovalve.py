@@ -134,18 +134,6 @@ def valve(
 
     Source:
         The paper's description of the valve; manufacturer's flow curve and bandwidth.
-
-    Example:
-        >>> from workbench.model import EXACT, Names
-        >>> scope = Scope(
-        ...     Names("state", {"spool": 1.0, "spool_speed": 0.0}),
-        ...     Names("input", {"valve": 6.0}),
-        ...     Names("parameter", {q.name: q.value for q in PARAMETERS}),
-        ...     EXACT,
-        ... )
-        >>> flows = valve(scope, pressures=(4e5, 4e5), temperatures=(293.15, 293.15))
-        >>> bool(flows.flow_1 > 0.0), bool(flows.flow_2 < 0.0)
-        (True, True)
     """
     spool, rates = spool_position(m)
     positive = opening(spool, curve=curve, form=m.form)

@@ -46,12 +46,6 @@ class StaticForceFit:
         slack: Number of points left out because the muscle is slack.
         contraction: Smallest and largest contraction of the points used, in m.
         gauge_pressure: Smallest and largest gauge pressure of the points used, in Pa.
-
-    Example:
-        >>> q, p = np.meshgrid(np.linspace(0.0, 0.03, 9), np.linspace(0.0, 6e5, 20))
-        >>> fit = identify_static_force(p, q, PaperLaw().force(q, p))
-        >>> fit.order, fit.interval("D1")[0] <= 280.0 <= fit.interval("D1")[1]
-        (4, True)
     """
 
     law: PaperLaw
@@ -136,7 +130,6 @@ class StaticForceFit:
         return middle - half, middle + half
 
     def __str__(self) -> str:
-        """Return a short aligned table."""
         deviations = np.sqrt(np.diag(self.covariance))
         lines = ["static force F = (D1 + D2 q + D3 q^2) p + phi(q), q in mm, p in bar gauge"]
         lines += [

@@ -27,10 +27,6 @@ def constant_volume(
 
     Raises:
         WorkbenchError: If the volume is outside its bounds.
-
-    Example:
-        >>> round(1e6 * constant_volume().parameters[0].value, 1)
-        95.6
     """
     middle = float(BraidedCylinder().volume(0.185))
 

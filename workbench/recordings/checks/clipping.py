@@ -32,12 +32,6 @@ def clipped_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], float]:
 
     Returns:
         Mask, shape (n,), and the value of the limit (NaN if nothing is clipped).
-
-    Example:
-        >>> x = np.minimum(np.sin(np.arange(2000) * 0.01), 0.8)
-        >>> mask, limit = clipped_samples(x)
-        >>> bool(mask.any()), limit
-        (True, 0.8)
     """
     none = np.zeros(len(values), dtype=bool)
     if len(values) < 10 or np.ptp(values) == 0:

@@ -44,12 +44,6 @@ def feedback_strength(recording: Recording, command: str, measurement: str) -> t
 
     Returns:
         Largest correlation in sigmas, and its lag in samples.
-
-    Example:
-        >>> from workbench.recordings.example import example_recording
-        >>> trial = example_recording(closed_loop=True)
-        >>> feedback_strength(trial, "valve", "angle")[0] > 5.5
-        True
     """
     surprise = surprises(recording, measurement, given=(command,))
     action = surprises(recording, command)

@@ -45,12 +45,6 @@ def stuck_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np
     Returns:
         Masks, shape (n,), dimensionless: of frozen samples (the first one of a run is real), and of
         those that are surely so, for they end in a jump.
-
-    Example:
-        >>> x = np.random.default_rng(0).normal(0.0, 1.0, 1000).round(1)
-        >>> x[500:540] = x[500]
-        >>> int(stuck_samples(x)[0].sum())
-        39
     """
     bad = np.zeros(len(values), dtype=bool)
     sure = bad.copy()
