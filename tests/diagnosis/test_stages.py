@@ -20,6 +20,9 @@ from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording
 
+MOST_FILTERED = 58_500
+"""Samples that a diagnosis of `_given` may filter: the 53,100 that it takes, and a tenth more."""
+
 NAMES = ["fitted", "located", "prepared", "scored", "selected", "validated"]
 
 
@@ -59,6 +62,9 @@ def test_a_later_call_reads_what_an_earlier_one_reached(
     assert _said(again) == _said(first)
     # The time of stages that are read counts as it was.
     assert again.seconds > 0.5 * first.seconds
+    # The work of this small case, which no load of the machine changes.
+    assert again.work == first.work
+    assert 10_000 < first.work["filtered_samples"] < MOST_FILTERED
     # What a page draws survives too.
     (name,) = first.runs["extended"]
     np.testing.assert_array_equal(

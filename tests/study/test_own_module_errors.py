@@ -14,10 +14,10 @@ import pytest
 from workbench.cli.main import WRONG_USE, run
 from workbench.errors import WorkbenchError
 from workbench.registry import told
-from workbench.study import execution
-from workbench.study.children import PAUSE
 from workbench.study.schema import load_study
 from workbench.study.tasks import execute, tasks
+from workbench.work.children import PAUSE
+from workbench.work.processes import parallel
 
 STUDY = """
 [controllers.mine]
@@ -199,19 +199,19 @@ def test_other_verbs_say_it_too(
 
 def test_our_own_frames_are_not_named_where_the_users_are() -> None:
     try:
-        execution.parallel([(len, (3,))]).__next__()
+        parallel([(len, (3,))]).__next__()
     except TypeError as error:
         assert Path(__file__).name in told(error)
 
 
 def test_a_process_that_ends_in_the_middle_is_a_sentence() -> None:
     with pytest.raises(WorkbenchError, match="ended in the middle"):
-        list(execution.parallel([(os._exit, (0,)), (len, ("a",))], jobs=2))
+        list(parallel([(os._exit, (0,)), (len, ("a",))], jobs=2))
 
 
 def test_children_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     child = (
-        "import os, time\nfrom workbench.study.children import call_within\n"
+        "import os, time\nfrom workbench.work.children import call_within\n"
         "call_within(os.getppid(), print, (os.getpid(),))\nprint(end='', flush=True)\n"
         "time.sleep(60)\n"
     )

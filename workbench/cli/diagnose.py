@@ -86,6 +86,7 @@ def diagnose(
         time_limit: Time after which it ends, in s, 1 to 1e6.
     """
     from workbench.diagnosis.problem import own_hypotheses
+    from workbench.work.counted import in_words
 
     begin = time.perf_counter()
     limit = _limit(time_limit, quick=quick)
@@ -116,7 +117,7 @@ def diagnose(
         )
     own = own_hypotheses(problem.model, effects or (), folder=Path.cwd())
     found = _run(loaded, own, workers, out, begin, limit)
-    typer.echo(str(found.verdict), err=as_json)
+    typer.echo(f"{found.verdict}\nwork: {in_words(found.work)}", err=as_json)
     if out is not None and not (found.verdict and found.verdict.interrupted):
         _write(found, loaded, out)
         typer.echo(f"open {out / 'report.html'}", err=as_json)

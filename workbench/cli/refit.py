@@ -51,6 +51,7 @@ def refit(
     'workbench refit --plant my_plants:rig --fit a.csv --hold-out b.csv'.
     """
     from workbench.diagnosis.estimation.refit_report import run_refit
+    from workbench.work.counted import in_words
 
     loaded = load_problem(
         case,
@@ -74,7 +75,7 @@ def refit(
         },
     )
     report = run_refit(loaded.problem.task(), progress=lambda text: typer.echo(text, err=True))
-    typer.echo(str(report), err=as_json)
+    typer.echo(f"{report}\nwork: {in_words(report.work)}", err=as_json)
     if out is not None:
         _write(report, out)
         typer.echo(f"open {out / 'report.html'}", err=as_json)
@@ -114,6 +115,7 @@ def _results(report: Any) -> dict[str, Any]:
         "name": report.task.name,
         "converged": report.refit.converged,
         "seconds": report.seconds,
+        "work": dict(report.work),
         "process_noise_scale": report.refit.noise_scale,
         "reaches_noise_floor": report.reaches_floor,
         "parameters": {

@@ -22,7 +22,12 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     prepared, nominal = diagnosis.prepared, diagnosis.nominal
     if prepared.unfit:
         return Verdict(
-            "data_unfit", prepared.unfit, nominal, data=prepared.data, seconds=diagnosis.seconds
+            "data_unfit",
+            prepared.unfit,
+            nominal,
+            data=prepared.data,
+            seconds=diagnosis.seconds,
+            work=diagnosis.work,
         )
     validated = diagnosis.validated
     assert validated is not None
@@ -49,6 +54,7 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
             "after": dict(diagnosis.after.alone) if diagnosis.after else {},
         },
         seconds=diagnosis.seconds,
+        work=diagnosis.work,
     )
 
 
@@ -90,6 +96,7 @@ def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = Non
         data=diagnosis.prepared.data,
         location={"before": dict(diagnosis.before.alone)} if diagnosis.before else {},
         seconds=diagnosis.seconds,
+        work=diagnosis.work,
         interrupted=True,
     )
 

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypedDict, TypeVar
 
 import numpy as np
 
@@ -32,6 +32,7 @@ from workbench.model import Model
 from workbench.physics.library import Hypothesis, library
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
+from workbench.work.counted import Work, add, done, since
 
 Progress = Callable[[str], None]
 Stage = TypeVar("Stage")
@@ -130,7 +131,7 @@ def stages(
 
     say("checking the recordings")
     prepared = files.reached(Prepared, lambda: prepare(model, fit_on, hold_out, known))
-    found = Diagnosis(model, prepared, seconds=files.seconds)
+    found = Diagnosis(model, prepared, **files.spent)
     if prepared.unfit:
         yield replace(found, verdict=conclude(found))
         return
@@ -143,15 +144,15 @@ def stages(
         why = f"The nominal model cannot follow the recordings at all: {error}."
         yield replace(
             found,
-            verdict=Verdict("unexplained", why, model, data=prepared.data, seconds=files.seconds),
+            verdict=Verdict("unexplained", why, model, data=prepared.data, **files.spent),
         )
         return
-    found = replace(found, fitted=fitted, seconds=files.seconds)
+    found = replace(found, fitted=fitted, **files.spent)
     yield found
 
     say("locating the mismatch")
     located = files.reached(Located, lambda: where(fitted.base, prepared))
-    found = replace(found, located=located, seconds=files.seconds)
+    found = replace(found, located=located, **files.spent)
     yield found
 
     files.add(repr([(e.name, e.typical_size, e.effect.parameters) for e in offered]))
@@ -167,38 +168,45 @@ def stages(
         say,
     )
     scored = files.reached(Scored, lambda: score(task))
-    found = replace(found, scored=scored, seconds=files.seconds)
+    found = replace(found, scored=scored, **files.spent)
     yield found
 
     begun = files.read(Selected)
     if begun is not None and begun.finished:
-        found = replace(found, selected=begun, seconds=files.seconds)
+        found = replace(found, selected=begun, **files.spent)
     else:
         for selected in search(task, scored, begun):
             if selected.finished and not selected.accepted and not scored.near_noise(fitted.base):
                 selected = _without_name(found, selected, say)  # noqa: PLW2901
             files.write(selected)
-            found = replace(found, selected=selected, seconds=files.seconds)
+            found = replace(found, selected=selected, **files.spent)
             yield found
 
     files.add(f"advise {advise}")
     finished = found
     validated = files.reached(Validated, lambda: validate(finished, advise=advise, say=say))
-    found = replace(found, validated=validated, seconds=files.seconds)
+    found = replace(found, validated=validated, **files.spent)
     yield replace(found, verdict=conclude(found))
 
 
+class _Spent(TypedDict):
+    seconds: float
+    work: Work
+
+
 class _Files:
-    """The files of a diagnosis, with the key and the time that grow from stage to stage."""
+    """The files of a diagnosis, with the key, time and work that grow from stage to stage."""
 
     def __init__(self, files: StageFiles) -> None:
         self._files, self._key = files, ""
         self._began, self._before = time.perf_counter(), 0.0
+        self._done = done()
 
     @property
-    def seconds(self) -> float:
-        """Time of this call and of the stages that earlier ones reached, in s."""
-        return self._before + time.perf_counter() - self._began
+    def spent(self) -> _Spent:
+        """Time, in s, and work of this call and of the stages that earlier ones reached."""
+        seconds = self._before + time.perf_counter() - self._began
+        return {"seconds": seconds, "work": since(self._done)}
 
     def add(self, what: str) -> None:
         """Let the stages from here on depend on something else."""
@@ -218,13 +226,15 @@ class _Files:
         if found is None:
             return None
         stage: Stage
-        stage, seconds = found
-        self._before += max(seconds - self.seconds, 0.0)
+        stage, seconds, work = found
+        now = self.spent
+        self._before += max(seconds - now["seconds"], 0.0)
+        add({unit: max(n - now["work"].get(unit, 0), 0) for unit, n in work.items()})
         return stage
 
     def write(self, stage: Any) -> None:
         """Write a stage."""
-        self._files.write(stage, self._key, self.seconds)
+        self._files.write(stage, self._key, **self.spent)
 
 
 def prepare(

@@ -52,6 +52,7 @@ from workbench.model import Effect, Model
 from workbench.physics.free_form import Curve
 from workbench.physics.library import Hypothesis
 from workbench.recordings.recording import Recording
+from workbench.work.counted import Work
 
 FORMAT = "workbench.stage/1"
 
@@ -119,11 +120,12 @@ class StageFiles:
         self._effects: dict[str, Effect] = {e.name: e.effect for e in entries}
         self._built: dict[str, Model] = {}
 
-    def write(self, stage: Any, key: str, seconds: float) -> None:
+    def write(self, stage: Any, key: str, seconds: float, work: Work) -> None:
         """Write a stage that was reached.
 
         Args:
             seconds: Time until it was reached, in s.
+            work: Work until then.
         """
         if self._folder is None:
             return
@@ -134,13 +136,14 @@ class StageFiles:
             "stage": name,
             "key": key,
             "seconds": seconds,
+            "work": work,
             "law": self._plain(term.law) if term is not None else None,
             "data": self._plain(stage),
         }
         write_whole(self._path(name), json.dumps(data, indent=1, ensure_ascii=False) + "\n")
 
-    def read(self, kind: type[Any], key: str) -> tuple[Any, float] | None:
-        """Return a stage and its time in s, if it was written with the same key."""
+    def read(self, kind: type[Any], key: str) -> tuple[Any, float, Work] | None:
+        """Return a stage, its time in s and its work, if it was written with the same key."""
         if self._folder is None:
             return None
         try:
@@ -149,8 +152,9 @@ class StageFiles:
                 return None
             if data["law"] is not None:
                 self._effects[EFFECT_NAME] = self._whole(data["law"]).effect
-            return self._whole(data["data"]), float(data["seconds"])
-        except (OSError, ValueError, KeyError, TypeError, WorkbenchError):
+            work = {str(unit): int(amount) for unit, amount in data["work"].items()}
+            return self._whole(data["data"]), float(data["seconds"]), work
+        except (OSError, ValueError, KeyError, TypeError, AttributeError, WorkbenchError):
             # A file that cannot be used is as good as none: the stage is done again.
             return None
 

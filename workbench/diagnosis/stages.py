@@ -23,6 +23,7 @@ from workbench.diagnosis.verdict import Verdict
 from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError
 from workbench.model import Model
+from workbench.work.counted import Work
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,7 @@ class Diagnosis(Drawn):
     Args:
         prepared: Recordings and priors.
         seconds: Time of the stages that are there, in s, those read from a folder included.
+        work: What they took in units that no machine changes.
 
     Raises:
         WorkbenchError: From a property whose stage was not reached.
@@ -97,6 +99,7 @@ class Diagnosis(Drawn):
     validated: Validated | None = None
     verdict: Verdict | None = None
     seconds: float = 0.0
+    work: Work = field(default_factory=dict)
 
     def tables(self) -> tuple[Rows, ...]:
         """Return the tables of the verdict; none before it."""

@@ -12,6 +12,7 @@ from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.units import parse_unit, written_unit
+from workbench.work.counted import Work
 
 SCHEMA = "workbench.verdict/2"
 
@@ -99,6 +100,7 @@ class Verdict(Shown):
         location: Log likelihood gained by an unknown input at each group of ports, before and
             after the extension, dimensionless.
         seconds: Time that the diagnosis took, in s.
+        work: What it took in units that no machine changes.
         interrupted: Whether the diagnosis was ended early, by an interruption or a time limit.
         model: The improved model; the refitted nominal one where nothing was found.
     """
@@ -117,6 +119,7 @@ class Verdict(Shown):
     data: tuple[Mapping[str, str], ...] = ()
     location: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     seconds: float = math.nan
+    work: Work = field(default_factory=dict)
     interrupted: bool = False
 
     def as_data(self) -> dict[str, Any]:
@@ -154,6 +157,7 @@ class Verdict(Shown):
                 "data": list(self.data),
                 "location": self.location,
                 "seconds": self.seconds,
+                "work": self.work,
             }
             | ({"interrupted": True} if self.interrupted else {})
         )

@@ -37,6 +37,7 @@ from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagno
 from workbench.reports.page import Block, Method, Page, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import plain
+from workbench.work.counted import in_words
 
 
 def diagnosis_page(
@@ -111,6 +112,8 @@ def _facts(diagnosis: Diagnosis, verdict: Verdict) -> tuple[tuple[str, str], ...
     facts = [("verdict", KINDS[verdict.kind]), ("model", diagnosis.nominal.name)]
     if math.isfinite(verdict.seconds):
         facts.append(("computed in", f"{verdict.seconds:.0f} s"))
+    if verdict.work:
+        facts.append(("work", in_words(verdict.work)))
     return tuple(facts)
 
 

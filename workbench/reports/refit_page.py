@@ -13,6 +13,7 @@ from workbench.reports.figures.study_traces import written
 from workbench.reports.page import Answers, Block, Method, Page, Section, Words, again
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Table, interval, number
+from workbench.work.counted import in_words
 
 
 def refit_page(report: RefitReport, *, command: str) -> Page:
@@ -59,6 +60,7 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
             ("converged", "yes" if found.converged else "no"),
             ("steps", str(found.iterations)),
             ("time", f"{report.seconds:.1f} s"),
+            ("work", in_words(report.work)),
         ),
     )
 

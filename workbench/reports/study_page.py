@@ -29,6 +29,7 @@ from workbench.study.summary import OLD_BASELINE, parameter_text, score_text
 from workbench.study.tasks import Record
 from workbench.verification import Metrics
 from workbench.verification.metrics import columns
+from workbench.work.counted import in_words
 
 STUDY_METHODS: tuple[tuple[str, str], ...] = (
     (
@@ -89,6 +90,7 @@ def study_page(outcome: StudyResult, *, command: str = "") -> Page:
             ("controllers", str(len(study.controllers))),
             ("plants", str(len(study.variations))),
             ("seeds", ", ".join(str(s) for s in study.seeds)),
+            *((("work", in_words(outcome.work)),) if outcome.work else ()),
             ("workbench", installed_version()),
         ),
     )

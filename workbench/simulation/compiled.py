@@ -17,6 +17,7 @@ from pathlib import Path
 import casadi as ca
 
 from workbench.errors import WorkbenchError
+from workbench.work.counted import count
 
 _FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
 """What every compiler takes. Products are rounded before they are added, so that machine code gives
@@ -164,6 +165,7 @@ def _build(cc: str, flags: tuple[str, ...], source: str, library: Path) -> None:
                 text=True,
                 check=False,
             )
+            count("compilations")
             if done.returncode == 0:
                 break
         if done.returncode == 0:

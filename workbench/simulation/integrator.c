@@ -17,6 +17,7 @@ typedef struct {
     double sample_time, tolerance;
     double step;  /* in s, what the last step suggests for the next */
     double *work; /* 9 * states */
+    int64_t *steps, *evaluations; /* counted */
 } Integrator;
 
 static const double A[6][6] = {
@@ -41,12 +42,15 @@ static int sample(Integrator *g, double *x, const double *u, const double *p)
     for (int64_t i = 0; i < n; i++)
         now[i] = x[i];
     g->rates.res[0] = k[0];
+    *g->evaluations += 1;
     if (evaluate_at(&g->rates, now, u, p))
         return 1;
     for (int64_t steps = 0; steps < g->most_steps; steps++) {
         const double left = g->sample_time - done;
         const int last = h >= left;
         const double taken = last ? left : h;
+        *g->steps += 1;
+        *g->evaluations += 6;
         for (int s = 0; s < 6; s++) {
             for (int64_t i = 0; i < n; i++) {
                 double sum = 0.0;

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from workbench.model import Trace
 from workbench.simulation.equations import Buffered, CFunction, Equations, address, in_c
+from workbench.work.counted import count, place
 
 Vector = npt.NDArray[np.float64]
 
@@ -46,6 +47,8 @@ class _Integrator(ctypes.Structure):
         ("tolerance", ctypes.c_double),
         ("step", ctypes.c_double),
         ("work", ctypes.c_void_p),
+        ("steps", ctypes.c_void_p),
+        ("evaluations", ctypes.c_void_p),
     ]
 
 
@@ -100,6 +103,8 @@ class RungeKutta:
                 tolerance,
                 sample_time,
                 address(self._work),
+                place("integrator_steps"),
+                place("model_evaluations"),
             )
 
     @property
@@ -147,10 +152,13 @@ class RungeKutta:
     def _sample(self, x: Vector, u: Vector, p: Vector) -> Vector | None:
         done, h = 0.0, self._step
         first = self.equations(0, x, u, p)[0].copy()
+        count("model_evaluations")
         for _ in range(MOST_STEPS):
             left = self._sample_time - done
             last = h >= left
             taken = left if last else h
+            count("integrator_steps")
+            count("model_evaluations", len(_A))
             end, slope, wrong = self._one(x, u, p, first, taken)
             size = self._scale + np.maximum(np.abs(x), np.abs(end))
             parts = np.abs(wrong) / (self._tolerance * size)
@@ -206,6 +214,7 @@ def at_every_row(equations: Equations, i: int, x: Vector, u: Vector, p: Vector) 
     x, u, p = (np.ascontiguousarray(v, dtype=float) for v in (x, u, p))
     table = np.empty((len(x), equations.functions[i].numel_out(0)))
     library = _library() if equations.compiled else None
+    count("model_evaluations", len(x))
     if library is None:
         for row, states, inputs in zip(table, x, u, strict=True):
             row[:] = equations(i, states, inputs, p)[0]

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import math
-import os
 import random
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import ExitStack
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from workbench.errors import WorkbenchError, check_range
-from workbench.study.children import call_within
+from workbench.errors import WorkbenchError
 from workbench.study.inputs import Seen, seen
 from workbench.study.store import Store, code_digest
 from workbench.study.study import Study
 from workbench.study.tasks import Record, Task, execute
 from workbench.verification.metrics import tolerance_of
+from workbench.work.counted import Work, done, since
+from workbench.work.processes import parallel
 
-T = TypeVar("T")
 FINISHED_BEFORE = "finished before"
 """What progress is told of runs that an earlier study finished."""
 
@@ -59,16 +56,18 @@ def run_tasks(
     def call(i: int) -> tuple[Callable[..., Any], tuple[Any, ...]]:
         return _numbered, (i, asked[i])
 
-    for i, record, read in parallel([call(i) for i in open_tasks], jobs=jobs, dask=dask):
+    for i, record, read, work in parallel([call(i) for i in open_tasks], jobs=jobs, dask=dask):
         found[i] = record
-        store.keep(asked[i], record, read)
+        store.keep(asked[i], record, read, work)
         if progress:
             progress(len(found), len(asked), " / ".join(str(part) for part in record.key))
     return tuple(found[i] for i in range(len(asked)))
 
 
-def _numbered(number: int, task: Task) -> tuple[int, Record, Seen]:
-    return number, execute(task), seen()
+def _numbered(number: int, task: Task) -> tuple[int, Record, Seen, Work]:
+    before = done()
+    record = execute(task)
+    return number, record, seen(), since(before)
 
 
 SAMPLE = 3
@@ -108,81 +107,6 @@ def _difference(kept: Record, now: Record) -> str:
         ):
             return f"{metric.name} was {old:.6g} and is {metric.value:.6g} {metric.unit}"
     return ""
-
-
-def parallel(
-    calls: Sequence[tuple[Callable[..., T], tuple[Any, ...]]],
-    *,
-    jobs: int = 1,
-    dask: str | None = None,
-) -> Iterator[T]:
-    """Yield the results of calls as they come, from this process, others, or a cluster.
-
-    Args:
-        jobs: Number of processes; 1 stays in this one.
-        dask: Address of a Dask scheduler such as ``tcp://host:8786``, or None.
-
-    Yields:
-        What the calls return, in the order in which they finish.
-
-    Raises:
-        WorkbenchError: If the number of processes is outside its range, or Dask is not installed or
-            its scheduler not there.
-
-    Example:
-        >>> sorted(parallel([(max, (1, 2)), (min, (1, 2))]))
-        [1, 2]
-    """
-    count = int(check_range("number of processes", jobs, 1, 1024))
-    if not calls:
-        return
-    if dask is None and (count == 1 or len(calls) == 1):
-        for function, arguments in calls:
-            yield function(*arguments)
-        return
-    import joblib
-
-    with ExitStack() as stack:
-        if dask is None:
-            # Threads inside a process would only compete with the other processes.
-            settings: dict[str, Any] = {"backend": "loky", "inner_max_num_threads": 1}
-        else:
-            client = stack.enter_context(_client(dask))
-            workers = sum(client.nthreads().values())
-            count = max(1, workers)
-            settings = {"backend": "dask"}
-        stack.enter_context(joblib.parallel_config(**settings))
-        workers_pool = joblib.Parallel(
-            n_jobs=count, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
-        )
-        try:
-            yield from workers_pool(
-                joblib.delayed(call_within)(os.getpid(), function, given)
-                for function, given in calls
-            )
-        except BrokenProcessPool:
-            raise WorkbenchError(
-                "a process that did a run ended in the middle of it: it ran out of memory, or a"
-                " module of your own ended it; what was finished is kept, and --jobs 1 shows where"
-            ) from None
-
-
-def _client(address: str) -> Any:
-    try:
-        from distributed import Client
-    except ImportError:
-        raise WorkbenchError(
-            "a Dask cluster needs the package 'distributed'; install it with the extra 'cluster',"
-            ' as in pip install "muscle-arm-workbench[cluster]"'
-        ) from None
-    try:
-        return Client(address, timeout=10)
-    except (OSError, ValueError, TypeError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise WorkbenchError(
-            f"there is no Dask scheduler at {address!r} ({reason}); start one with 'dask scheduler'"
-            " and give its address, such as tcp://127.0.0.1:8786"
-        ) from None
 
 
 def store_of(study: Study, folder: Path) -> Store:

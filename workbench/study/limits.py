@@ -14,7 +14,7 @@ from typing import Any
 
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.study.execution import Progress, parallel
+from workbench.study.execution import Progress
 from workbench.study.plants import PlantRecipe
 from workbench.study.store import Store
 from workbench.study.study import Study, Variation
@@ -22,6 +22,7 @@ from workbench.study.tasks import Record
 from workbench.verification import Scenario
 from workbench.verification.physical_limit import physical_limit, velocity_of
 from workbench.verification.responses import Value
+from workbench.work.processes import parallel
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from workbench.study.linear_loop import LoopAnalysis, analyse_study
 from workbench.study.robustness import Robustness, robustness
 from workbench.study.study import Study
 from workbench.study.tasks import Record, tasks
+from workbench.work.counted import Work, done, since
 
 RESULTS_SCHEMA = 1
 """Version of ``results.json``; a change of meaning or a removed entry raises it."""
@@ -45,6 +46,7 @@ class StudyResult(Drawn):
         baseline: What was compared with, or None.
         changes: Differences from the baseline.
         seconds: Time the study took, in s.
+        work: What its runs took, in units that no machine changes; also those finished before.
         distances: Distance to the physical limit, where the study asks for it.
     """
 
@@ -58,6 +60,7 @@ class StudyResult(Drawn):
     changes: tuple[Change, ...]
     seconds: float
     distances: Distances = Distances()
+    work: Work = field(default_factory=dict)
 
     @property
     def failed(self) -> tuple[Record, ...]:
@@ -251,6 +254,7 @@ class StudyResult(Drawn):
             "robustness": [r.table() for r in self.robustness],
             "linear": [a.table() for a in self.loops],
             "physical_limit": self.distances.table(),
+            "work": dict(self.work),
         }
 
     def rules(self) -> dict[str, Any]:
@@ -323,7 +327,7 @@ def run_study(
     Raises:
         WorkbenchError: If the baseline or the cluster is not there, or the folder not writable.
     """
-    begin = time.perf_counter()
+    begin, begun = time.perf_counter(), done()
     # Wrong use is told before an hour of runs, not after.
     before = read_baseline(baseline) if baseline is not None else None
     check_range("number of processes", jobs, 1, 1024)
@@ -365,6 +369,7 @@ def run_study(
         (),
         0.0,
         distances(study, records, limits),
+        since(begun),
     )
     differences: tuple[Change, ...] = ()
     if before is not None:

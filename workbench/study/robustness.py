@@ -20,12 +20,14 @@ import numpy.typing as npt
 
 from workbench.study.designs import ControllerRecipe
 from workbench.study.draws import interval, scaled, straight_line, unit_draws
-from workbench.study.execution import Progress, parallel, run_tasks
+from workbench.study.execution import Progress, run_tasks
 from workbench.study.inputs import Seen, seen
 from workbench.study.judgements import LARGEST, Judgement, judge_records, worst_score
 from workbench.study.store import Store
 from workbench.study.study import Study, Variation
 from workbench.study.tasks import Record, Task, execute, record_from_table
+from workbench.work.counted import Work, done, since
+from workbench.work.processes import parallel
 
 Vector = npt.NDArray[np.float64]
 
@@ -315,9 +317,9 @@ def _searches(
             tables[c.name] = stored["tried"]
     calls = [(_named_search, (name, key, w)) for name, key, w in open_searches]
     done = len(tables)
-    for name, key, tried, read in parallel(calls, jobs=jobs, dask=dask):
+    for name, key, tried, read, work in parallel(calls, jobs=jobs, dask=dask):
         tables[name] = tried
-        store.put(key, {"tried": tried}, read)
+        store.put(key, {"tried": tried}, read, work)
         done += 1
         if progress:
             progress(done, len(chosen), f"{name} / worst plant")
@@ -329,8 +331,10 @@ def _searches(
 
 def _named_search(
     name: str, key: str, asked: Search
-) -> tuple[str, str, list[tuple[tuple[float, ...], list[Any]]], Seen]:
-    return name, key, search(asked), seen()
+) -> tuple[str, str, list[tuple[tuple[float, ...], list[Any]]], Seen, Work]:
+    before = done()
+    tried = search(asked)
+    return name, key, tried, seen(), since(before)
 
 
 def _result(

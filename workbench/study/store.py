@@ -11,17 +11,20 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from workbench.checked_json import TableShape, named, read_json, text
+from workbench.checked_json import TableShape, named, read_json, text, whole
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 from workbench.study.inputs import Seen, digest, installed, seen, versions
 from workbench.study.tasks import RECORD, Record, Task, record_from_table
+from workbench.work.counted import Work, add
 
 _OWN = (".py", ".json", ".csv", ".npz", ".npy", ".mat", ".parquet", ".yaml", ".toml", ".txt")
 """Endings of files that a user's own code may read."""
 
 _RESULTS = ("results.json", "baseline.json")
-_KEPT = TableShape({"inputs": TableShape({"files": named(text), "packages": named(text)})})
+_KEPT = TableShape(
+    {"inputs": TableShape({"files": named(text), "packages": named(text)}), "work": named(whole)}
+)
 
 
 class Store:
@@ -55,15 +58,20 @@ class Store:
         """Return what was kept under a key, or None.
 
         Returns:
-            The table; None if there is none, only a damaged one, or something that it was made
-            from has changed since.
+            The table, whose work now counts as done; None if there is none, only a damaged one, or
+            something that it was made from has changed since.
         """
+        known = f"{key}.json" in self.touched
         self.touched.add(f"{key}.json")
         try:
             found = read_json(self.folder / f"{key}.json", "run", _KEPT)
         except WorkbenchError:
             return None
-        return dict(found) if self._current(found["inputs"]) else None
+        if not self._current(found["inputs"]):
+            return None
+        if not known:
+            add(found["work"])
+        return dict(found)
 
     def _current(self, inputs: dict[str, Any]) -> bool:
         for name, known in inputs["files"].items():
@@ -79,19 +87,21 @@ class Store:
                 return False
         return True
 
-    def put(self, key: str, table: dict[str, Any], read: Seen | None = None) -> None:
+    def put(
+        self, key: str, table: dict[str, Any], read: Seen | None = None, work: Work | None = None
+    ) -> None:
         """Keep a table.
 
         Args:
             read: What the process that made it has read, beside what this one has.
+            work: What it took.
 
         Raises:
             WorkbenchError: If the folder cannot be written.
         """
         self.touched.add(f"{key}.json")
-        write_whole(
-            self.folder / f"{key}.json", json.dumps({**table, "inputs": self._inputs(read)})
-        )
+        kept = {**table, "inputs": self._inputs(read), "work": dict(work or {})}
+        write_whole(self.folder / f"{key}.json", json.dumps(kept))
 
     def _inputs(self, read: Seen | None) -> dict[str, Any]:
         results = str(self.folder.resolve().parent) + os.sep
@@ -121,16 +131,19 @@ class Store:
             return None
         return record if record.key == task.key else None
 
-    def keep(self, task: Task, record: Record, read: Seen | None = None) -> None:
+    def keep(
+        self, task: Task, record: Record, read: Seen | None = None, work: Work | None = None
+    ) -> None:
         """Keep a finished run.
 
         Args:
             read: What the process that did it has read.
+            work: What it took.
 
         Raises:
             WorkbenchError: If the folder cannot be written.
         """
-        self.put(self.key(task), {**record.table(), "traces": dict(record.traces)}, read)
+        self.put(self.key(task), {**record.table(), "traces": dict(record.traces)}, read, work)
 
     def prune(self) -> None:
         """Remove the files of runs that the finished study no longer has, and no other files."""

@@ -18,6 +18,7 @@ from workbench.study.robustness import Robustness
 from workbench.study.tasks import Record
 from workbench.verification import MetricValue
 from workbench.verification.metrics import columns
+from workbench.work.counted import in_words
 
 MOST = 20
 """Entries of a list that are written out; a pull request is read, not searched."""
@@ -143,6 +144,8 @@ def plain_summary(outcome: StudyResult) -> str:
         lines += [f"{title}: {entry}" for entry in entries[:MOST]]
         if len(entries) > MOST:
             lines.append(f"{title}: and {len(entries) - MOST} more in results.json")
+    if outcome.work:
+        lines.append(f"work: {in_words(outcome.work)}")
     word = outcome.verdict().replace("failed", "FAILED", 1)
     return "\n".join([*lines, f"{outcome.study.name} {word}: {outcome.headline()}"])
 

@@ -30,6 +30,7 @@ from workbench.operating_point import operating_point
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LinearPlant
 from workbench.verification.scenario import Scenario
+from workbench.work.counted import count
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -194,6 +195,8 @@ def _loop(
         raise NumericalError(
             f"{controller.name} on {name}, {scenario.name}, at {k * h:.3f} s: {error}"
         ) from None
+    if infos and "iterations" in infos[0]:
+        count("solver_iterations", int(np.nansum([info["iterations"] for info in infos])))
     states *= plant.scale
     check_finite(f"states of {name} with {controller.name}", states)
     return Run(

@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from workbench.model import Model, Trace
 from workbench.simulation.equations import CFunction, Equations, address, in_c
+from workbench.work.counted import count
 
 Vector = npt.NDArray[np.float64]
 
@@ -214,12 +215,17 @@ class Filter:
             np.full((n, len(x)), np.nan),
         )
         if self._struct is None:
-            return found._replace(done=self._interpreted(x, covariance, u, y, r, p, d, found))
-        # CasADi takes matrices by columns.
-        d = np.ascontiguousarray(d.T)
-        arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[1:])
-        places = (address(array) for array in arrays)
-        return found._replace(done=int(self._in_c(ctypes.byref(self._struct), n, *places)))
+            done = self._interpreted(x, covariance, u, y, r, p, d, found)
+        else:
+            # CasADi takes matrices by columns.
+            d = np.ascontiguousarray(d.T)
+            arrays = (x, covariance, sensitivity, u, y, r, p, d, *found[1:])
+            places = (address(array) for array in arrays)
+            done = int(self._in_c(ctypes.byref(self._struct), n, *places))
+        count("filtered_samples", done)
+        # Measurements and process noise once, the equations in each part of each step.
+        count("model_evaluations", done * (2 + 4 * self._substeps))
+        return found._replace(done=done)
 
     def _interpreted(
         self, x: Vector, covariance: Vector, inputs: Vector, measured: Vector, r: Vector, p: Vector,

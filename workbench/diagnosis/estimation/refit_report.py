@@ -20,6 +20,7 @@ from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
 from workbench.model.units import parse_unit
+from workbench.work.counted import Work, done, since
 
 Vector = npt.NDArray[np.float64]
 
@@ -124,6 +125,7 @@ class RefitReport:
         refitted: Free runs of the refitted model on them.
         rows: Errors by recording and output.
         seconds: Time that the refit took, in s.
+        work: What it took in units that no machine changes.
 
     Raises:
         WorkbenchError: From `row`, if there is none of that recording and output.
@@ -135,6 +137,7 @@ class RefitReport:
     refitted: tuple[FreeRun, ...]
     rows: tuple[HeldOut, ...]
     seconds: float
+    work: Work = field(default_factory=dict)
 
     @property
     def reaches_floor(self) -> bool:
@@ -214,7 +217,7 @@ def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None)
     if not task.fit:
         raise WorkbenchError(f"{task.title} has no recording to fit on; give at least one")
     known = task.priors or default_priors(task.model)
-    began = time.perf_counter()
+    began, begun = time.perf_counter(), done()
     if task.stages:
         found = refit(
             task.model,
@@ -226,7 +229,7 @@ def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None)
         )
     else:
         found = fit_with_process_noise(task.model, task.fit, known, progress=progress).refit
-    seconds = time.perf_counter() - began
+    seconds, work = time.perf_counter() - began, since(begun)
     if progress:
         progress("free runs on held-out recordings")
     nominal, refitted, rows = [], [], []
@@ -254,7 +257,7 @@ def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None)
                     float(observed.noise_rms[k]) / size if task.noise_known else float("nan"),
                 )
             )
-    return RefitReport(task, found, tuple(nominal), tuple(refitted), tuple(rows), seconds)
+    return RefitReport(task, found, tuple(nominal), tuple(refitted), tuple(rows), seconds, work)
 
 
 def noise_limited(

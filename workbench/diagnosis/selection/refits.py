@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-import joblib
 import numpy as np
 import numpy.typing as npt
 
@@ -37,6 +36,7 @@ from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.errors import NumericalError
 from workbench.model import Model, Parameter
 from workbench.physics.library import Hypothesis
+from workbench.work.processes import in_order
 
 Vector = npt.NDArray[np.float64]
 
@@ -106,32 +106,28 @@ def refit_candidates(
         Candidates by falling gain, each accepted or refused with the reason.
     """
     given = tuple(priors)
-    with joblib.Parallel(n_jobs=jobs if len(chosen) > 1 else 1) as parallel:
-        field, lost = list(chosen), []
-        begun: list[Candidate | None] = [None] * len(field)
-        if max(len(r.outputs) for r in fit_on) > 2 * _HEADS[0]:
-            if progress and field:
-                progress(f"racing {len(field)} effects on the beginning of the recordings")
-            raced = _first_refits(parallel, base, field, given, fit_on, _HEADS[0], _FAR, begun)
-            order = sorted(range(len(field)), key=lambda i: (i >= _BY_SCORE, -raced[i].gain))
-            field = [chosen[i] for i in order[:_FIELD]]
-            begun = [raced[i] for i in order[:_FIELD]]
-            lost = [raced[i] for i in order[_FIELD:]]
+    field, lost = list(chosen), []
+    begun: list[Candidate | None] = [None] * len(field)
+    if max(len(r.outputs) for r in fit_on) > 2 * _HEADS[0]:
         if progress and field:
-            progress("refitting with " + ", ".join(s.entry.name for s in field))
-        first = _first_refits(parallel, base, field, given, fit_on, _HEADS[1], _NEAR, begun)
-        # Only the leaders are followed down the ladder: a hypothesis that cannot compete with the
-        # equations as imperfect as they were does not overtake with more trust in them.
-        leaders = _leaders(first)
-        if progress and leaders:
-            progress("comparing " + " and ".join(field[i].entry.name for i in leaders))
-        before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
-        finals = parallel(
-            joblib.delayed(_followed)(
-                base, first[i], field[i], given, tuple(fit_on), tuple(hold_out), before
-            )
-            for i in leaders
-        )
+            progress(f"racing {len(field)} effects on the beginning of the recordings")
+        raced = _first_refits(base, field, given, fit_on, _HEADS[0], _FAR, begun, jobs)
+        order = sorted(range(len(field)), key=lambda i: (i >= _BY_SCORE, -raced[i].gain))
+        field = [chosen[i] for i in order[:_FIELD]]
+        begun = [raced[i] for i in order[:_FIELD]]
+        lost = [raced[i] for i in order[_FIELD:]]
+    if progress and field:
+        progress("refitting with " + ", ".join(s.entry.name for s in field))
+    first = _first_refits(base, field, given, fit_on, _HEADS[1], _NEAR, begun, jobs)
+    # Only the leaders are followed down the ladder: a hypothesis that cannot compete with the
+    # equations as imperfect as they were does not overtake with more trust in them.
+    leaders = _leaders(first)
+    if progress and leaders:
+        progress("comparing " + " and ".join(field[i].entry.name for i in leaders))
+    before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
+    follow = [(first[i], field[i]) for i in leaders]
+    known = given, tuple(fit_on), tuple(hold_out), before
+    finals = in_order([(_followed, (base, *pair, *known)) for pair in follow], jobs=jobs)
     for i, final in zip(leaders, finals, strict=True):
         first[i] = final
     return decided(base, (*first, *lost), hold_out, limits)
@@ -207,7 +203,6 @@ def _outrun(candidate: Candidate, by: Candidate) -> Candidate:
 
 
 def _first_refits(
-    parallel: joblib.Parallel,
     base: ProcessNoiseFit,
     field: Sequence[Score],
     priors: tuple[Prior, ...],
@@ -215,6 +210,7 @@ def _first_refits(
     samples: int,
     enough: float,
     begun: Sequence[Candidate | None],
+    jobs: int,
 ) -> list[Candidate]:
     """Refit hypotheses on the beginning of each recording, from where earlier refits ended."""
     if not field:
@@ -224,11 +220,13 @@ def _first_refits(
     # Minus the logarithm of the priors is in the cost of a refit too.
     known = base.cost - float(blocks_of_cost(base, fit_on).sum())
     cost = known + float(blocks_of_cost(base, heads).sum())
-    found: list[Candidate] = parallel(
-        joblib.delayed(_first)(base, cost, score, priors, heads, enough, earlier, thorough=short)
-        for score, earlier in zip(field, begun, strict=True)
+    return in_order(
+        [
+            (_first, (base, cost, score, priors, heads, enough, earlier, short))
+            for score, earlier in zip(field, begun, strict=True)
+        ],
+        jobs=jobs,
     )
-    return found
 
 
 def untried(entry: Hypothesis, why: Exception | str) -> Candidate:
@@ -396,7 +394,6 @@ def _first(
     fit_on: Sequence[Observed],
     enough: float,
     begun: Candidate | None,
-    *,
     thorough: bool,
 ) -> Candidate:
     """Refit a hypothesis, the equations trusted as much as without it."""

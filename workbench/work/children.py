@@ -1,4 +1,4 @@
-"""Processes that do runs end when the one that asked for them is gone, also after a kill."""
+"""Processes that work for another end when that one is gone, also after a kill."""
 
 from __future__ import annotations
 
@@ -7,13 +7,31 @@ import threading
 import time
 from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
+from secrets import token_hex
+from typing import Any, NamedTuple
+
+from workbench.work.counted import Work, done, since
 
 PAUSE = 0.5
 """Time between two looks for the parent, s."""
 
+THIS_PROCESS = token_hex(8)
+"""What tells this process from all others, also on other machines."""
 
-def call_within(parent: int, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
+
+class Returned(NamedTuple):
+    """What a call returned, and what it took where.
+
+    Args:
+        process: `THIS_PROCESS` of the one that did it.
+    """
+
+    result: Any
+    work: Work
+    process: str
+
+
+def call_within(parent: int, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Returned:
     """Call a function in a process that must not outlive another.
 
     Args:
@@ -22,7 +40,8 @@ def call_within(parent: int, function: Callable[..., Any], arguments: tuple[Any,
     # On a machine of a cluster the process has another parent, and lives by its own rules.
     if os.getpid() != parent and os.getppid() == parent:
         _end_with(parent)
-    return function(*arguments)
+    before = done()
+    return Returned(function(*arguments), since(before), THIS_PROCESS)
 
 
 @lru_cache(maxsize=1)

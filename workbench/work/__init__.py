@@ -1,0 +1,1 @@
+"""Work: counted in units that no machine changes, and shared among processes."""

@@ -1,0 +1,119 @@
+"""Calls shared among processes, here or on a cluster; the work that they count is added up."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
+from typing import Any, TypeVar
+
+from workbench.errors import WorkbenchError, check_range
+from workbench.work.children import THIS_PROCESS, call_within
+from workbench.work.counted import add
+
+T = TypeVar("T")
+
+Call = tuple[Callable[..., T], tuple[Any, ...]]
+"""A function and its arguments."""
+
+
+def parallel(
+    calls: Sequence[Call[T]],
+    *,
+    jobs: int = 1,
+    dask: str | None = None,
+) -> Iterator[T]:
+    """Yield the results of calls as they come, from this process, others, or a cluster.
+
+    Args:
+        jobs: Number of processes; 1 stays in this one.
+        dask: Address of a Dask scheduler such as ``tcp://host:8786``, or None.
+
+    Yields:
+        What the calls return, in the order in which they finish.
+
+    Raises:
+        WorkbenchError: If the number of processes is outside its range, or Dask is not installed or
+            its scheduler not there.
+
+    Example:
+        >>> sorted(parallel([(max, (1, 2)), (min, (1, 2))]))
+        [1, 2]
+    """
+    count = int(check_range("number of processes", jobs, 1, 1024))
+    if not calls:
+        return
+    if dask is None and (count == 1 or len(calls) == 1):
+        for function, arguments in calls:
+            yield function(*arguments)
+        return
+    import joblib
+
+    with ExitStack() as stack:
+        if dask is None:
+            # Threads inside a process would only compete with the other processes.
+            settings: dict[str, Any] = {"backend": "loky", "inner_max_num_threads": 1}
+        else:
+            client = stack.enter_context(_client(dask))
+            workers = sum(client.nthreads().values())
+            count = max(1, workers)
+            settings = {"backend": "dask"}
+        stack.enter_context(joblib.parallel_config(**settings))
+        workers_pool = joblib.Parallel(
+            n_jobs=count, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs"
+        )
+        try:
+            for returned in workers_pool(
+                joblib.delayed(call_within)(os.getpid(), function, given)
+                for function, given in calls
+            ):
+                if returned.process != THIS_PROCESS:
+                    add(returned.work)
+                yield returned.result
+        except BrokenProcessPool:
+            raise WorkbenchError(
+                "a process that did a run ended in the middle of it: it ran out of memory, or a"
+                " module of your own ended it; what was finished is kept, and --jobs 1 shows where"
+            ) from None
+
+
+def in_order(calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None) -> list[T]:
+    """Return the results of calls in their order, however they were shared.
+
+    Args:
+        jobs: Number of processes; 1 stays in this one.
+        dask: Address of a Dask scheduler such as ``tcp://host:8786``, or None.
+
+    Raises:
+        WorkbenchError: As `parallel` does.
+
+    Example:
+        >>> in_order([(max, (1, 2)), (min, (1, 2))])
+        [2, 1]
+    """
+    numbered: list[Call[tuple[int, T]]] = [(_numbered, (i, *call)) for i, call in enumerate(calls)]
+    found = dict(parallel(numbered, jobs=jobs, dask=dask))
+    return [found[i] for i in range(len(calls))]
+
+
+def _numbered(number: int, function: Callable[..., T], arguments: tuple[Any, ...]) -> tuple[int, T]:
+    return number, function(*arguments)
+
+
+def _client(address: str) -> Any:
+    try:
+        from distributed import Client
+    except ImportError:
+        raise WorkbenchError(
+            "a Dask cluster needs the package 'distributed'; install it with the extra 'cluster',"
+            ' as in pip install "muscle-arm-workbench[cluster]"'
+        ) from None
+    try:
+        return Client(address, timeout=10)
+    except (OSError, ValueError, TypeError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise WorkbenchError(
+            f"there is no Dask scheduler at {address!r} ({reason}); start one with 'dask scheduler'"
+            " and give its address, such as tcp://127.0.0.1:8786"
+        ) from None
