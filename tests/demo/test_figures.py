@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -11,10 +12,11 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from workbench.demo.figures.diagnosed import diagnosed
-from workbench.demo.figures.force_lines import force_lines
-from workbench.demo.figures.force_maps import force_map, law_errors
-from workbench.demo.figures.open_loop import open_loop
+from workbench.demo.diagnosed_case import diagnosed
+from workbench.demo.force_map_study import made_up_map, study_map
+from workbench.demo.force_maps import force_map_page
+from workbench.demo.identification import force_lines
+from workbench.demo.open_loop import open_loop
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.reports.figures.bode import bode
 from workbench.reports.figures.tracking import Trajectory, tracking
@@ -38,14 +40,20 @@ def tracked(time: np.ndarray, reference: np.ndarray, runs: list[Trajectory]) -> 
     return tracking(time, reference, runs, error_limit=0.3, **words)
 
 
+@cache
+def map_pictures() -> list[Figure]:
+    study = study_map(made_up_map(), "made up")
+    return [picture.figure for picture in force_map_page(study, command="").pictures]
+
+
 FIGURES: dict[str, Callable[[], Figure]] = {
     "force lines": lambda: force_lines([0.0, 0.01], [T, T], [WAVE, WAVE], [WAVE, WAVE]),
     "open loop": lambda: open_loop(T, WAVE, WAVE, WAVE, variants={"linear valve": (WAVE, WAVE)}),
     "bode": lambda: bode(T + 0.1, {"30°": np.exp(1j * WAVE)}, unit="° per V"),
     "steps": steps,
     "diagnosed": lambda: diagnosed(RUN, RUN, T, {"before": WAVE, "after": WAVE}),
-    "force map": lambda: force_map([T], [WAVE], [3e5], T, {"law": [WAVE]}),
-    "law errors": lambda: law_errors(["law"], [3.0], [5.0], [90.0]),
+    "force map": lambda: map_pictures()[0],
+    "law errors": lambda: map_pictures()[1],
 }
 
 UNIT = re.compile(r"\sin (s|V|N|°|°/s|bar|mm|Hz|° per V)$")
@@ -59,7 +67,7 @@ def test_axes_carry_units(name: str) -> None:
     for axes in panels:
         words = [tick.get_text() for tick in axes.get_yticklabels()]
         # Bars of named laws have names instead of a quantity on their vertical axis.
-        assert UNIT.search(axes.get_ylabel()) or "law" in words, axes.get_ylabel()
+        assert UNIT.search(axes.get_ylabel()) or "Sárosi" in words, axes.get_ylabel()
 
 
 @pytest.mark.parametrize("name", FIGURES)

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from workbench.data_folder import external_data
 from workbench.demo.force_map_study import FAMILIES, ForceMap, fit_law, study_map
-from workbench.demo.force_maps import force_maps_part, read_force_map
+from workbench.demo.force_maps import FILE, force_maps_part, read_force_map
 
 
 def made(name: str) -> ForceMap:
@@ -45,7 +46,9 @@ def test_contractions_are_those_of_a_200_mm_muscle() -> None:
 
 
 def test_the_measured_map_ranks_the_laws(external_folder: Path) -> None:
-    study = study_map(read_force_map(external_folder), "DMSP-20", families=FAMILIES)
+    study = study_map(
+        read_force_map(external_data(FILE, external_folder)), "DMSP-20", families=FAMILIES
+    )
     for fit in study.laws:
         assert fit.fitted_rms < fit.length_rms and fit.fitted_rms < fit.published_rms
     held_out = {law.name: law.length_rms for law in study.laws}

@@ -206,7 +206,6 @@ def _write(found: Diagnosis, loaded: Loaded, out: Path) -> None:
     from workbench.files import whole_folder, write_whole
     from workbench.reports.diagnosis_page import diagnosis_page
     from workbench.reports.page import write_page
-    from workbench.reports.pictures import save
 
     assert found.verdict is not None
     with whole_folder(out) as folder:
@@ -217,6 +216,4 @@ def _write(found: Diagnosis, loaded: Loaded, out: Path) -> None:
             name=loaded.problem.name,
             commands=tuple(filter(None, (typed(),))),
         )
-        write_page(page, folder / "report.html")
-        for picture in page.pictures:
-            save(picture, folder / "figures")
+        write_page(page, folder / "report.html", pictures=folder / "figures")

@@ -61,12 +61,8 @@ def recording(
     if out is not None:
         from workbench.cli.typed import typed
         from workbench.reports.page import write_page
-        from workbench.reports.pictures import save
         from workbench.reports.recording_page import recording_page
 
         page = recording_page(report, command=typed())
-        write_page(page, out / "report.html")
-        for picture in page.pictures:
-            save(picture, out)
-        typer.echo(f"open {out / 'report.html'}", err=as_json)
+        typer.echo(f"open {write_page(page, out / 'report.html', pictures=out)}", err=as_json)
     return 0 if report.fit else UNFIT

@@ -67,7 +67,7 @@ def report(
     from workbench.errors import WorkbenchError, check_choice
     from workbench.reports.figures.study_traces import point_text
     from workbench.reports.page import write_page
-    from workbench.reports.study_files import linear_page, write_pictures
+    from workbench.reports.study_files import linear_page
     from workbench.reports.study_page import study_page
     from workbench.study.linear_loop import analyse_study
     from workbench.study.result import run_study
@@ -109,7 +109,8 @@ def report(
         finally:
             counter.close()
         page = study_page(outcome, command=typed())
-    path = write_page(page, out / "report.html")
-    count = write_pictures(page, out)
-    typer.echo(f"written to {path}, and {count} pictures as PNG and SVG to {out / 'pictures'}")
+    folder = out / "pictures"
+    path = write_page(page, out / "report.html", pictures=folder)
+    count = len(page.pictures)
+    typer.echo(f"written to {path}, and {count} pictures as PNG and SVG to {folder}")
     return 0

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from workbench.demo.part import Part, judged
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.operating_map import operating_map
+from workbench.linearisation.transfer import frequency_response
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.reports.figures.bode import bode
@@ -31,17 +31,10 @@ BAND_DAMPING = (0.01, 0.2)
 
 
 def linear_models() -> dict[tuple[int, int], LinearModel]:
-    """Linearise the arm over angles and loads, with the valve's opening as the input.
+    """Linearise the arm over loads (in kg) and angles (in °), with the valve's opening as input.
 
     Bearing friction is left out: at rest its slope looks like strong damping, which a moving arm
     does not have.
-
-    Returns:
-        Linear models by load in kg and angle in degrees.
-
-    Example:
-        >>> round(linear_models()[3, 30].mode_of("angle").frequency_hz, 1)
-        2.1
     """
     found = operating_map(
         arm().without("bearing_friction"),
@@ -52,19 +45,6 @@ def linear_models() -> dict[tuple[int, int], LinearModel]:
     return {(LOADS_KG[j], ANGLES_DEG[i]): model for (i, j, _), model in found.models.items()}
 
 
-def response(linear: LinearModel, output: str) -> npt.NDArray[np.complex128]:
-    """Compute the frequency response of the first input to an output.
-
-    Returns:
-        Response at `FREQUENCY`, shape (n,), in SI of the output per percent of full opening.
-    """
-    row = linear.output_names.index(output)
-    s = 2j * np.pi * FREQUENCY
-    inner = s[:, None, None] * np.eye(len(linear.A)) - linear.A
-    states = np.linalg.solve(inner, np.tile(linear.B[:, :1], (len(s), 1, 1)))[..., 0]
-    return np.asarray((states @ linear.C[row] + linear.D[row, 0]) / 100.0)
-
-
 def angle_map_part() -> Part:
     """Linearise the arm over angles and loads.
 
@@ -73,8 +53,6 @@ def angle_map_part() -> Part:
         {'met': 21, 'missed': 0, 'open': 0}
     """
     models = linear_models()
-    drawn = {f"{angle}°": models[DRAWN_LOAD_KG, angle] for angle in ANGLES_DEG}
-    by_load = {f"{load} kg": models[load, 30] for load in LOADS_KG}
     sided = linearise(
         operating_point(
             arm(DRAWN_LOAD_KG), {"angle": math.radians(30), "mean_pressure": MEAN_PRESSURE}
@@ -83,28 +61,22 @@ def angle_map_part() -> Part:
     verdict = sided.verdict
     assert verdict is not None
     kink = verdict.kinks[0]
+    said = [str(kink), str(verdict.amplitude), str(verdict.frequency)]
+    kinds = ("kink", "size of a step", "frequency of a sine")
+    modes = {
+        f"{load} kg": {f"{angle} deg": _mode(models[load, angle]) for angle in ANGLES_DEG}
+        for load in LOADS_KG
+    }
     results = {
-        "modes": {
-            f"{load} kg": {
-                f"{angle} deg": {
-                    "frequency_Hz": models[load, angle].mode_of("angle").frequency_hz,
-                    "damping": models[load, angle].mode_of("angle").damping,
-                    "pressure_1_bar": models[load, angle].operating_point["pressure_1"] / 1e5,
-                    "pressure_2_bar": models[load, angle].operating_point["pressure_2"] / 1e5,
-                }
-                for angle in ANGLES_DEG
-            }
-            for load in LOADS_KG
-        },
+        "modes": modes,
         "kink": {
             "of": kink.of,
             "below": kink.slope_below,
             "above": kink.slope_above,
             "factor": kink.factor,
         },
-        "verdict": [str(kink), str(verdict.amplitude), str(verdict.frequency)],
+        "verdict": said,
     }
-    unit = "° per % opening"
     section = Section(
         "linear-models",
         "Linear models over the angles",
@@ -115,100 +87,91 @@ def angle_map_part() -> Part:
                 "the curve of which every controller inverts; the arm swings on its muscles at "
                 "about 6 Hz without a load, 2 Hz with 3 kg and 1.3 Hz with 8 kg, hardly damped."
             ),
-            Picture(
+            _bode(
                 "bode-angles",
-                bode(
-                    FREQUENCY,
-                    {name: np.degrees(1) * response(m, "angle") for name, m in drawn.items()},
-                    unit=unit,
-                ),
+                {f"{angle}°": models[DRAWN_LOAD_KG, angle] for angle in ANGLES_DEG},
                 f"From the valve's opening to the angle with {DRAWN_LOAD_KG} kg, at seven angles;"
                 " those that mirror each other about 30° have the same curve.",
                 "magnitude and phase with a resonance near 2 hertz",
             ),
-            Picture(
+            _bode(
                 "bode-loads",
-                bode(
-                    FREQUENCY,
-                    {name: np.degrees(1) * response(m, "angle") for name, m in by_load.items()},
-                    unit=unit,
-                ),
+                {f"{load} kg": models[load, 30] for load in LOADS_KG},
                 "From the valve's opening to the angle at 30° with three loads.",
                 "magnitude and phase; the resonance moves from 6 to 1.3 hertz with the load",
             ),
-            _modes(models),
+            _modes(modes),
             Table(
                 f"How far the linear model holds at 30° with {DRAWN_LOAD_KG} kg, valve voltage as "
                 "the input",
                 ("what", "verdict"),
-                (
-                    ("kink", _words(str(kink))),
-                    ("size of a step", _words(str(verdict.amplitude))),
-                    ("frequency of a sine", _words(str(verdict.frequency))),
+                tuple(
+                    (kind, text.replace(" deg", "°").replace("-> ", "→ "))
+                    for kind, text in zip(kinds, said, strict=True)
                 ),
                 "At rest the valve stands on a kink of its curve: filling and venting have "
                 "different slopes, and the matrices hold their mean.",
             ),
             Method(
                 (
-                    (
-                        "linear models",
-                        "automatic derivatives of the exact equations at the trimmed state; "
-                        "bearing friction left out, because at rest its slope looks like damping "
-                        "that a moving arm does not have",
-                    ),
-                    (
-                        "swing",
-                        "the oscillating pair of poles in which the angle takes the largest part: "
-                        "frequency |p| / 2π, damping −Re p / |p|",
-                    ),
-                    (
-                        "mean pressure",
-                        "prescribed; one 5/3 valve does not hold it, so it drifts slowly towards "
-                        "the mean that leakage holds",
-                    ),
-                    (
-                        "step and sine",
-                        "the full plant and the linear model get the same inputs; a step holds if "
-                        "they stay within 10 %, a sine if gain and phase agree within 10 % and 10°",
-                    ),
+                    ("linear models", "automatic derivatives of the exact equations at the trimmed"
+                     " state; bearing friction left out, because at rest its slope looks like"
+                     " damping that a moving arm does not have"),
+                    ("swing", "the oscillating pair of poles in which the angle takes the largest"
+                     " part: frequency |p| / 2π, damping −Re p / |p|"),
+                    ("mean pressure", "prescribed; one 5/3 valve does not hold it, so it drifts"
+                     " slowly towards the mean that leakage holds"),
+                    ("step and sine", "the full plant and the linear model get the same inputs; a"
+                     " step holds if they stay within 10 %, a sine if gain and phase agree within"
+                     " 10 % and 10°"),
                 )
             ),
             Commands(
                 ("workbench linearise --angle 30deg --load 3kg --mean-pressure 3bar --verdict",)
             ),
         ),
-    )
+    )  # fmt: skip
     return Part(section, results)
 
 
-def _modes(models: dict[tuple[int, int], LinearModel]) -> Table:
+def _bode(name: str, models: dict[str, LinearModel], caption: str, words: str) -> Picture:
+    """Draw the responses from the valve's opening, in per cent, to the angle, in °."""
+    per_cent = math.degrees(1.0) / 100.0
+    responses = {
+        title: per_cent * frequency_response(linear, "angle", FREQUENCY)
+        for title, linear in models.items()
+    }
+    return Picture(name, bode(FREQUENCY, responses, unit="° per % opening"), caption, words)
+
+
+def _mode(linear: LinearModel) -> dict[str, float]:
+    mode, point = linear.mode_of("angle"), linear.operating_point
+    return {
+        "frequency_Hz": mode.frequency_hz,
+        "damping": mode.damping,
+        "pressure_1_bar": point["pressure_1"] / 1e5,
+        "pressure_2_bar": point["pressure_2"] / 1e5,
+    }
+
+
+def _modes(modes: dict[str, dict[str, dict[str, float]]]) -> Table:
     rows = []
     for angle in ANGLES_DEG:
-        pressures = models[DRAWN_LOAD_KG, angle].operating_point
-        cells: list[Cell | str] = [
-            f"{angle}",
-            f"{number(pressures['pressure_1'] / 1e5)} / {number(pressures['pressure_2'] / 1e5)}",
-        ]
+        own = modes[f"{DRAWN_LOAD_KG} kg"][f"{angle} deg"]
+        pressures = " / ".join(number(own[f"pressure_{i}_bar"]) for i in (1, 2))
+        cells: list[Cell | str] = [f"{angle}", pressures]
         for load in LOADS_KG:
-            mode = models[load, angle].mode_of("angle")
-            frequency = judged(mode.frequency_hz, *BANDS_HZ[load])
-            damped = BAND_DAMPING[0] <= mode.damping <= BAND_DAMPING[1]
-            met = frequency.mark == "met" and damped
-            text = f"{frequency.text} Hz, ζ {number(mode.damping, 2)}"
+            mode = modes[f"{load} kg"][f"{angle} deg"]
+            frequency = judged(mode["frequency_Hz"], *BANDS_HZ[load])
+            damping = judged(mode["damping"], *BAND_DAMPING, digits=2)
+            met = frequency.mark == damping.mark == "met"
+            text = f"{frequency.text} Hz, ζ {damping.text}"
             cells.append(Cell(text, "met" if met else "missed"))
         rows.append(tuple(cells))
-    heads = (f"{load} kg" for load in LOADS_KG)
-    bands = ", ".join(
-        f"{low:g} … {high:g} Hz ({load} kg)" for load, (low, high) in BANDS_HZ.items()
-    )
+    bands = ", ".join(f"{low:g} … {high:g} Hz ({kg} kg)" for kg, (low, high) in BANDS_HZ.items())
     return Table(
         "Swing of the arm",
-        ("angle in °", "muscle 1 / 2 in bar", *heads),
+        ("angle in °", "muscle 1 / 2 in bar", *modes),
         tuple(rows),
         f"Must lie in {bands}; damping ratio ζ in {BAND_DAMPING[0]:g} … {BAND_DAMPING[1]:g}.",
     )
-
-
-def _words(text: str) -> str:
-    return text.replace(" deg", "°").replace("-> ", "→ ")

@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from workbench.demo.part import Part
-from workbench.reports.figures.tracking import Trajectory, tracking
+from workbench.model.units import with_unit
+from workbench.reports.figures.tracking import steady_limit, tracked
 from workbench.reports.metrics_table import metric_methods, metrics_table
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import number
-from workbench.study.result import run_study
+from workbench.study.result import StudyResult, run_study
 from workbench.study.schema import load_study
 from workbench.study.shipped import shipped_study
-from workbench.study.tasks import Record
 from workbench.verification import Metrics
 from workbench.verification.metrics import columns
 
 WINDOWS = {"up": (0.4, 1.6), "down": (2.4, 3.6)}
 """Times drawn around each step, in s: the whole run would hide how the curves differ."""
-
-
-ERROR_LIMIT_DEG = 0.3
-"""Steady error that the study allows, in °."""
 
 FIRST = "steps-with-muscle-hysteresis-up"
 """The picture of the first screen."""
@@ -48,14 +41,10 @@ def closed_loop_part() -> Part:
     numbers: dict[str, dict[str, dict[str, float]]] = {}
     for (controller, plant), found in measured.items():
         numbers.setdefault(plant, {})[controller] = _numbers(found)
-    pictures = [
-        picture
-        for plant in numbers
-        for picture in _pictures(plant, [r for r in result.records if r.variation == plant])
-    ]
+    pictures = {p.name: p for plant in numbers for p in _pictures(result, plant)}
     slowest = max(float(m["settling_time"].value) for m in measured.values())
     first = replace(
-        next(p for p in pictures if p.name == FIRST),
+        pictures.pop(FIRST),
         caption=f"Three controllers, designed from one linear model (dashed: on that model), bring"
         " the full plant with a muscle hysteresis that no design knew of to rest within"
         f" {number(slowest, 2)} s of a step of 30°.",
@@ -72,7 +61,7 @@ def closed_loop_part() -> Part:
                 "12-bit converters and sensor noise: a step of 30° and back, nominal and with "
                 "muscle hysteresis of 10 N + 7 N/bar that no design knew of."
             ),
-            *(p for p in pictures if p.name != FIRST),
+            *pictures.values(),
             metrics_table(
                 "Steps between 15° and 45° on the full plant",
                 ("controller", "plant"),
@@ -87,40 +76,20 @@ def closed_loop_part() -> Part:
     return Part(section, numbers, first)
 
 
-def _pictures(plant: str, records: Sequence[Record]) -> list[Picture]:
-    traces = {r.controller: {k: np.asarray(v) for k, v in r.traces.items()} for r in records}
-    first = next(iter(traces.values()))
-    found = []
-    for way, (begin, end) in WINDOWS.items():
-        seen = (first["time"] >= begin - 1e-9) & (first["time"] <= end + 1e-9)
-        figure = tracking(
-            first["time"][seen],
-            np.degrees(first["reference.angle"][seen]),
-            [
-                Trajectory(
-                    name,
-                    own["time"][seen],
-                    np.degrees(own["output.angle"][seen]),
-                    own["input.valve"][seen],
-                    np.degrees(own["linear.angle"][seen]),
-                )
-                for name, own in traces.items()
-            ],
-            quantity="angle",
-            unit="°",
-            command="valve in V",
-            error_limit=ERROR_LIMIT_DEG,
+def _pictures(result: StudyResult, plant: str) -> list[Picture]:
+    scenario = next(iter(result.study.scenarios))
+    runs = {r.controller: r for r in result.records if r.variation == plant}
+    limit = with_unit(f"{steady_limit(result.study, scenario):g}", "deg")
+    return [
+        Picture(
+            f"steps-{plant.replace(' ', '-')}-{way}",
+            tracked(result.study, scenario, runs, window=window),
+            f"Step {way}, full plant {plant}: angle, error (dotted: ± {limit}) and "
+            "valve voltage. Dashed: the same controller on its linear model, ideal sensors.",
+            f"step {way} between 15 and 45 degrees; all controllers settle in half a second",
         )
-        found.append(
-            Picture(
-                f"steps-{plant.replace(' ', '-')}-{way}",
-                figure,
-                f"Step {way}, full plant {plant}: angle, error (dotted: ± {ERROR_LIMIT_DEG}°) and "
-                "valve voltage. Dashed: the same controller on its linear model, ideal sensors.",
-                f"step {way} between 15 and 45 degrees; all controllers settle in half a second",
-            )
-        )
-    return found
+        for way, window in WINDOWS.items()
+    ]
 
 
 def _numbers(found: Metrics) -> dict[str, float]:

@@ -6,29 +6,36 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.data_folder import shipped_data
-from workbench.demo.figures.diagnosed import diagnosed
 from workbench.demo.part import Part
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.start import fitted_start
 from workbench.diagnosis.redesign import redesign
 from workbench.diagnosis.verdict import upgraded
-from workbench.model import Model
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
-from workbench.recordings import Recording, read_case
-from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
+from workbench.recordings import read_case
+from workbench.reports.figures.diagnosis_runs import (
+    AFTER,
+    BEFORE,
+    diagnosis_residuals,
+    diagnosis_runs,
+)
 from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
+from workbench.reports.style import FURTHER, MEASURED, REFERENCE, key, label, new_figure
 from workbench.reports.tables import Table, number, plain
 from workbench.verification import Scenario, Sine, verify
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Vector = npt.NDArray[np.float64]
 
@@ -66,16 +73,6 @@ class DiagnosedCase:
     time: Vector
     tracking: Mapping[str, Vector]
 
-    @property
-    def tracked_deg(self) -> dict[str, float]:
-        """Root mean square of the tracking errors, in °, by the model of design."""
-        rms = {k: float(np.sqrt(np.mean(v**2))) for k, v in self.tracking.items()}
-        return {name: math.degrees(value) for name, value in rms.items()}
-
-    def error_deg(self, model: str) -> float:
-        """Return the verdict's error of the angle on all held-out recordings, rms in °."""
-        return math.degrees(self.verdict["fit"]["held_out"][model]["angle"])
-
 
 def diagnosed_case(name: str = CASE) -> DiagnosedCase:
     """Read a shipped case with its verdict, run both models along it, and design on both.
@@ -99,33 +96,23 @@ def diagnosed_case(name: str = CASE) -> DiagnosedCase:
         late = run.time > _SETTLED
         time = run.time[late]
         tracking[title] = (run.references["angle"] - run["angle"])[late]
-    samples = plant.start_samples
-    return DiagnosedCase(
-        verdict,
-        _run(before, recording, samples),
-        _run(after, recording, samples),
-        time,
-        tracking,
+    first, second = (
+        free_run(m, fitted_start(m, observe(m, recording), samples=plant.start_samples))
+        for m in (before, after)
     )
-
-
-def _run(model: Model, recording: Recording, samples: int) -> FreeRun:
-    return free_run(model, fitted_start(model, observe(model, recording), samples=samples))
+    return DiagnosedCase(verdict, first, second, time, tracking)
 
 
 def diagnosed_case_part() -> Part:
-    """Show a shipped case as its verdict left it.
-
-    Returns:
-        The section, its numbers, and the picture of the first screen.
-    """
+    """Show a shipped case as its verdict left it."""
     found = diagnosed_case()
-    tracked = found.tracked_deg
+    tracked = {k: math.degrees(float(np.sqrt(np.mean(v**2)))) for k, v in found.tracking.items()}
     finding = found.verdict["findings"][0]
     name = plain(finding["effect"])
-    size, of = next(iter(finding["parameters"].values())), next(iter(finding["parameters"]))
+    of, size = next(iter(finding["parameters"].items()))
     held = ("refitted", "extended")
-    errors = {model: found.error_deg(model) for model in held}
+    judged = found.verdict["fit"]["held_out"]
+    errors = {model: math.degrees(judged[model]["angle"]) for model in held}
     results = {
         "verdict": found.verdict["verdict"],
         "effect": finding["effect"],
@@ -211,3 +198,45 @@ def _section(found: DiagnosedCase) -> Section:
             Commands((f"workbench diagnose {CASE} --out diagnosis",)),
         ),
     )  # fmt: skip
+
+
+def diagnosed(
+    before: FreeRun, after: FreeRun, time: npt.ArrayLike, errors: Mapping[str, npt.ArrayLike]
+) -> Figure:
+    """Draw free runs of two models along a recording, and tracking errors of two designs.
+
+    Args:
+        before: Free run of the refitted nominal model; its first output is the angle.
+        after: Free run of the model with what was found.
+        time: Times of the tracking errors, shape (n,), in s.
+        errors: Tracking error, shape (n,), in rad, by the name of the design.
+    """
+    figure, (angle, error, tracked) = new_figure([1.7, 1.0, 1.3], share_x=False)
+    angle.plot(
+        before.time,
+        np.degrees(before.measured[:, 0]),
+        color=MEASURED.light,
+        linewidth=3.0,
+        alpha=0.45,
+        label="measured",
+    )
+    for run, colour, name in ((before, BEFORE, "before"), (after, AFTER, "after")):
+        angle.plot(
+            run.time,
+            np.degrees(run.simulated[:, 0]),
+            color=colour.light,
+            linewidth=1.2,
+            linestyle="-" if run is before else (0, (4, 2)),
+            label=name,
+        )
+        error.plot(run.time, np.degrees(run.error[:, 0]), color=colour.light, linewidth=1.1)
+    for (name, values), shade in zip(errors.items(), (REFERENCE, FURTHER[0]), strict=True):
+        tracked.plot(time, np.degrees(values), color=shade.light, linewidth=1.3, label=name)
+    angle.tick_params(labelbottom=False)
+    label(angle, y="angle in °")
+    label(error, x="time in s", y="error in °")
+    label(tracked, x="time in s", y="error in °")
+    key(angle)
+    key(tracked, columns=2)
+    figure.align_ylabels()
+    return figure

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -40,36 +42,27 @@ class ForceMap:
         pressure: Gauge pressures, shape (n,), in Pa.
         length: Lengths, shape (n,), in m.
         force: Forces, shape (n,), in N; zero where the muscle is slack.
+        longest: Length that counts as not contracted, in m; the longest of the points if 0.
     """
 
     pressure: Vector
     length: Vector
     force: Vector
+    longest: float = 0.0
 
-    @property
+    @cached_property
     def contraction(self) -> Vector:
         """Contraction of a 200 mm muscle that is contracted by the same ratio, in m.
 
         A muscle of the same diameter and fibre angle pulls as hard at the same relative
         contraction, whatever its length.
         """
-        longest = float(self.length.max())
-        return LAW_LENGTH * (1 - self.length / longest)
+        return LAW_LENGTH * (1 - self.length / (self.longest or float(self.length.max())))
 
     def take(self, rows: npt.NDArray[np.bool_]) -> ForceMap:
         """Return some of the points, with the contraction they had."""
-        return _Part(
-            self.pressure[rows], self.length[rows], self.force[rows], self.contraction[rows]
-        )
-
-
-@dataclass(frozen=True)
-class _Part(ForceMap):
-    given: Vector
-
-    @property
-    def contraction(self) -> Vector:
-        return self.given
+        longest = self.longest or float(self.length.max())
+        return ForceMap(self.pressure[rows], self.length[rows], self.force[rows], longest)
 
 
 @dataclass(frozen=True)
@@ -197,26 +190,38 @@ class MapStudy:
         with_phi = min(law.length_rms for law in self.laws if law.name.startswith("paper"))
         return self.law("petrovic").length_rms / with_phi
 
-    def __str__(self) -> str:
-        """Return a short aligned table."""
-        percent = 100 / self.largest_force
-        lines = [
-            f"{self.name}: {len(self.points.force)} points, largest force"
-            f" {self.largest_force:.0f} N; errors in N, largest also in % of that",
-            f"  {'law':<32} {'numbers':>7} {'fit rms':>8} {'largest':>8} {'%':>6}"
-            f" {'length':>8} {'largest':>8} {'%':>6} {'pressure':>8}",
-        ]
-        lines += [
-            f"  {law.title:<32} {len(law.values):>7} {law.fitted_rms:>8.2f} {law.largest:>8.2f}"
-            f" {percent * law.largest:>6.2f} {law.length_rms:>8.2f} {law.length_largest:>8.2f}"
-            f" {percent * law.length_largest:>6.2f} {law.pressure_rms:>8.2f}"
-            for law in self.laws
-        ]
-        lines.append(
-            f"  phi is needed: without it the error on lengths held out is"
-            f" {self.need_for_phi:.1f} times as large"
+    @property
+    def headline(self) -> str:
+        """The best law, and whether a part of the force does not depend on pressure, in words."""
+        best, percent = self.best, 100 / self.largest_force
+        return (
+            f"Best on lengths left out: {best.title}, {best.length_rms:.1f} N rms, at most"
+            f" {percent * best.length_largest:.1f} % of the largest force. Without phi, equation"
+            f" (3) errs {self.need_for_phi:.1f} times as much as equation (4): the force of the"
+            " tube that does not depend on pressure is really there."
         )
-        return "\n".join(lines)
+
+    def table(self) -> dict[str, Any]:
+        """Return everything as plain numbers, with units in their names."""
+        return {
+            "name": self.name,
+            "largest_force_N": self.largest_force,
+            "need_for_phi": self.need_for_phi,
+            "laws": {
+                law.name: {
+                    "title": law.title,
+                    "values": law.values.tolist(),
+                    "std": law.std.tolist(),
+                    "published_rms_N": law.published_rms,
+                    "fitted_rms_N": law.fitted_rms,
+                    "fitted_largest_N": law.largest,
+                    "lengths_held_out_rms_N": law.length_rms,
+                    "lengths_held_out_largest_N": law.length_largest,
+                    "pressures_held_out_rms_N": law.pressure_rms,
+                }
+                for law in self.laws
+            },
+        }
 
 
 _STRENGTH = (1.5e-3, 1.0)

@@ -1,44 +1,49 @@
-"""Measured force maps of a muscle against the force laws."""
+"""Force laws on measured force maps of a muscle: the page of a map, and the demonstration's."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from workbench.data_folder import external_data
-from workbench.demo.force_map_page import errors_figure, map_figure
-from workbench.demo.force_map_study import FAMILIES, ForceMap, MapStudy, study_map
+from workbench.demo.force_map_study import FAMILIES, LAW_LENGTH, ForceMap, MapStudy, study_map
 from workbench.demo.part import Part
 from workbench.recordings import read_table
-from workbench.reports.page import Method, Section, Words
+from workbench.reports.page import Block, Method, Page, Section, Words, again
 from workbench.reports.pictures import Picture
-from workbench.reports.tables import Table, number
+from workbench.reports.style import (
+    FAINT,
+    FURTHER,
+    INK,
+    MEASURED,
+    REFERENCE,
+    key,
+    label,
+    named_line,
+    new_figure,
+)
+from workbench.reports.tables import Table, interval, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 FILE = "real/martens2017-festo-force-maps/dmsp-20-300_static_force.csv"
-"""Path of the map inside the data folder."""
+"""Path of the demonstration's map inside the data folder."""
 
-SHOWN_PRESSURES = (1.35e5, 3.12e5, 6e5)
-"""Gauge pressures of the panels, in Pa."""
-
-DRAWN_LAWS = ("tondu_lopez_k", "petrovic", "paper", "sarosi")
+_SHOWN_PRESSURES = (0.25, 0.6, 1.0)
+"""Ranks of the pressures that are drawn, among those measured."""
 
 
-def read_force_map(folder: Path) -> ForceMap:
-    """Read the measured force map of a DMSP-20 from a data folder.
-
-    Raises:
-        WorkbenchError: If the folder does not hold it.
-    """
-    table = read_table(external_data(FILE, folder))
+def read_force_map(file: Path) -> ForceMap:
+    """Read static forces from a table with pressure, length and force, units in its header."""
+    table = read_table(file)
     return ForceMap(table["pressure"], table["length"], table["force"])
 
 
 def force_maps_part(folder: Path | None) -> Part:
-    """Compare every force law with a measured force map, if a data folder is given.
-
-    Args:
-        folder: The data folder, or None.
+    """Compare every force law with the measured map of a DMSP-20, if a data folder is given.
 
     Raises:
         WorkbenchError: If the folder does not hold the map.
@@ -51,99 +56,176 @@ def force_maps_part(folder: Path | None) -> Part:
             "note",
         )
         return Part(Section("force-maps", "Measured force maps", (text,)))
-    study = study_map(read_force_map(folder), "DMSP-20", families=FAMILIES)
-    results = {
-        law.name: {
-            "numbers_fitted": len(law.values),
-            "published_rms_N": law.published_rms,
-            "refitted_rms_N": law.fitted_rms,
-            "held_out_rms_N": law.length_rms,
-            "refitted_largest_N": law.largest,
-        }
-        for law in study.laws
-    }
-    return Part(_section(study), results)
-
-
-def _section(study: MapStudy) -> Section:
-    points, best = study.points, study.best
-    percent = 100 * best.length_rms / study.largest_force
-    shown = [
-        float(points.pressure[np.argmin(np.abs(points.pressure - p))]) for p in SHOWN_PRESSURES
-    ]
-    return Section(
-        "force-maps",
-        "Measured force maps of a DMSP-20",
-        (
-            Words(
-                "Static forces of a real muscle of the same type, "
-                f"{1e3 * points.length.max():.0f} mm long, at "
-                f"{len(np.unique(points.pressure))} pressures and "
-                f"{len(np.unique(points.length))} lengths (M. Martens, I. Boblan, Actuators 2017), "
-                "against every force law of the plant. The laws were published for a 200 mm "
-                "muscle; they are compared at the same relative contraction, at which muscles of "
-                "one diameter pull alike. Each law is then refitted to the map and judged on "
-                "contractions that were left out of the fit."
-            ),
-            Words(
-                f"Best on contractions left out: {best.title}, {best.length_rms:.0f} N rms or "
-                f"{percent:.1f} % of the largest force. The numbers of the map were "
-                "transcribed from a secondary source, so they support a comparison "
-                "of laws, not a calibration.",
-                "note",
-            ),
-            Picture(
-                "force-map",
-                map_figure(study, shown, DRAWN_LAWS),
-                "Measured force over contraction at three pressures, and refitted laws.",
-                "force falls with contraction; the laws with a pressure-independent part follow it",
-            ),
-            Picture(
-                "law-errors",
-                errors_figure(study, published=True),
-                "How far each law is from the map: as published, refitted, and on contractions "
-                "that the refit has not seen.",
-                "rms errors of six force laws on a logarithmic axis",
-            ),
-            Table(
-                "Force laws against the map",
-                (
-                    "law",
-                    "numbers fitted",
-                    "published, rms in N",
-                    "refitted, rms in N",
-                    "held out, rms in N",
-                    "refitted, largest in N",
-                ),
-                tuple(
-                    (
-                        law.title,
-                        str(len(law.values)),
-                        number(law.published_rms),
-                        number(law.fitted_rms),
-                        number(law.length_rms),
-                        number(law.largest),
-                    )
-                    for law in study.laws
-                ),
-                "The k of equation (2) is no published number but a fit to equation (4).",
-            ),
-            Method(
-                (
-                    ("published", "the law as published, on contractions up to 16.5 %, its range"),
-                    (
-                        "refitted",
-                        "least squares of the force over all points; where the muscle is slack, "
-                        "measurement and law are both zero",
-                    ),
-                    (
-                        "held out",
-                        "each inner contraction at which the muscle pulls is left out once, the "
-                        "law is fitted to the others and judged on it; root of the mean square "
-                        "over these contractions",
-                    ),
-                    ("equation (4)", "refitted with a quadratic φ(q) and without its switch"),
-                )
-            ),
+    study = study_map(read_force_map(external_data(FILE, folder)), "DMSP-20", families=FAMILIES)
+    about = (
+        Words(
+            "Static forces of a real muscle of the same type (M. Martens, I. Boblan, Actuators "
+            "2017), against every force law of the plant. The laws were published for a 200 mm "
+            "muscle; they are compared at the same relative contraction, at which muscles of "
+            "one diameter pull alike."
+        ),
+        Words(
+            "The numbers of the map were transcribed from a secondary source, so they support a "
+            "comparison of laws, not a calibration.",
+            "note",
         ),
     )
+    blocks = (Words(_points(study)), *about, *_blocks(study, published=True))
+    return Part(Section("force-maps", "Measured force maps of a DMSP-20", blocks), study.table())
+
+
+def force_map_page(study: MapStudy, *, command: str) -> Page:
+    """Lay out the comparison of force laws on a map.
+
+    Example:
+        >>> from workbench.demo.force_map_study import made_up_map, study_map
+        >>> force_map_page(study_map(made_up_map(), "made up"), command="again").title
+        'Force laws on made up'
+    """
+    title = "Laws on points that the fit has not seen"
+    sections = (Section("laws", title, _blocks(study)), *again(command))
+    return Page(f"Force laws on {study.name}", _points(study), sections)
+
+
+def _points(study: MapStudy) -> str:
+    points = study.points
+    return (
+        f"{len(points.force)} measured forces of one muscle of {1e3 * points.length.max():.0f} mm"
+        f" at {len(np.unique(points.pressure))} pressures and {len(np.unique(points.length))}"
+        " lengths, against every force law."
+    )
+
+
+def _blocks(study: MapStudy, *, published: bool = False) -> tuple[Block, ...]:
+    """Show the laws on a map, beside them the published numbers if they are for such a muscle."""
+    return (
+        Words(study.headline),
+        errors_table(study, published=published),
+        Picture(
+            "force-map",
+            _draw_map(study),
+            "Measured force over contraction at three pressures, and fitted laws.",
+            "the laws with a cubic phi and Sárosi's follow the points, the others do not",
+        ),
+        Picture(
+            "law-errors",
+            _draw_errors(study, published=published),
+            "Errors on the points fitted on and on lengths held out.",
+            "rms errors of the force laws on a logarithmic axis",
+        ),
+        Table(
+            "Fitted numbers",
+            ("law", "number", "estimate", "95 % interval"),
+            tuple(
+                (
+                    law.title,
+                    str(i + 1),
+                    number(float(v), 5),
+                    interval(v - 1.96 * s, v + 1.96 * s, 4),
+                )
+                for law in study.laws
+                for i, (v, s) in enumerate(zip(law.values, law.std, strict=True))
+            ),
+            "In the units of each law: bar, mm of a 200 mm muscle, N; m and rad in equations (1),"
+            " (2).",
+        ),
+        Method(
+            (
+                ("published", "the law as published, on contractions up to 16.5 %, its range; the"
+                 " k of equation (2) is no published number but a fit to equation (4)"),
+                ("fitted", "least squares of the force; a measured zero is a slack muscle and asks"
+                 " only that the law has no positive tension there; equation (4) without its"
+                 " switch"),
+                ("lengths held out", "each inner length at which it pulls, once"),
+                ("pressures held out", "five random groups of pressures, each once"),
+                ("intervals", "95 %, from the scatter about the fit; they do not hold for a law"
+                 " that is wrong"),
+            )[0 if published else 1 :]
+        ),
+    )  # fmt: skip
+
+
+def errors_table(study: MapStudy, *, published: bool = False) -> Table:
+    """List the errors of every law, those of its published numbers too if they are for the map."""
+    percent = 100 / study.largest_force
+    extra = ("published, rms in N",) if published else ()
+    return Table(
+        "Errors",
+        (
+            "law",
+            "numbers",
+            *extra,
+            "fitted, rms in N",
+            "fitted, largest in %",
+            "lengths held out, rms in N",
+            "lengths held out, largest in %",
+            "pressures held out, rms in N",
+        ),
+        tuple(
+            (
+                law.title,
+                str(len(law.values)),
+                *(number(law.published_rms) for _ in extra),
+                number(law.fitted_rms),
+                number(percent * law.largest),
+                number(law.length_rms),
+                number(percent * law.length_largest),
+                number(law.pressure_rms),
+            )
+            for law in study.laws
+        ),
+        f"Largest errors in % of the largest force, {study.largest_force:.0f} N.",
+    )
+
+
+def _draw_map(study: MapStudy) -> Figure:
+    """Draw measured force over contraction with some laws (all would hide it) at some pressures."""
+    points, every = study.points, np.unique(study.points.pressure)
+    pressures = [float(every[round(x * (len(every) - 1))]) for x in _SHOWN_PRESSURES]
+    paper = [law for law in study.laws if law.name.startswith("paper")][-1]
+    laws = [study.law("tondu_lopez_kp"), study.law("petrovic"), paper, study.law("sarosi")]
+    scale = 1e3 * float(points.length.max()) / LAW_LENGTH
+    fine = np.linspace(0.0, float(points.contraction.max()), 120)
+    figure, panels = new_figure([1.45] * len(pressures))
+    for axes, pressure in zip(panels, pressures, strict=True):
+        rows = points.pressure == pressure
+        axes.axhline(0.0, color=REFERENCE.light, linewidth=0.9)
+        for law, shade in zip(laws, FURTHER, strict=False):
+            force = np.asarray(law.law.force(fine, pressure))
+            axes.plot(scale * fine, force, color=shade.light, linewidth=1.2)
+        measured = points.force[rows]
+        axes.plot(scale * points.contraction[rows], measured, "o", color=MEASURED.light, ms=4)
+        look: dict[str, Any] = {"ha": "right", "color": INK.light, "fontsize": 9}
+        axes.text(0.985, 0.88, f"{pressure / 1e5:.3g} bar", transform=axes.transAxes, **look)
+        axes.margins(x=0.02)
+        axes.set_ylim(bottom=min(-30.0, 1.3 * float(np.min(measured))))
+        label(axes, x="contraction in mm" if axes is panels[-1] else None, y="force in N")
+    handles = [named_line("measured", MEASURED, marker="o")]
+    handles += [named_line(w.title, c, width=1.2) for w, c in zip(laws, FURTHER, strict=False)]
+    key(panels[0], columns=2, handles=handles)
+    figure.align_ylabels()
+    return figure
+
+
+def _draw_errors(study: MapStudy, *, published: bool) -> Figure:
+    """Draw the rms errors of all laws, on a logarithmic axis."""
+    laws = study.laws
+    figure, (axes,) = new_figure([0.36 * len(laws) + 0.4])
+    rows = np.arange(len(laws), dtype=float)
+    axes.hlines(rows, 1.0, 1e3, color=FAINT.light, linewidth=0.8, linestyle=":")
+    for values, colour, text, mark in (
+        ([w.published_rms for w in laws], REFERENCE, "published coefficients", "s"),
+        ([w.fitted_rms for w in laws], FURTHER[0], "fitted, points fitted on", "o"),
+        ([w.length_rms for w in laws], FURTHER[5], "fitted, lengths held out", "D"),
+    )[0 if published else 1 :]:
+        axes.plot(values, rows, mark, color=colour.light, markersize=6, label=text)
+    axes.set_xscale("log")
+    axes.set_yticks(rows, [law.title for law in laws])
+    axes.invert_yaxis()
+    axes.grid(False, axis="y")
+    axes.tick_params(axis="y", length=0)
+    axes.set_xlim(1.0, 1e3)
+    axes.margins(y=0.1)
+    label(axes, x="rms error in N")
+    key(axes, columns=1)
+    return figure

@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-import numpy as np
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
-from workbench.demo.figures.force_lines import force_lines
-from workbench.demo.part import Part
+import numpy as np
+import numpy.typing as npt
+
+from workbench.demo.part import Part, judged
+from workbench.errors import check_finite
 from workbench.experiments import IsometricRecord, isometric_experiment, isometric_experiment_on_arm
 from workbench.physics.force_laws import PaperLaw
 from workbench.plants.arm import arm
 from workbench.plants.arm.static_identification import StaticForceFit, identify_static_force
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
+from workbench.reports.style import MEASURED, key, label, named_line, new_figure, ramp
 from workbench.reports.tables import Cell, Table, interval, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 CONFIDENCE = 0.99
 
@@ -22,16 +30,10 @@ DRAWN = (0, 4, 5, 6, 7, 8, 10)
 PHI_AT_MM = (0.0, 5.0, 10.0, 20.0, 30.0)
 """Contractions at which phi is compared, in mm."""
 
+_DOTS = 16
+"""Measured points shown per line: enough to see the line, few enough to see the dots."""
 
-def true_values(law: PaperLaw) -> dict[str, float]:
-    """Return the numbers that an identification should find.
-
-    Returns:
-        Values by name, in the units of millimetre, bar and newton.
-    """
-    names = ("D1", "D2", "D3", *(f"phi_{i}" for i in range(len(law.phi_mm))), "switch")
-    values = (*law.gain_bar_mm, *law.phi_mm, 1e3 * law.phi_switch)
-    return {name: float(value) for name, value in zip(names, values, strict=True)}
+Numbers = dict[str, dict[str, float]]
 
 
 def identification_part() -> Part:
@@ -46,14 +48,17 @@ def identification_part() -> Part:
     alone = isometric_experiment(law)
     fit = _fit(alone)
     pressed = _fit(isometric_experiment_on_arm(arm()))
-    results = {
-        "one muscle": _numbers(fit, law),
-        "muscle 2 pressing the arm on its stop": _numbers(pressed, law),
-        "phi_N": {f"{q:g} mm": _phi(fit, law, q) for q in PHI_AT_MM},
-        "residual_rms_N": fit.residual_rms,
-        "confidence": CONFIDENCE,
-    }
-    return Part(_section(alone, fit, pressed, law), results)
+    found, on_arm, phi = _numbers(fit, law), _numbers(pressed, law), _phi(fit, law)
+    return Part(
+        _section(alone, fit, _coefficients(fit, found, on_arm), _phi_table(phi)),
+        {
+            "one muscle": found,
+            "muscle 2 pressing the arm on its stop": on_arm,
+            "phi_N": phi,
+            "residual_rms_N": fit.residual_rms,
+            "confidence": CONFIDENCE,
+        },
+    )
 
 
 def _fit(record: IsometricRecord) -> StaticForceFit:
@@ -62,32 +67,30 @@ def _fit(record: IsometricRecord) -> StaticForceFit:
     )
 
 
-def _numbers(fit: StaticForceFit, law: PaperLaw) -> dict[str, dict[str, float]]:
-    true = true_values(law)
+def _numbers(fit: StaticForceFit, law: PaperLaw) -> Numbers:
+    """Return what was identified beside what should be, in units of millimetre, bar and newton."""
+    names = ("D1", "D2", "D3", *(f"phi_{i}" for i in range(len(law.phi_mm))), "switch")
+    true = dict(zip(names, (*law.gain_bar_mm, *law.phi_mm, 1e3 * law.phi_switch), strict=True))
     return {
-        name: {
-            "identified": float(value),
-            "low": fit.interval(name)[0],
-            "high": fit.interval(name)[1],
-            "true": true.get(name, float("nan")),
-        }
+        name: _beside(value, *fit.interval(name), true.get(name, float("nan")))
         for name, value in zip(fit.names, fit.values, strict=True)
     }
 
 
-def _phi(fit: StaticForceFit, law: PaperLaw, contraction_mm: float) -> dict[str, float]:
-    q = 1e-3 * contraction_mm
-    low, high = fit.phi_interval(q)
+def _phi(fit: StaticForceFit, law: PaperLaw) -> Numbers:
     return {
-        "identified": float(fit.law.phi(q)),
-        "low": float(low),
-        "high": float(high),
-        "true": float(law.phi(q)),
+        f"{q:g} mm": _beside(fit.law.phi(1e-3 * q), *fit.phi_interval(1e-3 * q), law.phi(1e-3 * q))
+        for q in PHI_AT_MM
     }
 
 
+def _beside(*values: npt.ArrayLike) -> dict[str, float]:
+    names = ("identified", "low", "high", "true")
+    return {name: float(np.asarray(v)) for name, v in zip(names, values, strict=True)}
+
+
 def _section(
-    record: IsometricRecord, fit: StaticForceFit, pressed: StaticForceFit, law: PaperLaw
+    record: IsometricRecord, fit: StaticForceFit, coefficients: Table, phi: Table
 ) -> Section:
     own = [record.ramp == ramp for ramp in DRAWN]
     contractions = np.array([np.median(record.contraction[rows]) for rows in own])
@@ -119,33 +122,21 @@ def _section(
                 "identified law as lines.",
                 "a family of straight force lines, steeper for the longer muscle",
             ),
-            _coefficients(fit, pressed, law),
-            _phi_table(fit, law),
+            coefficients,
+            phi,
             Method(
                 (
-                    (
-                        "identified",
-                        f"least squares on {fit.used} measurements in which the muscle pulls "
-                        f"({fit.slack} slack ones say only that the tension is not positive); "
-                        f"{fit.residual_rms:.2f} N rms are left, the noise of pressure sensor and "
-                        "load cell",
-                    ),
-                    (
-                        "order of φ",
-                        "the lowest whose error on contractions left out of the fit is within 3 % "
-                        f"of the best: order {fit.order}",
-                    ),
-                    (
-                        f"{100 * CONFIDENCE:g} % interval",
-                        "from the covariance of the least-squares fit and Student's t; each "
-                        "number's own interval",
-                    ),
-                    (
-                        "on the arm",
-                        "muscle 2 presses the arm on its lower stop at several angles; the force "
-                        "follows from the load cell and the moment arms, the contraction from the "
-                        "encoder",
-                    ),
+                    ("identified", f"least squares on {fit.used} measurements in which the muscle"
+                     f" pulls ({fit.slack} slack ones say only that the tension is not positive);"
+                     f" {fit.residual_rms:.2f} N rms are left, the noise of pressure sensor and"
+                     " load cell"),
+                    ("order of φ", "the lowest whose error on contractions left out of the fit is"
+                     f" within 3 % of the best: order {fit.order}"),
+                    (f"{100 * CONFIDENCE:g} % interval", "from the covariance of the least-squares"
+                     " fit and Student's t; each number's own interval"),
+                    ("on the arm", "muscle 2 presses the arm on its lower stop at several angles;"
+                     " the force follows from the load cell and the moment arms, the contraction"
+                     " from the encoder"),
                 )
             ),
             Commands(
@@ -155,53 +146,70 @@ def _section(
                 )
             ),
         ),
-    )
+    )  # fmt: skip
 
 
-def _within(value: float, true: float, ends: tuple[float, float], digits: int) -> Cell:
-    return Cell(number(value, digits), "met" if ends[0] <= true <= ends[1] else "missed")
+def _within(found: dict[str, float], digits: int) -> tuple[str, Cell, str]:
+    """Write the true number, the identified one with its mark, and its interval."""
+    ends = found["low"], found["high"]
+    mark = judged(found["true"], *ends).mark
+    text = number(found["identified"], digits)
+    return number(found["true"], digits), Cell(text, mark), interval(*ends, digits)
 
 
-def _coefficients(fit: StaticForceFit, pressed: StaticForceFit, law: PaperLaw) -> Table:
-    true = true_values(law)
-    rows = []
-    for name, unit in zip(fit.names, fit.units, strict=True):
-        ends = fit.interval(name)
-        on_arm = dict(zip(pressed.names, pressed.values, strict=True)).get(name, float("nan"))
-        rows.append(
-            (
-                name.replace("phi_", "φ, power ").replace("switch", "φ, switch"),
-                unit.replace("mm2", "mm²").replace("mm3", "mm³").replace("mm4", "mm⁴"),
-                number(true.get(name, float("nan")), 5),
-                _within(float(fit.values[fit.names.index(name)]), true[name], ends, 5),
-                interval(*ends, 5),
-                number(float(on_arm), 5),
-            )
-        )
+def _coefficients(fit: StaticForceFit, found: Numbers, on_arm: Numbers) -> Table:
     return Table(
         "Identified force law",
         ("number", "unit", "true", "identified", f"{100 * CONFIDENCE:g} % interval", "on the arm"),
-        tuple(rows),
+        tuple(
+            (
+                name.replace("phi_", "φ, power ").replace("switch", "φ, switch"),
+                unit.replace("mm2", "mm²").replace("mm3", "mm³").replace("mm4", "mm⁴"),
+                *_within(found[name], 5),
+                number(on_arm.get(name, {}).get("identified", float("nan")), 5),
+            )
+            for name, unit in zip(fit.names, fit.units, strict=True)
+        ),
         "Met: the interval holds the true number. The powers of φ depend on each other strongly; "
         "the next table compares φ itself.",
     )
 
 
-def _phi_table(fit: StaticForceFit, law: PaperLaw) -> Table:
-    rows = []
-    for q in PHI_AT_MM:
-        found = _phi(fit, law, q)
-        ends = (found["low"], found["high"])
-        rows.append(
-            (
-                f"{q:g}",
-                number(found["true"], 4),
-                _within(found["identified"], found["true"], ends, 4),
-                interval(*ends, 4),
-            )
-        )
+def _phi_table(phi: Numbers) -> Table:
     return Table(
         "φ(q), the part of the force that does not depend on pressure",
         ("q in mm", "true, N", "identified, N", f"{100 * CONFIDENCE:g} % interval, N"),
-        tuple(rows),
+        tuple((q.removesuffix(" mm"), *_within(found, 4)) for q, found in phi.items()),
     )
+
+
+def force_lines(
+    contractions: npt.ArrayLike,
+    pressures: Sequence[npt.ArrayLike],
+    forces: Sequence[npt.ArrayLike],
+    fitted: Sequence[npt.ArrayLike],
+) -> Figure:
+    """Draw force over gauge pressure at constant contractions, with the law fitted to it.
+
+    Args:
+        contractions: Contraction of each line, shape (lines,), in m.
+        pressures: Gauge pressures along each line, in Pa.
+        forces: Measured force along each line, in N.
+        fitted: Force of the fitted law along each line, in N.
+    """
+    figure, (axes,) = new_figure([3.6])
+    lengths = check_finite("contractions", contractions)
+    handles = []
+    lines = zip(lengths, pressures, forces, fitted, ramp(len(lengths)), strict=True)
+    for contraction, pressure, force, law, colour in lines:
+        bar = np.asarray(pressure, dtype=float) / 1e5
+        order = np.argsort(bar)
+        step = max(1, len(bar) // _DOTS)
+        axes.plot(bar[::step], np.asarray(force)[::step], ".", color=colour.light, markersize=4.5)
+        axes.plot(bar[order], np.asarray(law)[order], color=colour.light, linewidth=1.1)
+        handles.append(named_line(f"{1e3 * contraction:.3g} mm", colour))
+    handles.append(named_line("measured", MEASURED, marker="."))
+    label(axes, x="gauge pressure in bar", y="force in N")
+    key(axes, columns=4, handles=handles)
+    axes.set_ylim(bottom=min(0.0, *(float(np.min(force)) for force in forces)))
+    return figure

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.plants.arm.drawing import arm_drawing
-from workbench.reports.page import Moving
+from workbench.reports.page import Moving, template
 from workbench.reports.style import FURTHER, INK, SIMULATED, Colour
 from workbench.simulation import Trajectory
 
 Vector = npt.NDArray[np.float64]
+Trace = tuple[str, tuple[tuple[Vector, Colour], ...]]
+"""Quantity with its unit, and the curves that are drawn over time, with their colours."""
 
 FRAME_TIME = 0.02
 """Time between frames, in s; the page draws between them."""
@@ -25,19 +26,6 @@ _HEIGHT, _GAP = 62.0, 12.0
 
 
 _DASHES_PER_VOLT_SECOND = 60.0
-
-
-@dataclass(frozen=True)
-class Trace:
-    """Signals that are drawn over time.
-
-    Args:
-        label: Quantity and unit.
-        curves: Values, shape (n,) each, in that unit, with their colours.
-    """
-
-    label: str
-    curves: tuple[tuple[Vector, Colour], ...]
 
 
 def moving_arm(run: Trajectory, *, start: float, stop: float, caption: str) -> Moving:
@@ -51,8 +39,6 @@ def moving_arm(run: Trajectory, *, start: float, stop: float, caption: str) -> M
         start: First time shown, in s.
         stop: Last time shown, in s.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     time = np.arange(start, stop + 0.5 * FRAME_TIME, FRAME_TIME)
 
     def of(name: str) -> Vector:
@@ -78,20 +64,13 @@ def moving_arm(run: Trajectory, *, start: float, stop: float, caption: str) -> M
             for m, p in zip(drawn.muscles, pressures, strict=True)
         ],
     }
-    traces = (
-        Trace("angle in °", ((frames["angle"], SIMULATED),)),
-        Trace("p in bar", tuple(zip(pressures, FURTHER, strict=False))),
-        Trace("valve in V", ((of("valve"), INK),)),
-    )
-    environment = Environment(
-        loader=PackageLoader("workbench.demo", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+    traces: tuple[Trace, ...] = (
+        ("angle in °", ((frames["angle"], SIMULATED),)),
+        ("p in bar", tuple(zip(pressures, FURTHER, strict=False))),
+        ("valve in V", ((of("valve"), INK),)),
     )
     data = {"step": FRAME_TIME, **_rounded(frames)}
-    markup = environment.get_template("moving_arm.html").render(
+    markup = template("workbench.demo", "moving_arm.html").render(
         drawn=drawn,
         frames=data,
         data=json.dumps(data, separators=(",", ":")),
@@ -128,9 +107,10 @@ def _rounded(frames: Any) -> Any:
 
 def _drawn(trace: Trace, row: int) -> dict[str, Any]:
     """Return signals as paths in the coordinates of the drawing."""
+    label, curves = trace
     top = row * (_HEIGHT + _GAP) + 6
-    low = min(float(values.min()) for values, _ in trace.curves)
-    high = max(float(values.max()) for values, _ in trace.curves)
+    low = min(float(values.min()) for values, _ in curves)
+    high = max(float(values.max()) for values, _ in curves)
     room = 0.06 * (high - low) or 1.0
     low, high = low - room, high + room
 
@@ -138,12 +118,12 @@ def _drawn(trace: Trace, row: int) -> dict[str, Any]:
         return top + _HEIGHT * (high - value) / (high - low)
 
     paths = []
-    for values, colour in trace.curves:
+    for values, colour in curves:
         x = np.linspace(_LEFT, _WIDTH - _RIGHT, len(values))
         points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, height(values), strict=True))
         paths.append({"colour": colour, "points": points})
     ticks = [{"text": f"{v:g}", "y": height(v)} for v in _nice(low, high)]
-    return {"label": trace.label, "middle": top + _HEIGHT / 2, "paths": paths, "ticks": ticks}
+    return {"label": label, "middle": top + _HEIGHT / 2, "paths": paths, "ticks": ticks}
 
 
 def _nice(low: float, high: float) -> list[float]:

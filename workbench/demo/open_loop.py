@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
-from workbench.demo.figures.open_loop import open_loop
 from workbench.demo.moving_arm import moving_arm
 from workbench.demo.part import Part, judged
 from workbench.experiments.open_loop import OpenLoopExperiment, open_loop_experiment
@@ -15,7 +17,11 @@ from workbench.plants.arm import arm
 from workbench.plants.arm.volume_effects import constant_volume
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
+from workbench.reports.style import FURTHER, INK, REFERENCE, SIMULATED, key, label, new_figure
 from workbench.reports.tables import Cell, Table, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 LOAD_KG = 3.0
 
@@ -45,9 +51,7 @@ def open_loop_part() -> Part:
         {'met': 4, 'missed': 0, 'open': 0}
     """
     experiment = open_loop_experiment(arm(LOAD_KG), duration=12.0)
-    others = {
-        name: open_loop_experiment(model, duration=12.0) for name, model in variants().items()
-    }
+    others = {n: open_loop_experiment(model, duration=12.0) for n, model in variants().items()}
     run = experiment.trajectory
     # One period is enough to see a transit each way, and large enough to see its ripple.
     seen = slice(int(np.searchsorted(run.time, 3.7)), int(np.searchsorted(run.time, 7.8)))
@@ -62,18 +66,7 @@ def open_loop_part() -> Part:
         },
     )
     results = {name: _numbers(t) for name, t in {"full plant": experiment, **others}.items()}
-    header = ("figure", "must lie in", "full plant", *others)
-    rows: list[tuple[Cell | str, ...]] = []
-    for title, key, low, high, unit in BANDS:
-        suffix = f" {unit}" if unit else ""
-        rows.append(
-            (
-                title,
-                f"{low:g} … {high:g}{suffix}" if low else f"below {high:g}{suffix}",
-                judged(results["full plant"][key], low, high, unit=unit),
-                *(Cell(number(results[name][key], unit=unit)) for name in others),
-            )
-        )
+    figures = results["full plant"]
     section = Section(
         "open-loop",
         "Open-loop experiment",
@@ -95,33 +88,35 @@ def open_loop_part() -> Part:
             ),
             Table(
                 "Figures of the open-loop experiment",
-                header,
-                tuple(rows),
+                ("figure", "must lie in", "full plant", *others),
+                tuple(
+                    (
+                        title,
+                        f"{f'{low:g} …' if low else 'below'} {high:g} {unit}".rstrip(),
+                        judged(figures[name], low, high, unit=unit),
+                        *(Cell(number(results[other][name], unit=unit)) for other in others),
+                    )
+                    for title, name, low, high, unit in BANDS
+                ),
                 "The bands hold for the full plant; the variants are shown for comparison.",
             ),
             Method(
                 (
                     ("transit", "median time from 3° to 57° or back, over all full transits"),
-                    (
-                        "ripple",
-                        "inverse of the mean time between the speed's maxima inside a transit, "
-                        "median over the transits; a dip is a minimum of the speed at least 5 % "
-                        "of the top speed below both neighbours",
-                    ),
+                    ("ripple", "inverse of the mean time between the speed's maxima inside a"
+                     " transit, median over the transits; a dip is a minimum of the speed at least"
+                     " 5 % of the top speed below both neighbours"),
                     ("stop touched at", "largest speed in the last 12 ms before a stop's contact"),
-                    (
-                        "simulation",
-                        f"{run.integrator}, tolerance {run.tolerance:g}; the states differ from a "
-                        f"ten times tighter run by {run.error:.1g} of their scale at most",
-                    ),
+                    ("simulation", f"{run.integrator}, tolerance {run.tolerance:g}; the states"
+                     f" differ from a ten times tighter run by {run.error:.1g} of their scale at"
+                     " most"),
                 )
             ),
             Commands(
                 ("workbench simulate --load 3 --pulses 0.9 --period 4 --duration 12 --out run.csv",)
             ),
         ),
-    )
-    figures = results["full plant"]
+    )  # fmt: skip
     first = moving_arm(
         run,
         start=4.0,
@@ -144,3 +139,45 @@ def _numbers(experiment: OpenLoopExperiment) -> dict[str, float]:
         "top_speed_deg_s": float(np.degrees(np.max(np.abs(experiment.trajectory["speed"])))),
         "difference_to_tighter_run": experiment.trajectory.error,
     }
+
+
+def open_loop(
+    time: npt.ArrayLike,
+    voltage: npt.ArrayLike,
+    angle: npt.ArrayLike,
+    speed: npt.ArrayLike,
+    *,
+    variants: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]] | None = None,
+    stops: tuple[float, float] = (0.0, np.pi / 3),
+) -> Figure:
+    """Draw pulses on the valve and the run from stop to stop, over time in s.
+
+    Args:
+        time: Sample times, shape (n,), in s.
+        voltage: Valve voltage, shape (n,), in V.
+        angle: Angle, shape (n,), in rad.
+        speed: Angular speed, shape (n,), in rad/s.
+        variants: Angle (rad) and speed (rad/s) of plants that lack something, by what they lack.
+        stops: Angles of the stops, in rad.
+    """
+    figure, (command, position, rate) = new_figure([0.75, 1.9, 1.5])
+    t = np.asarray(time, dtype=float)
+    command.step(t, voltage, where="post", color=INK.light, linewidth=1.1)
+    for stop in stops:
+        position.axhline(np.degrees(stop), color=REFERENCE.light, linewidth=0.9, linestyle=":")
+    drawn = []
+    others = dict(variants or {})
+    for (name, (other, other_speed)), colour in zip(others.items(), FURTHER, strict=False):
+        drawn += position.plot(t, np.degrees(other), color=colour.light, linewidth=0.8, label=name)
+        rate.plot(t, np.degrees(other_speed), color=colour.light, linewidth=0.8)
+    full = position.plot(
+        t, np.degrees(angle), color=SIMULATED.light, linewidth=1.7, label="full plant"
+    )
+    handles = [*full, *drawn]
+    rate.plot(t, np.degrees(speed), color=SIMULATED.light, linewidth=1.4)
+    label(command, y="valve in V")
+    label(position, y="angle in °")
+    label(rate, x="time in s", y="speed in °/s")
+    figure.align_ylabels()
+    key(command, columns=2 if len(handles) > 3 else 3, handles=handles)
+    return figure

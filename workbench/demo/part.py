@@ -31,16 +31,7 @@ class Part:
 
 
 def judged(value: float, low: float, high: float, digits: int = 3, *, unit: str = "") -> Cell:
-    """Write a number with a mark for the band it has to lie in.
-
-    Args:
-        value: The number, in ``unit``.
-        low: Lower end of the band, in ``unit``.
-        high: Upper end of the band, in ``unit``.
-        unit: Unit written behind it.
-
-    Returns:
-        An entry of a table: met, missed, or open if there is no number.
+    """Write a number, in ``unit``, with a mark for the band, in ``unit``, that it has to lie in.
 
     Example:
         >>> print(judged(0.72, 0.5, 1.4, unit="s"))

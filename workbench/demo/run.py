@@ -14,8 +14,8 @@ from workbench.demo.part import Part
 from workbench.errors import WorkbenchError
 from workbench.files import whole_folder, write_whole
 from workbench.reports.page import Commands, Page, Section, Words, write_page
-from workbench.reports.pictures import save
 from workbench.reports.results import json_text
+from workbench.study.result import installed_version
 
 PARTS: tuple[tuple[str, str, str], ...] = (
     ("open-loop experiment", "open_loop", "open_loop_part"),
@@ -27,7 +27,7 @@ PARTS: tuple[tuple[str, str, str], ...] = (
 )
 """What is done, the module that does it and its function, in the order of the page."""
 
-SCHEMA = 1
+SCHEMA = 2
 """Version of the layout of ``results.json``."""
 
 
@@ -88,7 +88,14 @@ def run_demo(
         ...     run_demo(place, parts=()).page.name
         'report.html'
     """
-    folder = _data(data)
+    folder = None
+    if data is not None or os.environ.get(ENVIRONMENT_VARIABLE, "").strip():
+        folder = data_folder(data)
+    if data is not None:
+        from workbench.demo.force_maps import FILE
+
+        # Who names a folder wants what is in it; to find out at the end would waste minutes.
+        external_data(FILE, folder)
     begin = time.perf_counter()
     done: dict[str, Part] = {}
     failed: dict[str, str] = {}
@@ -106,27 +113,20 @@ def run_demo(
         if not interrupted:
             progress("page and pictures")
         page = _page(done, interrupted, out, data)
-        for picture in page.pictures:
-            save(picture, temporary / "pictures")
-        write_page(page, temporary / "report.html")
-        seconds = time.perf_counter() - begin
-        marks = page.marks
-        _write_results(temporary, done, failed, marks, durations, interrupted)
+        write_page(page, temporary / "report.html", pictures=temporary / "pictures")
+        seconds, marks = time.perf_counter() - begin, page.marks
+        results = {
+            "schema": SCHEMA,
+            "requirements": marks,
+            "failed": failed,
+            "interrupted": interrupted,
+            "duration_s": durations,
+            **{name: part.results for name, part in done.items()},
+        }
+        write_whole(temporary / "results.json", json_text(results))
     return Demonstration(
         Path(out) / "report.html", seconds, marks["met"], marks["missed"], failed, interrupted
     )
-
-
-def _data(given: str | os.PathLike[str] | None) -> Path | None:
-    if given is None and not os.environ.get(ENVIRONMENT_VARIABLE, "").strip():
-        return None
-    folder = data_folder(given)
-    if given is not None:
-        from workbench.demo.force_maps import FILE
-
-        # Who names a folder wants what is in it; to find out at the end would waste minutes.
-        external_data(FILE, folder)
-    return folder
 
 
 def _run(
@@ -150,8 +150,6 @@ def _page(
     out: str | os.PathLike[str],
     data: str | os.PathLike[str] | None,
 ) -> Page:
-    from importlib.metadata import version
-
     command = f"workbench demo --out {os.fspath(out)}"
     if data is not None:
         command += f" --data {os.fspath(data)}"
@@ -160,20 +158,12 @@ def _page(
     if interrupted:
         text = "The run was interrupted; only the parts that were finished are shown."
         sections.insert(0, Section("interrupted", "Interrupted", (Words(text, "note"),)))
-    sections.append(
-        Section(
-            "reproduce",
-            "Reproduce this page",
-            (
-                Words(
-                    "Every number stands in results.json beside this page, with its unit in its "
-                    "name; every picture stands in the folder pictures as PNG and SVG."
-                ),
-                Commands((command,)),
-            ),
-            folded=True,
-        )
+    found = Words(
+        "Every number stands in results.json beside this page, with its unit in its name; every "
+        "picture stands in the folder pictures as PNG and SVG."
     )
+    blocks = (found, Commands((command,)))
+    sections.append(Section("reproduce", "Reproduce this page", blocks, folded=True))
     counted = Page("", "", tuple(sections)).marks
     return Page(
         "Antagonistic pneumatic-muscle arm",
@@ -181,27 +171,8 @@ def _page(
         tuple(sections),
         facts=(
             ("requirements", f"{counted['met']} met, {counted['missed']} missed"),
-            ("workbench", version("muscle-arm-workbench")),
+            ("workbench", installed_version()),
         ),
         first=first,
         foot="Angles in degrees, pressures gauge, at 1.01325 bar ambient pressure unless said.",
     )
-
-
-def _write_results(
-    folder: Path,
-    done: Mapping[str, Part],
-    failed: Mapping[str, str],
-    marks: Mapping[str, int],
-    durations: Mapping[str, float],
-    interrupted: bool,
-) -> None:
-    results = {
-        "schema": SCHEMA,
-        "requirements": dict(marks),
-        "failed": dict(failed),
-        "interrupted": interrupted,
-        "duration_s": dict(durations),
-        **{name: part.results for name, part in done.items()},
-    }
-    write_whole(folder / "results.json", json_text(results))

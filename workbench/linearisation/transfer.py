@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from workbench.linearisation.linear_model import LinearModel
 
 Complex = npt.NDArray[np.complex128]
 
@@ -30,3 +33,17 @@ def transfer_function(A: Any, B: Any, C: Any, D: Any, s: npt.ArrayLike) -> Compl
     a, b = np.asarray(A, dtype=complex), np.asarray(B, dtype=complex)
     inner = np.asarray(s, dtype=complex)[..., None, None] * np.eye(len(a)) - a
     return np.asarray(np.asarray(C) @ np.linalg.solve(inner, b) + np.asarray(D), dtype=complex)
+
+
+def frequency_response(linear: LinearModel, output: str, frequency_Hz: npt.ArrayLike) -> Complex:
+    """Return the response of an output to the first input.
+
+    Args:
+        frequency_Hz: Frequencies, shape (n,), in Hz.
+
+    Returns:
+        Responses, shape (n,), in SI of the output per SI of the input.
+    """
+    s = 2j * np.pi * np.asarray(frequency_Hz, dtype=float)
+    row = linear.output_names.index(output)
+    return transfer_function(linear.A, linear.B, linear.C, linear.D, s)[:, row, 0]

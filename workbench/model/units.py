@@ -376,3 +376,14 @@ def rate_unit(unit: str) -> str:
 def shown_unit(unit: str) -> str:
     """Return the unit in which people read a quantity that says nothing else."""
     return "bar" if unit == "Pa" else unit
+
+
+def with_unit(number: str, unit: str) -> str:
+    """Write a number with its unit behind it, as an engineer does; alone for a ratio.
+
+    Example:
+        >>> with_unit("30", "deg"), with_unit("1.2", "m/s2"), with_unit("0.5", "1")
+        ('30°', '1.2 m/s²', '0.5')
+    """
+    written = written_unit(unit)
+    return f"{number}{written}" if written[:1] == "°" else f"{number} {written}".rstrip()

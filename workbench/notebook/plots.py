@@ -11,7 +11,7 @@ import numpy.typing as npt
 from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel
-from workbench.linearisation.transfer import transfer_function
+from workbench.linearisation.transfer import frequency_response
 from workbench.model.units import from_si, parse_unit, shown_unit
 from workbench.recordings import Recording
 from workbench.reports.figures.bode import bode
@@ -74,10 +74,9 @@ def _of_linear(linear: LinearModel, output: str = "") -> Figure:
     check_choice("output", name, linear.output_names)
     own = [m.frequency_hz for m in linear.modes if m.frequency_hz > 1e-6] or [1.0]
     hertz = np.geomspace(0.1 * min(own), 10 * max(own), 400)
-    response = transfer_function(linear.A, linear.B, linear.C, linear.D, 2j * np.pi * hertz)
     quantity = next(q for q in linear.operating_point.model.outputs if q.name == name)
-    row = linear.output_names.index(name)
-    shown = response[:, row, 0] / parse_unit(quantity.display_unit).factor
+    response = frequency_response(linear, name, hertz)
+    shown = response / parse_unit(quantity.display_unit).factor
     driven = linear.input_names[0]
     units = {q.name: q.unit for q in linear.operating_point.model.inputs}
     unit = f"{written(quantity.display_unit)}/{units.get(driven, '1')}"

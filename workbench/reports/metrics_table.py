@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 
+from workbench.model.units import with_unit
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.study import Demand
 from workbench.study.summary import score_text
@@ -89,8 +90,7 @@ def _cell(found: Metrics, name: str, requirement: Requirement | None) -> Cell:
     metric = found[name]
     value, unit = metric.shown()
     whole = unit == "1" and value.is_integer()
-    text = number(int(value) if whole else value, unit="" if unit == "1" else unit)
-    text = text.replace(" deg", "°")
+    text = with_unit(number(int(value) if whole else value), unit)
     if requirement is None:
         return Cell(text, reason=metric.reason)
     return Cell(text, "met" if judge(requirement, found).met else "missed", metric.reason)
@@ -101,7 +101,6 @@ def _note(limits: Mapping[str, Requirement], shown: Sequence[str]) -> str:
     for name in shown:
         if name in limits:
             limit = limits[name]
-            unit = f" {limit.unit}".replace(" deg", "°") if limit.unit not in ("", "1") else ""
-            kind = limit.kind.replace("_", " ")
-            said.append(f"{metric_title(name)} {kind} {limit.limit:g}{unit}")
+            kind, most = limit.kind.replace("_", " "), with_unit(f"{limit.limit:g}", limit.unit)
+            said.append(f"{metric_title(name)} {kind} {most}")
     return f"Required: {', '.join(said)}." if said else ""

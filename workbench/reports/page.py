@@ -6,11 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from workbench.files import write_whole
-from workbench.reports.pictures import Picture, inline_svg
+from workbench.reports.pictures import Picture, inline_svg, save
 from workbench.reports.style import palette
 from workbench.reports.tables import MARKS, Table
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 
 @dataclass(frozen=True)
@@ -151,17 +155,8 @@ def html(page: Page) -> str:
         The document: styles and pictures inside it, no links to elsewhere, and no scripts but
         those of drawings that move.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader("workbench.reports", "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     sections = [(section, _grouped(section.blocks)) for section in page.sections]
-    return environment.get_template("page.html").render(
+    return template("workbench.reports", "page.html").render(
         page=page,
         sections=sections,
         palette=palette(),
@@ -169,6 +164,19 @@ def html(page: Page) -> str:
         inline_svg=inline_svg,
         long=LONG_TABLE,
     )
+
+
+def template(package: str, name: str) -> Template:
+    """Return a template of HTML from the folder ``templates`` of a package."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    return Environment(
+        loader=PackageLoader(package, "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    ).get_template(name)
 
 
 def _grouped(blocks: Sequence[Block]) -> list[tuple[Block, ...]]:
@@ -185,10 +193,17 @@ def _grouped(blocks: Sequence[Block]) -> list[tuple[Block, ...]]:
     return groups
 
 
-def write_page(page: Page, path: Path) -> Path:
+def write_page(page: Page, path: Path, *, pictures: Path | None = None) -> Path:
     """Write a page as an HTML file.
 
+    Args:
+        pictures: Folder for each of its pictures, as PNG and SVG.
+
     Raises:
-        WorkbenchError: If the file cannot be written.
+        WorkbenchError: If a file cannot be written.
     """
-    return write_whole(path, html(page))
+    written = write_whole(path, html(page))
+    if pictures is not None:
+        for picture in page.pictures:
+            save(picture, pictures)
+    return written

@@ -7,7 +7,6 @@ from pathlib import Path
 from workbench.files import write_whole
 from workbench.reports.figures.linear_analysis import LINEAR, linear_blocks
 from workbench.reports.page import Commands, Method, Page, Section, html
-from workbench.reports.pictures import save
 from workbench.reports.results import json_text
 from workbench.reports.study_page import study_page
 from workbench.study.junit import junit
@@ -58,17 +57,3 @@ def linear_page(study: Study, loops: tuple[LoopAnalysis, ...], *, command: str =
     section = Section(LINEAR.name, LINEAR.title, blocks)
     facts = (("workbench", installed_version()),)
     return Page(f"Linear analysis of study {study.name}", lead, (section,), facts=facts)
-
-
-def write_pictures(page: Page, folder: str | Path) -> int:
-    """Write every picture of a page as PNG and SVG.
-
-    Args:
-        folder: Where to write ``pictures/NAME.png`` and ``pictures/NAME.svg``.
-
-    Raises:
-        WorkbenchError: If a file cannot be written.
-    """
-    for picture in page.pictures:
-        save(picture, Path(folder) / "pictures")
-    return len(page.pictures)

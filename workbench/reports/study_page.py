@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import from_si
+from workbench.model.units import from_si, with_unit
 from workbench.reports.figure import Figure, figures_of, own_figures, sections
 from workbench.reports.figures.study_traces import breakable, point_text
 from workbench.reports.metrics_table import (
@@ -290,15 +290,15 @@ def _nominal(
 def _events(name: str, case: Case, records: Sequence[Record]) -> Table:
     """Return what changes and disturbances did, on the nominal plant."""
     output = next(e.output for r in records for e in r.events)
-    quantity = next(q for q in case.plant.build().outputs if q.name == output)
-    unit = quantity.display_unit or quantity.unit
-    sign = "°" if unit == "deg" else f" {unit}"
+    unit = next(q.display_unit for q in case.plant.build().outputs if q.name == output)
     heads = [f"{e.what} at {e.time:g} s" for e in next(r.events for r in records if r.events)]
     rows: list[tuple[Cell | str, ...]] = [
         (
             r.controller,
             *(
-                " / ".join(f"{number(float(from_si(v, unit)))}{sign}" for v in (e.peak, e.left))
+                " / ".join(
+                    with_unit(number(float(from_si(v, unit))), unit) for v in (e.peak, e.left)
+                )
                 for e in r.events
             ),
         )
@@ -367,10 +367,7 @@ def _worst_cell(outcome: StudyResult, demand: Demand, controller: str) -> Cell:
     if not own:
         return Cell("–")
     worst = max(own, key=lambda j: j.score)
-    unit = "" if demand.requirement.unit in ("", "1") else demand.requirement.unit
-    text = number(worst.value, unit=unit).replace(" deg", "°")
-    if worst.value == 0:
-        text = "0"
+    text = with_unit(number(worst.value), demand.requirement.unit) if worst.value else "0"
     hard = demand.requirement.hard
     place = (
         ""

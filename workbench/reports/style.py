@@ -241,6 +241,30 @@ def key(axes: Axes, *, columns: int = 3, handles: list[Line2D] | None = None) ->
     )
 
 
+def named_line(
+    name: str,
+    shade: Colour,
+    *,
+    width: float = 1.2,
+    style: Any = "-",
+    alpha: float | None = None,
+    marker: str = "",
+) -> Line2D:
+    """Return an entry of a legend that stands for curves of a colour and look.
+
+    Args:
+        width: Width of the line, in units of a point.
+        style: Its dashes; none with a marker.
+        alpha: Share of the ground that it covers, a fraction.
+    """
+    from matplotlib.lines import Line2D
+
+    dashes = "none" if marker else style
+    return Line2D(
+        [], [], color=shade.light, label=name, lw=width, ls=dashes, alpha=alpha, marker=marker, ms=4
+    )
+
+
 def _fitting(letters: list[int], columns: int) -> int:
     """Return how many columns of a legend fit, filled from above; a line takes five letters."""
     for count in range(min(columns, len(letters)), 1, -1):

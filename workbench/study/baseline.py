@@ -24,7 +24,7 @@ from workbench.checked_json import (
 )
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
-from workbench.model.units import convert, same_dimension
+from workbench.model.units import convert, same_dimension, with_unit
 from workbench.study.tasks import RECORD, Record, record_from_table
 from workbench.verification import Metric, MetricValue, Tolerance
 from workbench.verification.metrics import metric_of
@@ -85,9 +85,8 @@ class Change:
 
     def numbers(self) -> str:
         """Return both values with their unit."""
-        unit = "" if self.unit == "1" else "°" if self.unit == "deg" else f" {self.unit}"
         old, new = ("none" if math.isnan(v) else f"{v:.4g}" for v in (self.before, self.after))
-        return f"{old} -> {new}" if math.isnan(self.after) else f"{old} -> {new}{unit}"
+        return f"{old} -> {new if math.isnan(self.after) else with_unit(new, self.unit)}"
 
     def __str__(self) -> str:
         """Return one line."""
@@ -96,9 +95,8 @@ class Change:
         tail = f" ({self.reason})" if self.reason else ""
         if not self.metric:
             return f"{where}: run is {self.way}{tail}"
-        unit = "" if self.unit == "1" else "°" if self.unit == "deg" else f" {self.unit}"
         if not tail:
-            tail = f" (tolerance {self.tolerance:.2g}{unit})"
+            tail = f" (tolerance {with_unit(f'{self.tolerance:.2g}', self.unit)})"
         if self.way == "worse" and not self.gates:
             tail += ", which does not count against it"
         return f"{where}: {self.metric} {self.numbers()}, {self.way}{tail}"

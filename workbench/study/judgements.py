@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
+from workbench.model.units import with_unit
 from workbench.study.feasible import can_have
 from workbench.study.study import Demand, Study
 from workbench.study.tasks import Record
@@ -58,18 +59,18 @@ class Judgement:
     def excess(self) -> str:
         """Return in words by how much the requirement is missed or met."""
         required = self.demand.requirement
-        unit = "" if required.unit in ("", "1") else f" {required.unit}".replace(" deg", "°")
-        limit = f"the limit of {required.limit:.4g}{unit}"
+        value, limit = (with_unit(f"{v:.4g}", required.unit) for v in (self.value, required.limit))
         if math.isnan(self.value):
-            return f"has no value ({self.reason}); {limit} is not met"
+            return f"has no value ({self.reason}); the limit of {limit} is not met"
         if required.limit == 0.0:
-            where = "above" if self.value > 0 else "at"
-            return f"is {self.value:.4g}{unit}, {where} {limit}"
-        ratio = self.value / required.limit - 1.0
-        if ratio > 1.0:
-            return f"is {self.value:.4g}{unit}, {ratio + 1.0:.3g} times {limit}"
-        where = "over" if ratio > 0 else "under"
-        return f"is {self.value:.4g}{unit}, {abs(100 * ratio):.3g} % {where} {limit}"
+            how = "above" if self.value > 0 else "at"
+        else:
+            ratio = self.value / required.limit - 1.0
+            where = "over" if ratio > 0 else "under"
+            how = (
+                f"{abs(100 * ratio):.3g} % {where}" if ratio <= 1.0 else f"{ratio + 1.0:.3g} times"
+            )
+        return f"is {value}, {how} the limit of {limit}"
 
     def __str__(self) -> str:
         """Return one sentence."""

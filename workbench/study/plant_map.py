@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
 from workbench.linearisation.operating_map import operating_map
-from workbench.linearisation.transfer import transfer_function
+from workbench.linearisation.transfer import frequency_response
 from workbench.study.study import Study
 
 Vector = npt.NDArray[np.float64]
@@ -63,9 +62,6 @@ def plant_map(study: Study) -> PlantMap | None:
     except WorkbenchError:
         return None
     gain = np.full(len(values), np.nan)
-    s = 2j * math.pi * GAIN_HZ
     for (i,), linear in found.models.items():
-        row = linear.output_names.index(output)
-        response = transfer_function(linear.A, linear.B, linear.C, linear.D, s)
-        gain[i] = abs(response[row, 0])
+        gain[i] = abs(frequency_response(linear, output, [GAIN_HZ])[0])
     return PlantMap(output, values, found.frequency_hz, found.damping, gain)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from workbench.errors import check_choice
+from workbench.model.units import with_unit
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
 from workbench.verification import METRICS, Disturbance, Metric, Requirement, Scenario, Tolerance
@@ -143,9 +144,8 @@ class Demand:
         """Return the demand in words."""
         required = self.requirement
         sign = "at most" if required.kind == "at_most" else "at least"
-        unit = f" {required.unit}".replace(" deg", "°") if required.unit not in ("", "1") else ""
         step = "" if self.step is None else f" of steps of {math.degrees(self.step):g}°"
-        return f"{required.metric}{step} {sign} {required.limit:g}{unit}"
+        return f"{required.metric}{step} {sign} {with_unit(f'{required.limit:g}', required.unit)}"
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import from_si
+from workbench.model.units import from_si, with_unit
 from workbench.study.baseline import IN_BOX, Change
 from workbench.study.grouped import Group, changes_by_plant, missed_by_plant
 from workbench.study.judgements import RUN_FAILED, Judgement, judge_records
@@ -390,15 +390,14 @@ def _two(before: MetricValue | None, after: MetricValue | None) -> str:
 
 
 def _moved(before: float, after: float, unit: str, *, share: bool = True) -> str:
-    suffix = "" if unit == "1" else "°" if unit == "deg" else f" {unit}"
     old, new = ("none" if math.isnan(v) else f"{v:.4g}" for v in (before, after))
     if old == new:
-        return f"{new}{suffix}"
+        return with_unit(new, unit)
     tail = ""
     if share and before and math.isfinite(before) and math.isfinite(after):
         percent = 100 * (after / before - 1)
         tail = f" ({percent:+.0f} %)" if abs(percent) >= 10 else f" ({percent:+.2g} %)"
-    return f"{old} → {new}{suffix if new != 'none' else ''}{tail}"
+    return f"{old} → {new if new == 'none' else with_unit(new, unit)}{tail}"
 
 
 def _list(title: str, count: int, entries: Sequence[str], *, fold: bool = False) -> list[str]:
@@ -448,10 +447,9 @@ def _metrics(outcome: StudyResult, scenario: str, case: str) -> list[str]:
 
 def _value(outcome: StudyResult, record: Record | None, metric: MetricValue) -> str:
     value, unit = metric.shown()
-    suffix = "" if unit == "1" else "°" if unit == "deg" else f" {unit}"
     if math.isnan(value):
         return "none"
-    text = f"{value:.3g}{suffix}"
+    text = with_unit(f"{value:.3g}", unit)
     for change in outcome.changes:
         if record is not None and change.key == record.key and change.metric == metric.name:
             arrow = {"worse": "🔺", "better": "🔽"}.get(change.way, "")

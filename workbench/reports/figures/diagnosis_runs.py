@@ -18,6 +18,7 @@ from workbench.reports.style import (
     SIMULATED,
     key,
     label,
+    named_line,
     new_figure,
 )
 
@@ -66,17 +67,11 @@ def diagnosis_runs(before: FreeRun, after: FreeRun | None = None) -> Figure:
 
 def run_key(after: FreeRun | None) -> list[Line2D]:
     """Return the legend of measured and simulated curves."""
-    from matplotlib.lines import Line2D
-
     handles = [
-        Line2D([], [], color=MEASURED.light, linewidth=3.0, alpha=0.45, label="measured"),
-        Line2D([], [], color=BEFORE.light, linewidth=1.2, label="refitted"),
+        named_line("measured", MEASURED, width=3.0, alpha=0.45),
+        named_line("refitted", BEFORE, width=1.2),
     ]
-    if after is not None:
-        handles.append(
-            Line2D([], [], color=AFTER.light, linewidth=1.2, linestyle=_DASHES, label="extended")
-        )
-    return handles
+    return handles + ([named_line("extended", AFTER, width=1.2, style=_DASHES)] if after else [])
 
 
 def farthest_off(run: FreeRun) -> npt.NDArray[np.bool_]:
@@ -141,7 +136,6 @@ def diagnosis_residuals(
         The figure: root mean square of the error over windows of 0.2 s on a logarithmic axis, one
         panel per output over time in s; the band is twice the noise.
     """
-    from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
     figure, panels = new_figure(
@@ -150,11 +144,9 @@ def diagnosis_residuals(
     for i, axes in enumerate(panels):
         draw_error(axes, before, noise, after, i)
     label(panels[-1], x="time in s")
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=BEFORE.light, linewidth=1.3, label="refitted")
-    ]
+    handles: list[Line2D | Patch] = [named_line("refitted", BEFORE, width=1.3)]
     if after is not None:
-        handles.append(Line2D([], [], color=AFTER.light, linewidth=1.3, label="extended"))
+        handles.append(named_line("extended", AFTER, width=1.3))
     handles.append(Patch(color=BAND.light, label="twice the sensor's noise"))
     key(panels[0], columns=3, handles=handles)  # type: ignore[arg-type]
     figure.align_ylabels()

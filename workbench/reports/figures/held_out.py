@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from workbench.reports.style import MEASURED, REFERENCE, SIMULATED, key, label, new_figure
+from workbench.reports.style import (
+    MEASURED,
+    REFERENCE,
+    SIMULATED,
+    key,
+    label,
+    named_line,
+    new_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,8 +41,6 @@ def held_out(
         nominal: Free run of the nominal model, of the same shape and units.
         refitted: Free run of the refitted model, of the same shape and units.
     """
-    from matplotlib.lines import Line2D
-
     t = np.asarray(time, dtype=float)
     thin = slice(None, None, max(1, len(t) // _MOST_POINTS))
     y, before, after = (np.asarray(a, dtype=float) for a in (measured, nominal, refitted))
@@ -55,9 +61,9 @@ def held_out(
         panels[0],
         columns=3,
         handles=[
-            Line2D([], [], color=MEASURED.light, linewidth=1.3, label="measured"),
-            Line2D([], [], color=REFERENCE.light, linewidth=0.9, linestyle="--", label="nominal"),
-            Line2D([], [], color=SIMULATED.light, linewidth=1.1, label="refitted"),
+            named_line("measured", MEASURED, width=1.3),
+            named_line("nominal", REFERENCE, width=0.9, style="--"),
+            named_line("refitted", SIMULATED, width=1.1),
         ],
     )
     figure.align_ylabels()

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from workbench.model import Output
-from workbench.model.units import from_si, to_si
+from workbench.model.units import from_si, to_si, with_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import output_of, value_text, written
 from workbench.reports.metrics_table import metric_title
@@ -192,7 +192,7 @@ def margins_table(result: StudyResult) -> Table | None:
 
 def _shown(metrics: Metrics, name: str) -> str:
     value, unit = metrics[name].shown()
-    return f"{number(value)} {written(unit)}".replace(" °", "°").strip()
+    return with_unit(number(value), unit)
 
 
 def _limitations(result: StudyResult) -> list[Block]:

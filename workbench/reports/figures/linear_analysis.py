@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from workbench.linearisation.transfer import transfer_function
+from workbench.linearisation.transfer import frequency_response
 from workbench.model.units import parse_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.bode import bode
@@ -126,9 +126,7 @@ def plant_picture(study: Study) -> list[Picture]:
         if len(linear.input_names) != 1 or controlled not in linear.output_names:
             return []
         frequency = np.geomspace(0.05, 50.0, 400)
-        row = linear.output_names.index(controlled)
-        s = 2j * np.pi * frequency
-        response = transfer_function(linear.A, linear.B, linear.C, linear.D, s)[:, row, 0]
+        response = frequency_response(linear, controlled, frequency)
         curves[point_text(study, point)] = response / parse_unit(quantity.display_unit).factor
     unit = f"{written(quantity.display_unit)}/{study.plant.build().inputs[0].unit}"
     return [

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from workbench.model.units import from_si
 from workbench.reports.figure import Figure
+from workbench.reports.figures.study_traces import output_of, value_text
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FONT_POINTS, INK, REFERENCE, colours, key, label, new_figure
@@ -118,7 +118,7 @@ def _bars(result: StudyResult) -> dict[str, dict[str, float]]:
     several = len({s.scenario for s in known}) > 1
     found: dict[str, dict[str, float]] = {}
     for s in known:
-        text = step_text(result, s.move)
+        text = _step_text(result, s.move)
         own = found.setdefault(f"{s.scenario}\n{text}" if several else text, {})
         own[s.controller] = _worse(own.get(s.controller, 0.0), s.ratio.value)
     if len(found) <= MOST:
@@ -134,13 +134,9 @@ def _worse(a: float, b: float) -> float:
     return math.nan if math.isnan(a) or math.isnan(b) else max(a, b)
 
 
-def step_text(result: StudyResult, move: Move) -> str:
-    """Write a step as people read it."""
-    quantity = next(q for q in result.study.plant.build().outputs if q.name == move.output)
-    unit = quantity.display_unit or quantity.unit
-    ends = (float(from_si(v, unit)) for v in (move.initial, move.final))
-    suffix = "°" if unit == "deg" else f" {unit}"
-    return " to ".join(f"{v:.4g}{suffix}" for v in ends)
+def _step_text(result: StudyResult, move: Move) -> str:
+    unit = output_of(result.study, move.output).display_unit
+    return " to ".join(value_text(v, unit, digits=4) for v in (move.initial, move.final))
 
 
 def _steps(result: StudyResult) -> Table:
@@ -158,7 +154,7 @@ def _steps(result: StudyResult) -> Table:
         limit = next(iter(own.values())).limit
         row: list[Cell | str] = [
             scenario,
-            step_text(result, move),
+            _step_text(result, move),
             f"{begin:g} s",
             Cell(number(limit.value, unit="s"), "", limit.reason)
             if not math.isnan(limit.value)

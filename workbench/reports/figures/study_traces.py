@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.model.quantities import Output
-from workbench.model.units import from_si
+from workbench.model.units import from_si, with_unit
 from workbench.study.result import StudyResult
 from workbench.study.study import Study
 from workbench.study.tasks import Record
@@ -44,15 +44,14 @@ def shown(values: Any, quantity: Output) -> Vector:
     return from_si(vector(values), quantity.display_unit)
 
 
-def value_text(value: float, unit: str) -> str:
-    """Write an SI value in a display unit.
+def value_text(value: float, unit: str, *, digits: int = 6) -> str:
+    """Write a value, in SI, in a display unit.
 
     Example:
         >>> value_text(0.5235987755982988, "deg"), value_text(0.012, "mm")
         ('30°', '12 mm')
     """
-    size = f"{round(float(from_si(value, unit)), 6):g}"
-    return f"{size} {written(unit)}".replace(" °", "°").strip()
+    return with_unit(f"{round(float(from_si(value, unit)), 6):.{digits}g}", unit)
 
 
 def point_text(study: Study, point: tuple[tuple[str, float], ...]) -> str:
@@ -64,12 +63,8 @@ def point_text(study: Study, point: tuple[tuple[str, float], ...]) -> str:
     known = {q.name: q.display_unit for q in study.plant.build().outputs}
     said = []
     for name, value in point:
-        unit = known.get(name, "")
-        if unit == "deg":
-            said.append(f"{float(from_si(value, unit)):g}°")
-        else:
-            size = float(from_si(value, unit)) if unit else value
-            said.append(f"{name} {size:g} {unit}".rstrip())
+        text = value_text(value, known[name]) if name in known else f"{value:g}"
+        said.append(text if text.endswith("°") else f"{name} {text}")
     return ", ".join(said)
 
 

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from workbench.model.units import convert
+from workbench.model.units import convert, with_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
 from workbench.reports.pictures import Picture
-from workbench.reports.style import INK, REFERENCE, colours, key, label, new_figure
+from workbench.reports.style import (
+    INK,
+    REFERENCE,
+    colours,
+    key,
+    label,
+    named_line,
+    new_figure,
+)
 from workbench.study.result import StudyResult
+from workbench.study.study import Study
 from workbench.study.tasks import Record
 
 if TYPE_CHECKING:
@@ -65,8 +75,6 @@ def tracking(
     Returns:
         The figure: output, error and command over time in s.
     """
-    from matplotlib.lines import Line2D
-
     figure, (position, error, actuator) = new_figure([2.2, 1.1, 1.0])
     t, reference = np.asarray(time, dtype=float), np.asarray(reference, dtype=float)
     position.step(t, reference, where="post", color=REFERENCE.light, linewidth=1.0)
@@ -80,17 +88,18 @@ def tracking(
         actuator.step(trajectory.time, trajectory.command, where="post", color=shade, linewidth=0.9)
         if trajectory.linear is not None:
             position.plot(trajectory.time, trajectory.linear, "--", color=shade, linewidth=1.0)
-        handles.append(Line2D([], [], color=shade, linewidth=1.5, label=trajectory.controller))
+        handles.append(named_line(trajectory.controller, shades[trajectory.controller], width=1.5))
     if error_limit:
         for limit in (-error_limit, error_limit):
             error.axhline(limit, color=REFERENCE.light, linewidth=0.9, linestyle=":")
         # Right after a step the error is the step; what matters is whether it comes to rest.
         error.set_ylim(-5.0 * error_limit, 5.0 * error_limit)
-    handles.append(Line2D([], [], color=REFERENCE.light, linewidth=1.0, label="reference"))
+    handles.append(named_line("reference", REFERENCE, width=1.0))
     if any(trajectory.linear is not None for trajectory in trajectories):
+        plain, dashed = lines
         handles += [
-            Line2D([], [], color=INK.light, linewidth=1.5, label=lines[0]),
-            Line2D([], [], color=INK.light, linewidth=1.0, linestyle="--", label=lines[1]),
+            named_line(plain, INK, width=1.5),
+            named_line(dashed, INK, width=1.0, style="--"),
         ]
     label(position, y=f"{quantity} in {unit}")
     label(error, y=f"error in {unit}")
@@ -100,16 +109,96 @@ def tracking(
     return figure
 
 
+def tracked(
+    study: Study,
+    scenario: str,
+    runs: Mapping[str, Record],
+    *,
+    window: tuple[float, float] | None = None,
+    lines: tuple[str, str] = ("full plant", "linear model"),
+) -> Drawing:
+    """Draw what the runs of a scenario kept of their trajectories, by controller.
+
+    Args:
+        window: First and last time that is drawn, in s.
+        lines: What the plain curves are of, and what the dashed ones.
+    """
+    first = next(iter(runs.values())).traces
+    output = next(n.removeprefix("reference.") for n in first if n.startswith("reference."))
+    command = next(n.removeprefix("input.") for n in first if n.startswith("input."))
+    quantity, plant = output_of(study, output), study.plant.build()
+    input_unit = next(q.unit for q in plant.inputs if q.name == command)
+
+    def cut(own: Mapping[str, Any], name: str) -> Vector:
+        low, high = window or (-math.inf, math.inf)
+        time = vector(own["time"])
+        return vector(own[name])[(time >= low - 1e-9) & (time <= high + 1e-9)]
+
+    trajectories = [
+        Trajectory(
+            controller,
+            cut(r.traces, "time"),
+            shown(cut(r.traces, f"output.{output}"), quantity),
+            cut(r.traces, f"input.{command}"),
+            shown(cut(r.traces, f"linear.{output}"), quantity)
+            if f"linear.{output}" in r.traces
+            else None,
+        )
+        for controller, r in runs.items()
+    ]
+    return tracking(
+        cut(first, "time"),
+        shown(cut(first, f"reference.{output}"), quantity),
+        trajectories,
+        quantity=output,
+        unit=written(quantity.display_unit),
+        command=f"{command} in {input_unit}",
+        error_limit=steady_limit(study, scenario),
+        lines=lines,
+    )
+
+
+def steady_limit(study: Study, scenario: str) -> float | None:
+    """Return the steady error that a study allows after steps, in the display unit, or None."""
+    reference = next(iter(study.scenarios[scenario].references))
+    for demand in study.demands:
+        limit = demand.requirement
+        if (
+            limit.metric == "steady_error"
+            and limit.scenario in ("", scenario)
+            and study.scenarios[scenario].references[reference].changes
+        ):
+            unit = output_of(study, reference).display_unit
+            return float(convert(limit.limit, limit.unit, unit))
+    return None
+
+
 def _draw(result: StudyResult, scenario: str, case: str, suffix: str) -> list[Picture]:
-    found = [_picture(result, scenario, case, f"tracking-{suffix}", nominal_runs)]
-    if result.robustness:
-        found.append(_picture(result, scenario, case, f"worst-{suffix}", _worst_runs))
-    return [picture for picture in found if picture is not None]
-
-
-def _worst_runs(result: StudyResult, scenario: str, case: str = "") -> dict[str, Record]:
-    """Return the runs on the worst plant of the box, the nominal output in place of the linear."""
     nominal = nominal_runs(result, scenario, case)
+    found = []
+    if nominal:
+        linear = any(n.startswith("linear.") for r in nominal.values() for n in r.traces)
+        tail = (
+            "Dashed: the same controller on its linear model, with ideal sensors."
+            if linear
+            else "No linear run: the plant changes during the run."
+        )
+        figure = tracked(result.study, scenario, nominal)
+        name = f"tracking-{suffix}"
+        found.append(_picture(result, scenario, figure, name, case or "nominal plant", tail))
+    worst = _worst_runs(result, scenario, nominal)
+    if worst:
+        figure = tracked(result.study, scenario, worst, lines=("worst plant", "nominal plant"))
+        where = "each controller on its worst plant of the box"
+        tail = "Dashed: the same controller on the nominal plant."
+        found.append(_picture(result, scenario, figure, f"worst-{suffix}", where, tail))
+    return found
+
+
+def _worst_runs(
+    result: StudyResult, scenario: str, nominal: Mapping[str, Record]
+) -> dict[str, Record]:
+    """Return the runs on the worst plant of the box, the nominal output in place of the linear."""
     found = {}
     for own in result.robustness:
         for run in own.worst_runs:
@@ -121,68 +210,15 @@ def _worst_runs(result: StudyResult, scenario: str, case: str = "") -> dict[str,
 
 
 def _picture(
-    result: StudyResult,
-    scenario: str,
-    case: str,
-    name_of_file: str,
-    runs_of: Callable[[StudyResult, str, str], dict[str, Record]],
-) -> Picture | None:
-    runs = runs_of(result, scenario, case)
-    if not runs:
-        return None
-    worst = runs_of is _worst_runs
-    first = next(iter(runs.values())).traces
-    command = next(name for name in first if name.startswith("input."))
-    inputs = result.study.plant.build().inputs
-    unit_in = next(q.unit for q in inputs if f"input.{q.name}" == command)
-    name = next(n.removeprefix("reference.") for n in first if n.startswith("reference."))
-    quantity = output_of(result.study, name)
-    trajectories = [
-        Trajectory(
-            controller,
-            vector(r.traces["time"]),
-            shown(r.traces[f"output.{name}"], quantity),
-            vector(r.traces[command]),
-            shown(r.traces[f"linear.{name}"], quantity) if f"linear.{name}" in r.traces else None,
-        )
-        for controller, r in runs.items()
-    ]
-    steps = bool(result.study.scenarios[scenario].references[name].changes)
-    unit, limit = written(quantity.display_unit), None
-    if steps:
-        limit = _limit(result, scenario, quantity.display_unit)
-    figure = tracking(
-        first["time"],
-        shown(first[f"reference.{name}"], quantity),
-        trajectories,
-        quantity=name,
-        unit=unit,
-        command=f"{command.removeprefix('input.')} in {unit_in}",
-        error_limit=limit,
-        lines=("worst plant", "nominal plant") if worst else ("full plant", "linear model"),
-    )
-    dotted = f" (dotted: ± {limit:g}{unit if unit == '°' else f' {unit}'})" if limit else ""
-    linear = any(t.linear is not None for t in trajectories)
-    where = "each controller on its worst plant of the box" if worst else case or "nominal plant"
-    tail = (
-        " Dashed: the same controller on the nominal plant."
-        if worst
-        else " Dashed: the same controller on its linear model, with ideal sensors."
-        if linear
-        else " No linear run: the plant changes during the run."
-    )
-    caption = f"{scenario}, {where}: {name}, error{dotted} and command.{tail}"
-    place = f"{scenario} on its worst plant" if worst else scenario
-    words = f"{name}, error and command over time of {', '.join(runs)} in {place}"
-    return Picture(name_of_file, figure, caption, words)
-
-
-def _limit(result: StudyResult, scenario: str, unit: str) -> float | None:
-    for demand in result.study.demands:
-        limit = demand.requirement
-        if limit.metric == "steady_error" and limit.scenario in ("", scenario):
-            return float(convert(limit.limit, limit.unit, unit))
-    return None
+    result: StudyResult, scenario: str, figure: Drawing, name: str, where: str, tail: str
+) -> Picture:
+    output = next(iter(result.study.scenarios[scenario].references))
+    limit = steady_limit(result.study, scenario)
+    unit = output_of(result.study, output).display_unit
+    dotted = f" (dotted: ± {with_unit(f'{limit:g}', unit)})" if limit else ""
+    caption = f"{scenario}, {where}: {output}, error{dotted} and command. {tail}"
+    words = f"{output}, error and command over time in {scenario}, {where}"
+    return Picture(name, figure, caption, words)
 
 
 TRACKING = Figure("tracking", _draw, "scenario", order=10)
