@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from workbench.data_folder import shipped_folder
 from workbench.diagnosis.verdict import SCHEMA
 from workbench.errors import WorkbenchError
 from workbench.evaluation.answer_key import commitments, read_names
@@ -207,3 +208,25 @@ def test_every_name_of_the_table_is_in_the_library_at_the_right_place() -> None:
             assert name in known, f"{word}: {name}"
             assert {table.group(port) for port in known[name].ports} <= set(truth.groups), word
             assert (known[name].group == "sensor") == truth.sensor, word
+
+
+def test_the_score_that_is_published_is_that_of_the_kept_verdicts() -> None:
+    folder = shipped_folder() / "blind/round-1"
+    found = score_verdicts(
+        folder,
+        folder / "key.json",
+        commitments=folder / "commitments.txt",
+        names=folder / "names.toml",
+    )
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    assert f"**{found.points} of {found.most} points.**" in text
+    assert found.committed == len(found.lines) == 12
+    rows = [line for line in text.splitlines() if line.startswith("|")][2:]
+    # The second row of a case continues the first.
+    said: dict[str, int] = {}
+    case = ""
+    for row in rows:
+        cells = [cell.strip() for cell in row.strip("|").split("|")]
+        case = cells[0] or case
+        said[case] = said.get(case, 0) + int(cells[-1].split()[0])
+    assert said == {line.case.removeprefix("sealed-"): line.points for line in found.lines}

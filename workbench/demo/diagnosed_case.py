@@ -18,6 +18,7 @@ from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.start import fitted_start
 from workbench.diagnosis.redesign import redesign
 from workbench.diagnosis.verdict import upgraded
+from workbench.model.units import readable
 from workbench.plants.plant import Plant
 from workbench.plants.registry import PLANTS
 from workbench.recordings import read_case
@@ -27,7 +28,6 @@ from workbench.reports.figures.diagnosis_runs import (
     diagnosis_residuals,
     diagnosis_runs,
 )
-from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Commands, Method, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FURTHER, MEASURED, REFERENCE, key, label, new_figure

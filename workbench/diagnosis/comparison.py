@@ -10,9 +10,8 @@ import numpy as np
 
 from workbench.diagnosis.location.isolability import Isolability, isolability
 from workbench.diagnosis.location.locate import groups_of
-from workbench.diagnosis.location.missing_signal import Located, located_signal
+from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.stages import Diagnosis
-from workbench.errors import NumericalError
 
 _NOTHING_LEFT = ("nothing_missing", "parameter")
 
@@ -56,7 +55,7 @@ class Proof:
         ports: Ports of all findings, or of the located group.
     """
 
-    located: tuple[Located, ...]
+    located: tuple[MissingSignal, ...]
     errors: tuple[ErrorRow, ...]
     note: str = ""
     isolability: Isolability | None = None
@@ -64,10 +63,10 @@ class Proof:
 
 
 def proof_of(diagnosis: Diagnosis) -> Proof:
-    """Compute what the proof page shows.
+    """Collect what the proof page shows.
 
-    The located signal is estimated from the held-out recordings; the law beside it was fitted to
-    the others.
+    The located signal of something that was found is estimated from the held-out recordings; the
+    law beside it was fitted to the others.
     """
     if not diagnosis.runs:
         return Proof((), (), "the diagnosis did not get as far as the held-out recordings")
@@ -77,11 +76,11 @@ def proof_of(diagnosis: Diagnosis) -> Proof:
     if not ports:
         return Proof((), errors, "nothing was located", told)
     found = tuple(dict.fromkeys(p for c, _ in diagnosis.accepted for p in c.entry.ports)) or ports
-    seen = diagnosis.prepared.judging
-    try:
-        return Proof(located_signal(diagnosis, seen, ports), errors, "", told, found)
-    except NumericalError as error:
-        return Proof((), errors, str(error), told, found)
+    known = {port.name for port in diagnosis.nominal.ports}
+    shown = diagnosis.validated.missing[:1] if diagnosis.validated else ()
+    signals = tuple(signal for first in shown for signal in first if signal.port in known)
+    why = diagnosis.validated.not_shown if diagnosis.validated else ""
+    return Proof(signals, errors, "" if signals else why, told, found)
 
 
 def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:

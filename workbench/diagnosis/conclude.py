@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
+from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.selection.held_out import explained, held_out_errors
 from workbench.diagnosis.selection.rules import IMPERFECT, NEAR_NOISE
 from workbench.diagnosis.selection.score import COLLINEAR
@@ -35,10 +36,11 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
     findings = tuple(_finding(diagnosis, i, fit) for i in range(len(diagnosis.accepted)))
     findings = findings or _without_name(diagnosis, fit)
     kind, sentence = _kind(diagnosis, findings, fit)
+    left = validated.occurrence() if kind == "unexplained" and not findings else None
     used = prepared.judging[0].used
     return Verdict(
         kind=kind,
-        sentence=sentence,
+        sentence=f"{sentence} {_acts(left)}".rstrip(),
         model=diagnosis.extended.model,
         findings=findings,
         fit=fit,
@@ -55,7 +57,13 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
         },
         seconds=diagnosis.seconds,
         work=diagnosis.work,
+        occurrence=left,
     )
+
+
+def _acts(occurrence: Occurrence | None) -> str:
+    """Say when and where something acts."""
+    return "" if occurrence is None else str(occurrence)
 
 
 def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = None) -> Verdict:
@@ -212,11 +220,12 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
         + "."
         + (f" Only likely: {'; '.join(candidate.doubts)}." if candidate.doubts else "")
     )
+    occurrence = diagnosis.validated.occurrence(index) if diagnosis.validated else None
     return Finding(
         where=entry.ports,
         effect=entry.name,
         alike=alike,
-        sentence=text,
+        sentence=f"{text} {_acts(occurrence)}".rstrip(),
         parameters=parameters,
         excess_explained=explained(fit),
         gain=candidate.gain,
@@ -224,6 +233,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
         p_value=_by_chance(candidate.held_out),
         belief="likely" if candidate.doubts else "sure",
         doubts=candidate.doubts,
+        occurrence=occurrence,
     )
 
 
@@ -232,6 +242,7 @@ def _without_name(
 ) -> tuple[Finding, ...]:
     """Say where something is left out that no effect of the library explains."""
     term = diagnosis.nonparametric
+    occurrence = diagnosis.validated.occurrence() if diagnosis.validated else None
     if diagnosis.complete or (_wrong_values(diagnosis) and not (term and term.accepted)):
         return ()
     if term is not None and term.accepted:
@@ -245,19 +256,25 @@ def _without_name(
                     f"Missing at {', '.join(term.ports)}: something that the library has no name"
                     f" for; a curve over {over}{' with a memory' if term.loop else ''} takes away"
                     f" {100 * term.explained:.0f} % of the signal that is missing there."
+                    f" {_acts(occurrence)}".rstrip()
                 ),
                 parameters=_own(diagnosis.extended, term.effect_name),
                 excess_explained=explained(fit),
                 gain=term.gain,
                 held_out=term.held_out,
                 p_value=_by_chance(term.held_out),
+                occurrence=occurrence,
             ),
         )
     ports = diagnosis.before.ports(diagnosis.nominal) if diagnosis.before else ()
     if not ports:
         return ()
-    sentence = f"Something is left out, most likely at {', '.join(ports)}."
-    return (Finding(where=ports, effect=None, alike=(), sentence=sentence),)
+    sentence = f"Something is left out, most likely at {', '.join(ports)}. {_acts(occurrence)}"
+    return (
+        Finding(
+            where=ports, effect=None, alike=(), sentence=sentence.rstrip(), occurrence=occurrence
+        ),
+    )
 
 
 def _by_chance(held_out: tuple[float, float, float]) -> float:

@@ -18,6 +18,7 @@ from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
 from workbench.diagnosis.experiment.next_experiment import next_experiment
 from workbench.diagnosis.location.locate import Location, locate
+from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import settled_run
@@ -314,7 +315,9 @@ def validate(found: Diagnosis, *, advise: bool = True, say: Progress) -> Validat
         or {r.name: settled_run(model, found.nominal, r) for r in prepared.judging}
         for label, model in models.items()
     }
-    validated = Validated(extended, runs, location)
+    say("telling when and where it acts")
+    missing, why = missing_signals(found)
+    validated = Validated(extended, runs, location, missing=missing, not_shown=why)
     if advise:
         say("choosing what to record next")
         found = replace(found, validated=validated)

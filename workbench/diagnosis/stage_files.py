@@ -27,6 +27,12 @@ from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate, Refit
 from workbench.diagnosis.location.locate import Location
+from workbench.diagnosis.location.missing_signal import (
+    MissingSignal,
+    Occurrence,
+    Place,
+    Span,
+)
 from workbench.diagnosis.nonparametric.curve_description import Term
 from workbench.diagnosis.nonparametric.result import (
     EFFECT_NAME,
@@ -76,6 +82,7 @@ _CLASSES: dict[str, Any] = {
         ),
         *(Observed, Prior, Estimate, Refit, ProcessNoiseFit, FreeRun, Location, Score, Scores),
         *(Candidate, NonparametricTerm, Law, Argument, Bins, Term, Curve),
+        *(MissingSignal, Occurrence, Place, Span),
     )
 }
 

@@ -15,6 +15,7 @@ from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.location.locate import Location
+from workbench.diagnosis.location.missing_signal import MissingSignal, Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import Runs
 from workbench.diagnosis.selection.rules import IMPERFECT
@@ -69,12 +70,22 @@ class Validated:
         runs: Free runs by model (``nominal``, ``refitted``, ``extended``) and recording.
         location: Where the extended model lacks something; None if nothing was found.
         advice: What to record next, as `verdict.json` says it.
+        missing: What is missing, by finding; of the located group where nothing was found.
+        not_shown: Why there is no such signal; empty if there is one.
     """
 
     extended: ProcessNoiseFit
     runs: Mapping[str, Runs]
     location: Location | None = None
     advice: Mapping[str, Any] = field(default_factory=dict)
+    missing: tuple[tuple[MissingSignal, ...], ...] = ()
+    not_shown: str = ""
+
+    def occurrence(self, index: int = 0) -> Occurrence | None:
+        """Return when and where a finding acts most; None if that is not known."""
+        signals = self.missing[index] if index < len(self.missing) else ()
+        known = [signal.occurrence for signal in signals if signal.occurrence is not None]
+        return max(known, key=lambda found: found.rms, default=None)
 
 
 @dataclass(frozen=True, repr=False)

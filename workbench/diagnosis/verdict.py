@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
 from workbench.model import Model
@@ -67,6 +68,7 @@ class Finding:
             dimensionless.
         belief: Whether every rule agrees with it, or only the recordings do.
         doubts: Rules that speak against it, in words.
+        occurrence: When, with which local signal and where it acts; None if that is not known.
     """
 
     where: tuple[str, ...]
@@ -80,6 +82,7 @@ class Finding:
     held_out: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     belief: Belief = "sure"
     doubts: tuple[str, ...] = ()
+    occurrence: Occurrence | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -101,6 +104,8 @@ class Verdict(Shown):
             after the extension, dimensionless.
         seconds: Time that the diagnosis took, in s.
         work: What it took in units that no machine changes.
+        occurrence: When and where predictions are wrong, if something is missing that could not be
+            located; None otherwise.
         interrupted: Whether the diagnosis was ended early, by an interruption or a time limit.
         model: The improved model; the refitted nominal one where nothing was found.
     """
@@ -121,6 +126,7 @@ class Verdict(Shown):
     seconds: float = math.nan
     work: Work = field(default_factory=dict)
     interrupted: bool = False
+    occurrence: Occurrence | None = None
 
     def as_data(self) -> dict[str, Any]:
         """Return the verdict as plain data; numbers that are not finite become None."""
@@ -145,6 +151,7 @@ class Verdict(Shown):
                         "log_likelihood_gain": f.gain,
                         "held_out_gain": list(f.held_out),
                         "p_value": f.p_value,
+                        "occurrence": f.occurrence.as_data() if f.occurrence else None,
                     }
                     for f in self.findings
                 ],
@@ -159,6 +166,7 @@ class Verdict(Shown):
                 "seconds": self.seconds,
                 "work": self.work,
             }
+            | ({"occurrence": self.occurrence.as_data()} if self.occurrence else {})
             | ({"interrupted": True} if self.interrupted else {})
         )
         return data

@@ -6,11 +6,12 @@ import math
 
 from workbench.diagnosis.comparison import Proof
 from workbench.diagnosis.estimation.free_run import FreeRun
+from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Verdict
+from workbench.model.units import readable
 from workbench.reports.diagnosis_nonparametric import accepted_term, hull_sentence, improved
 from workbench.reports.figures.diagnosis_runs import farthest_off
-from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Answers
 from workbench.reports.tables import interval, number, plain
 
@@ -62,11 +63,20 @@ def _named(finding: Finding) -> str:
 
 def _where(verdict: Verdict) -> str:
     places = dict.fromkeys(port for finding in verdict.findings for port in finding.where)
-    return plain(", ".join(places))
+    seen = _occurrence(verdict)
+    return plain(", ".join(places)) + (f", {plain(seen.where)}" if seen else "")
+
+
+def _occurrence(verdict: Verdict) -> Occurrence | None:
+    """Return when and where the first finding acts, or what could not be located."""
+    return verdict.findings[0].occurrence if verdict.findings else verdict.occurrence
 
 
 def _when(diagnosis: Diagnosis, verdict: Verdict) -> str:
-    """Say when the refitted model is farthest off, and at which values of the output."""
+    """Say when what is missing acts; else when the refitted model is farthest off, and where."""
+    seen = _occurrence(verdict)
+    if seen is not None:
+        return plain(f"{seen.when}, up to {seen.how_large} rms")
     runs = {name: run for name, run in diagnosis.runs.get("refitted", {}).items() if run.finite}
     if not runs or verdict.kind in ("nothing_missing", "parameter"):
         return ""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.diagnosis.location.isolability import Isolability
-from workbench.diagnosis.location.missing_signal import Located
+from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.nonparametric.result import Argument, NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
+from workbench.model.units import readable
 from workbench.reports.figures.diagnosis_nonparametric import diagnosis_nonparametric
-from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, interval, number, plain
@@ -57,7 +57,7 @@ def _rounded(end: float, argument: Argument, factor: float) -> float:
     return 0.0 if abs(end) < 1e-3 * factor * (high - low) else end
 
 
-def outside_sentence(term: NonparametricTerm, located: Located) -> str:
+def outside_sentence(term: NonparametricTerm, located: MissingSignal) -> str:
     """Say how much of the recordings lies where the curve is only continued.
 
     Returns:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from workbench.diagnosis.comparison import Proof
 from workbench.diagnosis.estimation.free_run import FreeRun
-from workbench.diagnosis.location.missing_signal import Located
+from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
 from workbench.reports.diagnosis_answers import KINDS, diagnosis_answers, worst_run
@@ -211,7 +211,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
                 " that. Beside it stands the effect, whose law was fitted to the other recordings."
                 if diagnosis.accepted
                 else "Below is what the refitted nominal model lacks at that place: a signal"
-                " estimated from the held-out recordings, without assuming any law."
+                " estimated from all recordings, without assuming any law."
             )
         )
     for i, located in enumerate(proof.located):
@@ -244,7 +244,7 @@ def _where(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
     return Section("where", title, tuple(blocks))
 
 
-def _law_caption(located: Located) -> str:
+def _law_caption(located: MissingSignal) -> str:
     what = (
         f"The signal at {located.port} against {located.argument.replace('_', ' ')}, at times at"
         " which the measurements tell it to half its size or better"

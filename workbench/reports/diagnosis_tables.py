@@ -12,9 +12,9 @@ from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.score import COLLINEAR, Scores
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Verdict
+from workbench.model.units import readable
 from workbench.recordings.checks import CHECKS
 from workbench.reports.diagnosis_nonparametric import improved
-from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.tables import Cell, Table, number, plain
 
 METHODS: tuple[tuple[str, str], ...] = (

@@ -1,34 +1,164 @@
-"""The signal that a model lacks at a port, and the law that was found, on the same recordings."""
+"""The signal that a model lacks at a port: when it acts, and with which local signal."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError
-from workbench.diagnosis.estimation.process_noise import extended_start
-from workbench.diagnosis.location.unknown_input import UnknownInput, unknown_input
-from workbench.diagnosis.stages import Diagnosis
-from workbench.model import Model, Port
-from workbench.model.model import index_of
+from workbench.model.units import readable, written_unit
 
 Vector = npt.NDArray[np.float64]
 
 BINS = 24
 """Classes into which an argument is divided to see what depends on it."""
 
-_PARALLEL = 0.999
-"""Cosine above which two ports act on the rates in the same way."""
+STRONG = 0.5
+"""Share of its strongest window or class from which a signal counts as acting there."""
+
+THROUGHOUT = 0.7
+"""Share of the time, or of the samples, from which a signal acts all the time, or everywhere."""
+
+_WINDOWS = 50
+_LEAST_KNOWN = 0.25
+_MOST_SPANS = 3
+_MOST_PLACES = 4
+_LEAST_DEPENDENCE = 0.05
 
 
 @dataclass(frozen=True)
-class Located:
-    """The signal that a model lacks at a port, on recordings that it was not fitted on.
+class Span:
+    """A time at which something is missing.
+
+    Args:
+        begin: Time from the first sample of the recording, in s.
+        end: The same for its end, in s.
+        share: Share of the mean square of the missing signal that falls into it, dimensionless.
+    """
+
+    recording: str
+    begin: float
+    end: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Place:
+    """Values of a local signal at which something is missing.
+
+    Args:
+        signal: Name of the local signal.
+        unit: Its SI unit.
+        dependence: Share of the variance of the missing signal that is a function of it,
+            dimensionless.
+        ranges: Where the missing signal is strong, ends in ``unit``, the strongest first.
+        covered: Share of the samples that lie in these ranges, dimensionless.
+    """
+
+    signal: str
+    unit: str
+    dependence: float
+    ranges: tuple[tuple[float, float], ...]
+    covered: float
+
+
+@dataclass(frozen=True)
+class Occurrence:
+    """When and where a signal is missing.
+
+    Args:
+        port: Port at which it is missing, or output whose prediction is wrong.
+        unit: SI unit of the signal.
+        rms: Root mean square of the signal where the measurements tell it, in ``unit``.
+        largest: The same over its strongest time, in ``unit``.
+        spans: Times at which it acts, the strongest first.
+        active: Share of the time in which it acts, dimensionless.
+        places: Local signals with the values at which it acts, by falling dependence.
+    """
+
+    port: str
+    unit: str
+    rms: float
+    largest: float
+    spans: tuple[Span, ...]
+    active: float
+    places: tuple[Place, ...]
+
+    @property
+    def when(self) -> str:
+        """Times at which it acts, in words."""
+        if self.active >= THROUGHOUT or not self.spans:
+            return "throughout"
+        shown = self.spans[:_MOST_SPANS]
+        by_recording: dict[str, list[Span]] = {}
+        for span in shown:
+            by_recording.setdefault(span.recording, []).append(span)
+        ends = [
+            _listed([f"{s.begin:.3g} to {s.end:.3g} s" for s in sorted(spans, key=_begin)])
+            + f" of {name}"
+            for name, spans in by_recording.items()
+        ]
+        rest = len(self.spans) - len(shown)
+        others = [f"at {rest} other time{'s' if rest > 1 else ''}"] if rest else []
+        return f"from {_listed([*ends, *others])}"
+
+    @property
+    def where(self) -> str:
+        """Local signal with which it goes, and the values at which it is largest, in words."""
+        if not self.places:
+            return "with no local signal"
+        place = self.places[0]
+        name = place.signal.replace("_", " ")
+        said = f"with {name} ({100 * place.dependence:.0f} % of its variance)"
+        if place.covered >= THROUGHOUT:
+            return f"{said}, about as much at all its values"
+        unit, factor = readable(place.unit)
+        ends = [f"{factor * a:.3g} to {factor * b:.3g}" for a, b in place.ranges]
+        return f"{said}, most at {_listed(ends)} {written_unit(unit)}".rstrip()
+
+    @property
+    def how_large(self) -> str:
+        """Its size, in words."""
+        unit, factor = readable(self.unit)
+        return f"{factor * self.largest:.3g} {written_unit(unit)}".rstrip()
+
+    def __str__(self) -> str:
+        """Return it as a sentence."""
+        return (
+            f"It acts {self.when}, {self.where}: {self.how_large} root mean square at {self.port}."
+        )
+
+    def as_data(self) -> dict[str, object]:
+        """Return it as plain data, in SI."""
+        return {
+            "port": self.port,
+            "unit": self.unit,
+            "rms": self.rms,
+            "largest": self.largest,
+            "share_of_time": self.active,
+            "times": [
+                {"recording": s.recording, "from": s.begin, "to": s.end, "share": s.share}
+                for s in self.spans
+            ],
+            "places": [
+                {
+                    "signal": p.signal,
+                    "unit": p.unit,
+                    "dependence": p.dependence,
+                    "ranges": [list(ends) for ends in p.ranges],
+                    "share_of_samples": p.covered,
+                }
+                for p in self.places
+            ],
+        }
+
+
+@dataclass(frozen=True)
+class MissingSignal:
+    """The signal that a model lacks at a port.
 
     Args:
         unit: SI unit of the signal.
@@ -44,6 +174,7 @@ class Located:
         explained: Share of the mean square of the signal that the law takes away where the
             measurements determine it, dimensionless; NaN without law.
         law_name: What the law is, in plain words.
+        occurrence: When and where it is missing.
     """
 
     port: str
@@ -58,254 +189,147 @@ class Located:
     explained: float = math.nan
     recordings: tuple[str, ...] = ()
     law_name: str = "the effect that was found"
+    occurrence: Occurrence | None = None
 
     @property
     def known(self) -> npt.NDArray[np.bool_]:
         """Where the signal is determined to half its own size or better, shape (n,)."""
-        return _known(self.signal, self.std)
+        return known_rows(self.signal, self.std)
 
 
-def located_signal(
-    diagnosis: Diagnosis, recordings: Sequence[Observed], ports: Sequence[str]
-) -> tuple[Located, ...]:
-    """Estimate what is missing at some ports, and what was found to be missing there.
-
-    If something was found, the first effect, or the term without a name, is taken out of the
-    extended model again and the recordings tell what signal is then missing at its place. The
-    other parameters are those fitted with it: the refitted nominal model hides part of what it
-    lacks in wrong values of them. If nothing was found, the signal is what the refitted nominal
-    model lacks.
+def known_rows(signal: Vector, std: Vector) -> npt.NDArray[np.bool_]:
+    """Return where a signal is determined to half its own size or better.
 
     Args:
-        recordings: Recordings with a start for the nominal model.
+        signal: The signal, shape (n,), in any unit.
+        std: Its standard deviation, shape (n,), in that unit.
 
     Returns:
-        One signal per port; a single one at the port of the group where the ports act on the same
-        rates, so that no measurement can tell them apart.
-
-    Raises:
-        NumericalError: If the model without the effect cannot follow the recordings at all.
+        One value per sample, shape (n,); all of them where hardly any is determined.
     """
-    model, extended = diagnosis.base.model, diagnosis.extended.model
-    taken_out = _taken_out(diagnosis)
-    if taken_out is not None:
-        model = extended.without(taken_out.effect)
-    ports = told_apart(model, ports, recordings[0])
-    started = [extended_start(seen, diagnosis.nominal, model) for seen in recordings]
-    parts = [unknown_input(model, seen, ports) for seen in started]
-    laws: list[Vector] | None = None
-    if taken_out is not None:
-        laws = [
-            added_at_ports(
-                extended,
-                taken_out.absent,
-                extended_start(seen, diagnosis.nominal, extended),
-                model,
-                part,
-            )
-            for seen, part in zip(recordings, parts, strict=True)
-        ]
-    starts = np.cumsum([0.0, *(part.time[-1] for part in parts[:-1])])
-    time = np.concatenate([part.time + s for part, s in zip(parts, starts, strict=True)])
-    arguments = _arguments(model, parts)
-    found = []
-    for i, port in enumerate(ports):
-        signal = np.concatenate([part.signal[:, i] for part in parts])
-        std = np.concatenate([part.std[:, i] for part in parts])
-        law = None if laws is None else np.concatenate([values[:, i] for values in laws])
-        rows = _known(signal, std)
-        name, unit, values = _argument(
-            signal if law is None else law,
-            arguments,
-            next(q for q in model.ports if q.name == port),
-            taken_out or _Found("", {}),
-            rows,
-        )
-        found.append(
-            Located(
-                port,
-                parts[0].units[i],
-                time,
-                signal,
-                std,
-                law,
-                name,
-                unit,
-                values,
-                math.nan if law is None else _explained(signal, std, law),
-                tuple(part.name for part in parts),
-                *(() if taken_out is None else (taken_out.name,)),
-            )
-        )
-    return tuple(found)
+    # While a machine rests, its measurements say nothing about forces that do not move it.
+    known = std < 0.5 * np.sqrt(np.mean(signal**2 + std**2))
+    return known if np.count_nonzero(known) > 10 else np.ones(len(signal), dtype=bool)
 
 
-@dataclass(frozen=True)
-class _Found:
-    """An effect that can be taken out again: its parameters at which it is absent."""
-
-    effect: str
-    absent: Mapping[str, float]
-    memory: bool = False
-    over: str = ""
-    name: str = "the effect that was found"
-
-
-def _taken_out(diagnosis: Diagnosis) -> _Found | None:
-    """Return the first effect that was found, else the term without a name, else nothing."""
-    if diagnosis.accepted:
-        entry = diagnosis.accepted[0][0].entry
-        size = f"{entry.effect.name}.{entry.size_parameter}"
-        return _Found(entry.effect.name, {size: 0.0}, bool(entry.effect.states))
-    term = diagnosis.nonparametric
-    if term is None or not term.accepted:
-        return None
-    own = [name for curve in term.curves.values() for name in curve.names]
-    own += ["loop"] if term.loop else []
-    absent = {f"{term.effect_name}.{short}": 0.0 for short in own}
-    return _Found(term.effect_name, absent, term.loop, next(iter(term.curves)), "the fitted curve")
-
-
-def added_at_ports(
-    extended: Model,
-    absent: Mapping[str, float],
-    observed: Observed,
-    model: Model,
-    missing: UnknownInput,
-) -> Vector:
-    """Return what an effect adds at some ports along a recording.
-
-    The difference that it makes to the rates (or, at a sensor, to the measurements) at the same
-    states, divided by the effect of a unit signal at the port.
-
-    Args:
-        absent: Parameter values at which the effect is absent, in SI.
-        observed: A recording with a start for the extended model.
-        model: The same without the effect.
-        missing: The unknown input of the model without it, whose smoothed states are used where
-            both models have them.
-
-    Returns:
-        What the effect adds, shape (n, n_ports), in each port's unit.
-
-    Raises:
-        NumericalError: If the filter cannot follow the recording.
-    """
-    rms = {q.name: q.disturbance for q in extended.ports if q.disturbance > 0}
-    filter_ = PredictionError(extended, observed.sample_time, observed.used, (), rms)
-    every = round((missing.time[1] - missing.time[0]) / observed.sample_time)
-    states = filter_.run(observed, extended.values).states[::every][: len(missing.time)]
-    shared = [index_of("state", q.name, extended.states) for q in model.states]
-    states[:, shared] = missing.states
-    rows = [index_of("output", name, model.outputs) for name in observed.used]
-    there = [[q.name for q in model.ports].index(name) for name in missing.ports]
-    trace, n = model.exact, len(missing.time)
-    slopes = trace.function(
-        "slopes",
-        ca.densify(trace.rates_by_port[:, there]),
-        ca.densify(trace.outputs_by_port[rows, there]),
-    )
-    p = np.tile(model.values[:, None], (1, n))
-    by_rate, by_read = (
-        np.asarray(result).reshape(len(result), n, -1).transpose(1, 0, 2)
-        for result in map(np.asarray, slopes.map(n)(missing.states.T, missing.inputs.T, p))
-    )
-    with_it = _both(extended, extended.values, states, missing.inputs)
-    without = _both(extended, extended.with_parameters(absent).values, states, missing.inputs)
-    state_scale = np.array([q.scale for q in model.states])
-    read_scale = np.array([model.outputs[i].scale for i in rows])
-    rates = (with_it[0] - without[0])[shared].T / state_scale
-    reads = (with_it[1] - without[1])[rows].T / read_scale
-    return np.column_stack(
-        [
-            _divided(rates, by_rate[:, :, i] / state_scale)
-            if np.any(by_rate[:, :, i])
-            else _divided(reads, by_read[:, :, i] / read_scale)
-            for i in range(len(there))
-        ]
-    )
-
-
-def told_apart(model: Model, ports: Sequence[str], observed: Observed) -> tuple[str, ...]:
-    """Return the ports whose signals the measurements can tell apart.
-
-    Args:
-        observed: A recording with a start for the model or the one it extends.
-
-    Returns:
-        The ports; or, if all of them act on the rates as another port does at which something may
-        be left out, that port alone.
-    """
-    if len(ports) < 2:
-        return tuple(ports)
-    start = dict(zip((q.name for q in model.states), observed.start.tolist(), strict=False))
-    x = model.initial_state(start, u=observed.inputs[0])
-    slope = model.exact.function("slope", ca.densify(model.exact.rates_by_port))
-    matrix = np.asarray(slope(x, observed.inputs[0], model.values))
-    matrix = matrix / np.array([q.scale for q in model.states])[:, None]
-    length = np.linalg.norm(matrix, axis=0)
-    directions = matrix / np.where(length > 0, length, np.inf)
-    names = [q.name for q in model.ports]
-    chosen = directions[:, [names.index(name) for name in ports]]
-    for i, port in enumerate(model.ports):
-        if port.disturbance > 0 and np.all(np.abs(directions[:, i] @ chosen) > _PARALLEL):
-            return (port.name,)
-    return tuple(ports)
-
-
-def _both(model: Model, values: Vector, states: Vector, inputs: Vector) -> tuple[Vector, Vector]:
-    function = model.exact.function("both", model.exact.rates, model.exact.outputs)
-    n = len(states)
-    rates, outputs = function.map(n)(states.T, inputs.T, np.tile(values[:, None], (1, n)))
-    return np.asarray(rates), np.asarray(outputs)
-
-
-def _divided(difference: Vector, direction: Vector) -> Vector:
-    """Project a difference on the direction of a port, sample by sample."""
-    square = np.sum(direction**2, axis=1)
-    # Where the port acts on nothing, nothing can be said of its signal.
-    least = 1e-6 * float(np.mean(square)) or 1.0
-    return np.asarray(np.sum(difference * direction, axis=1) / np.maximum(square, least))
-
-
-def _arguments(model: Model, parts: Sequence[UnknownInput]) -> list[tuple[str, str, Vector]]:
-    """States, inputs and rates of states, by which a law may be told."""
-    states = np.concatenate([part.states for part in parts])
-    inputs = np.concatenate([part.inputs for part in parts])
-    rates = np.concatenate([np.gradient(part.states, part.time, axis=0) for part in parts])
-    return [
-        *((q.name, q.unit, states[:, i]) for i, q in enumerate(model.states)),
-        *((q.name, q.unit, inputs[:, i]) for i, q in enumerate(model.inputs)),
-        *(
-            (f"rate of {q.name}", _per_second(q.unit), rates[:, i])
-            for i, q in enumerate(model.states)
-        ),
-    ]
-
-
-def _per_second(unit: str) -> str:
-    return f"{unit.removesuffix('/s')}/s2" if unit.endswith("/s") else f"{unit}/s"
-
-
-def _argument(
+def occurrence(
+    port: str,
+    unit: str,
+    recordings: Sequence[tuple[str, Vector]],
     signal: Vector,
+    std: Vector,
     arguments: Sequence[tuple[str, str, Vector]],
-    port: Port,
-    law: _Found,
-    rows: npt.NDArray[np.bool_],
-) -> tuple[str, str, Vector]:
-    """Choose the quantity to draw a signal against: of what the port sees, else of everything.
+) -> Occurrence:
+    """Tell when a signal acts, and at which values of which local signal.
 
-    A law without a name comes with its argument. One with memory is a function of nothing; it makes
-    a loop over the first quantity that the port sees.
+    A recording is divided into windows, a local signal into classes with equally many samples; the
+    signal acts where its mean square, less its variance, is at least `STRONG` squared times that of
+    the strongest.
+
+    Args:
+        port: Where it acts.
+        unit: SI unit of the signal.
+        recordings: Name and times from the first sample, in s, one after the other, n in all.
+        signal: The signal, shape (n,), in ``unit``.
+        std: Its standard deviation, shape (n,), in ``unit``.
+        arguments: Name, unit and values, shape (n,), of local signals.
+
+    Example:
+        >>> t = np.linspace(0.0, 10.0, 1000)
+        >>> late = np.where(t > 6.0, 2.0, 0.0)
+        >>> found = occurrence("axis.force", "N", [("run", t)], late, 0 * t, [("force", "N", -t)])
+        >>> found.when, found.where
+        ('from 6 to 10 s of run', 'with force (98 % of its variance), most at -10 to -5.83 N')
     """
-    number = port.group.rpartition("_")[2]
-    order = [name for own in port.signals for name in (own, f"{own}_{number}")]
-    near = sorted((item for item in arguments if item[0] in order), key=lambda i: order.index(i[0]))
-    own = [item for item in near if item[0] in (law.over, f"{law.over}_{number}")]
-    if own or (law.memory and near):
-        return (own or near)[0]
-    return max(near or arguments, key=lambda i: correlation_ratio(signal[rows], i[2][rows]))
+    rows = known_rows(signal, std)
+    square = np.where(rows, np.maximum(signal**2 - std**2, 0.0), 0.0)
+    windows: list[tuple[str, float, float, float, int]] = []
+    first = 0
+    for name, time in recordings:
+        count = min(_WINDOWS, max(1, len(time) // 10))
+        for part in np.array_split(np.arange(len(time)), count):
+            here = part + first
+            told = np.count_nonzero(rows[here])
+            enough = told >= _LEAST_KNOWN * len(here)
+            level = float(np.sum(square[here]) / told) if enough else 0.0
+            end = min(int(part[-1]) + 1, len(time) - 1)
+            windows.append((name, float(time[part[0]]), float(time[end]), level, len(here)))
+        first += len(time)
+    levels = np.array([w[3] for w in windows])
+    lengths = np.array([w[4] for w in windows], dtype=float)
+    acting = (levels >= STRONG**2 * levels.max()) & (levels > 0)
+    strongest = float(np.sqrt(levels.max()))
+    places = [
+        place
+        for a in arguments
+        if (place := _place(*a, signal, square, rows)).dependence >= _LEAST_DEPENDENCE
+    ]
+    places.sort(key=lambda place: -place.dependence)
+    return Occurrence(
+        port,
+        unit,
+        float(np.sqrt(np.mean(square[rows]))),
+        strongest,
+        _spans(windows, acting),
+        float(lengths[acting].sum() / lengths.sum()),
+        tuple(places[:_MOST_PLACES]),
+    )
+
+
+def _spans(
+    windows: Sequence[tuple[str, float, float, float, int]], acting: npt.NDArray[np.bool_]
+) -> tuple[Span, ...]:
+    """Join windows that follow each other, or that a single quiet one parts."""
+    total = sum(level * n for *_, level, n in windows) or 1.0
+    found: list[Span] = []
+    last = -9
+    for i, (name, begin, end, level, n) in enumerate(windows):
+        if not acting[i]:
+            continue
+        share = level * n / total
+        if found and found[-1].recording == name and i - last <= 2:
+            found[-1] = Span(name, found[-1].begin, end, found[-1].share + share)
+        else:
+            found.append(Span(name, begin, end, share))
+        last = i
+    return tuple(sorted(found, key=lambda span: -span.share))
+
+
+def _place(
+    name: str,
+    unit: str,
+    values: Vector,
+    signal: Vector,
+    square: Vector,
+    rows: npt.NDArray[np.bool_],
+) -> Place:
+    """Find the values of a local signal at which a signal is strong."""
+    x, y = values[rows], square[rows]
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, BINS + 1)[1:-1]))
+    which = np.searchsorted(edges, x)
+    count = np.bincount(which, minlength=len(edges) + 1)
+    level = np.bincount(which, weights=y, minlength=len(count)) / np.maximum(count, 1)
+    low, high = np.full(len(count), np.inf), np.full(len(count), -np.inf)
+    np.minimum.at(low, which, x)
+    np.maximum.at(high, which, x)
+    strong = (level >= STRONG**2 * level.max()) & (count > 0)
+    ranges: list[tuple[float, float, float]] = []
+    last = -9
+    for i in np.flatnonzero(strong).tolist():
+        # A class that no sample falls into parts nothing.
+        if ranges and not count[last + 1 : i].any():
+            ranges[-1] = (ranges[-1][0], float(high[i]), max(ranges[-1][2], float(level[i])))
+        else:
+            ranges.append((float(low[i]), float(high[i]), float(level[i])))
+        last = i
+    ranges.sort(key=lambda r: -r[2])
+    return Place(
+        name,
+        unit,
+        max(correlation_ratio(signal[rows], x), correlation_ratio(y, x)),
+        tuple((a, b) for a, b, _ in ranges[:2]),
+        float(count[strong].sum() / max(len(x), 1)),
+    )
 
 
 def correlation_ratio(signal: Vector, argument: Vector, *, bins: int = BINS) -> float:
@@ -330,14 +354,9 @@ def correlation_ratio(signal: Vector, argument: Vector, *, bins: int = BINS) -> 
     return min(between / variance, 1.0)
 
 
-def _known(signal: Vector, std: Vector) -> npt.NDArray[np.bool_]:
-    # While a machine rests, its measurements say nothing about forces that do not move it.
-    known = std < 0.5 * np.sqrt(np.mean(signal**2 + std**2))
-    return known if np.count_nonzero(known) > 10 else np.ones(len(signal), dtype=bool)
+def _listed(parts: Sequence[str]) -> str:
+    return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
-def _explained(signal: Vector, std: Vector, law: Vector) -> float:
-    """Share of the mean square that a law takes away, where the measurements tell the signal."""
-    rows = _known(signal, std)
-    whole = float(np.mean(signal[rows] ** 2))
-    return 1 - float(np.mean((signal - law)[rows] ** 2)) / whole if whole else math.nan
+def _begin(span: Span) -> float:
+    return span.begin

@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 from workbench.diagnosis.estimation.free_run import FreeRun
-from workbench.diagnosis.location.missing_signal import Located
+from workbench.diagnosis.location.missing_signal import MissingSignal
+from workbench.model.units import readable
 from workbench.reports.figures.diagnosis_law import draw_law
 from workbench.reports.figures.diagnosis_runs import draw_error, draw_run, farthest_off, run_key
-from workbench.reports.figures.diagnosis_units import readable
 from workbench.reports.style import key, label, new_figure
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ def diagnosis_answer(
     before: FreeRun,
     after: FreeRun | None,
     noise: Mapping[str, float],
-    located: Located | None = None,
+    located: MissingSignal | None = None,
 ) -> Figure:
     """Draw the first output where the refitted model is farthest off, its error, and the law.
 

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from workbench.diagnosis.location.missing_signal import Located
+from workbench.diagnosis.location.missing_signal import MissingSignal
+from workbench.model.units import readable
 from workbench.reports.figures.diagnosis_runs import AFTER
-from workbench.reports.figures.diagnosis_units import readable, titled
+from workbench.reports.figures.diagnosis_units import titled
 from workbench.reports.style import FAINT, MEASURED, key, label, new_figure
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ _POINTS = 1200
 _SHOWN_S = 8.0
 
 
-def diagnosis_law(located: Located) -> Figure:
+def diagnosis_law(located: MissingSignal) -> Figure:
     """Draw the located signal against the quantity that the effect depends on most.
 
     Returns:
@@ -31,7 +32,7 @@ def diagnosis_law(located: Located) -> Figure:
     return figure
 
 
-def draw_law(axes: Axes, located: Located) -> None:
+def draw_law(axes: Axes, located: MissingSignal) -> None:
     """Draw a located signal and the law on it against its argument."""
     rows = np.flatnonzero(located.known)
     rows = rows[:: max(1, len(rows) // _POINTS)]
@@ -77,7 +78,7 @@ def draw_law(axes: Axes, located: Located) -> None:
         handle.set_markersize(8.0)  # type: ignore[union-attr]
 
 
-def diagnosis_signal(located: Located) -> Figure:
+def diagnosis_signal(located: MissingSignal) -> Figure:
     """Draw the located signal over time with its band.
 
     Returns:

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING
 
 from workbench.diagnosis.nonparametric.result import Argument
 from workbench.errors import WorkbenchError
+from workbench.model.units import readable
 from workbench.reports.figures.diagnosis_runs import AFTER
-from workbench.reports.figures.diagnosis_units import readable, titled
+from workbench.reports.figures.diagnosis_units import titled
 from workbench.reports.style import FAINT, MEASURED, key, label, new_figure
 
 if TYPE_CHECKING:

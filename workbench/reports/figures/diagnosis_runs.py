@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.diagnosis.estimation.free_run import FreeRun
-from workbench.reports.figures.diagnosis_units import readable, titled
+from workbench.model.units import readable
+from workbench.reports.figures.diagnosis_units import titled
 from workbench.reports.style import (
     BAND,
     FURTHER,

@@ -1,0 +1,110 @@
+"""When and where a signal acts, told from made-up signals and from small diagnoses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.diagnosis.axis_case import diagnosed
+from tests.diagnosis.unnamed_case import shaken
+from workbench.diagnosis.conclude import conclude
+from workbench.diagnosis.location.located_signal import missing_signals
+from workbench.diagnosis.location.missing_signal import Occurrence, Vector, occurrence
+
+TIME = np.linspace(0.0, 20.0, 2001)
+SPEED = np.sin(1.3 * TIME)
+ANGLE = np.cos(0.7 * TIME)
+
+
+def _told(signal: Vector, std: float = 0.01) -> Occurrence:
+    half = len(TIME) // 2
+    return occurrence(
+        "joint.torque",
+        "N m",
+        [("first", TIME[:half]), ("second", TIME[half:] - TIME[half])],
+        signal,
+        np.full(len(TIME), std),
+        [("angle", "rad", ANGLE), ("speed", "rad/s", SPEED)],
+    )
+
+
+def test_an_effect_that_begins_at_a_time_is_told_from_then_on() -> None:
+    (span,) = _told(np.where(TIME > 16.0, 1.0, 0.0)).spans
+    assert span.recording == "second"
+    # A window is 0.2 s.
+    assert (span.begin, span.end) == (pytest.approx(6.0, abs=0.2), pytest.approx(10.0, abs=0.2))
+    assert span.share == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_spike_is_told_from_a_small_signal_that_is_always_there() -> None:
+    found = _told(0.1 + np.where((TIME > 4.0) & (TIME < 4.4), 5.0, 0.0))
+    assert found.when == "from 4 to 4.4 s of first"
+    assert found.active < 0.05
+    assert _told(0.1 + 0.0 * TIME).when == "throughout"
+
+
+def test_the_signal_and_its_values_are_those_it_depends_on() -> None:
+    found = _told(2.0 * np.where(SPEED > 0.5, SPEED, 0.0))
+    place = found.places[0]
+    assert place.signal == "speed" and place.dependence > 0.95
+    ((low, high),) = place.ranges
+    assert low == pytest.approx(1.0 / 2, abs=0.1) and high == pytest.approx(1.0, abs=1e-3)
+    # People read degrees per second.
+    assert "with speed (" in found.where and "°/s" in found.where
+    # Of the same size at both ends, though not of the same sign.
+    both = _told(np.sign(SPEED) * (np.abs(SPEED) > 0.8)).places[0]
+    assert both.signal == "speed" and len(both.ranges) == 2
+
+
+def test_what_the_measurements_do_not_tell_is_left_out() -> None:
+    unsure = occurrence(
+        "joint.torque",
+        "N m",
+        [("run", TIME)],
+        np.where(TIME < 2.0, 50.0, np.where(TIME > 10.0, 1.0, 0.0)),
+        np.where(TIME < 2.0, 60.0, 0.01),
+        [],
+    )
+    assert unsure.largest == pytest.approx(1.0, rel=0.01)
+    assert unsure.spans[0].begin == pytest.approx(10.0, abs=0.5)
+
+
+def test_a_finding_says_when_with_which_signal_and_where() -> None:
+    verdict = diagnosed(True).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    seen = finding.occurrence
+    assert seen is not None and seen.port == "axis.force" and seen.unit == "N"
+    # What exceeds the Coulomb level decays within some Stribeck speeds of 0.03 m/s.
+    assert seen.places[0].signal == "speed"
+    assert max(abs(end) for r in seen.places[0].ranges for end in r) < 0.1
+    assert str(seen) in finding.sentence
+    data = verdict.as_data()["findings"][0]["occurrence"]
+    assert data["places"][0]["signal"] == "speed" and data["times"][0]["recording"] == "axis-3"
+    calm = diagnosed(False).verdict
+    assert calm is not None and calm.occurrence is None and not calm.findings
+
+
+def test_unexplained_names_a_time_a_place_and_a_signal() -> None:
+    found, _ = shaken()
+    assert found.verdict is not None and found.verdict.kind == "unexplained"
+    seen = found.verdict.findings[0].occurrence
+    assert seen is not None and seen.spans and seen.places and seen.port == "axis.force"
+    # It may act in any recording, not only in those held out.
+    assert {span.recording for span in seen.spans} == {"axis 1", "axis 2"}
+
+
+def test_without_a_located_port_the_error_of_the_predictions_tells() -> None:
+    found, _ = shaken()
+    assert found.located is not None and found.validated is not None
+    nowhere = replace(found, located=replace(found.located, location=replace(
+        found.located.location, alone=dict.fromkeys(found.located.location.alone, 0.0)
+    )))  # fmt: skip
+    signals, why = missing_signals(nowhere)
+    assert not why and signals[0][0].port == "position"
+    said = conclude(replace(nowhere, validated=replace(found.validated, missing=signals)))
+    assert said.kind == "unexplained" and not said.findings
+    assert said.occurrence is not None and str(said.occurrence) in said.sentence
+    assert said.as_data()["occurrence"]["unit"] == "m"
