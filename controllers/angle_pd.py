@@ -16,9 +16,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
-from controllers.valve_inverse import ClosedForm
+from controllers.valve_inverse import ValveLaw
 from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -39,7 +39,7 @@ class AnglePDState(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class AnglePD(ClosedForm):
+class AnglePD(ValveLaw):
     """PD law on the angle without an inner loop.
 
     Args:
@@ -62,20 +62,12 @@ class AnglePD(ClosedForm):
         check_range(f"derivative filter of {self.name}", self.derivative_filter, 0.0, 10.0, "s")
         check_range(f"sample time of {self.name}", self.sample_time, 1e-6, 1.0, "s")
 
-    def initial_state(
-        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
-    ) -> AnglePDState:
-        """Return the state of an arm at rest."""
+    def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> AnglePDState:
         return AnglePDState(0.0, measurement[0])
 
     def law(
-        self,
-        state: AnglePDState,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
-        arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], AnglePDState, dict[str, Number]]:
-        """Compute one sample on floats or on symbols, in SI."""
+        self, state: AnglePDState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
+    ) -> tuple[Numbers, AnglePDState, Told]:
         (angle,), h = measurement, self.sample_time
         fade = self.derivative_filter / (self.derivative_filter + h)
         slope = (angle - state.angle) / h
@@ -86,26 +78,32 @@ class AnglePD(ClosedForm):
         return (self.valve.command(opening, arithmetic),), following, {"opening": opening}
 
 
-def design_angle_pd(
-    linear: LinearModel,
-    *,
-    proportional: float = 0.4,
-    derivative: float = 0.02,
-    derivative_filter: float = 0.01,
-) -> AnglePD:
-    """Return a PD law with gains given by hand.
+@dataclass(frozen=True)
+class AnglePDSpecification:
+    """Gains of an `AnglePD`, given by hand.
 
     Args:
         proportional: Kp, opening fraction per rad.
         derivative: Kd, opening fraction per rad/s.
         derivative_filter: Time constant of the derivative's filter, in s.
+    """
+
+    proportional: float = 0.4
+    derivative: float = 0.02
+    derivative_filter: float = 0.01
+
+
+def design_angle_pd(
+    linear: LinearModel, specification: AnglePDSpecification | None = None
+) -> AnglePD:
+    """Return a PD law with gains given by hand.
 
     Raises:
-        WorkbenchError: If a gain or time constant is outside its range, or there is no angle.
+        WorkbenchError: If a gain is outside its range, or the model has no angle.
     """
-    linear = linear_model(linear)
-    check_choice("sensor of the linear model", "angle", linear.output_names)
-    return AnglePD(proportional, derivative, derivative_filter)
+    want = specification or AnglePDSpecification()
+    check_choice("sensor of the linear model", "angle", linear_model(linear).output_names)
+    return AnglePD(want.proportional, want.derivative, want.derivative_filter)
 
 
 ANGLE_PD = Design(
@@ -113,5 +111,6 @@ ANGLE_PD = Design(
     family="PD on the angle",
     summary="plain PD on the angle, gains by hand: what the cascade is compared with",
     function=design_angle_pd,
+    specification=AnglePDSpecification,
     sensors=("angle",),
 )

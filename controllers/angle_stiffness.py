@@ -36,19 +36,18 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
-from controllers.c_source import CSource, closed_form
+from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
 from controllers.joint.at_one_point import UNIT
 from controllers.joint.model import joint_model
+from controllers.law import ClosedForm
 from controllers.pid import (
     CascadePID,
     PIDSpecification,
     PIDState,
     design_pid,
 )
-from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.shown import ShownLaw
+from controllers.protocol import Command
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -144,7 +143,7 @@ class Air:
 
 
 @dataclass(frozen=True, repr=False)
-class AngleStiffness(ShownLaw):
+class AngleStiffness(ClosedForm):
     """Cascaded control of angle and mean pressure with two valves.
 
     Args:
@@ -185,7 +184,7 @@ class AngleStiffness(ShownLaw):
         return self.outer.sample_time
 
     def initial_state(
-        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+        self, measurement: Numbers, arithmetic: Arithmetic = FLOATS
     ) -> AngleStiffnessState:
         """Return the state that holds the measured pressures at the measured angle."""
         _, p1, p2 = measurement
@@ -194,25 +193,13 @@ class AngleStiffness(ShownLaw):
             self.outer.initial_state(measurement, arithmetic), p1, p2, mean, mean
         )
 
-    def step(
-        self, state: AngleStiffnessState, measurement: Measurement, reference: Reference
-    ) -> tuple[Command, AngleStiffnessState, Info]:
-        """Compute both voltages of one sample.
-
-        Returns:
-            Voltages in V, next state, and both openings (fractions), and the references of the
-            difference and of the mean that the limits left (Pa).
-        """
-        return self.law(state, measurement, reference, FLOATS)
-
     def law(
         self,
         state: AngleStiffnessState,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
+        measurement: Numbers,
+        reference: Numbers,
         arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], AngleStiffnessState, dict[str, Number]]:
-        """Compute one sample on floats or on symbols."""
+    ) -> tuple[Numbers, AngleStiffnessState, Told]:
         outer, p1, p2, filtered, mean = state
         _, outer, told = self.outer.law(outer, measurement, reference[:1], arithmetic)
         half = 0.5 * told["asked_difference"]
@@ -257,22 +244,9 @@ class AngleStiffness(ShownLaw):
             + arithmetic.clip(error, -1e12, 0.0) * venting
         )
 
-    def linear_law(
-        self,
-        state: AngleStiffnessState,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
-        arithmetic: Arithmetic,
-        rest: Measurement,
-    ) -> tuple[tuple[Number, ...], AngleStiffnessState]:
-        """Return commands for a linear model and next state, as `controllers.linear_law` asks."""
-        _, following, told = self.law(state, measurement, reference, arithmetic)
-        valve = self.outer.valve
-        return tuple(valve.tangent(told[f"opening_{i}"]) for i in (1, 2)), following
-
-    def c_source(self, name: str) -> CSource:
-        """Write the law as C."""
-        return closed_form(self, name)
+    def straight(self, told: Told) -> Numbers:
+        """Return the voltages, in V, at which the tangents at rest give the openings."""
+        return tuple(self.outer.valve.tangent(told[f"opening_{i}"]) for i in (1, 2))
 
     @property
     def rest_command(self) -> Command:

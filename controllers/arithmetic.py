@@ -15,6 +15,12 @@ import casadi as ca
 Number = Any
 """A float or a CasADi scalar expression."""
 
+Numbers = tuple[Number, ...]
+"""Several of them: measurements, references or commands, in SI."""
+
+Told = dict[str, Number]
+"""What a law tells about a step, by name, in SI."""
+
 
 class Arithmetic(Protocol):
     """Operations of a control law.

@@ -75,7 +75,10 @@ class Design:
             return ()
         meaning = _meanings(self.specification or self.function)
         if self.specification is not None:
-            found = [(f.name, _default(f)) for f in fields(self.specification)]
+            # What the family alone may be told comes before what it shares with others.
+            own = vars(self.specification).get("__annotations__", {})
+            ordered = sorted(fields(self.specification), key=lambda f: f.name not in own)
+            found = [(f.name, _default(f)) for f in ordered]
         else:
             parameters = inspect.signature(self.function).parameters.values()
             found = [
@@ -117,7 +120,8 @@ class Design:
                 is no controller.
         """
         if self.own:
-            found: Any = _asked(self, source, specification)
+            with user_code(f"design {self.name!r}"):
+                found: Any = self.function(source, specification)
         elif self.specification is None:
             found = self.function(source, **{**specification, **(given or {})})
         else:
@@ -149,11 +153,6 @@ def _check_controller(design: str, found: Any) -> None:
     check_range(f"sample_time of the controller of design {design!r}", found.sample_time, 1e-6, 10)
 
 
-def _asked(design: Design, source: Any, specification: Any) -> Any:
-    with user_code(f"design {design.name!r}"):
-        return design.function(source, specification)
-
-
 def _named(controller: Any, name: str) -> Any:
     if is_dataclass(controller) and "name" in {f.name for f in fields(controller)}:
         return replace(cast(Any, controller), name=name)
@@ -167,12 +166,14 @@ def _default(field: Any) -> Any:
 
 
 def _meanings(described: Any) -> dict[str, str]:
-    """Return the lines of a docstring's ``Args`` by name."""
-    text = inspect.getdoc(described) or ""
-    _, _, args = text.partition("\nArgs:\n")
-    section = re.split(r"\n(?=\S)", args)[0]
-    found = re.findall(r"^    (\w+): (.*(?:\n        .*)*)", section, re.MULTILINE)
-    return {name: " ".join(words.split()) for name, words in found}
+    """Return the lines of a docstring's ``Args`` by name, those of base classes included."""
+    found: dict[str, str] = {}
+    for part in reversed(described.__mro__) if isinstance(described, type) else (described,):
+        _, _, args = inspect.cleandoc(part.__doc__ or "").partition("\nArgs:\n")
+        section = re.split(r"\n(?=\S)", args)[0]
+        lines = re.findall(r"^    (\w+): (.*(?:\n        .*)*)", section, re.MULTILINE)
+        found |= {name: " ".join(text.split()) for name, text in lines}
+    return found
 
 
 def _adopted(found: Any, reference: str) -> Design:

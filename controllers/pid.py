@@ -37,14 +37,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
 from controllers.joint.at_one_point import LaggedReference
 from controllers.joint.model import JointModel, joint_model
-from controllers.joint.schedule import JointSchedule, ScheduledJoint
-from controllers.joint.tracking import Tracking, arrived_opening, kalman_tracking
+from controllers.joint.schedule import JointSchedule
+from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_opening
 from controllers.sensitivity import peak_sensitivities
-from controllers.valve_inverse import ClosedForm, ValveInverse
+from controllers.valve_inverse import ValveInverse, ValveLaw
 from workbench.errors import WorkbenchError, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -82,7 +82,7 @@ class FixedGains:
             check_range(f"{name} gain", getattr(self, name), 0.0, 1e12)
         check_range("inner gain", self.inner, 1e-12, 1.0, "per Pa")
 
-    def at(self, joint: ScheduledJoint, arithmetic: Arithmetic) -> Gains:
+    def at(self, joint: JointModel, arithmetic: Arithmetic) -> Gains:
         """Return the gains."""
         return Gains(self.proportional, self.integral, self.derivative, self.inner)
 
@@ -107,7 +107,7 @@ class PlacedGains:
         check_range("frequency of the placed poles", self.frequency, 0.1, 1e3, "rad/s")
         check_range("inner bandwidth", self.inner_bandwidth, 1.0, 1e4, "rad/s")
 
-    def at(self, joint: ScheduledJoint, arithmetic: Arithmetic) -> Gains:
+    def at(self, joint: JointModel, arithmetic: Arithmetic) -> Gains:
         """Return the gains for a joint model."""
         w, a, z = self.frequency, self.real_pole, self.damping
         return Gains(
@@ -137,7 +137,7 @@ class PIDState(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class CascadePID(ClosedForm):
+class CascadePID(ValveLaw):
     """Cascaded PID on angle and pressure difference.
 
     Args:
@@ -181,9 +181,7 @@ class CascadePID(ClosedForm):
             check_range(f"frequency of {self.name}", w, 0.1, 0.5 / h, "rad/s")
             check_range(f"inner bandwidth of {self.name}", inner, 1.0, 1 / h, "rad/s")
 
-    def initial_state(
-        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
-    ) -> PIDState:
+    def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> PIDState:
         """Return the state that holds the measured pressure difference at the measured angle."""
         angle = measurement[0]
         front, joint, holding = self.tracking.start(measurement, arithmetic)
@@ -196,13 +194,8 @@ class CascadePID(ClosedForm):
         return PIDState(front, held, 0.0, error, 0.0)
 
     def law(
-        self,
-        state: PIDState,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
-        arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], PIDState, dict[str, Number]]:
-        """Compute one sample on floats or on symbols, in SI."""
+        self, state: PIDState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
+    ) -> tuple[Numbers, PIDState, Told]:
         h = self.sample_time
         now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
         kp, ki, kd, inner = self.gains.at(now.joint, arithmetic)
@@ -378,36 +371,27 @@ def _place(joint: JointModel, want: PIDSpecification, w: float, valve: ValveInve
     )
 
 
-def design_scheduled_pid(
-    schedule: JointSchedule,
-    *,
-    jerk_share: float = 0.7,
-    jerk_limit: float = 1800.0,
-    lead: float = 0.0,
-    frequency: float = 28.0,
-    inner_bandwidth: float = 120.0,
-    compensation: float = 0.3,
-    lag: float = 0.0,
-    reference_bandwidth: float = 0.0,
-    reference_jump: float = 0.02,
-    sample_time: float = 0.002,
-    valve: ValveInverse | None = None,
-) -> CascadePID:
-    """Design a cascaded PID over the whole range from a map of linear models.
+@dataclass(frozen=True, kw_only=True)
+class ScheduledPIDSpecification(TrackingSpecification):
+    """What a cascaded PID over the whole range is designed for.
 
     Args:
-        schedule: The joint over angle and mean pressure, for the known load.
-        jerk_share: Share of the valve's opening that a planned move may use, a ratio.
-        jerk_limit: Largest planned jerk, in rad/s3.
-        lead: Time by which the opening of the feedforward leads the plan, in s.
         frequency: Frequency of the placed pair, in rad/s.
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
         compensation: Share of the unexplained acceleration that is compensated at once, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
-            noisy), in rad/s; 0 for a smooth one.
-        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
-        sample_time: Time between steps, in s.
+    """
+
+    frequency: float = 28.0
+    inner_bandwidth: float = 120.0
+    compensation: float = 0.3
+    lag: float = 0.0
+
+
+def design_scheduled_pid(
+    schedule: JointSchedule, specification: ScheduledPIDSpecification | None = None
+) -> CascadePID:
+    """Design a cascaded PID over the whole range from a map of linear models, for its load.
 
     Example:
         >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
@@ -415,23 +399,15 @@ def design_scheduled_pid(
         >>> pid.step(pid.initial_state((0.5, 3e5, 3e5)), (0.5, 3e5, 3e5), (0.5,))[0]
         (5.0,)
     """
+    want = specification or ScheduledPIDSpecification()
     return CascadePID(
-        kalman_tracking(
-            schedule,
-            jerk_share=jerk_share,
-            jerk_limit=jerk_limit,
-            lead=lead,
-            reference_bandwidth=reference_bandwidth,
-            reference_jump=reference_jump,
-            sample_time=sample_time,
-        ),
-        PlacedGains(frequency, inner_bandwidth=inner_bandwidth),
+        want.tracking(schedule),
+        PlacedGains(want.frequency, inner_bandwidth=want.inner_bandwidth),
         derivative_filter=0.004,
         tracking_time=0.06,
-        compensation=compensation,
-        lag=lag,
-        sample_time=sample_time,
-        valve=valve or ValveInverse(),
+        compensation=want.compensation,
+        lag=want.lag,
+        sample_time=want.sample_time,
     )
 
 
@@ -452,5 +428,6 @@ SCHEDULED_PID = Design(
     summary="cascaded PID over the whole range, with planned moves and feedforward",
     function=design_scheduled_pid,
     needs="map",
+    specification=ScheduledPIDSpecification,
     colour=COLOUR,
 )

@@ -1,11 +1,16 @@
-"""Linear systems between samples."""
+"""Sampled linear systems: discretisation, their sums in a law, anti-windup."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from controllers.arithmetic import Number, Numbers
+
 Matrix = npt.NDArray[np.float64]
+Rows = tuple[tuple[float, ...], ...]
 
 
 def zero_order_hold(a: Matrix, b: Matrix, sample_time: float) -> tuple[Matrix, Matrix]:
@@ -31,3 +36,42 @@ def zero_order_hold(a: Matrix, b: Matrix, sample_time: float) -> tuple[Matrix, M
     block[:n, :n], block[:n, n:] = a * sample_time, b * sample_time
     whole = expm(block)
     return whole[:n, :n], whole[:n, n:]
+
+
+def anti_windup(A: Matrix, C: Matrix, pole: float) -> tuple[float, ...]:
+    """Return L for which A - L C has this pole in the place of a slower one of A.
+
+    A mode of A that integrates, or nearly does, so follows what is applied while the command is at
+    its end (anti-windup in observer form).
+
+    Args:
+        A: Shape (n, n), dimensionless.
+        C: Shape (1, n), in SI.
+        pole: In the z-plane, dimensionless.
+
+    Returns:
+        L, n numbers, in SI; zeros where no mode is slower.
+
+    Source:
+        Åström and Wittenmark, Computer-Controlled Systems, 1997, section 9.4.
+    """
+    values, vectors = np.linalg.eig(A)
+    slow = int(np.argmax(np.abs(values)))
+    seen = (C @ vectors[:, slow])[0]
+    if values[slow].imag or abs(values[slow]) <= pole or abs(seen) < 1e-12:
+        return (0.0,) * len(A)
+    gain = (values[slow] - pole) * vectors[:, slow] / seen
+    return tuple(gain.real.tolist())
+
+
+def total(start: Number, factors: tuple[float, ...], values: Numbers) -> Number:
+    """Return start + sum of factors times values (in any units), in their order, without zeros."""
+    for factor, value in zip(factors, values, strict=True):
+        if factor:
+            start = start + factor * value
+    return start
+
+
+def rows(matrix: Any) -> Rows:
+    """Return a matrix, in any units, as a tuple of rows."""
+    return tuple(tuple(row) for row in np.atleast_2d(np.asarray(matrix, dtype=float)).tolist())

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.guard import unguarded
-from controllers.joint.opening_input import OPENING
+from controllers.joint.model import OPENING
 from controllers.linear_law import linear_law
 from controllers.protocol import Controller
 from controllers.valve_inverse import ValveInverse
@@ -26,7 +26,11 @@ def peak_sensitivities(
     """Compute Ms and Mt of the loop opened at the measured first sensor.
 
     All other loops stay closed: for a cascade this is the outer loop. The plant is discretised
-    with held inputs at the controller's sample time, so the delay of sampling is included.
+    with held inputs at the controller's sample time, so the delay of sampling is included. What the
+    measurements do not show, such as an angle where a speed is controlled, does not count.
+
+    Returns:
+        Both ratios, infinite if the loop is not stable.
 
     Source:
         Åström and Hägglund, Advanced PID Control, 2006, section 4.6.
@@ -44,6 +48,10 @@ def peaks_of(
         late: Samples by which every command arrives late.
     """
     A, B, C, F, G, H, J = loop_parts
+    _, sizes, directions = np.linalg.svd(np.vstack([A - np.eye(len(A)), C]))
+    if np.min(sizes) <= 1e-12 * np.max(sizes):
+        shown = directions[sizes > 1e-12 * sizes.max()].T
+        A, B, C = shown.T @ A @ shown, shown.T @ B, C @ shown
     for _ in range(late):
         n, m = B.shape
         A = np.block([[A, B], [np.zeros((m, n + m))]])

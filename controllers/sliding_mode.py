@@ -41,14 +41,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
 from controllers.joint.at_one_point import ReferenceModel
 from controllers.joint.model import joint_model
 from controllers.joint.observer import design_joint_observer
 from controllers.joint.schedule import JointSchedule
-from controllers.joint.tracking import Tracking, arrived_opening, kalman_tracking
-from controllers.valve_inverse import ClosedForm, ValveInverse
+from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_opening
+from controllers.valve_inverse import ValveInverse, ValveLaw
 from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -76,7 +76,7 @@ class SlidingModeState(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class SlidingMode(ClosedForm):
+class SlidingMode(ValveLaw):
     """Sliding mode with observer.
 
     Args:
@@ -118,19 +118,17 @@ class SlidingMode(ClosedForm):
         return self.jerk_bound / self.layer
 
     def initial_state(
-        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+        self, measurement: Numbers, arithmetic: Arithmetic = FLOATS
     ) -> SlidingModeState:
-        """Return the state of a joint at rest."""
         return SlidingModeState(self.tracking.start(measurement, arithmetic).state, 0.0, 0.0, 0.0)
 
     def law(
         self,
         state: SlidingModeState,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
+        measurement: Numbers,
+        reference: Numbers,
         arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], SlidingModeState, dict[str, Number]]:
-        """Compute one sample on floats or on symbols, in SI."""
+    ) -> tuple[Numbers, SlidingModeState, Told]:
         h, lam = self.sample_time, self.slope
         now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
         joint = now.joint
@@ -246,72 +244,58 @@ def design_sliding_mode(
     )
 
 
-def design_scheduled_sliding_mode(
-    schedule: JointSchedule,
-    *,
-    kind: str = "super-twisting",
-    slope: float = 22.0,
-    unexplained_share: float = 0.3,
-    layer_bandwidth: float = 60.0,
-    compensation: float | None = None,
-    lag: float = 0.0,
-    jerk_share: float = 0.7,
-    jerk_limit: float = 1800.0,
-    lead: float = 0.0,
-    reference_bandwidth: float = 0.0,
-    reference_jump: float = 0.02,
-    sample_time: float = 0.002,
-    valve: ValveInverse | None = None,
-) -> SlidingMode:
-    """Design a sliding mode over the whole range from a map of linear models.
-
-    The jerk that the model leaves out is bounded by a share of what the open valve does to the
-    joint (errors of the valve's gain and of the load); ``layer = rho / layer_bandwidth``.
+@dataclass(frozen=True, kw_only=True)
+class ScheduledSlidingModeSpecification(TrackingSpecification):
+    """What a sliding mode over the whole range is designed for.
 
     Args:
-        schedule: The joint over angle and mean pressure, for the known load.
         kind: One of `KINDS`.
         slope: Decay of the error on the surface, in rad/s.
-        unexplained_share: Bound on the jerk as a share of the open valve's, a ratio.
+        unexplained_share: Bound on the jerk that the model leaves out (errors of the valve's gain
+            and of the load) as a share of the open valve's, a ratio.
         layer_bandwidth: Pole inside the layer, in rad/s; below the spool's bandwidth.
         compensation: Share of the unexplained acceleration taken as acceleration, a ratio; by
             default all without integral, 0 for ``"integral"`` and 0.3 for ``"super-twisting"``.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-        jerk_share: Share of the valve's opening that a planned move may use, a ratio.
-        jerk_limit: Largest planned jerk, in rad/s3.
-        lead: Time by which the opening of the feedforward leads the plan, in s.
-        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
-            noisy), in rad/s; 0 for a smooth one.
-        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
-        sample_time: Time between steps, in s.
     """
-    check_choice("kind of sliding mode", kind, KINDS)
-    check_range("share of the jerk left out", unexplained_share, 1e-3, 1.0)
-    check_range("bandwidth of the layer", layer_bandwidth, 0.1, 1e3, "rad/s")
-    bound = unexplained_share * min(m.opening_to_jerk for m in schedule.models(3.8e5))
+
+    kind: str = "super-twisting"
+    slope: float = 22.0
+    unexplained_share: float = 0.3
+    layer_bandwidth: float = 60.0
+    compensation: float | None = None
+    lag: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_choice("kind of sliding mode", self.kind, KINDS)
+        check_range("share of the jerk left out", self.unexplained_share, 1e-3, 1.0)
+        check_range("bandwidth of the layer", self.layer_bandwidth, 0.1, 1e3, "rad/s")
+        if self.compensation is not None:
+            check_range("compensated share", self.compensation, 0.0, 1.0)
+
+
+def design_scheduled_sliding_mode(
+    schedule: JointSchedule, specification: ScheduledSlidingModeSpecification | None = None
+) -> SlidingMode:
+    """Design a sliding mode over the whole range from a map of linear models, for its load.
+
+    ``layer = rho / layer_bandwidth``.
+    """
+    want = specification or ScheduledSlidingModeSpecification()
+    models = schedule.models(want.mean_pressure)
+    bound = want.unexplained_share * min(m.opening_to_jerk for m in models)
+    usual = {"boundary layer": 1.0, "integral": 0.0, "super-twisting": 0.3}[want.kind]
     return SlidingMode(
-        kalman_tracking(
-            schedule,
-            jerk_share=jerk_share,
-            jerk_limit=jerk_limit,
-            lead=lead,
-            reference_bandwidth=reference_bandwidth,
-            reference_jump=reference_jump,
-            sample_time=sample_time,
-        ),
-        kind,
-        slope=slope,
+        want.tracking(schedule),
+        want.kind,
+        slope=want.slope,
         jerk_bound=bound,
-        layer=bound / layer_bandwidth,
+        layer=bound / want.layer_bandwidth,
         rate_bound=20.0 * bound,
-        compensation=(
-            {"boundary layer": 1.0, "integral": 0.0, "super-twisting": 0.3}[kind]
-            if compensation is None
-            else check_range("compensated share", compensation, 0.0, 1.0)
-        ),
-        lag=lag,
-        sample_time=sample_time,
-        valve=valve or ValveInverse(),
+        compensation=usual if want.compensation is None else want.compensation,
+        lag=want.lag,
+        sample_time=want.sample_time,
     )
 
 
@@ -333,6 +317,7 @@ SCHEDULED_SLIDING_MODE = Design(
     summary="sliding mode over the whole range, with planned moves",
     function=design_scheduled_sliding_mode,
     needs="map",
+    specification=ScheduledSlidingModeSpecification,
     slides=True,
     colour=COLOUR,
 )

@@ -35,17 +35,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
+from controllers.joint.model import JointModel
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import (
     JointTracking,
+    TrackingSpecification,
     TrackingState,
     arrived_opening,
-    kalman_tracking,
 )
-from controllers.sampling import zero_order_hold
-from controllers.valve_inverse import ClosedForm, ValveInverse
+from controllers.sampling import Matrix, zero_order_hold
+from controllers.valve_inverse import ValveLaw
 from workbench.errors import check_range
 
 
@@ -64,7 +65,7 @@ class StateFeedbackState(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class StateFeedback(ClosedForm):
+class StateFeedback(ValveLaw):
     """Gain-scheduled LQI with planned reference and Kalman filter.
 
     Args:
@@ -84,19 +85,17 @@ class StateFeedback(ClosedForm):
     name: str = "state feedback"
 
     def initial_state(
-        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+        self, measurement: Numbers, arithmetic: Arithmetic = FLOATS
     ) -> StateFeedbackState:
-        """Return the state of a joint at rest."""
         return StateFeedbackState(self.tracking.start(measurement, arithmetic).state, 0.0, 0.0)
 
     def law(
         self,
         state: StateFeedbackState,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
+        measurement: Numbers,
+        reference: Numbers,
         arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], StateFeedbackState, dict[str, Number]]:
-        """Compute one sample on floats or on symbols, in SI."""
+    ) -> tuple[Numbers, StateFeedbackState, Told]:
         now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
         schedule = self.tracking.schedule
         place = arithmetic.place(
@@ -123,96 +122,79 @@ class StateFeedback(ClosedForm):
         return (self.valve.command(clipped, arithmetic),), following, info
 
 
-def design_state_feedback(
-    schedule: JointSchedule,
-    *,
-    radius: float = 45.0,
-    integral: float = 0.33,
-    jerk_share: float = 0.7,
-    jerk_limit: float = 1800.0,
-    lead: float = 0.0,
-    angle_noise: float = 2e-5,
-    acceleration_walk: float = 100.0,
-    acceleration_noise: float = 0.5,
-    compensation: float = 0.3,
-    lag: float = 0.0,
-    mean_pressure: float = 3.8e5,
-    reference_bandwidth: float = 0.0,
-    reference_jump: float = 0.02,
-    sample_time: float = 0.002,
-    valve: ValveInverse | None = None,
-) -> StateFeedback:
-    """Design LQI gains over the schedule and the Kalman filter.
+def error_dynamics(joint: JointModel) -> tuple[Matrix, Matrix]:
+    """Return A and B of the errors (x, v, b y, q) along the plan, driven by the opening.
+
+    The pressure difference counts in units of the acceleration it makes, so that every state is of
+    similar size.
+
+    Returns:
+        Shapes (4, 4) and (4, 1), in SI.
+    """
+    A = np.array(
+        [
+            [0.0, 1.0, 0.0, 0.0],
+            [-joint.a0, -joint.a1, 1.0, 0.0],
+            [0.0, -joint.e * joint.b, -joint.d, 0.0],
+            [1.0, 0.0, 0.0, 0.0],
+        ]
+    )
+    return A, np.array([[0.0], [0.0], [-joint.opening_to_jerk], [0.0]])
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateFeedbackSpecification(TrackingSpecification):
+    """What a state feedback over the whole range is designed for.
 
     Args:
-        schedule: The joint over angle and mean pressure, for the known load.
         radius: Radius w of the closed-loop poles, in rad/s.
         integral: Speed w_i of the integral action as a fraction of the radius.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1,
-            dimensionless.
-        jerk_limit: Largest planned jerk, in rad/s3.
-        lead: Time by which the opening of the feedforward leads the plan, in s.
-        angle_noise: Noise rms of the measured angle, in rad.
-        acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
-        acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
         compensation: Share of the unexplained acceleration that is compensated, 0..1,
             dimensionless.
         lag: Lag of spool and sample that is a state of the design, in s; 0 for none.
-        mean_pressure: Mean gauge pressure of the design, in Pa.
-        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
-            noisy), in rad/s; 0 for a smooth one.
-        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
-        sample_time: Time between steps, in s.
     """
+
+    radius: float = 45.0
+    integral: float = 0.33
+    compensation: float = 0.3
+    lag: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range("lag of spool and sample", self.lag, 0.0, 0.1, "s")
+        check_range("radius of the poles", self.radius, 0.1, 0.5 / self.sample_time, "rad/s")
+        check_range("speed of the integral action", self.integral, 1e-3, 1.0)
+
+
+def design_state_feedback(
+    schedule: JointSchedule, specification: StateFeedbackSpecification | None = None
+) -> StateFeedback:
+    """Design LQI gains over the schedule and the Kalman filter, for the load of the schedule."""
     import control as ct
 
-    h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
-    check_range("lag of spool and sample", lag, 0.0, 0.1, "s")
-    w = check_range("radius of the poles", radius, 0.1, 0.5 / h, "rad/s")
-    speed = w * check_range("speed of the integral action", integral, 1e-3, 1.0)
+    want = specification or StateFeedbackSpecification()
+    w, lag = want.radius, want.lag
+    speed = w * want.integral
     columns = []
-    for joint in schedule.models(mean_pressure):
-        # Pressure difference in units of the acceleration it makes: every state of similar size.
-        a = np.array(
-            [
-                [0.0, 1.0, 0.0, 0.0],
-                [-joint.a0, -joint.a1, 1.0, 0.0],
-                [0.0, -joint.e * joint.b, -joint.d, 0.0],
-                [1.0, 0.0, 0.0, 0.0],
-            ]
-        )
-        b = np.array([[0.0], [0.0], [-joint.opening_to_jerk], [0.0]])
+    for joint in schedule.models(want.mean_pressure):
+        a, b = error_dynamics(joint)
         weight = np.diag([w**6, 0.0, 0.0, (speed * w**3) ** 2])
         if lag > 0.0:
             a = np.block([[a, b], [np.zeros((1, 4)), np.array([[-1.0 / lag]])]])
             b = np.vstack([np.zeros((4, 1)), [[1.0 / lag]]])
             weight = np.pad(weight, (0, 1))
-        phi, gamma = zero_order_hold(a, b, h)
+        phi, gamma = zero_order_hold(a, b, want.sample_time)
         # One solver whether slycot is installed or not: the same gains on every machine.
         cost = [[joint.opening_to_jerk**2]]
         gain = np.asarray(ct.dlqr(phi, gamma, weight, cost, method="scipy")[0]).ravel()
         gain[2] *= joint.b
         columns.append(gain)
-    tracking = kalman_tracking(
-        schedule,
-        jerk_share=jerk_share,
-        jerk_limit=jerk_limit,
-        lead=lead,
-        reference_bandwidth=reference_bandwidth,
-        reference_jump=reference_jump,
-        sample_time=h,
-        mean_pressure=mean_pressure,
-        angle_noise=angle_noise,
-        acceleration_noise=acceleration_noise,
-        acceleration_walk=acceleration_walk,
-    )
     return StateFeedback(
-        tracking,
+        want.tracking(schedule),
         tuple(tuple(row) for row in np.array(columns).T.tolist()),
-        compensation=compensation,
+        compensation=want.compensation,
         lag=lag,
-        sample_time=h,
-        valve=valve or ValveInverse(),
+        sample_time=want.sample_time,
     )
 
 
@@ -222,4 +204,5 @@ STATE_FEEDBACK = Design(
     summary="state feedback with integral action and a Kalman filter, over the whole range",
     function=design_state_feedback,
     needs="map",
+    specification=StateFeedbackSpecification,
 )

@@ -9,12 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
-from controllers.c_source import CSource, closed_form
-from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.shown import ShownLaw
+from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
+from controllers.law import ClosedForm, ShownLaw
+from controllers.protocol import Command
 from workbench.errors import WorkbenchError, check_finite
 
 MPYE_VOLTAGE: tuple[float, ...] = (
@@ -142,41 +140,9 @@ class ValveController(ThroughValve):
     preview: int = 0
 
 
-class ClosedForm(ValveController):
-    """A law of numbers, written once for floats and for symbols, with ``opening`` in its info.
+class ValveLaw(ClosedForm, ValveController):
+    """A law in closed form for a joint with one valve, which tells its ``opening``."""
 
-    From the same text come the step in Python, its linear form (derivatives of the expressions) and
-    the step in C.
-    """
-
-    def step(
-        self, state: Any, measurement: Measurement, reference: Reference
-    ) -> tuple[Command, Any, Info]:
-        """Compute the command of one sample."""
-        return self.law(state, measurement, reference, FLOATS)
-
-    def law(
-        self,
-        state: Any,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
-        arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], Any, dict[str, Number]]:
-        """Compute one sample on floats or on symbols, in SI."""
-        raise NotImplementedError
-
-    def linear_law(
-        self,
-        state: Any,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
-        arithmetic: Arithmetic,
-        rest: Measurement,
-    ) -> tuple[tuple[Number, ...], Any]:
-        """Return command for a linear model and next state, as `controllers.linear_law` asks."""
-        _, following, info = self.law(state, measurement, reference, arithmetic)
-        return (self.valve.tangent(info["opening"]),), following
-
-    def c_source(self, name: str) -> CSource:
-        """Write the law as C."""
-        return closed_form(self, name)
+    def straight(self, told: Told) -> Numbers:
+        """Return the voltage, in V, at which the tangent at rest gives the opening."""
+        return (self.valve.tangent(told["opening"]),)

@@ -23,31 +23,25 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import numpy as np
-import numpy.typing as npt
-
-from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
-from controllers.h_infinity.synthesis import Synthesis, Weights, synthesise
-from controllers.joint.model import JointModel
+from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.joint.schedule import JointSchedule
-from controllers.joint.tracking import JointTracking, TrackingState, kalman_tracking
-from controllers.valve_inverse import ClosedForm, ValveInverse
+from controllers.joint.tracking import JointTracking, TrackingSpecification, TrackingState
+from controllers.sampling import Rows, anti_windup, rows, total
+from controllers.valve_inverse import ValveLaw
 from workbench.errors import check_range
-
-Matrix = npt.NDArray[np.float64]
-Rows = tuple[tuple[float, ...], ...]
 
 
 class HInfinityState(NamedTuple):
     """States of the front end and of the sampled controller."""
 
     tracking: TrackingState
-    controller: tuple[Number, ...]
+    controller: Numbers
 
 
 @dataclass(frozen=True, repr=False)
-class HInfinity(ClosedForm):
+class HInfinity(ValveLaw):
     """H-infinity controller with planned reference, scheduled around.
 
     Args:
@@ -80,130 +74,96 @@ class HInfinity(ClosedForm):
     name: str = "H-infinity"
 
     def initial_state(
-        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
+        self, measurement: Numbers, arithmetic: Arithmetic = FLOATS
     ) -> HInfinityState:
-        """Return the state of a joint at rest."""
         front = self.tracking.start(measurement, arithmetic).state
         return HInfinityState(front, tuple(0.0 for _ in self.B))
 
     def law(
         self,
         state: HInfinityState,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
+        measurement: Numbers,
+        reference: Numbers,
         arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], HInfinityState, dict[str, Number]]:
-        """Compute one sample on floats or on symbols, in SI."""
+    ) -> tuple[Numbers, HInfinityState, Told]:
         now, front = self.tracking.context(state.tracking, measurement, reference[0], arithmetic)
         z, joint = state.controller, now.joint
         x = now.plan.angle - now.angle
-        a = self.D * x
-        for c, entry in zip(self.C, z, strict=True):
-            a = a + c * entry
+        a = total(self.D * x, self.C, z)
         inner = self.inner_bandwidth / joint.g
         stiffer = (joint.a0 - self.stiffness) * x + self.compensation * now.unexplained
         asked = now.reference_difference + (a - stiffer) / joint.b
         opening = now.opening + inner * (asked - now.difference)
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         missing = joint.b * (clipped - opening) / inner
-        following = []
-        for row, b, gain in zip(self.A, self.B, self.L, strict=True):
-            moved = b * x + gain * missing
-            for factor, entry in zip(row, z, strict=True):
-                moved = moved + factor * entry
-            following.append(moved)
+        following = tuple(
+            total(b * x + gain * missing, row, z)
+            for row, b, gain in zip(self.A, self.B, self.L, strict=True)
+        )
         info = {"opening": clipped, "plan": now.plan.angle}
         command = self.valve.command(clipped, arithmetic)
-        return (command,), HInfinityState(front, tuple(following)), info
+        return (command,), HInfinityState(front, following), info
 
 
-def design_h_infinity(
-    schedule: JointSchedule,
-    *,
-    speed: float = 20.0,
-    weights: Weights | None = None,
-    angle: float = 0.5236,
-    inner_bandwidth: float = 120.0,
-    delay: float = 0.004,
-    jerk_share: float = 0.7,
-    jerk_limit: float = 1800.0,
-    lead: float = 0.0,
-    compensation: float = 0.0,
-    mean_pressure: float = 3.8e5,
-    reference_bandwidth: float = 0.0,
-    reference_jump: float = 0.02,
-    sample_time: float = 0.002,
-    valve: ValveInverse | None = None,
-) -> HInfinity:
-    """Design an H-infinity controller at one angle of a schedule.
+@dataclass(frozen=True, kw_only=True)
+class HInfinitySpecification(TrackingSpecification):
+    """What an H-infinity controller over the whole range is designed for.
 
     Args:
-        schedule: The joint over angle and mean pressure, for the known load.
         speed: Speed of the default weights, in rad/s.
         weights: The weights, in place of the default ones at that speed.
         angle: Angle of the synthesis, in rad.
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
         delay: Delay of sample, converter and spool, in s.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1,
-            dimensionless.
-        jerk_limit: Largest planned jerk, in rad/s3.
-        lead: Time by which the opening of the feedforward leads the plan, in s.
         compensation: Share of the unexplained acceleration that is compensated at once, 0..1,
             dimensionless.
-        mean_pressure: Mean gauge pressure of the synthesis, in Pa.
-        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
-            noisy), in rad/s; 0 for a smooth one.
-        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
-        sample_time: Time between steps, in s.
+    """
+
+    speed: float = 20.0
+    weights: Weights | None = None
+    angle: float = 0.5236
+    inner_bandwidth: float = 120.0
+    delay: float = 0.004
+    compensation: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range("compensated share", self.compensation, 0.0, 1.0)
+
+
+def design_h_infinity(
+    schedule: JointSchedule, specification: HInfinitySpecification | None = None
+) -> HInfinity:
+    """Design an H-infinity controller at one angle of a schedule, for its load.
 
     Raises:
         WorkbenchError: If slycot is not installed or a number is outside its range.
         NumericalError: If there is no such controller.
     """
-    check_range("compensated share", compensation, 0.0, 1.0)
-    at = schedule.at(angle, mean_pressure)
-    joint = JointModel(*at[:6], angle=angle, difference=at.difference)
-    weights = weights or Weights(speed)
+    want = specification or HInfinitySpecification()
+    joint = schedule.at(want.angle, want.mean_pressure)
+    weights = want.weights or Weights(want.speed)
     found = synthesise(
         joint,
         weights,
-        inner_bandwidth=inner_bandwidth,
-        delay=delay,
-        sample_time=sample_time,
+        inner_bandwidth=want.inner_bandwidth,
+        delay=want.delay,
+        sample_time=want.sample_time,
     )
-    gain = _anti_windup(found, math.exp(-weights.speed * sample_time))
     return HInfinity(
-        kalman_tracking(
-            schedule,
-            jerk_share=jerk_share,
-            jerk_limit=jerk_limit,
-            lead=lead,
-            reference_bandwidth=reference_bandwidth,
-            reference_jump=reference_jump,
-            mean_pressure=mean_pressure,
-            sample_time=sample_time,
-        ),
-        tuple(tuple(row) for row in found.A.tolist()),
+        want.tracking(schedule),
+        rows(found.A),
         tuple(found.B.ravel().tolist()),
         tuple(found.C.ravel().tolist()),
         float(found.D[0, 0]),
-        tuple(gain.tolist()),
+        anti_windup(found.A, found.C, math.exp(-weights.speed * want.sample_time)),
         joint.a0,
         found.gamma,
         found.norm,
-        inner_bandwidth=inner_bandwidth,
-        compensation=compensation,
-        sample_time=sample_time,
-        valve=valve or ValveInverse(),
+        inner_bandwidth=want.inner_bandwidth,
+        compensation=want.compensation,
+        sample_time=want.sample_time,
     )
-
-
-def _anti_windup(found: Synthesis, pole: float) -> Matrix:
-    """Return L for which A - L C has this pole in the place of the slowest of A."""
-    values, vectors = np.linalg.eig(found.A)
-    slow = int(np.argmax(np.abs(values)))
-    v = vectors[:, slow].real
-    return np.asarray((values[slow].real - pole) * v / float((found.C @ v)[0]))
 
 
 H_INFINITY = Design(
@@ -212,4 +172,5 @@ H_INFINITY = Design(
     summary="H-infinity mixed sensitivity, scheduled around one synthesis; needs slycot",
     function=design_h_infinity,
     needs="map",
+    specification=HInfinitySpecification,
 )

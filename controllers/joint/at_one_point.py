@@ -14,16 +14,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers
 from controllers.joint.model import JointModel
 from controllers.joint.observer import JointEstimate, JointObserver
-from controllers.joint.schedule import ScheduledJoint
 from controllers.joint.tracking import Context, Start
 from controllers.reference.horizon import lagged
 from controllers.reference.planned import Plan
 from workbench.errors import check_range
 
-UNIT = ScheduledJoint(b=1.0, a1=0.0, a0=0.0, g=1.0, e=0.0, d=0.0, difference=0.0)
+UNIT = JointModel(b=1.0, a1=0.0, a0=0.0, g=1.0, e=0.0, d=0.0)
 """A joint of which nothing is known: accelerations are pressure differences, in Pa."""
 
 
@@ -54,7 +53,7 @@ class LaggedReference:
         check_range("pressure filter", self.pressure_filter, 0.0, 10.0, "s")
         check_range("reference speed", self.speed, 0.0, 1.0 / h, "rad/s")
 
-    def start(self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS) -> Start:
+    def start(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Start:
         """Take a measurement as that of a joint at rest."""
         angle, p1, p2 = measurement
         return Start(LaggedState(angle, angle, p1 - p2), UNIT, p1 - p2)
@@ -62,7 +61,7 @@ class LaggedReference:
     def context(
         self,
         state: LaggedState,
-        measurement: tuple[Number, ...],
+        measurement: Numbers,
         reference: Number,
         arithmetic: Arithmetic,
     ) -> tuple[Context, LaggedState]:
@@ -116,23 +115,17 @@ class ReferenceModel:
         check_range("pressure filter", self.pressure_filter, 0.0, 10.0, "s")
         check_range("reference speed", self.speed, 0.1, 0.5 / h, "rad/s")
 
-    @property
-    def scheduled(self) -> ScheduledJoint:
-        """The joint as a schedule gives it."""
-        j = self.joint
-        return ScheduledJoint(j.b, j.a1, j.a0, j.g, j.e, j.d, j.difference)
-
-    def start(self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS) -> Start:
+    def start(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Start:
         """Take a measurement as that of a joint at rest."""
         angle, p1, p2 = measurement
         estimate = self.observer.start(self.joint, angle, p1 - p2)
         state = ReferenceModelState(estimate, p1 - p2, Plan(angle, 0.0, 0.0, 0.0))
-        return Start(state, self.scheduled, -estimate.unexplained)
+        return Start(state, self.joint, -estimate.unexplained)
 
     def context(
         self,
         state: ReferenceModelState,
-        measurement: tuple[Number, ...],
+        measurement: Numbers,
         reference: Number,
         arithmetic: Arithmetic,
     ) -> tuple[Context, ReferenceModelState]:
@@ -155,7 +148,7 @@ class ReferenceModel:
         rate = (jerk + joint.a1 * r.acceleration + joint.a0 * r.speed) / joint.b
         context = Context(
             plan,
-            self.scheduled,
+            self.joint,
             angle,
             now.speed,
             acceleration,

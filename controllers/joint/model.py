@@ -10,13 +10,12 @@ so that nothing of the plant's inside is needed. What is faster (the spool) is l
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from controllers.joint.opening_input import opening_input
+from controllers.arithmetic import Number
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.transfer import transfer_function
@@ -26,10 +25,12 @@ if TYPE_CHECKING:
 
 Complex = npt.NDArray[np.complex128]
 
+OPENING = "opening"
+"""Name of the input of a linear model that was made with the valve's curve inverted."""
 
-@dataclass(frozen=True)
-class JointModel:
-    """Third-order model of the joint between valve opening and angle.
+
+class JointModel(NamedTuple):
+    """Third-order model of the joint between valve opening and angle, about one angle.
 
     Args:
         b: Angular acceleration per pressure difference, in rad/(s2 Pa).
@@ -38,25 +39,55 @@ class JointModel:
         g: Rate of the pressure difference per opening, in Pa/s.
         e: Rate of the pressure difference per angular speed, in Pa/rad.
         d: Decay of the pressure difference, in 1/s.
-        angle: Angle of the operating point, in rad.
-        difference: Pressure difference of the operating point, in Pa.
+        difference: Pressure difference that holds the joint there, in Pa.
+        angle: The angle, in rad.
         misfit: Largest relative distance to the linear model's responses on the fitted grid.
     """
 
-    b: float
-    a1: float
-    a0: float
-    g: float
-    e: float
-    d: float
-    angle: float = 0.0
-    difference: float = 0.0
+    b: Number
+    a1: Number
+    a0: Number
+    g: Number
+    e: Number
+    d: Number
+    difference: Number = 0.0
+    angle: Number = 0.0
     misfit: float = 0.0
 
     @property
     def opening_to_jerk(self) -> float:
         """Angular jerk per unit opening b g, in rad/s3."""
-        return self.b * self.g
+        return float(self.b * self.g)
+
+
+class OpeningInput(NamedTuple):
+    """How the opening enters a linear model.
+
+    Args:
+        name: Name of the model's input.
+        per_opening: Change of that input per full opening, in the input's SI unit.
+        at_rest: Opening at the operating point, a fraction.
+    """
+
+    name: str
+    per_opening: float
+    at_rest: float
+
+
+def opening_input(
+    linear: LinearModel, valve: ValveInverse, actuator: str = "valve"
+) -> OpeningInput:
+    """Tell how the valve's opening enters a linear model, whichever input it was made with.
+
+    Raises:
+        WorkbenchError: If the model has neither input.
+    """
+    name = OPENING if OPENING in linear.input_names else actuator
+    check_choice("actuator of the linear model", name, linear.input_names)
+    at_point = float(linear.u0[linear.input_names.index(name)])
+    if name == OPENING:
+        return OpeningInput(name, 1.0, at_point)
+    return OpeningInput(name, 1.0 / valve.gain_at_rest, valve.opening(at_point))
 
 
 def joint_model(
@@ -87,8 +118,12 @@ def joint_model(
         (True, True)
     """
     entry = opening_input(linear, valve or ValveInverse(), actuator)
-    response, w = frequency_response(linear, sensors, entry.name, band_Hz)
-    response = response * entry.per_opening
+    for name in sensors:
+        check_choice("sensor of the linear model", name, linear.output_names)
+    w = 2 * np.pi * np.geomspace(*band_Hz, 60)
+    found = transfer_function(linear.A, linear.B, linear.C, linear.D, 1j * w)
+    rows = [linear.output_names.index(name) for name in sensors]
+    response = found[:, rows, linear.input_names.index(entry.name)].T * entry.per_opening
     theta = response[0]
     dp = response[1] - response[2]
     s = 1j * w
@@ -116,30 +151,6 @@ def joint_model(
         difference=measurements[sensors[1]] - measurements[sensors[2]],
         misfit=misfit,
     )
-
-
-def frequency_response(
-    linear: LinearModel, outputs: tuple[str, ...], actuator: str, band_Hz: tuple[float, float]
-) -> tuple[Complex, npt.NDArray[np.float64]]:
-    """Compute responses from the command to some outputs on a logarithmic grid.
-
-    Args:
-        band_Hz: First and last frequency, in Hz.
-
-    Returns:
-        Responses, shape (n_outputs, 60), in SI per SI, and the frequencies, shape (60,), in rad/s.
-
-    Raises:
-        WorkbenchError: If the linear model lacks one of the signals.
-    """
-    for output in outputs:
-        check_choice("sensor of the linear model", output, linear.output_names)
-    check_choice("actuator of the linear model", actuator, linear.input_names)
-    rows = [linear.output_names.index(output) for output in outputs]
-    column = linear.input_names.index(actuator)
-    w = 2 * np.pi * np.geomspace(*band_Hz, 60)
-    found = transfer_function(linear.A, linear.B, linear.C, linear.D, 1j * w)
-    return found[:, rows, column].T, w
 
 
 def _real_least_squares(left: Complex, *columns: Complex) -> list[float]:

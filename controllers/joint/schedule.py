@@ -18,7 +18,7 @@ Source: Rugh and Shamma, Research on gain scheduling, Automatica 36, 2000, secti
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -35,28 +35,6 @@ NAMES = ("b", "a1", "a0", "g", "e", "d", "difference")
 """Numbers of the joint model that are scheduled."""
 
 
-class ScheduledJoint(NamedTuple):
-    """The joint model at one place of the schedule.
-
-    Args:
-        b: Angular acceleration per pressure difference, in rad/(s2 Pa).
-        a1: Damping over inertia, in 1/s.
-        a0: Stiffness over inertia, in rad/s2 per rad.
-        g: Rate of the pressure difference per opening, in Pa/s.
-        e: Rate of the pressure difference per angular speed, in Pa/rad.
-        d: Decay of the pressure difference, in 1/s.
-        difference: Pressure difference that holds the joint there, in Pa.
-    """
-
-    b: Number
-    a1: Number
-    a0: Number
-    g: Number
-    e: Number
-    d: Number
-    difference: Number
-
-
 @dataclass(frozen=True)
 class JointSchedule:
     """Joint models on an even grid of angles and two mean pressures.
@@ -65,7 +43,7 @@ class JointSchedule:
         first_angle: First angle, in rad.
         spacing: Distance of two angles, in rad.
         low: Rows of numbers over angle at the lower mean pressure, 7 rows in the order of
-            `ScheduledJoint`, in SI.
+            `JointModel`, in SI.
         high: The same at the higher one, in SI.
         mean_low: Lower mean gauge pressure, in Pa.
         mean_high: Higher mean gauge pressure, in Pa.
@@ -90,7 +68,7 @@ class JointSchedule:
         steps = np.arange(len(self.low[0]), dtype=float)
         return np.asarray(self.first_angle + self.spacing * steps, dtype=float)
 
-    def at(self, angle: Number, mean: Number, arithmetic: Arithmetic = FLOATS) -> ScheduledJoint:
+    def at(self, angle: Number, mean: Number, arithmetic: Arithmetic = FLOATS) -> JointModel:
         """Return the joint model at an angle and a mean pressure.
 
         Args:
@@ -114,7 +92,7 @@ class JointSchedule:
         rest = arithmetic.between(place, self.low[-1])
         rest = rest + share * (arithmetic.between(place, self.high[-1]) - rest)
         b, a1, a0, g, e, d = found
-        return ScheduledJoint(b, a1, a0, g, e, d, rest)
+        return JointModel(b, a1, a0, g, e, d, rest, angle)
 
     def with_inertia_of(self, heavier: JointSchedule) -> JointSchedule:
         """Return this schedule with the inertia of another load.
@@ -144,11 +122,7 @@ class JointSchedule:
         Args:
             mean: Mean gauge pressure, in Pa.
         """
-        found = []
-        for angle in self.angles.tolist():
-            at = self.at(angle, mean)
-            found.append(JointModel(*at[:6], angle=angle, difference=at.difference))
-        return tuple(found)
+        return tuple(self.at(angle, mean) for angle in self.angles.tolist())
 
 
 def joint_schedule(

@@ -31,11 +31,11 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers
 from controllers.joint.hysteresis_compensation import HysteresisCompensation
 from controllers.joint.model import JointModel
-from controllers.joint.observer import design_joint_observer, kalman_correction
-from controllers.joint.schedule import JointSchedule, ScheduledJoint
+from controllers.joint.observer import kalman_correction
+from controllers.joint.schedule import JointSchedule
 from controllers.reference.planned import Plan, Planner, PlannerState
 from workbench.errors import check_range
 
@@ -56,7 +56,7 @@ class Context(NamedTuple):
     """
 
     plan: Plan
-    joint: ScheduledJoint
+    joint: JointModel
     angle: Number
     speed: Number
     acceleration: Number
@@ -77,20 +77,20 @@ class Start(NamedTuple):
     """
 
     state: Any
-    joint: ScheduledJoint
+    joint: JointModel
     holding: Number
 
 
 class Tracking(Protocol):
     """The front end of a controller: plan, estimate, model."""
 
-    def start(self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS) -> Start:
+    def start(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Start:
         """Take angle in rad and two gauge pressures in Pa as those of a joint at rest."""
 
     def context(
         self,
         state: Any,
-        measurement: tuple[Number, ...],
+        measurement: Numbers,
         reference: Number,
         arithmetic: Arithmetic,
     ) -> tuple[Context, Any]:
@@ -141,7 +141,7 @@ class JointTracking:
     hysteresis: HysteresisCompensation | None = None
     lead: float = 0.0
 
-    def start(self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS) -> Start:
+    def start(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Start:
         """Take a measurement as that of a joint at rest."""
         angle, p1, p2 = measurement
         mean = 0.5 * (p1 + p2)
@@ -155,7 +155,7 @@ class JointTracking:
     def context(
         self,
         state: TrackingState,
-        measurement: tuple[Number, ...],
+        measurement: Numbers,
         reference: Number,
         arithmetic: Arithmetic,
     ) -> tuple[Context, TrackingState]:
@@ -228,106 +228,80 @@ def arrived_opening(there: Number, asked: Number, lag: float, sample_time: float
     return fade * there + (1.0 - fade) * asked
 
 
-def joint_tracking(
-    schedule: JointSchedule,
-    *,
-    jerk_share: float = 0.7,
-    jerk_limit: float = 1800.0,
-    observer_bandwidth: float = 80.0,
-    correction: tuple[float, float, float] | None = None,
-    pressure_reserve: float = 2.8e5,
-    mean_pressure: float = 3.8e5,
-    shortest: float = 0.05,
-    lead: float = 0.0,
-    sample_time: float = 0.002,
-    reference_bandwidth: float = 0.0,
-    reference_jump: float = 0.02,
-) -> JointTracking:
-    """Design planner and observer for a schedule.
+PRESSURE_RESERVE = 2.8e5
+"""Pressure difference for accelerating along a planned move, in Pa."""
 
-    The planned jerk is a share of what the fully open valve does at the slowest angle, below a
-    limit for light joints; the planned acceleration is what a reserve of pressure difference does.
+SHORTEST = 0.05
+"""Shortest planned move, in s."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackingSpecification:
+    """How moves are planned and the joint is observed: what every scheduled design is asked.
 
     Args:
         jerk_share: Share of the valve's opening that a planned move may use, a ratio.
         jerk_limit: Largest planned jerk, in rad/s3, whatever the joint could do: what feedforward
             for a light joint gets wrong if its load is heavier than known must stay within what
             feedback corrects.
-        observer_bandwidth: Poles of the observer, in rad/s.
-        correction: Gains of the observer in SI, in place of poles.
-        pressure_reserve: Pressure difference for accelerating, in Pa.
-        mean_pressure: Mean gauge pressure at which limits are taken, in Pa.
-        shortest: Shortest planned move, in s.
         lead: Time by which the opening of the feedforward leads the plan, in s: the lag of spool
             and sample, so that the move goes where it is planned.
-        sample_time: Time between samples, in s.
         reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
             noisy), in rad/s; 0 for a smooth one.
         reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
-    """
-    check_range("share of the opening for a planned move", jerk_share, 0.01, 1.0)
-    check_range("pressure reserve", pressure_reserve, 1e3, 1e7, "Pa")
-    check_range("lead of the feedforward", lead, 0.0, 0.1, "s")
-    models = schedule.models(mean_pressure)
-    planner = Planner(
-        jerk=min(jerk_limit, jerk_share * min(m.opening_to_jerk for m in models)),
-        acceleration=pressure_reserve * min(m.b for m in models),
-        speed=jerk_share * min(m.g / m.e for m in models),
-        shortest=shortest,
-        sample_time=sample_time,
-        bandwidth=reference_bandwidth,
-        jump=reference_jump,
-    )
-    if correction is None:
-        free = JointModel(b=1.0, a1=0.0, a0=0.0, g=1.0, e=0.0, d=0.0)
-        correction = design_joint_observer(
-            free, bandwidth=observer_bandwidth, sample_time=sample_time
-        ).correction
-    return JointTracking(schedule, planner, correction, sample_time=sample_time, lead=lead)
-
-
-def kalman_tracking(
-    schedule: JointSchedule,
-    *,
-    jerk_share: float,
-    jerk_limit: float,
-    lead: float,
-    sample_time: float,
-    mean_pressure: float = 3.8e5,
-    angle_noise: float = 2e-5,
-    acceleration_noise: float = 0.5,
-    acceleration_walk: float = 100.0,
-    reference_bandwidth: float = 0.0,
-    reference_jump: float = 0.02,
-) -> JointTracking:
-    """Design planner and Kalman filter: `joint_tracking` with `kalman_correction`.
-
-    Args:
-        jerk_share: Share of the valve's opening that a planned move may use, a ratio.
-        jerk_limit: Largest planned jerk, in rad/s3.
-        lead: Time by which the opening of the feedforward leads the plan, in s.
-        sample_time: Time between samples, in s.
-        mean_pressure: Mean gauge pressure at which limits are taken, in Pa.
+        mean_pressure: Mean gauge pressure of the design, in Pa.
         angle_noise: Noise rms of the measured angle, in rad.
         acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
         acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
-        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
-            noisy), in rad/s; 0 for a smooth one.
-        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
+        sample_time: Time between steps, in s.
     """
-    return joint_tracking(
-        schedule,
-        jerk_share=jerk_share,
-        jerk_limit=jerk_limit,
-        lead=lead,
-        correction=kalman_correction(
-            angle_noise=angle_noise,
-            acceleration_noise=acceleration_noise,
-            acceleration_walk=acceleration_walk,
-            sample_time=sample_time,
-        ),
-        mean_pressure=mean_pressure,
-        sample_time=sample_time,
-        reference_bandwidth=reference_bandwidth,
-        reference_jump=reference_jump,
-    )
+
+    jerk_share: float = 0.7
+    jerk_limit: float = 1800.0
+    lead: float = 0.0
+    reference_bandwidth: float = 0.0
+    reference_jump: float = 0.02
+    mean_pressure: float = 3.8e5
+    angle_noise: float = 2e-5
+    acceleration_noise: float = 0.5
+    acceleration_walk: float = 100.0
+    sample_time: float = 0.002
+
+    def __post_init__(self) -> None:
+        check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
+        check_range("share of the opening for a planned move", self.jerk_share, 0.01, 1.0)
+        check_range("lead of the feedforward", self.lead, 0.0, 0.1, "s")
+
+    def planner(self, schedule: JointSchedule) -> Planner:
+        """Return the planner of a joint.
+
+        The planned jerk is a share of what the fully open valve does at the slowest angle, below
+        a limit for light joints; the planned acceleration is what a reserve of pressure difference
+        does.
+        """
+        models = schedule.models(self.mean_pressure)
+        return Planner(
+            jerk=min(self.jerk_limit, self.jerk_share * min(m.opening_to_jerk for m in models)),
+            acceleration=PRESSURE_RESERVE * min(m.b for m in models),
+            speed=self.jerk_share * min(m.g / m.e for m in models),
+            shortest=SHORTEST,
+            sample_time=self.sample_time,
+            bandwidth=self.reference_bandwidth,
+            jump=self.reference_jump,
+        )
+
+    def tracking(self, schedule: JointSchedule) -> JointTracking:
+        """Return planner and Kalman filter of a joint."""
+        correction = kalman_correction(
+            angle_noise=self.angle_noise,
+            acceleration_noise=self.acceleration_noise,
+            acceleration_walk=self.acceleration_walk,
+            sample_time=self.sample_time,
+        )
+        return JointTracking(
+            schedule,
+            self.planner(schedule),
+            correction,
+            sample_time=self.sample_time,
+            lead=self.lead,
+        )

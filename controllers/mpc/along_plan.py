@@ -39,9 +39,9 @@ from controllers.design import Design
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import (
     JointTracking,
+    TrackingSpecification,
     TrackingState,
     arrived_opening,
-    kalman_tracking,
 )
 from controllers.mpc.c_text import mpc_source
 from controllers.mpc.fixed_order import product
@@ -50,7 +50,8 @@ from controllers.mpc.whole_model import told
 from controllers.named_state import flat, names, restored
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
-from controllers.valve_inverse import ValveController, ValveInverse
+from controllers.state_feedback import error_dynamics
+from controllers.valve_inverse import ValveController
 from workbench.errors import check_range
 
 Matrix = npt.NDArray[np.float64]
@@ -352,39 +353,14 @@ class ScheduledMPC(ValveController):
         )
 
 
-def design_scheduled_mpc(
-    schedule: JointSchedule,
-    *,
-    radius: float = 45.0,
-    integral: float = 0.27,
-    move_weight: float = 0.02,
-    jerk_share: float = 0.7,
-    jerk_limit: float = 1800.0,
-    lead: float = 0.0,
-    compensation: float = 0.3,
-    lag: float = 0.0,
-    prediction_time: float = 0.004,
-    blocks: tuple[int, ...] = (1, 1, 1, 2, 3, 4, 8),
-    rate_limit: float = 200.0,
-    pressure_limits: tuple[float, float] = (0.1e5, 5.95e5),
-    softness: float = 1e2,
-    mean_pressure: float = 3.8e5,
-    reference_bandwidth: float = 0.0,
-    reference_jump: float = 0.02,
-    sample_time: float = 0.002,
-    valve: ValveInverse | None = None,
-) -> ScheduledMPC:
-    """Design a scheduled MPC from a map of linear models.
+@dataclass(frozen=True, kw_only=True)
+class ScheduledMPCSpecification(TrackingSpecification):
+    """What a linear MPC over the whole range is designed for.
 
     Args:
-        schedule: The joint over angle and mean pressure, for the known load.
         radius: Radius w of the unconstrained closed-loop poles, in rad/s.
         integral: Speed w_i of the integral action as a fraction of the radius.
         move_weight: Weight of a change of the opening against one of the opening, a ratio.
-        jerk_share: Share of the valve's opening that a planned move may use, 0..1,
-            dimensionless.
-        jerk_limit: Largest planned jerk, in rad/s3.
-        lead: Time by which the opening of the feedforward leads the plan, in s.
         compensation: Share of the unexplained acceleration that is compensated, 0..1,
             dimensionless.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
@@ -393,67 +369,67 @@ def design_scheduled_mpc(
         rate_limit: Fastest change of the opening, per s.
         pressure_limits: Lowest and highest gauge pressure, in Pa.
         softness: Cost of a pressure difference 0.1 bar out of its limits, dimensionless.
-        mean_pressure: Mean gauge pressure of the design, in Pa.
-        reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
-            noisy), in rad/s; 0 for a smooth one.
-        reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
-        sample_time: Time between steps, in s.
+    """
+
+    radius: float = 45.0
+    integral: float = 0.27
+    move_weight: float = 0.02
+    compensation: float = 0.3
+    lag: float = 0.0
+    prediction_time: float = 0.004
+    blocks: tuple[int, ...] = (1, 1, 1, 2, 3, 4, 8)
+    rate_limit: float = 200.0
+    pressure_limits: tuple[float, float] = (0.1e5, 5.95e5)
+    softness: float = 1e2
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        h = self.sample_time
+        check_range("radius of the poles", self.radius, 0.1, 0.5 / h, "rad/s")
+        check_range("speed of the integral action", self.integral, 1e-3, 1.0)
+        check_range("prediction time", self.prediction_time, h, 10.0, "s")
+        low, high = self.pressure_limits
+        check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")
+
+
+def design_scheduled_mpc(
+    schedule: JointSchedule, specification: ScheduledMPCSpecification | None = None
+) -> ScheduledMPC:
+    """Design a scheduled MPC from a map of linear models, for its load.
 
     Raises:
-        WorkbenchError: If a number is outside its range or a Riccati equation has no solution.
+        WorkbenchError: If a Riccati equation has no solution.
     """
-    h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
-    w = check_range("radius of the poles", radius, 0.1, 0.5 / h, "rad/s")
-    speed = w * check_range("speed of the integral action", integral, 1e-3, 1.0)
-    check_range("prediction time", prediction_time, h, 10.0, "s")
-    low, high = pressure_limits
-    check_range("highest pressure", high, low, 1e8, "Pa", fix="it lies above the lowest")
+    want = specification or ScheduledMPCSpecification()
+    w, speed = want.radius, want.radius * want.integral
     predictions = []
-    for joint in schedule.models(mean_pressure):
-        jerk = joint.opening_to_jerk
-        A = np.array(
-            [
-                [0.0, 1.0, 0.0, 0.0],
-                [-joint.a0, -joint.a1, 1.0, 0.0],
-                [0.0, -joint.e * joint.b, -joint.d, 0.0],
-                [1.0, 0.0, 0.0, 0.0],
-            ]
-        )
+    for joint in schedule.models(want.mean_pressure):
+        A, B = error_dynamics(joint)
         # The limited output is the pressure difference's error, in Pa.
         C = np.array([[1.0, 0.0, 0.0, speed], [0.0, 0.0, 1.0 / joint.b, 0.0]])
         predictions.append(
             condense(
                 A,
-                np.array([[0.0], [0.0], [-jerk], [0.0]]),
+                B,
                 np.zeros((4, 0)),
                 C,
-                weights=(w**6 / jerk**2, 1.0, move_weight),
-                prediction_time=prediction_time,
-                stride=max(1, round(prediction_time / h)),
-                blocks=blocks,
+                weights=(w**6 / joint.opening_to_jerk**2, 1.0, want.move_weight),
+                prediction_time=want.prediction_time,
+                stride=max(1, round(want.prediction_time / want.sample_time)),
+                blocks=want.blocks,
                 opening_limits=(-1.0, 1.0),
-                move_limit=rate_limit * prediction_time,
+                move_limit=want.rate_limit * want.prediction_time,
                 output_limits=((0.0, 0.0),),
-                softness=softness,
+                softness=want.softness,
             )
         )
     return ScheduledMPC(
-        kalman_tracking(
-            schedule,
-            jerk_share=jerk_share,
-            jerk_limit=jerk_limit,
-            lead=lead,
-            reference_bandwidth=reference_bandwidth,
-            reference_jump=reference_jump,
-            mean_pressure=mean_pressure,
-            sample_time=h,
-        ),
+        want.tracking(schedule),
         tuple(predictions),
-        (low, high),
-        compensation=compensation,
-        lag=lag,
-        sample_time=h,
-        valve=valve or ValveInverse(),
+        want.pressure_limits,
+        compensation=want.compensation,
+        lag=want.lag,
+        sample_time=want.sample_time,
     )
 
 
@@ -463,6 +439,7 @@ SCHEDULED_MPC = Design(
     summary="linear MPC over the whole range, along planned moves",
     function=design_scheduled_mpc,
     needs="map",
+    specification=ScheduledMPCSpecification,
     solves=True,
     colour=("#00805c", "#36d6a4"),
 )

@@ -26,7 +26,7 @@ blocking, soft constraints); Rawlings, Mayne and Diehl, Model Predictive Control
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
@@ -36,7 +36,7 @@ import numpy.typing as npt
 from controllers.arithmetic import Arithmetic, Number
 from controllers.c_source import CSource
 from controllers.design import Design
-from controllers.joint.opening_input import opening_input
+from controllers.joint.model import opening_input
 from controllers.mpc.c_text import mpc_source
 from controllers.mpc.disturbance_observer import (
     DisturbanceObserver,
@@ -336,14 +336,7 @@ def design_mpc(
         sample_time=want.sample_time,
     )
     # From here on the input is the opening.
-    observer = DisturbanceObserver(
-        observer.F,
-        observer.G * entry.per_opening,
-        observer.C,
-        observer.M,
-        observer.rest,
-        observer.disturbances,
-    )
+    observer = replace(observer, G=observer.G * entry.per_opening)
     A, B, E = continuous_matrices(linear, (entry.name,), disturbed)
     prediction = condense(
         A,

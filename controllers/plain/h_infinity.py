@@ -14,7 +14,7 @@ import numpy as np
 
 from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, sampled_synthesis
-from controllers.plain.single_loop import single_loop
+from controllers.plain.single_loop import LoopSpecification
 from controllers.plain.transfer_law import TransferLaw, transfer_controller
 from workbench.errors import check_range
 from workbench.linearisation.transfer import transfer_function
@@ -24,25 +24,19 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class PlainHInfinitySpecification:
+class PlainHInfinitySpecification(LoopSpecification):
     """What an H-infinity controller for any linear model is designed for.
 
     Args:
-        measured: Name of the controlled output; the first one by default.
-        actuator: Name of the command; the first one by default.
         speed: Speed w below which the error is made small, in rad/s.
         delay: Delay of sample and converter, in s; one and a half samples by default (0).
-        sample_time: Time between steps, in s.
     """
 
-    measured: str = ""
-    actuator: str = ""
     speed: float = 10.0
     delay: float = 0.0
-    sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
+        super().__post_init__()
         check_range("speed", self.speed, 1e-6, 0.5 / self.sample_time, "rad/s")
         check_range("delay", self.delay, 0.0, 1e3, "s")
 
@@ -62,7 +56,7 @@ def design_plain_h_infinity(
     import control as ct
 
     want = specification or PlainHInfinitySpecification()
-    loop = single_loop(linear, want.measured, want.actuator)
+    loop = want.loop(linear)
     own, w, h = loop.linear, want.speed, want.sample_time
     size = abs(complex(transfer_function(own.A, own.B, own.C, own.D, np.array([1j * w]))[0, 0, 0]))
     unit = 1.0 / (size * w * w)
@@ -78,16 +72,7 @@ def design_plain_h_infinity(
     )
     law = ct.ss(found.A, found.B, unit * found.C, unit * found.D, h)
     return transfer_controller(
-        law,
-        measured=loop.measured,
-        actuator=loop.actuator,
-        tracking_time=1.0 / w,
-        rest=loop.rest_command,
-        rest_output=loop.rest_output,
-        lower=loop.lower,
-        upper=loop.upper,
-        sample_time=h,
-        name="H-infinity",
+        law, tracking_time=1.0 / w, sample_time=h, name="H-infinity", **loop.ends
     )
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from controllers.design import Design
 from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
-from controllers.plain.single_loop import single_loop
+from controllers.plain.single_loop import LoopSpecification
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
@@ -22,12 +22,10 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class PlainMPCSpecification:
+class PlainMPCSpecification(LoopSpecification):
     """What a linear MPC for any linear model is designed for.
 
     Args:
-        measured: Name of the controlled output; the first one by default.
-        actuator: Name of the command; the first one by default.
         speed: Speed of the reference's lags, in rad/s; the horizon is four of its time constants.
         error_scale: Error that weighs as much as a third of the command, in SI of the output; a
             hundredth of its scale by default (0).
@@ -35,19 +33,15 @@ class PlainMPCSpecification:
             samples by default (0).
         noise: Noise rms of the measurement, in SI; by default what the sensor declares, and 1e-4
             of its scale at least (0).
-        sample_time: Time between steps, in s.
     """
 
-    measured: str = ""
-    actuator: str = ""
     speed: float = 10.0
     error_scale: float = 0.0
     rate_time: float = 0.0
     noise: float = 0.0
-    sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
+        super().__post_init__()
         check_range("speed", self.speed, 1e-6, 0.5 / self.sample_time, "rad/s")
         for name in ("error_scale", "rate_time", "noise"):
             check_range(name.replace("_", " "), getattr(self, name), 0.0, 1e12)
@@ -66,7 +60,7 @@ def design_plain_mpc(
             equation has no solution.
     """
     want = specification or PlainMPCSpecification()
-    loop = single_loop(linear, want.measured, want.actuator)
+    loop = want.loop(linear)
     own, h = loop.linear, want.sample_time
     step = h * max(1, round(0.1 / want.speed / h))
     scales = {q.name: q.scale for q in own.operating_point.model.states}

@@ -3,24 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
-from controllers.c_source import CSource, closed_form
-from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.sensitivity import loop_matrices, peaks_of
-from controllers.shown import ShownLaw
-from workbench.errors import WorkbenchError, check_choice
+from controllers.arithmetic import Numbers, Told
+from controllers.law import ClosedForm
+from controllers.protocol import Command
+from workbench.errors import WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
-
-Matrix = npt.NDArray[np.float64]
-Rows = tuple[tuple[float, ...], ...]
 
 
 class SingleLoop(NamedTuple):
@@ -50,14 +44,21 @@ class SingleLoop(NamedTuple):
     command_scale: float
     noise: float
 
+    @property
+    def ends(self) -> dict[str, Any]:
+        """What a `PlainLaw` of this loop is told: names, rest and ends of the command."""
+        return {
+            "measured": self.measured,
+            "actuator": self.actuator,
+            "rest": self.rest_command,
+            "rest_output": self.rest_output,
+            "lower": self.lower,
+            "upper": self.upper,
+        }
+
 
 def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoop:
-    """Read a single loop off a linear model.
-
-    Args:
-        plant: A `LinearModel`, or a python-control system.
-        measured: Name of the output; the first one by default.
-        actuator: Name of the input; the first one by default.
+    """Read a single loop off a linear model or a python-control system.
 
     Raises:
         WorkbenchError: If there is no such signal, or the output answers a command at once.
@@ -99,12 +100,33 @@ def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoo
     )
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class PlainLaw(ShownLaw):
-    """A law of numbers from one measurement to one command, within its ends.
+@dataclass(frozen=True)
+class LoopSpecification:
+    """What every design for any linear model is told.
 
-    Written once for floats and for symbols, like `controllers.valve_inverse.ClosedForm`; its info
-    has ``asked``, the command before its ends.
+    Args:
+        measured: Name of the controlled output; the first one by default.
+        actuator: Name of the command; the first one by default.
+        sample_time: Time between steps, in s.
+    """
+
+    measured: str = ""
+    actuator: str = ""
+    sample_time: float = field(default=0.002, kw_only=True)
+
+    def __post_init__(self) -> None:
+        check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
+
+    def loop(self, linear: Any) -> SingleLoop:
+        """Return the loop to control."""
+        return single_loop(linear, self.measured, self.actuator)
+
+
+@dataclass(frozen=True, kw_only=True, repr=False)
+class PlainLaw(ClosedForm):
+    """A law in closed form from one measurement to one command, within its ends.
+
+    What it tells has ``asked``, the command before its ends.
 
     Args:
         sensors: Name of the measured output.
@@ -112,6 +134,7 @@ class PlainLaw(ShownLaw):
         actuators: Name of the command.
         sample_time: Time between steps, in s.
         rest: Command at rest, in SI.
+        rest_output: Output at rest, in SI.
         lower: Lower end of the command, in SI.
         upper: Upper end of the command, in SI.
         preview: No future references are used.
@@ -123,6 +146,7 @@ class PlainLaw(ShownLaw):
     actuators: tuple[str, ...]
     sample_time: float = 0.002
     rest: float = 0.0
+    rest_output: float = 0.0
     lower: float = -math.inf
     upper: float = math.inf
     preview: int = 0
@@ -133,75 +157,10 @@ class PlainLaw(ShownLaw):
         """Command at rest, in SI."""
         return (self.rest,)
 
-    def step(
-        self, state: Any, measurement: Measurement, reference: Reference
-    ) -> tuple[Command, Any, Info]:
-        """Compute the command of one sample."""
-        return self.law(state, measurement, reference, FLOATS)
-
-    def initial_state(
-        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
-    ) -> Any:
-        """Return the state of a plant at rest."""
-        raise NotImplementedError
-
-    def law(
-        self,
-        state: Any,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
-        arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], Any, dict[str, Number]]:
-        """Compute one sample on floats or on symbols, in SI."""
-        raise NotImplementedError
-
-    def linear_law(
-        self,
-        state: Any,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
-        arithmetic: Arithmetic,
-        rest: Measurement,
-    ) -> tuple[tuple[Number, ...], Any]:
-        """Return command and next state, as `controllers.linear_law` asks."""
-        _, following, info = self.law(state, measurement, reference, arithmetic)
-        return (info["asked"],), following
+    def straight(self, told: Told) -> Numbers:
+        """Return the command before its ends, in SI."""
+        return (told["asked"],)
 
     def linear_command(self, command: Command) -> Command:
         """Return the command unchanged."""
         return command
-
-    def c_source(self, name: str) -> CSource:
-        """Write the law as C."""
-        return closed_form(self, name)
-
-
-def peaks(law: PlainLaw, loop: SingleLoop) -> tuple[float, float]:
-    """Return Ms and Mt of a sampled loop (ratios), both infinite if it is not stable.
-
-    An integral that the measurement does not show, such as the angle where a speed is controlled,
-    does not count.
-    """
-    parts = loop_matrices(law, loop.linear)
-    A, B, C, F, G, H, J = parts
-    _, sizes, directions = np.linalg.svd(np.vstack([A - np.eye(len(A)), C]))
-    shown = directions[sizes > 1e-12 * sizes.max(initial=0.0)].T
-    A, B, C = shown.T @ A @ shown, shown.T @ B, C @ shown
-    parts = parts._replace(A=A, B=B, C=C)
-    closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
-    if np.max(np.abs(np.linalg.eigvals(closed))) >= 1.0 - 1e-9:
-        return math.inf, math.inf
-    return peaks_of(parts, law.sample_time)
-
-
-def total(start: Number, factors: tuple[float, ...], values: tuple[Number, ...]) -> Number:
-    """Return start + sum of factors times values (in any units), in their order, without zeros."""
-    for factor, value in zip(factors, values, strict=True):
-        if factor:
-            start = start + factor * value
-    return start
-
-
-def rows(matrix: Any) -> Rows:
-    """Return a matrix, in any units, as a tuple of rows."""
-    return tuple(tuple(row) for row in np.atleast_2d(np.asarray(matrix, dtype=float)).tolist())

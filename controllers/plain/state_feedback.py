@@ -28,20 +28,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
-from controllers.plain.single_loop import (
-    Matrix,
-    PlainLaw,
-    Rows,
-    SingleLoop,
-    peaks,
-    rows,
-    single_loop,
-    total,
-)
+from controllers.plain.single_loop import LoopSpecification, PlainLaw, SingleLoop
 from controllers.reference.horizon import lagged
-from controllers.sampling import zero_order_hold
+from controllers.sampling import Matrix, Rows, rows, total, zero_order_hold
+from controllers.sensitivity import peak_sensitivities
 from workbench.errors import WorkbenchError, check_range
 
 if TYPE_CHECKING:
@@ -58,7 +50,7 @@ class ObservedState(NamedTuple):
         target: Reference after the second lag, a deviation in SI.
     """
 
-    predicted: tuple[Number, ...]
+    predicted: Numbers
     error_integral: Number
     filtered: Number
     target: Number
@@ -84,7 +76,6 @@ class ObserverLaw(PlainLaw):
         reach: rho, in SI of the command per s; 0 for a state feedback.
         layer: Half width of the boundary layer, in the unit of the surface.
         reference_speed: Speed w_r of the reference's lags, in rad/s; 0 for none.
-        rest_output: Output at rest, in SI.
     """
 
     F: Rows
@@ -102,23 +93,15 @@ class ObserverLaw(PlainLaw):
     reach: float = 0.0
     layer: float = 1.0
     reference_speed: float = 0.0
-    rest_output: float = 0.0
 
-    def initial_state(
-        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
-    ) -> ObservedState:
+    def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> ObservedState:
         """Return the state of a plant that the command at rest holds where it is measured."""
         y = measurement[0] - self.rest_output
         return ObservedState(tuple(gain * y for gain in self.target), self.start * y, y, y)
 
     def law(
-        self,
-        state: ObservedState,
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
-        arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], ObservedState, dict[str, Number]]:
-        """Compute one sample on floats or on symbols, in SI."""
+        self, state: ObservedState, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
+    ) -> tuple[Numbers, ObservedState, Told]:
         y, r = measurement[0] - self.rest_output, reference[0] - self.rest_output
         filtered = r
         if self.reference_speed:
@@ -129,7 +112,7 @@ class ObserverLaw(PlainLaw):
         q = state.error_integral
         asked = self.rest + self.reference_gain * r + self.integral_gain * q
         asked = asked - total(0.0, self.gain, x)
-        told: dict[str, Number] = {}
+        told: Told = {}
         if self.reach:
             s = total(0.0, self.surface, x)
             s = s - self.surface_reference * r - self.surface_integral * q
@@ -144,40 +127,48 @@ class ObserverLaw(PlainLaw):
 
 
 @dataclass(frozen=True)
-class LQISpecification:
+class ObserverSpecification(LoopSpecification):
+    """What every law on a Kalman filter of the states is told.
+
+    Args:
+        reference_speed: Speed of the reference's lags, in rad/s; by default (0) twice that of the
+            slowest pole of a state feedback without its integral, or the slope of a surface.
+        noise: Noise rms of the measurement for the Kalman filter, in SI; by default what the
+            sensor declares, and 1e-4 of its scale at least (0).
+        disturbance: Random disturbance of the command for the Kalman filter, as a fraction of it.
+    """
+
+    reference_speed: float = 0.0
+    noise: float = 0.0
+    disturbance: float = 0.3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_range("reference speed", self.reference_speed, 0.0, 1e12)
+        check_range("noise", self.noise, 0.0, 1e12)
+        check_range("disturbance of the command", self.disturbance, 1e-9, 1e3)
+
+
+@dataclass(frozen=True)
+class LQISpecification(ObserverSpecification):
     """What a state feedback for any linear model is designed for.
 
     Args:
-        measured: Name of the controlled output; the first one by default.
-        actuator: Name of the command; the first one by default.
         error_scale: Error that weighs as much as all of the command, in SI of the output; a
             tenth of its scale by default (0). It is raised until the limit on Ms holds.
         maximum_sensitivity: Limit on Ms, the peak of the sensitivity (ratio).
         integral_time: Time T in which the integral of an error weighs as much as the error, in s;
             by default twice the slowest time constant of the feedback without it (0).
-        reference_speed: Speed of the reference's lags, in rad/s; by default twice that of the
-            slowest pole of the feedback without the integral (0).
-        noise: Noise rms of the measurement for the Kalman filter, in SI; by default what the
-            sensor declares, and 1e-4 of its scale at least (0).
-        disturbance: Random disturbance of the command for the Kalman filter, as a fraction of it.
-        sample_time: Time between steps, in s.
     """
 
-    measured: str = ""
-    actuator: str = ""
     error_scale: float = 0.0
     maximum_sensitivity: float = 1.8
     integral_time: float = 0.0
-    reference_speed: float = 0.0
-    noise: float = 0.0
-    disturbance: float = 0.3
-    sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
-        for name in ("error_scale", "integral_time", "reference_speed", "noise"):
-            check_range(name.replace("_", " "), getattr(self, name), 0.0, 1e12)
-        check_range("disturbance of the command", self.disturbance, 1e-9, 1e3)
+        super().__post_init__()
+        check_range("error scale", self.error_scale, 0.0, 1e12)
+        check_range("integral time", self.integral_time, 0.0, 1e12)
 
 
 def design_lqi(linear: LinearModel, specification: LQISpecification | None = None) -> ObserverLaw:
@@ -194,11 +185,11 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
             equation has no solution.
     """
     want = specification or LQISpecification()
-    loop = single_loop(linear, want.measured, want.actuator)
+    loop = want.loop(linear)
     first = want.error_scale or 0.1 * loop.output_scale
     for error in np.geomspace(first, 1e4 * first, 60).tolist():
         law = _lqi(loop, want, error)
-        if peaks(law, loop)[0] <= want.maximum_sensitivity:
+        if peak_sensitivities(law, loop.linear)[0] <= want.maximum_sensitivity:
             return law
     raise WorkbenchError(
         f"no state feedback of {loop.measured} by {loop.actuator} has Ms <="
@@ -232,7 +223,7 @@ def state_feedback_by_hand(
     gain: Sequence[float],
     *,
     integral_gain: float = 0.0,
-    specification: LQISpecification | None = None,
+    specification: ObserverSpecification | None = None,
 ) -> ObserverLaw:
     """Return the state feedback u = u0 + (us + K xs) r - K x + Kq q with K given.
 
@@ -242,7 +233,6 @@ def state_feedback_by_hand(
         linear: A `LinearModel` or a python-control system.
         gain: K, shape (n_states,), in SI of the command per SI of the states.
         integral_gain: Kq, in SI of the command per SI of the output and s; 0 for none.
-        specification: Names, noise and sample time; its weights are not used.
 
     Raises:
         WorkbenchError: If K has another length.
@@ -253,8 +243,8 @@ def state_feedback_by_hand(
         >>> state_feedback_by_hand(plant, (9.0, 4.0)).gain
         (9.0, 4.0)
     """
-    want = specification or LQISpecification()
-    loop = single_loop(linear, want.measured, want.actuator)
+    want = specification or ObserverSpecification()
+    loop = want.loop(linear)
     if len(gain) != len(loop.linear.state_names):
         raise WorkbenchError(
             f"the gain has {len(gain)} entries and the model the states"
@@ -264,20 +254,10 @@ def state_feedback_by_hand(
 
 
 @dataclass(frozen=True)
-class PlainSlidingModeSpecification(LQISpecification):
+class PlainSlidingModeSpecification(ObserverSpecification):
     """What a sliding mode for any linear model is designed for.
 
     Args:
-        measured: Name of the controlled output; the first one by default.
-        actuator: Name of the command; the first one by default.
-        error_scale: Not used.
-        maximum_sensitivity: Not used.
-        integral_time: Not used.
-        reference_speed: Speed of the reference's lags, in rad/s; that of the slope by default (0).
-        noise: Noise rms of the measurement for the Kalman filter, in SI; by default what the
-            sensor declares, and 1e-4 of its scale at least (0).
-        disturbance: Random disturbance of the command for the Kalman filter, as a fraction of it.
-        sample_time: Time between steps, in s.
         slope: Speed of the poles on the surface, in rad/s; poles of the model that are faster stay.
         reach: What may lead to the surface, as a fraction of the command.
         layer_bandwidth: Pole inside the boundary layer, in rad/s; twice the slope by default (0).
@@ -307,7 +287,7 @@ def design_plain_sliding_mode(
         WorkbenchError: If the command does not reach all states.
     """
     want = specification or PlainSlidingModeSpecification()
-    loop = single_loop(linear, want.measured, want.actuator)
+    loop = want.loop(linear)
     A, B, C = loop.linear.A, loop.linear.B, loop.linear.C
     n = len(A)
     # With q' = -C x in the place of the error's integral, whose reference is at rest.
@@ -380,7 +360,7 @@ def _regulator(F: Matrix, G: Matrix, weight: Matrix, cost: Matrix) -> Matrix:
 
 def _observed(
     loop: SingleLoop,
-    want: LQISpecification,
+    want: ObserverSpecification,
     gain: Matrix,
     integral_gain: float,
     slow: float = 0.0,

@@ -24,18 +24,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from controllers.arithmetic import FLOATS, Arithmetic, Number
+from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
-from controllers.plain.single_loop import (
-    Matrix,
-    PlainLaw,
-    Rows,
-    SingleLoop,
-    peaks,
-    rows,
-    single_loop,
-    total,
-)
+from controllers.plain.single_loop import LoopSpecification, PlainLaw, SingleLoop
+from controllers.sampling import Rows, anti_windup, rows, total
+from controllers.sensitivity import peak_sensitivities
 from workbench.errors import WorkbenchError, check_range
 from workbench.linearisation.transfer import transfer_function
 
@@ -56,7 +49,6 @@ class TransferLaw(PlainLaw):
         output_gain: Dy, in SI of the command per SI of the output.
         back: L, shape (n,), per SI of the command.
         at_rest: States at rest per deviation of the output, shape (n,), per SI of the output.
-        rest_output: Output at rest, in SI.
     """
 
     A: Rows
@@ -67,22 +59,14 @@ class TransferLaw(PlainLaw):
     output_gain: float
     back: tuple[float, ...]
     at_rest: tuple[float, ...]
-    rest_output: float = 0.0
 
-    def initial_state(
-        self, measurement: tuple[Number, ...], arithmetic: Arithmetic = FLOATS
-    ) -> tuple[Number, ...]:
+    def initial_state(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Numbers:
         """Return the state of a loop at rest where it is measured."""
         return tuple(gain * (measurement[0] - self.rest_output) for gain in self.at_rest)
 
     def law(
-        self,
-        state: tuple[Number, ...],
-        measurement: tuple[Number, ...],
-        reference: tuple[Number, ...],
-        arithmetic: Arithmetic,
-    ) -> tuple[tuple[Number, ...], Any, dict[str, Number]]:
-        """Compute one sample on floats or on symbols, in SI."""
+        self, state: Numbers, measurement: Numbers, reference: Numbers, arithmetic: Arithmetic
+    ) -> tuple[Numbers, Any, Told]:
         y, r = measurement[0] - self.rest_output, reference[0] - self.rest_output
         start = self.rest + self.reference_gain * r - self.output_gain * y
         asked = total(start, self.C, state)
@@ -232,7 +216,7 @@ def transfer_controller(
         C=tuple(C[0].tolist()),
         reference_gain=float(D[0, 0]),
         output_gain=float(D[0, 0]),
-        back=_anti_windup(A, C, math.exp(-h / (tracking_time or 50.0 * h))),
+        back=anti_windup(A, C, math.exp(-h / (tracking_time or 50.0 * h))),
         at_rest=(0.0,) * len(A),
         rest_output=rest_output,
         sensors=(measured,),
@@ -246,24 +230,11 @@ def transfer_controller(
     )
 
 
-def _anti_windup(A: Matrix, C: Matrix, pole: float) -> tuple[float, ...]:
-    """Return L for which A - L C has this pole in the place of a slower one of A."""
-    values, vectors = np.linalg.eig(A)
-    slow = int(np.argmax(np.abs(values)))
-    seen = (C @ vectors[:, slow])[0]
-    if values[slow].imag or abs(values[slow]) <= pole or abs(seen) < 1e-12:
-        return (0.0,) * len(A)
-    gain = (values[slow] - pole) * vectors[:, slow] / seen
-    return tuple(gain.real.tolist())
-
-
 @dataclass(frozen=True)
-class PlainPIDSpecification:
+class PlainPIDSpecification(LoopSpecification):
     """What a PID for any linear model is designed for.
 
     Args:
-        measured: Name of the controlled output; the first one by default.
-        actuator: Name of the command; the first one by default.
         bandwidth: Largest crossover frequency, in rad/s; by default a tenth of the sampling's.
         phase_margin: Phase margin aimed at, in rad.
         error_scale: Smallest error for which all of the command may be used, in SI of the output; a
@@ -271,21 +242,17 @@ class PlainPIDSpecification:
         maximum_sensitivity: Limit on Ms, the peak of the sensitivity (ratio).
         maximum_complementary: Limit on Mt, the peak of the complementary sensitivity (ratio).
         delay: Delay beside that of sampling that the loop must have in its phase, in s.
-        sample_time: Time between steps, in s.
     """
 
-    measured: str = ""
-    actuator: str = ""
     bandwidth: float = 0.0
     phase_margin: float = 1.05
     error_scale: float = 0.0
     maximum_sensitivity: float = 1.8
     maximum_complementary: float = 1.6
     delay: float = 0.0
-    sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
+        super().__post_init__()
         check_range("bandwidth", self.bandwidth, 0.0, 1.0 / self.sample_time, "rad/s")
         check_range("phase margin", self.phase_margin, 0.2, 1.5, "rad")
         check_range("limit on Ms", self.maximum_sensitivity, 1.05, 10.0)
@@ -312,7 +279,7 @@ def design_plain_pid(
         Loop shaping with lag and lead: Åström and Murray, Feedback Systems, 2008, section 11.4.
     """
     want = specification or PlainPIDSpecification()
-    loop = single_loop(linear, want.measured, want.actuator)
+    loop = want.loop(linear)
     own, h = loop.linear, want.sample_time
     fastest = want.bandwidth or 0.1 * 2.0 * math.pi / h
     largest = loop.command_scale / (want.error_scale or 0.1 * loop.output_scale)
@@ -323,7 +290,7 @@ def design_plain_pid(
         law = _at_crossover(loop, want, w, plant)
         if law is None or abs(law.output_gain) > 4.0 * largest:
             continue
-        ms, mt = peaks(law, loop)
+        ms, mt = peak_sensitivities(law, loop.linear)
         if ms <= want.maximum_sensitivity and mt <= want.maximum_complementary:
             return law
     raise WorkbenchError(
@@ -361,16 +328,11 @@ def _at_crossover(
         kp,
         gain / integrating,
         gain * lead - kp * fast,
-        measured=loop.measured,
-        actuator=loop.actuator,
         filter_time=fast,
         setpoint_weight=0.6,
         tracking_time=integrating,
-        rest=loop.rest_command,
-        rest_output=loop.rest_output,
-        lower=loop.lower,
-        upper=loop.upper,
         sample_time=want.sample_time,
+        **loop.ends,
     )
 
 

@@ -28,11 +28,15 @@ from controllers import AnglePD, MPCSpecification, design_mpc, design_pid, desig
 from controllers.c_export import ExportedC, export_c
 from controllers.guard import FAULTS, Guarded
 from controllers.joint.schedule import JointSchedule
-from controllers.mpc.along_plan import design_scheduled_mpc
+from controllers.mpc.along_plan import ScheduledMPCSpecification, design_scheduled_mpc
 from controllers.named_state import flat
-from controllers.pid import design_scheduled_pid
+from controllers.pid import ScheduledPIDSpecification, design_scheduled_pid
 from controllers.quadratic_program.solver import STATUSES, QuadraticProgram
-from controllers.sliding_mode import KINDS, design_scheduled_sliding_mode
+from controllers.sliding_mode import (
+    KINDS,
+    ScheduledSlidingModeSpecification,
+    design_scheduled_sliding_mode,
+)
 from controllers.state_feedback import design_state_feedback
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -137,13 +141,17 @@ def compare(
 
 LAWS = {
     "scheduled PID": lambda schedule, _: design_scheduled_pid(schedule),
-    "leading PID": lambda schedule, _: design_scheduled_pid(schedule, lead=0.0055, lag=0.005),
+    "leading PID": lambda schedule, _: design_scheduled_pid(
+        schedule, ScheduledPIDSpecification(lead=0.0055, lag=0.005)
+    ),
     "state feedback": lambda schedule, _: design_state_feedback(schedule),
     "PD on the angle": lambda *_: AnglePD(4.0, 0.05),
     "fixed PID": lambda _, linear: design_pid(linear),
     "fixed sliding mode": lambda _, linear: design_sliding_mode(linear),
     **{
-        kind: lambda schedule, _, kind=kind: design_scheduled_sliding_mode(schedule, kind=kind)
+        kind: lambda schedule, _, kind=kind: design_scheduled_sliding_mode(
+            schedule, ScheduledSlidingModeSpecification(kind=kind)
+        )
         for kind in KINDS
     },
 }
@@ -236,7 +244,7 @@ def test_fallbacks_of_c_are_those_of_the_law(linear: LinearModel, tmp_path: Path
 
 
 def test_fallback_of_the_scheduled_mpc_in_c(schedule: JointSchedule, tmp_path: Path) -> None:
-    mpc = design_scheduled_mpc(schedule, pressure_limits=(2.5e5, 4e5))
+    mpc = design_scheduled_mpc(schedule, ScheduledMPCSpecification(pressure_limits=(2.5e5, 4e5)))
     hard = []
     for prediction in mpc.predictions:
         matrix = prediction.A.copy()

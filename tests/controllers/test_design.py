@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from controllers.design import DESIGNS
-from controllers.pid import PIDSpecification, design_pid
+from controllers.pid import PIDSpecification, ScheduledPIDSpecification, design_pid
 from workbench.errors import WorkbenchError
 
 
@@ -32,7 +32,9 @@ def test_families_have_one_colour_each() -> None:
 def test_a_specification_is_checked() -> None:
     pid = DESIGNS.get("pid")
     assert pid.specified({"bandwidth": 20.0}) == PIDSpecification(bandwidth=20.0)
-    assert DESIGNS.get("scheduled_pid").specified({"frequency": 20.0}) == {"frequency": 20.0}
+    assert DESIGNS.get("scheduled_pid").specified({"frequency": 20.0}) == ScheduledPIDSpecification(
+        frequency=20.0
+    )
     with pytest.raises(WorkbenchError, match="key of the pid specification"):
         pid.specified({"bandwith": 20.0})
     with pytest.raises(WorkbenchError, match="damping ratio"):

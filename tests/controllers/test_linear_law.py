@@ -10,21 +10,32 @@ import pytest
 from controllers import cascade_pid, design_mpc, design_pid, design_sliding_mode
 from controllers.joint.schedule import JointSchedule
 from controllers.linear_law import linear_law
-from controllers.mpc.along_plan import design_scheduled_mpc
+from controllers.mpc.along_plan import ScheduledMPCSpecification, design_scheduled_mpc
 from controllers.named_state import flat, restored
-from controllers.pid import design_scheduled_pid
-from controllers.sliding_mode import design_scheduled_sliding_mode
-from controllers.state_feedback import design_state_feedback
+from controllers.pid import ScheduledPIDSpecification, design_scheduled_pid
+from controllers.sliding_mode import (
+    ScheduledSlidingModeSpecification,
+    design_scheduled_sliding_mode,
+)
+from controllers.state_feedback import StateFeedbackSpecification, design_state_feedback
 from workbench.linearisation import LinearModel
 
 LAWS = {
     "pid": lambda linear, _: design_pid(linear),
     "sliding mode": lambda linear, _: design_sliding_mode(linear),
     "mpc": lambda linear, _: design_mpc(linear),
-    "scheduled pid": lambda _, schedule: design_scheduled_pid(schedule, lag=0.005),
-    "integral": lambda _, schedule: design_scheduled_sliding_mode(schedule, kind="integral"),
-    "state feedback": lambda _, schedule: design_state_feedback(schedule, lag=0.005),
-    "scheduled mpc": lambda _, schedule: design_scheduled_mpc(schedule, lag=0.005),
+    "scheduled pid": lambda _, schedule: design_scheduled_pid(
+        schedule, ScheduledPIDSpecification(lag=0.005)
+    ),
+    "integral": lambda _, schedule: design_scheduled_sliding_mode(
+        schedule, ScheduledSlidingModeSpecification(kind="integral")
+    ),
+    "state feedback": lambda _, schedule: design_state_feedback(
+        schedule, StateFeedbackSpecification(lag=0.005)
+    ),
+    "scheduled mpc": lambda _, schedule: design_scheduled_mpc(
+        schedule, ScheduledMPCSpecification(lag=0.005)
+    ),
 }
 
 

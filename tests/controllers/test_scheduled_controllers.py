@@ -14,9 +14,12 @@ from controllers.joint.schedule import JointSchedule
 from controllers.largest_bandwidth import largest_bandwidth
 from controllers.mpc.along_plan import design_scheduled_mpc
 from controllers.named_state import flat, restored
-from controllers.pid import design_scheduled_pid
+from controllers.pid import ScheduledPIDSpecification, design_scheduled_pid
 from controllers.sensitivity import peak_sensitivities
-from controllers.sliding_mode import design_scheduled_sliding_mode
+from controllers.sliding_mode import (
+    ScheduledSlidingModeSpecification,
+    design_scheduled_sliding_mode,
+)
 from controllers.state_feedback import design_state_feedback
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -26,7 +29,9 @@ from workbench.verification import Scenario, Sine, Steps, metrics, verify
 DESIGNS: dict[str, Any] = {
     "pid": design_scheduled_pid,
     "super-twisting": design_scheduled_sliding_mode,
-    "integral": lambda schedule: design_scheduled_sliding_mode(schedule, kind="integral"),
+    "integral": lambda schedule: design_scheduled_sliding_mode(
+        schedule, ScheduledSlidingModeSpecification(kind="integral")
+    ),
     "state feedback": design_state_feedback,
     "mpc": design_scheduled_mpc,
 }
@@ -78,17 +83,14 @@ def test_the_same_object_runs_on_the_linear_model(
 def test_the_fastest_design_keeps_its_margins(
     schedule: JointSchedule, linear_by_opening: LinearModel
 ) -> None:
-    found = largest_bandwidth(
-        lambda w: design_scheduled_pid(schedule, frequency=w),
-        [linear_by_opening],
-        [60.0, 40.0, 25.0, 20.0],
-    )
+    def design(frequency: float) -> Any:
+        return design_scheduled_pid(schedule, ScheduledPIDSpecification(frequency=frequency))
+
+    found = largest_bandwidth(design, [linear_by_opening], [60.0, 40.0, 25.0, 20.0])
     assert found.sensitivity <= 2.0
     assert found.speed < 60.0
     with pytest.raises(WorkbenchError, match="no speed from 60 to 60"):
-        largest_bandwidth(
-            lambda w: design_scheduled_pid(schedule, frequency=w), [linear_by_opening], [60.0]
-        )
+        largest_bandwidth(design, [linear_by_opening], [60.0])
 
 
 @pytest.mark.parametrize("name", ["pid", "super-twisting", "state feedback"])

@@ -12,7 +12,7 @@ import numpy as np
 
 from controllers.design import DESIGNS, Design
 from controllers.joint.schedule import JointSchedule, joint_schedule
-from controllers.joint.tracking import joint_tracking
+from controllers.joint.tracking import TrackingSpecification
 from controllers.largest_bandwidth import MarginedDesign, largest_bandwidth
 from controllers.protocol import Controller
 from workbench.errors import WorkbenchError, check_choice
@@ -248,7 +248,7 @@ def _made(recipe: ControllerRecipe, given: Mapping[str, Any]) -> Controller:
         if recipe.plan:
             given = {
                 **given,
-                "planner": joint_tracking(_schedule(recipe), **dict(recipe.plan)).planner,
+                "planner": TrackingSpecification(**dict(recipe.plan)).planner(_schedule(recipe)),
             }
         found = design.controller(
             model,

@@ -11,7 +11,7 @@ import pytest
 
 from controllers.arithmetic import SYMBOLS
 from controllers.h_infinity import synthesis
-from controllers.h_infinity.controller import HInfinity, design_h_infinity
+from controllers.h_infinity.controller import HInfinity, HInfinitySpecification, design_h_infinity
 from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.joint.model import JointModel
 from controllers.joint.schedule import JointSchedule
@@ -37,7 +37,7 @@ def found() -> HInfinity:
 
 @pytest.fixture(scope="module")
 def law(schedule: JointSchedule) -> HInfinity:
-    return design_h_infinity(schedule, speed=25.0)
+    return design_h_infinity(schedule, HInfinitySpecification(speed=25.0))
 
 
 def test_weighted_norms_are_below_gamma(found: HInfinity) -> None:

@@ -14,7 +14,7 @@ from controllers.joint.hysteresis_compensation import (
     hysteresis_compensation,
 )
 from controllers.joint.schedule import JointSchedule
-from controllers.pid import CascadePID, design_scheduled_pid
+from controllers.pid import CascadePID, ScheduledPIDSpecification, design_scheduled_pid
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.verification import Scenario, Sine, verify
@@ -37,7 +37,9 @@ def test_a_slow_sine_is_followed_better(
     schedule: JointSchedule, plant_with_hysteresis: Model
 ) -> None:
     # weak integral action, so that the hysteresis is seen at all
-    plain = replace(design_scheduled_pid(schedule, frequency=15.0), compensation=0.0)
+    plain = replace(
+        design_scheduled_pid(schedule, ScheduledPIDSpecification(frequency=15.0)), compensation=0.0
+    )
     # a fit that is 20 % off
     fitted = {
         "muscle_hysteresis.level": 8.0,

@@ -11,7 +11,7 @@ import pytest
 
 from controllers.arithmetic import FLOATS, SYMBOLS
 from controllers.joint.schedule import JointSchedule
-from controllers.pid import design_scheduled_pid
+from controllers.pid import ScheduledPIDSpecification, design_scheduled_pid
 from controllers.reference.planned import Planner, PlannerState
 from workbench.errors import WorkbenchError
 from workbench.model import Model
@@ -74,7 +74,9 @@ def test_sine_of_twelve_bits_is_followed_with_a_quiet_valve(
     schedule: JointSchedule, plant: Model
 ) -> None:
     def followed(values: np.ndarray, bandwidth: float) -> tuple[float, float]:
-        law = design_scheduled_pid(schedule, reference_bandwidth=bandwidth)
+        law = design_scheduled_pid(
+            schedule, ScheduledPIDSpecification(reference_bandwidth=bandwidth)
+        )
         played = Recorded(tuple(TIME.tolist()), tuple(values.tolist()))
         scenario = Scenario("sine", {"angle": played}, TIME[-1], start={"angle": 30.0 * DEG})
         run: Run = verify(law, plant, scenario)
