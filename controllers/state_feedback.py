@@ -45,9 +45,10 @@ from controllers.joint.tracking import (
     TrackingState,
     arrived_opening,
 )
-from controllers.sampling import Matrix, zero_order_hold
+from controllers.sampling import Matrix
 from controllers.valve_inverse import ValveLaw
 from workbench.errors import check_range
+from workbench.linearisation.zero_order_hold import zero_order_hold
 
 
 class StateFeedbackState(NamedTuple):

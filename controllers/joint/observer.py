@@ -26,8 +26,8 @@ import numpy as np
 
 from controllers.arithmetic import Number
 from controllers.joint.model import JointModel
-from controllers.sampling import zero_order_hold
 from workbench.errors import check_range
+from workbench.linearisation.zero_order_hold import zero_order_hold
 
 
 class JointEstimate(NamedTuple):

@@ -29,8 +29,8 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
-from controllers.sampling import zero_order_hold
 from workbench.errors import WorkbenchError, check_choice
+from workbench.linearisation.zero_order_hold import zero_order_hold
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel

@@ -17,8 +17,8 @@ import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
 from controllers.quadratic_program.solver import Factored, factored
-from controllers.sampling import zero_order_hold
 from workbench.errors import WorkbenchError
+from workbench.linearisation.zero_order_hold import zero_order_hold
 
 Matrix = npt.NDArray[np.float64]
 

@@ -10,10 +10,10 @@ import pytest
 
 from controllers import SlidingModeSpecification, design_sliding_mode
 from controllers.joint.observer import JointEstimate
-from controllers.sampling import zero_order_hold
 from tests.controllers.conftest import TRUTH
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
+from workbench.linearisation.zero_order_hold import zero_order_hold
 
 
 def run(law: Any, model: Any, x: np.ndarray[Any, Any], wanted: float, n: int) -> Any:

@@ -8,10 +8,10 @@ import control as ct
 import numpy as np
 import pytest
 
+from tests.physics.one_way import iso6358
 from workbench.errors import WorkbenchError
 from workbench.linearisation import linearise, to_iosystem
 from workbench.operating_point import OperatingPoint, operating_point
-from workbench.physics.flow import iso6358
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 

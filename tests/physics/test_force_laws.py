@@ -12,31 +12,27 @@ from scipy.optimize import least_squares
 from workbench.errors import WorkbenchError
 from workbench.model.regularisation import EXACT, REGULARISED
 from workbench.physics.force_laws import (
+    PHI_FLOOR,
+    PHI_SWITCH,
+    PHI_SWITCH_PRINTED,
     ForceLaw,
     PaperLaw,
     Petrovic,
     Sarosi,
     TonduLopez,
+    pressure_gain,
     slack,
-    validity,
 )
-from workbench.physics.force_polynomials import PHI_SWITCH, phi
 
 LAWS: dict[str, ForceLaw] = {
     "corrected": PaperLaw.variant("corrected"),
     "as_printed": PaperLaw.variant("as_printed"),
-    "rounded_text": PaperLaw.variant("rounded_text"),
     "petrovic": Petrovic(),
     "tondu_1": TonduLopez(),
     "tondu_2": TonduLopez.constant_k(),
     "tondu_2_p": TonduLopez.pressure_dependent_k(),
     "sarosi": Sarosi(),
 }
-
-
-def test_rounded_text_coefficients_are_14_newton_off_at_30_mm() -> None:
-    rounded, exact = PaperLaw.variant("rounded_text"), PaperLaw.variant("corrected")
-    assert float(rounded.phi(0.03) - exact.phi(0.03)) == pytest.approx(14.06, abs=0.01)
 
 
 def test_printed_absolute_pressure_pulls_without_pressure() -> None:
@@ -92,7 +88,9 @@ def test_shape_factors_are_the_least_squares_fit_they_are_said_to_be(names: int,
 
 def test_petrovic_is_the_paper_law_without_phi() -> None:
     q, p = np.linspace(0, 0.03, 7), 4e5
-    assert np.allclose(PaperLaw().tension(q, p) - Petrovic().tension(q, p), phi(q), atol=1e-9)
+    assert np.allclose(
+        PaperLaw().tension(q, p) - Petrovic().tension(q, p), PaperLaw().phi(q), atol=1e-9
+    )
 
 
 def test_slack_is_a_rounded_clamp() -> None:
@@ -159,16 +157,31 @@ def test_identified_coefficients_make_a_new_law() -> None:
     assert float(law.tension(0.01, 2e5)) == pytest.approx(560.0)
 
 
-def test_leaving_the_range_is_reported_in_users_units() -> None:
-    assert validity(np.array([0.0, 0.033]), np.array([0.0, 8e5])) == ()
-    (sentence,) = validity(np.array([0.0, 0.0345]), 3e5)
-    assert sentence == "contraction reaches 34.50 mm; the force law holds from -0.5 to 33 mm"
-    (sentence,) = validity(0.01, np.array([-2e4, 3e5]))
-    assert sentence == "gauge pressure reaches -0.20 bar; the force law holds from 0 to 8 bar"
-    assert len(validity(-1e-3, 9e5)) == 2
-    assert len(validity(float("nan"), 1e5)) == 1
-
-
 def test_unknown_variant_names_the_nearest() -> None:
     with pytest.raises(WorkbenchError, match="did you mean 'as_printed'"):
         PaperLaw.variant("as-printed")  # type: ignore[arg-type]
+
+
+def jump(switch: float) -> float:
+    """Step of phi across its switch, N."""
+    law = PaperLaw(phi_switch=switch)
+    return float(law.phi(switch + 1e-12) - law.phi(switch - 1e-12))
+
+
+def test_printed_phi_jumps_at_its_switch_and_the_corrected_one_does_not() -> None:
+    # At 1.6 mm the polynomial is still 5.88 N above the floor: the tension jumps by -5.88 N as
+    # the muscle lengthens, by as much upwards as it shortens.
+    assert jump(PHI_SWITCH_PRINTED) == pytest.approx(5.88, abs=0.005)
+    assert jump(PHI_SWITCH) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_phi_needs_its_branch() -> None:
+    # Without the branch the muscle would push with 61.6 N at no pressure and no contraction.
+    assert float(PaperLaw(phi_switch=-1.0).phi(0.0)) == pytest.approx(61.62)
+    assert float(PaperLaw().phi(0.0)) == PHI_FLOOR
+    assert np.all(PaperLaw().phi(np.linspace(0.0, 33e-3, 3301)) <= PHI_FLOOR + 1e-9)
+
+
+def test_gain_has_its_minimum_at_33_mm() -> None:
+    q = np.linspace(0.0, 0.05, 50001)
+    assert 1e3 * q[np.argmin(pressure_gain(q))] == pytest.approx(33.33, abs=0.01)

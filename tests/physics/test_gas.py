@@ -49,7 +49,7 @@ def integrate(inputs: Inputs, *, p0: float = 4e5, end: float = PERIOD, printed: 
         dp, dT = chamber_rates(
             p, T, volume, volume_rate, flow, enthalpy, heat, printed_work_sign=printed
         )
-        return [dp, dT, p * volume_rate, heat, flow, AIR.cp * enthalpy]
+        return [dp, dT, p * volume_rate, heat, flow, AIR.heat_ratio * AIR.cv * enthalpy]
 
     start = [p0, AMBIENT, 0.0, 0.0, 0.0, 0.0]
     result = solve_ivp(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,7 @@ import numpy.typing as npt
 from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.modes import Mode, find_modes
+from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model.units import from_si
 from workbench.operating_point import OperatingPoint
 
@@ -22,41 +23,13 @@ Inverse = Callable[[npt.ArrayLike], Vector]
 
 
 _RESPONSE = frozenset(
-    ("frdata", "omega", "ninputs", "noutputs", "input_labels", "output_labels", "sysname", "title")
-    + (
-        "plot_phase",
-        "plot_magnitude",
-        "return_magphase",
-        "squeeze",
-        "isdtime",
-        "magnitude",
-        "phase",
+    (
+        "frdata", "omega", "ninputs", "noutputs", "input_labels", "output_labels", "sysname",
+        "title", "plot_phase", "plot_magnitude", "return_magphase", "squeeze", "isdtime",
+        "magnitude", "phase",
     )
-)
+)  # fmt: skip
 """What python-control's plots read from a frequency response."""
-
-
-class Trust(Protocol):
-    """What is known of how far a linear model holds; `Validity` is what `linearise` gives."""
-
-    @property
-    def kinks(self) -> tuple[Any, ...]:
-        """Kinks of the plant at or next to the point."""
-
-    @property
-    def describing_functions(self) -> tuple[Any, ...]:
-        """Slopes that were taken over an oscillation."""
-
-    @property
-    def amplitude(self) -> Any:
-        """Steps of the input for which the linear response holds."""
-
-    @property
-    def frequency(self) -> Any:
-        """Frequencies up to which a sine on the full plant agrees."""
-
-    def summary(self) -> list[str]:
-        """Return the lines that need no simulation."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,7 +54,8 @@ class LinearModel(Drawn):
             true equilibrium.
         inverse: For an input that is not the plant's own: turns it into the plant's, in SI;
             a controller that thinks in the model's input sends its command through it.
-        verdict: How far the model may be trusted, or None.
+        verdict: How far the model may be trusted (`workbench.linearisation.validity.Validity`), or
+            None.
 
     Example:
         >>> from workbench.linearisation import linearise
@@ -105,7 +79,7 @@ class LinearModel(Drawn):
     y0: Vector
     drift: Vector
     inverse: Inverse | None = None
-    verdict: Trust | None = None
+    verdict: Any = None
 
     @cached_property
     def system(self) -> Any:
@@ -243,22 +217,14 @@ class LinearModel(Drawn):
     def discretise(self, sample_time: float) -> tuple[Vector, Vector, Vector, Vector]:
         """Return the matrices for inputs that are held over a sample.
 
-        ``exp([[A, B], [0, 0]] h) = [[Ad, Bd], [0, 1]]``, exact also for integrating models.
-
         Args:
             sample_time: Time between samples h, in s.
 
         Raises:
             WorkbenchError: If the sample time is outside its range.
         """
-        from scipy.linalg import expm
-
         h = check_range("sample time", sample_time, 1e-7, 1e4, "s")
-        n, m = self.B.shape
-        block = np.zeros((n + m, n + m))
-        block[:n] = np.hstack([self.A, self.B])
-        grown = expm(block * h)
-        return grown[:n, :n], grown[:n, n:], self.C.copy(), self.D.copy()
+        return *zero_order_hold(self.A, self.B, h), self.C.copy(), self.D.copy()
 
     def response(self, u: npt.ArrayLike, sample_time: float) -> Vector:
         """Simulate the model from its operating point, without drift.

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from workbench.errors import WorkbenchError, check_choice
+from workbench.errors import WorkbenchError
 from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened
 from workbench.linearisation.kinks import find_kinks
 from workbench.linearisation.linear_model import LinearModel
@@ -72,7 +72,7 @@ def linearise(
     curve = None if input == "plant" else op.model.traits.curve(input)
     point = op if curve is None else _straightened(op, curve)
     model = point.model
-    at = derivatives_of(model, model_form(form))
+    at = derivatives_of(model, form)
     p = model.values
     jacobian = at(point.x, point.u, p)[1]
     if not np.isfinite(jacobian).all():
@@ -111,21 +111,6 @@ def linearise(
         jacobian,
     )
     return replace(linear, verdict=Validity(linear, kinks, tuple(described)))
-
-
-def model_form(form: Form | str) -> Form:
-    """Return the form that a word or a form stands for.
-
-    Args:
-        form: `EXACT`, `REGULARISED`, ``"exact"`` or ``"regularised"``.
-
-    Raises:
-        WorkbenchError: If the word is neither.
-    """
-    if isinstance(form, Form):
-        return form
-    check_choice("form", form, ("exact", "regularised"))
-    return Form(regularised=form == "regularised")
 
 
 def _straightened(op: OperatingPoint, curve: ActuatorCurve) -> OperatingPoint:

@@ -35,7 +35,7 @@ class Derivatives:
         ([0.0, 1.0, 0.0], (3, 3))
     """
 
-    def __init__(self, model: Model, form: Form) -> None:
+    def __init__(self, model: Model, form: Form | str) -> None:
         """Build the functions, or take those built for the same equations before."""
         traced = model.form(form)
         self.n_x, self.n_u, self.n_p = traced.x.numel(), traced.u.numel(), traced.p.numel()
@@ -70,7 +70,7 @@ class Derivatives:
         return table[:, 0], table[:, 1:]
 
 
-def derivatives_of(model: Model, form: Form) -> Derivatives:
+def derivatives_of(model: Model, form: Form | str) -> Derivatives:
     """Return the derivatives of a model, built once for the same equations.
 
     Example:

@@ -7,9 +7,7 @@ infinite slope at r = 1, so psi is continued as a straight line from r = 0.995 t
 
 from __future__ import annotations
 
-from workbench.model.regularisation import EXACT, Expression, Form, maximum, minimum, sqrt, where
-
-__all__ = ["flow_function", "iso6358", "mass_flow_from_litres", "orifice_flow"]
+from workbench.model.regularisation import EXACT, Expression, Form, maximum, sqrt, where
 
 REFERENCE_DENSITY = 1.185
 """Density rho0 of air at the reference atmosphere (ANR), kg/m^3."""
@@ -19,30 +17,6 @@ REFERENCE_TEMPERATURE = 293.15
 
 LAMINAR_RATIO = 0.995
 """Pressure ratio above which psi is a straight line."""
-
-
-def _laminar_slope(critical_ratio: Expression) -> Expression:
-    z = (LAMINAR_RATIO - critical_ratio) / (1 - critical_ratio)
-    return sqrt(1 - z * z) / (1 - LAMINAR_RATIO)
-
-
-def _flow_function(r: Expression, critical_ratio: Expression, form: Form) -> Expression:
-    # without the limit at 1: there the derivative of a minimum is half of either side's
-    # z^2 of a clipped z is C1 at the critical ratio, so choking needs no rounding of its own
-    z = maximum(r - critical_ratio, 0.0) / (1 - critical_ratio)
-    y = 1 - z * z
-    slope = _laminar_slope(critical_ratio)
-    if form.regularised:
-        e = (2 / ((1 - critical_ratio) * slope)) ** 2
-        return y / sqrt(sqrt(y * y + e * e))
-    # the root is kept off y = 0 because the derivative of the branch not taken must be finite too
-    z_end = (LAMINAR_RATIO - critical_ratio) / (1 - critical_ratio)
-    root = sqrt(maximum(y, 1 - z_end * z_end))
-    return where(r > LAMINAR_RATIO, slope * (1 - r), root)
-
-
-def _choked_flow(p_up: Expression, T_up: Expression, conductance: Expression) -> Expression:
-    return conductance * REFERENCE_DENSITY * p_up * sqrt(REFERENCE_TEMPERATURE / T_up)
 
 
 def flow_function(
@@ -57,7 +31,6 @@ def flow_function(
 
     Args:
         ratio: Ratio r of the downstream to the upstream absolute pressure, 0..1; any shape.
-            Larger values count as 1.
         critical_ratio: Critical ratio b, below which the flow is choked.
 
     Returns:
@@ -66,39 +39,17 @@ def flow_function(
     Source:
         ISO 6358-1.
     """
-    return _flow_function(minimum(ratio, 1.0), critical_ratio, form)
-
-
-def iso6358(
-    p_up: Expression,
-    p_down: Expression,
-    T_up: Expression,
-    conductance: Expression,
-    critical_ratio: Expression,
-    *,
-    form: Form = EXACT,
-) -> Expression:
-    """Return the mass flow from the upstream to the downstream side.
-
-    Args:
-        p_up: Upstream absolute pressure, Pa; any shape, as all others.
-        p_down: Downstream absolute pressure, Pa; not above ``p_up`` (the flow is zero there).
-        T_up: Upstream temperature, K.
-        conductance: Sonic conductance C, m^3/(s Pa) of the reference atmosphere.
-        critical_ratio: Critical pressure ratio b.
-
-    Returns:
-        Mass flow, kg/s, not negative.
-
-    Source:
-        ISO 6358-1, reference atmosphere 293.15 K and 1.185 kg/m^3.
-
-    Example:
-        >>> round(float(iso6358(7.01325e5, 1.01325e5, 293.15, 2.9e-8, 0.23)), 4)
-        0.0241
-    """
-    psi = flow_function(p_down / p_up, critical_ratio, form=form)
-    return _choked_flow(p_up, T_up, conductance) * psi
+    # z^2 of a clipped z is C1 at the critical ratio, so choking needs no rounding of its own.
+    z = maximum(ratio - critical_ratio, 0.0) / (1 - critical_ratio)
+    y = 1 - z * z
+    z_end = (LAMINAR_RATIO - critical_ratio) / (1 - critical_ratio)
+    slope = sqrt(1 - z_end * z_end) / (1 - LAMINAR_RATIO)
+    if form.regularised:
+        e = (2 / ((1 - critical_ratio) * slope)) ** 2
+        return y / sqrt(sqrt(y * y + e * e))
+    # The root is kept off y = 0: the derivative of the branch not taken must be finite too.
+    root = sqrt(maximum(y, 1 - z_end * z_end))
+    return where(ratio > LAMINAR_RATIO, slope * (1 - ratio), root)
 
 
 def orifice_flow(
@@ -134,22 +85,7 @@ def orifice_flow(
     # would both be taken from the same side and cancel, leaving a flow without slope.
     forward = p_a >= p_b
     up, down = where(forward, p_a, p_b), where(forward, p_b, p_a)
-    choked = _choked_flow(up, where(forward, T_a, T_b), conductance)
-    flow = choked * _flow_function(down / up, critical_ratio, form)
+    temperature = where(forward, T_a, T_b)
+    choked = conductance * REFERENCE_DENSITY * up * sqrt(REFERENCE_TEMPERATURE / temperature)
+    flow = choked * flow_function(down / up, critical_ratio, form=form)
     return where(forward, flow, -flow)
-
-
-def mass_flow_from_litres(volume_flow_l_min: float) -> float:
-    """Return the mass flow of a volume flow in l/min of the reference atmosphere (ANR).
-
-    Args:
-        volume_flow_l_min: Volume flow, l/min ANR.
-
-    Source:
-        ISO 8778 reference atmosphere with 1.185 kg/m^3.
-
-    Example:
-        >>> round(mass_flow_from_litres(700.0), 4)
-        0.0138
-    """
-    return volume_flow_l_min / 60e3 * REFERENCE_DENSITY

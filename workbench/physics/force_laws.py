@@ -20,17 +20,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.errors import check_choice
-from workbench.model.regularisation import EXACT, Expression, Form, is_symbolic, sqrt
-from workbench.physics.force_polynomials import (
-    PHI_FLOOR,
-    PHI_MM,
-    PHI_ROUNDED_MM,
-    PHI_SWITCH,
-    PHI_SWITCH_PRINTED,
-    continuous_switch,
-    phi,
-    pressure_gain,
-)
+from workbench.model.regularisation import EXACT, Expression, Form, is_symbolic, sqrt, where
 
 BAR = 1e5
 """Pascal in one bar."""
@@ -63,64 +53,53 @@ def slack(tension: Expression, *, width: float = SLACK_WIDTH) -> Expression:
     return 0.5 * (tension + sqrt(tension * tension + width * width))
 
 
-@dataclass(frozen=True)
-class LawRange:
-    """Hold the region of contraction and gauge pressure in which a force law may be used.
+CONTRACTIONS = (-0.5e-3, 33e-3)
+"""Smallest and largest contraction for which the laws hold, m: D(q) has its minimum at 33.3 mm,
+beyond which the quadratic turns back. The lower end allows the half millimetre of stretch that a
+compressed stop permits; the laws are almost constant there."""
+
+D_BAR_MM = (280.0, -2.2, 0.033)
+"""D1, D2, D3 of the identified D(q), N/bar, N/(bar mm), N/(bar mm^2): the paper's Figure 7."""
+
+PHI_MM = (61.62, -43.691, 2.0189, -0.053424, 0.00045804)
+"""Polynomial of phi(q) in line [1] of the paper's Figure 3: N/mm^i for i = 0..4."""
+
+PHI_FLOOR = -9.2101
+"""Value of phi(q) below the switch, N."""
+
+PHI_SWITCH = 1.7573250315586657e-3
+"""Contraction at which the polynomial `PHI_MM` passes `PHI_FLOOR`, m."""
+
+PHI_SWITCH_PRINTED = 1.6e-3
+"""Contraction of the switch as printed, 1 - s/l_nom > 0.008, m."""
+
+PHI_WIDTH = 0.05e-3
+"""Half-width of the regularised form's blend of the two branches of phi(q), m."""
+
+
+def _polynomial(x: Expression, coefficients: tuple[Expression, ...]) -> Expression:
+    value = 0.0 * x
+    for c in reversed(coefficients):
+        value = value * x + c
+    return value
+
+
+def pressure_gain(
+    contraction: Expression, coefficients: tuple[Expression, ...] = D_BAR_MM
+) -> Expression:
+    """Return D(q), the tension gained per pascal: ``D(q) = D1 + D2 q + D3 q^2``, q in mm.
 
     Args:
-        contraction: Smallest and largest contraction, m.
-        gauge_pressure: Smallest and largest gauge pressure, Pa.
-    """
-
-    contraction: tuple[float, float] = (-0.5e-3, 33e-3)
-    gauge_pressure: tuple[float, float] = (0.0, 8e5)
-
-
-IDENTIFIED_RANGE = LawRange()
-"""D(q) has its minimum at 33.3 mm, beyond which the quadratic turns back: 33 mm is the end. The
-lower end allows the half millimetre of stretch that a compressed stop permits; the laws are
-almost constant there. 8 bar bounds the pressure a DMSP-20 may see in a transient."""
-
-
-def validity(
-    contraction: Expression, gauge_pressure: Expression, *, law_range: LawRange = IDENTIFIED_RANGE
-) -> tuple[str, ...]:
-    """Say in which way contraction or pressure leave the range of a force law.
-
-    Args:
-        contraction: Contraction q, m; number or array of any shape.
-        gauge_pressure: Gauge pressure, Pa; number or array of any shape.
+        contraction: Contraction q, m; any shape.
+        coefficients: D1, D2, D3 in N/bar, N/(bar mm), N/(bar mm^2).
 
     Returns:
-        One sentence per quantity that leaves its range, with the worst value; empty if none does.
-        A tiny undershoot of the pressure (1 Pa) and of the contraction (1 nm) is rounding.
+        Gain, N/Pa, of the shape of ``contraction``.
 
     Source:
-        Minimum of D(q) of the paper's identification; manufacturer's pressure limit.
-
-    Example:
-        >>> validity(0.01, 3e5)
-        ()
-        >>> validity(0.035, 3e5)
-        ('contraction reaches 35.00 mm; the force law holds from -0.5 to 33 mm',)
+        Equation (3) of the paper.
     """
-    found = []
-    for name, values, (low, high), scale, unit, rounding in (
-        ("contraction", contraction, law_range.contraction, 1e3, "mm", 1e-9),
-        ("gauge pressure", gauge_pressure, law_range.gauge_pressure, 1 / BAR, "bar", 1.0),
-    ):
-        array = np.asarray(values, dtype=float)
-        for worst, outside in (
-            (array.min(), array.min() < low - rounding),
-            (array.max(), array.max() > high + rounding),
-        ):
-            if outside or not math.isfinite(worst):
-                found.append(
-                    f"{name} reaches {worst * scale:.2f} {unit}; the force law holds from "
-                    f"{low * scale:g} to {high * scale:g} {unit}"
-                )
-                break
-    return tuple(found)
+    return _polynomial(1e3 * contraction, coefficients) / BAR
 
 
 class ForceLaw(ABC):
@@ -161,14 +140,11 @@ class ForceLaw(ABC):
     def force(
         self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
-        """Return the pulling force: the tension through the rounded slack clamp.
+        """Return the pulling force, N, of the arguments of `tension`: through the slack clamp.
 
         Args:
-            contraction: Contraction q, m; number, array or expression.
-            gauge_pressure: Gauge pressure p, Pa; of a shape that fits ``contraction``.
-
-        Returns:
-            Force, N, positive.
+            contraction: Contraction q, m.
+            gauge_pressure: Gauge pressure p, Pa.
         """
         return slack(self.tension(contraction, gauge_pressure, form=form), width=self.slack_width)
 
@@ -197,7 +173,7 @@ class PaperLaw(ForceLaw):
         274.5
     """
 
-    gain_bar_mm: tuple[Expression, Expression, Expression] = (280.0, -2.2, 0.033)
+    gain_bar_mm: tuple[Expression, Expression, Expression] = D_BAR_MM
     phi_mm: tuple[Expression, ...] = PHI_MM
     phi_floor: Expression = PHI_FLOOR
     phi_switch: Expression = PHI_SWITCH
@@ -205,56 +181,50 @@ class PaperLaw(ForceLaw):
     slack_width: float = SLACK_WIDTH
 
     @classmethod
-    def variant(
-        cls, name: Literal["corrected", "as_printed", "rounded_text"] = "corrected"
-    ) -> PaperLaw:
+    def variant(cls, name: Literal["corrected", "as_printed"] = "corrected") -> PaperLaw:
         """Return a named variant of the law.
 
         Args:
-            name: ``corrected``; ``as_printed`` (switch at 1.6 mm, absolute pressure); or
-                ``rounded_text`` (corrected, with the rounded phi of the paper's text).
+            name: ``corrected``, or ``as_printed``: switch at 1.6 mm, absolute pressure.
 
         Raises:
-            WorkbenchError: If the name is none of these.
+            WorkbenchError: If the name is neither.
         """
-        check_choice("force law variant", name, ("corrected", "as_printed", "rounded_text"))
+        check_choice("force law variant", name, ("corrected", "as_printed"))
         if name == "as_printed":
             return cls(phi_switch=PHI_SWITCH_PRINTED, reference_pressure=ATMOSPHERE)
-        if name == "rounded_text":
-            return cls(phi_mm=PHI_ROUNDED_MM, phi_switch=continuous_switch(PHI_ROUNDED_MM))
         return cls()
-
-    def pressure_gain(self, contraction: Expression) -> Expression:
-        """Return D(q), the tension gained per pascal.
-
-        Args:
-            contraction: Contraction q, m; any shape.
-        """
-        return pressure_gain(contraction, self.gain_bar_mm)
 
     def phi(self, contraction: Expression, *, form: Form = EXACT) -> Expression:
         """Return phi, the part of the tension that does not depend on pressure.
+
+        ``phi = sum_i c_i q^i`` beyond the switch, the floor before it. The branch is needed: at
+        q = 0 the polynomial gives +61.6 N, force without pressure. Regularised, the branches are
+        blended over 0.05 mm on either side of the switch, where the forms differ by up to 0.2 N
+        (half the jump, where there is one: the printed 1.6 mm makes phi jump by 5.88 N).
 
         Args:
             contraction: Contraction q, m; any shape.
 
         Returns:
-            Tension, N.
+            phi, N, of the shape of ``contraction``.
+
+        Source:
+            Line [1] of the paper's Figure 3, with the switch moved to where the branches meet.
         """
-        return phi(
-            contraction,
-            coefficients=self.phi_mm,
-            floor=self.phi_floor,
-            switch=self.phi_switch,
-            form=form,
-        )
+        above = _polynomial(1e3 * contraction, self.phi_mm)
+        if form.regularised:
+            share = form.step(contraction - self.phi_switch, PHI_WIDTH)
+            return self.phi_floor + share * (above - self.phi_floor)
+        return where(contraction > self.phi_switch, above, self.phi_floor)
 
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
-        """Return the unclamped tension, N, which may be negative."""
         pressure = gauge_pressure + self.reference_pressure
-        return self.pressure_gain(contraction) * pressure + self.phi(contraction, form=form)
+        return pressure_gain(contraction, self.gain_bar_mm) * pressure + self.phi(
+            contraction, form=form
+        )
 
 
 @dataclass(frozen=True)
@@ -269,13 +239,12 @@ class Petrovic(ForceLaw):
         Equation (3) of the paper, after Petrovic (2002).
     """
 
-    gain_bar_mm: tuple[Expression, Expression, Expression] = (280.0, -2.2, 0.033)
+    gain_bar_mm: tuple[Expression, Expression, Expression] = D_BAR_MM
     slack_width: float = SLACK_WIDTH
 
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
-        """Return the unclamped tension, N, which may be negative."""
         return pressure_gain(contraction, self.gain_bar_mm) * gauge_pressure
 
 
@@ -335,7 +304,6 @@ class TonduLopez(ForceLaw):
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
-        """Return the unclamped tension, N, which may be negative."""
         area = math.pi * self.nominal_diameter**2 / 4
         a = 3 / math.tan(self.fibre_angle) ** 2
         b = 1 / math.sin(self.fibre_angle) ** 2
@@ -376,7 +344,6 @@ class Sarosi(ForceLaw):
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
-        """Return the unclamped tension, N, which may be negative."""
         kappa = 100 * contraction / self.nominal_length
         p = gauge_pressure / BAR
         exponent = self.c * kappa

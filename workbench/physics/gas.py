@@ -35,11 +35,6 @@ class Gas:
         """Specific heat capacity at constant volume, J/(kg K)."""
         return self.gas_constant / (self.heat_ratio - 1)
 
-    @property
-    def cp(self) -> float:
-        """Specific heat capacity at constant pressure, J/(kg K)."""
-        return self.heat_ratio * self.cv
-
 
 AIR = Gas()
 """Dry air."""

@@ -92,12 +92,6 @@ class BraidedCylinder:
             return reduced * reduced
         return reduced / (2 * math.pi * self.turns)
 
-    def _squared_radius_slope(self, fibre_length: Expression) -> Expression:
-        if self.printing == "as_printed":
-            reduced = (self.fibre**2 - fibre_length * fibre_length) / (2 * math.pi * self.turns)
-            return -2 * reduced * fibre_length / (math.pi * self.turns)
-        return -fibre_length / (2 * math.pi**2 * self.turns**2)
-
     def diameter(self, fibre_length: Expression) -> Expression:
         """Return the diameter d of the middle (line [6]).
 
@@ -114,17 +108,6 @@ class BraidedCylinder:
         if form.regularised:
             return form.ramp(excess, END_WIDTH) + END_HEIGHT_FLOOR**2
         return maximum(excess, END_HEIGHT_FLOOR**2)
-
-    def end_height(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
-        """Return the height h of one flattened end (line [8]).
-
-        Args:
-            fibre_length: Fibre length s, m; any shape.
-
-        Returns:
-            Height, m.
-        """
-        return sqrt(self._squared_height(fibre_length, form))
 
     def end_volume(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
         """Return the volume of one flattened end (line [9]).
@@ -184,57 +167,3 @@ class BraidedCylinder:
             Lines [6] to [10] of the paper's Figure 3.
         """
         return self.cylinder_volume(fibre_length) + self.end_flattening(fibre_length, form=form)
-
-    def cylinder_slope(self, fibre_length: Expression) -> Expression:
-        """Return dV/ds of the volume without flattening.
-
-        Args:
-            fibre_length: Fibre length s, m; any shape.
-
-        Returns:
-            dV/ds, m^2; negative.
-        """
-        return math.pi * (
-            self.squared_radius(fibre_length)
-            + fibre_length * self._squared_radius_slope(fibre_length)
-        )
-
-    def slope(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
-        """Return dV/ds, the change of the gas volume with the fibre length, in closed form.
-
-        Minus the slope is the force per pressure that virtual work gives. It is finite at the
-        nominal length in the corrected law. As printed it is not: line [8] makes it grow like
-        ``1 / h`` towards q = 0, one more reason to correct line [9].
-
-        Args:
-            fibre_length: Fibre length s, m; any shape.
-
-        Returns:
-            dV/ds, m^2; negative, because a muscle fills as it shortens.
-
-        Source:
-            Derivative of lines [6] to [10] of the paper's Figure 3.
-        """
-        height2 = self._squared_height(fibre_length, form)
-        excess = self.squared_radius(fibre_length) - self.nominal_diameter**2 / 4
-        on = (
-            form.step(excess, END_WIDTH)
-            if form.regularised
-            else form.step(excess - END_HEIGHT_FLOOR**2, 0.0)
-        )
-        radius2_slope = self._squared_radius_slope(fibre_length)
-        height2_slope = on * radius2_slope
-        height = sqrt(height2)
-        if self.printing == "as_printed":
-            radius2 = self.squared_radius(fibre_length)
-            ends = (
-                math.pi
-                / 3
-                * (
-                    height2_slope / (2 * height) * (6 * radius2 + height2)
-                    + height * (6 * radius2_slope + height2_slope)
-                )
-            )
-        else:
-            ends = -math.pi * height * height2_slope
-        return self.cylinder_slope(fibre_length) + ends

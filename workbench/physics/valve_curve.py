@@ -26,9 +26,6 @@ OPENING_FRACTION: tuple[float, ...] = (
 VOLTAGE_WIDTH = 0.04
 """Half-width over which the regularised form rounds the corners of the curve, V."""
 
-LEAKAGE = 0.004
-"""Conductance of each edge that stays when it is shut, as a fraction of the full one."""
-
 
 @dataclass(frozen=True)
 class ValveCurve:

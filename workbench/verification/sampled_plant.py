@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from controllers.sampling import zero_order_hold
 from workbench.errors import NumericalError, check_choice
+from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector, index_of
 from workbench.simulation.integrators import Method, integrator_of, name_of

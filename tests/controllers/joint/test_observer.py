@@ -10,8 +10,8 @@ import pytest
 
 from controllers.joint.model import joint_model
 from controllers.joint.observer import JointEstimate, design_joint_observer
-from controllers.sampling import zero_order_hold
 from workbench.errors import WorkbenchError
+from workbench.linearisation.zero_order_hold import zero_order_hold
 
 
 def test_estimates_converge_to_a_disturbed_joint(third_order: Any) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from controllers.mpc.disturbance_observer import design_disturbance_observer
-from controllers.sampling import zero_order_hold
 from workbench.errors import WorkbenchError
+from workbench.linearisation.zero_order_hold import zero_order_hold
 
 SENSORS = ("angle", "pressure_1", "pressure_2")
 

@@ -12,8 +12,8 @@ import pytest
 import controllers.mpc.whole_model as mpc_module
 from controllers import MPCSpecification, design_mpc
 from controllers.quadratic_program.solver import Solution
-from controllers.sampling import zero_order_hold
 from workbench.errors import WorkbenchError
+from workbench.linearisation.zero_order_hold import zero_order_hold
 
 WANT = MPCSpecification(
     blocks=(1, 1, 2, 4), prediction_time=0.01, rate_limit=20.0, pressure_limits=(1e5, 5e5)

@@ -8,9 +8,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from tests.physics.effects.bench import bench, read
+from tests.physics.one_way import iso6358
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.physics.flow import iso6358
 from workbench.physics.gas_energy import isothermal_gas, polytropic_exchange
 from workbench.physics.leakage import chamber_leakage, cross_leakage, edge_leakage
 from workbench.physics.line import line, silencer

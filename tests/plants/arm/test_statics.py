@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from workbench.physics.force_laws import PaperLaw
-from workbench.physics.force_polynomials import continuous_switch
+from workbench.physics.force_laws import PHI_FLOOR, PHI_SWITCH, PaperLaw
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
 from workbench.plants.arm.inertia import ArmBody
 
@@ -78,4 +77,7 @@ def test_isometric_ramps_return_the_coefficients() -> None:
     refitted = np.polynomial.polynomial.polyval(q, poly)
     assert np.allclose(refitted, LAW.phi(1e-3 * q), atol=0.1)
     assert offset[0] == pytest.approx(-9.2101, abs=0.02)
-    assert 1e3 * continuous_switch(tuple(poly)) == pytest.approx(1.757, abs=0.01)
+    # They meet where the polynomial first passes its floor.
+    roots = np.polynomial.polynomial.polyroots(poly - np.eye(5)[0] * PHI_FLOOR)
+    first = min(r.real for r in roots if abs(r.imag) < 1e-9 and r.real >= 0.0)
+    assert first == pytest.approx(1e3 * PHI_SWITCH, abs=0.01)

@@ -11,7 +11,7 @@ from workbench.model import About, Effect, Input, Model, Output, Parameter, Port
 from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
 from workbench.physics.force_laws import (
-    IDENTIFIED_RANGE,
+    CONTRACTIONS,
     ForceLaw,
     PaperLaw,
     Petrovic,
@@ -149,8 +149,8 @@ def muscle(
         f"muscle{suffix}.contraction",
         laws.volume.nominal_length - fibre_length,
         unit="m",
-        lower=IDENTIFIED_RANGE.contraction[0],
-        upper=IDENTIFIED_RANGE.contraction[1],
+        lower=CONTRACTIONS[0],
+        upper=CONTRACTIONS[1],
     )
     contraction_speed = ca.jtimes(contraction, coordinate, coordinate_speed)
 

@@ -1,0 +1,33 @@
+"""Linear systems between samples."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Matrix = npt.NDArray[np.float64]
+
+
+def zero_order_hold(a: Matrix, b: Matrix, sample_time: float) -> tuple[Matrix, Matrix]:
+    """Discretise dx/dt = a x + b u exactly, for inputs that are held over a sample.
+
+    Args:
+        a: Shape (n, n).
+        b: Shape (n, m).
+        sample_time: Time between samples, in s.
+
+    Source:
+        Van Loan, IEEE Trans. AC-23, 1978.
+
+    Example:
+        >>> phi, gamma = zero_order_hold(np.array([[0.0]]), np.array([[2.0]]), 0.5)
+        >>> float(gamma[0, 0])
+        1.0
+    """
+    from scipy.linalg import expm
+
+    n, m = b.shape
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a * sample_time, b * sample_time
+    whole = expm(block)
+    return whole[:n, :n], whole[:n, n:]
