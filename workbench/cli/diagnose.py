@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from workbench.cli.as_json import AsJson
-from workbench.cli.plant import Effects, Options, Parameters, Short, Without
+from workbench.cli.plant import Effects, Options, Parameters, Short, Without, chosen_plant
 from workbench.cli.problem import (
     CaseName,
     CasePlant,
@@ -24,6 +24,8 @@ from workbench.cli.problem import (
 from workbench.errors import WorkbenchError, check_range
 
 if TYPE_CHECKING:
+    from workbench.diagnosis.experiment.menu import Experiment
+    from workbench.diagnosis.experiment.play import Machine
     from workbench.diagnosis.stages import Diagnosis
     from workbench.diagnosis.verdict import Verdict
     from workbench.physics.hypothesis import Hypothesis
@@ -65,6 +67,24 @@ def diagnose(
     quick: Annotated[
         bool, typer.Option("--quick", help=f"The same as --time-limit {QUICK_S:g}.")
     ] = False,
+    propose: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV file for the next input: times and inputs in the plant's units, to be played"
+            " on the machine.",
+            metavar="FILE",
+        ),
+    ] = None,
+    experiment: Annotated[
+        str | None,
+        typer.Option(
+            help="Play the next input on this machine and diagnose again with what it recorded; the"
+            " new verdict is written into the folder 'experiment' beside the first. A plant that"
+            " stands for it (a name, module:object or verdict.json), or a module:object of your"
+            " own with a method play(experiment) that returns a Recording.",
+            metavar="MACHINE",
+        ),
+    ] = None,
     data: Data = None,
     out: Annotated[
         Path | None,
@@ -77,16 +97,17 @@ def diagnose(
 
     The model is refitted first; what parameters can explain is no missing physics. After Ctrl-C,
     SIGTERM or a time limit, verdict.json holds what was found until then, and the same command goes
-    on from the last stage that was finished. Examples: 'workbench diagnose practice-08 --out
+    on from the last stage that was finished. --propose writes what to record next, --experiment
+    records it on a machine and judges again. Examples: 'workbench diagnose practice-08 --out
     diagnosis', 'workbench diagnose --fit a.csv --fit b.csv --hold-out c.csv --load 3kg',
     'workbench diagnose --plant my_plants:rig --effects my_physics:law --fit a.csv --hold-out
-    b.csv'.
+    b.csv', 'workbench diagnose practice-08 --propose plan.csv --experiment my_rig:machine --out
+    diagnosis'.
 
     Args:
         time_limit: Time after which it ends, in s, 1 to 1e6.
     """
     from workbench.diagnosis.problem import own_hypotheses
-    from workbench.work.counted import in_words
 
     begin = time.perf_counter()
     limit = _limit(time_limit, quick=quick)
@@ -116,15 +137,122 @@ def diagnose(
             " validate_*.csv"
         )
     own = own_hypotheses(problem.model, effects or (), folder=Path.cwd())
-    found = _run(loaded, own, workers, out, begin, limit)
-    typer.echo(f"{found.verdict}\nwork: {in_words(found.work)}", err=as_json)
-    if out is not None and not (found.verdict and found.verdict.interrupted):
-        _write(found, loaded, out)
-        typer.echo(f"open {out / 'report.html'}", err=as_json)
+    machine = None if experiment is None else _machine(experiment, loaded)
+    found = _finished(loaded, own, workers, out, begin, limit, as_json=as_json)
+    if propose is not None:
+        _propose(found, propose, as_json=as_json)
+    if machine is not None:
+        found = _after_experiment(
+            found, machine, loaded, own, workers, out, begin, limit, as_json=as_json
+        )
     if as_json:
         assert found.verdict is not None
         typer.echo(_text(found.verdict, loaded))
     return 0
+
+
+def _finished(
+    loaded: Loaded,
+    own: tuple[Hypothesis, ...] | None,
+    jobs: int,
+    out: Path | None,
+    begin: float,
+    limit: float | None,
+    *,
+    as_json: bool,
+) -> Diagnosis:
+    """Diagnose, print the verdict and write verdict and page."""
+    found = _run(loaded, own, jobs, out, begin, limit)
+    typer.echo(str(found.verdict), err=as_json)
+    if out is not None and not (found.verdict and found.verdict.interrupted):
+        _write(found, loaded, out)
+        typer.echo(f"open {out / 'report.html'}", err=as_json)
+    return found
+
+
+def _machine(name: str, loaded: Loaded) -> Machine:
+    """Return the machine that an option names, before anything takes time."""
+    from workbench.diagnosis.experiment.play import Machine, SimulatedMachine
+    from workbench.registry import load_object
+
+    if ":" in name:
+        found = load_object("machine", name, folder=Path.cwd())
+        if isinstance(found, Machine):
+            return found
+    model = chosen_plant(name, defaults=_shared(name, loaded)).model
+    wanted, offered = ([q.name for q in m.inputs] for m in (loaded.problem.model, model))
+    if wanted != offered:
+        raise WorkbenchError(
+            f"machine {name!r} has the inputs {', '.join(offered)}; what is diagnosed has"
+            f" {', '.join(wanted)}: give a machine with those"
+        )
+    return SimulatedMachine(model)
+
+
+def _shared(name: str, loaded: Loaded) -> dict[str, object]:
+    """Return options of the diagnosed plant that the machine has too, such as the load."""
+    from workbench.plants.registry import PLANTS
+
+    plant = PLANTS.get(name, folder=Path.cwd())
+    return {
+        o.name: v for o in plant.options if (v := loaded.chosen.options.get(o.name)) is not None
+    }
+
+
+def _plan(found: Diagnosis) -> Experiment | None:
+    plan = found.validated.plan if found.validated is not None else None
+    if plan is None:
+        said = found.verdict.next_experiment.get("sentence", "") if found.verdict else ""
+        typer.echo(f"no input is worth playing next{': ' if said else ''}{said}", err=True)
+    return plan
+
+
+def _propose(found: Diagnosis, path: Path, *, as_json: bool) -> None:
+    from workbench.diagnosis.experiment.play import plan_csv
+    from workbench.files import write_whole
+
+    plan = _plan(found)
+    if plan is not None:
+        write_whole(path, plan_csv(found.nominal, plan))
+        typer.echo(f"{plan.text}: written to {path}", err=as_json)
+
+
+def _after_experiment(
+    found: Diagnosis,
+    machine: Machine,
+    loaded: Loaded,
+    own: tuple[Hypothesis, ...] | None,
+    jobs: int,
+    out: Path | None,
+    begin: float,
+    limit: float | None,
+    *,
+    as_json: bool,
+) -> Diagnosis:
+    """Play the next input, and diagnose again with its recording."""
+    from workbench.diagnosis.experiment.play import plan_csv, with_experiment
+    from workbench.files import write_whole
+    from workbench.recordings.saving import write_recording
+    from workbench.registry import user_code
+
+    plan, problem = _plan(found), loaded.problem
+    if plan is None or (found.verdict and found.verdict.interrupted):
+        return found
+    typer.echo(f"{time.perf_counter() - begin:6.1f} s  playing {plan.text}", err=True)
+    with user_code("the machine"):
+        recording, fit, hold_out = with_experiment(
+            problem.model, plan, machine, problem.fit, problem.hold_out
+        )
+    folder = None if out is None else out / "experiment"
+    if folder is not None:
+        write_whole(folder / "plan.csv", plan_csv(found.nominal, plan))
+        write_recording(recording, folder / "recording.csv")
+    again = replace(loaded, problem=replace(problem, fit=fit, hold_out=hold_out))
+    second = _finished(again, own, jobs, folder, begin, limit, as_json=as_json)
+    assert found.verdict is not None and second.verdict is not None
+    for when, verdict in (("before", found.verdict), ("after", second.verdict)):
+        typer.echo(f"{when} the experiment: {verdict.brief}", err=as_json)
+    return second
 
 
 def _limit(seconds: float | None, *, quick: bool) -> float | None:

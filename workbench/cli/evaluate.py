@@ -79,6 +79,30 @@ def own_cases(
 
 
 @evaluate.command()
+def experiments(
+    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
+    count: Annotated[int, typer.Option(help="Cases that are to end as classes.", min=1)] = 10,
+    seeds: Annotated[int | None, typer.Option(help="Seed of the first case.")] = None,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Name of a case, such as own-40003; several times.")
+    ] = None,
+    jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 1,
+) -> int:
+    """Play what a diagnosis proposes on the machine of poorly recorded cases, and judge again.
+
+    Cases of the arm on a second simulator, recorded in closed loop only, are diagnosed until COUNT
+    of them ended as classes of look-alikes; each of these gets one more experiment of 20 s. The
+    last lines say how many became names. Finished cases are kept in OUT as with own-cases.
+    """
+    _one_thread()
+    from workbench.evaluation.own_cases.experiments import run_experiments
+
+    for line in run_experiments(out, count, seeds, only=only or (), jobs=jobs):
+        typer.echo(line)
+    return 0
+
+
+@evaluate.command()
 def foreign(
     out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
     count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 60,

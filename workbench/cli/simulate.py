@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -151,31 +150,14 @@ def _held(
 
 
 def _csv(run: Trajectory) -> str:
-    import numpy as np
+    from workbench.recordings.saving import csv_text
 
-    from workbench.model.units import from_si
-
-    columns, names = [run.time], ["time_s"]
     outputs = {q.name for q in run.model.outputs}
-    for quantity in (*run.model.inputs, *run.model.outputs):
-        unit = getattr(quantity, "display_unit", quantity.unit)
-        if quantity in run.model.inputs and quantity.name in outputs:
-            continue
-        columns.append(from_si(run[quantity.name], unit))
-        names.append(_heading(quantity.name, unit))
-    stream = io.StringIO()
-    np.savetxt(
-        stream,
-        np.column_stack(columns),
-        fmt="%.9g",
-        delimiter=",",
-        header=",".join(names),
-        comments="",
+    return csv_text(
+        run.time,
+        [
+            (q.name, getattr(q, "display_unit", q.unit), run[q.name])
+            for q in (*run.model.inputs, *run.model.outputs)
+            if q not in run.model.inputs or q.name not in outputs
+        ],
     )
-    return stream.getvalue()
-
-
-def _heading(name: str, unit: str) -> str:
-    if unit in ("", "1", "-"):
-        return f"{name} [1]"
-    return f"{name}_{unit}" if unit.isalpha() else f"{name} [{unit}]"

@@ -16,7 +16,7 @@ from workbench.diagnosis.estimation.fixed_parameters import with_fixed_uncertain
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import Prior, default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
-from workbench.diagnosis.experiment.next_experiment import next_experiment
+from workbench.diagnosis.experiment.next_experiment import Advice, next_experiment
 from workbench.diagnosis.location.locate import Location, locate
 from workbench.diagnosis.location.located_signal import missing_signals
 from workbench.diagnosis.nonparametric.fit import nonparametric_term
@@ -325,6 +325,6 @@ def validate(found: Diagnosis, *, advise: bool = True, say: Progress) -> Validat
             advice = next_experiment(found, prepared.fitting)
         except Exception as error:  # noqa: BLE001
             # Advice that fails must not cost the verdict.
-            advice = {"reason": f"it could not be worked out, because {error}"}
-        validated = replace(validated, advice=advice)
+            advice = Advice({"reason": f"it could not be worked out, because {error}"})
+        validated = replace(validated, advice=advice.said, plan=advice.plan)
     return validated

@@ -26,6 +26,7 @@ from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate, Refit
+from workbench.diagnosis.experiment.menu import Experiment
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import (
     MissingSignal,
@@ -82,7 +83,7 @@ _CLASSES: dict[str, Any] = {
         ),
         *(Observed, Prior, Estimate, Refit, ProcessNoiseFit, FreeRun, Location, Score, Scores),
         *(Candidate, NonparametricTerm, Law, Argument, Bins, Term, Curve),
-        *(MissingSignal, Occurrence, Place, Span),
+        *(MissingSignal, Occurrence, Place, Span, Experiment),
     )
 }
 
@@ -186,6 +187,9 @@ class StageFiles:
                 "shape": list(value.shape),
                 "packed": packed.decode("ascii"),
             }
+        if isinstance(value, Experiment):
+            # What a model would read in it is not read again.
+            value = dataclasses.replace(value, planned=None)
         if dataclasses.is_dataclass(value) and not isinstance(value, type):
             fields = {
                 f.name: self._plain(getattr(value, f.name)) for f in dataclasses.fields(value)

@@ -14,6 +14,7 @@ from typing import Any
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
+from workbench.diagnosis.experiment.menu import Experiment
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.location.missing_signal import MissingSignal, Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
@@ -70,6 +71,7 @@ class Validated:
         runs: Free runs by model (``nominal``, ``refitted``, ``extended``) and recording.
         location: Where the extended model lacks something; None if nothing was found.
         advice: What to record next, as `verdict.json` says it.
+        plan: The input to play next on the machine as it is set; None if no input is worth it.
         missing: What is missing, by finding; of the located group where nothing was found.
         not_shown: Why there is no such signal; empty if there is one.
     """
@@ -78,6 +80,7 @@ class Validated:
     runs: Mapping[str, Runs]
     location: Location | None = None
     advice: Mapping[str, Any] = field(default_factory=dict)
+    plan: Experiment | None = None
     missing: tuple[tuple[MissingSignal, ...], ...] = ()
     not_shown: str = ""
 

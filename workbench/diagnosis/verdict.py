@@ -128,6 +128,12 @@ class Verdict(Shown):
     interrupted: bool = False
     occurrence: Occurrence | None = None
 
+    @property
+    def brief(self) -> str:
+        """Kind and names in one line: ``named_class: coulomb_friction or stribeck_friction``."""
+        said = [" or ".join(f.alike) or f"something at {', '.join(f.where)}" for f in self.findings]
+        return f"{self.kind}: {', '.join(said)}" if said else self.kind
+
     def as_data(self) -> dict[str, Any]:
         """Return the verdict as plain data; numbers that are not finite become None."""
         data: dict[str, Any] = _plain(

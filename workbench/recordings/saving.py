@@ -1,19 +1,22 @@
-"""Write a recording as CSV that reads back without loss."""
+"""Write a recording as CSV that reads back without loss, or columns as people read them."""
 
 from __future__ import annotations
 
 import gzip
+import io
 import json
 import os
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
+from workbench.model.units import from_si
 from workbench.recordings.columns import Columns, without_giants
 from workbench.recordings.formats.text_layout import SAVED_MARK
 from workbench.recordings.recording import ColumnMapping, MappedColumn, Recording, Signal, Span
@@ -52,11 +55,41 @@ def _description(recording: Recording, columns: list[str]) -> str:
 
 
 def _column(signal: Signal) -> str:
-    # A unit with blanks or slashes stands in brackets, so that the header stays readable.
     if not signal.unit or signal.unit == "1":
         return signal.name
-    plain = signal.unit.isalpha()
-    return f"{signal.name}_{signal.unit}" if plain else f"{signal.name} [{signal.unit}]"
+    return _heading(signal.name, signal.unit)
+
+
+def _heading(name: str, unit: str) -> str:
+    # A unit with blanks or slashes stands in brackets, so that the header stays readable.
+    if unit in ("", "1", "-"):
+        return f"{name} [1]"
+    return f"{name}_{unit}" if unit.isalpha() else f"{name} [{unit}]"
+
+
+def csv_text(time: npt.ArrayLike, columns: Sequence[tuple[str, str, npt.ArrayLike]]) -> str:
+    """Write time and signals in the units that people read, with a heading that says them.
+
+    Args:
+        time: Instants, shape (n,), in s.
+        columns: Name, unit to write and values, shape (n,), in SI, of each signal.
+
+    Example:
+        >>> print(csv_text([0.0, 0.1], [("angle", "deg", [0.0, np.pi])]), end="")
+        time_s,angle_deg
+        0,0
+        0.1,180
+    """
+    stream = io.StringIO()
+    np.savetxt(
+        stream,
+        np.column_stack([time, *(from_si(np.asarray(v), unit) for _, unit, v in columns)]),
+        fmt="%.9g",
+        delimiter=",",
+        header=",".join(["time_s", *(_heading(name, unit) for name, unit, _ in columns)]),
+        comments="",
+    )
+    return stream.getvalue()
 
 
 def write_recording(recording: Recording, path: str | Path) -> Path:

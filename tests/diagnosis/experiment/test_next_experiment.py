@@ -155,7 +155,8 @@ def test_nothing_to_plan_from_is_refused() -> None:
 
 def test_what_is_proposed_after_a_name_and_after_silence() -> None:
     for hidden in (True, False):
-        step = next_experiment(diagnosed(hidden), [observed(1, hidden=hidden)])
+        step, plan = next_experiment(diagnosed(hidden), [observed(1, hidden=hidden)])
+        assert plan is None or not plan.settings
         if step:
             assert str(step["sentence"]).endswith(".")
             # One explanation is left, or none: there is nothing to separate.

@@ -24,7 +24,8 @@ from workbench.simulation.stepper import Stepper
 Vector = npt.NDArray[np.float64]
 
 LONGEST = 20.0
-"""Duration of an experiment, in s; a thousand samples where they are longer apart."""
+"""Duration of an experiment, in s; a thousand samples where they are longer apart.
+Twice the longest recording at the most."""
 
 SETTINGS: Mapping[str, tuple[str, float, str]] = {
     "supply_pressure": ("supply", 1e5, "bar"),
@@ -107,7 +108,7 @@ def menu(model: Model, recordings: Sequence[Observed]) -> tuple[Experiment, ...]
         raise WorkbenchError("experiments are planned from recordings, and there are none")
     first = recordings[0]
     longest = max(len(r.inputs) for r in recordings)
-    n = min(longest, max(1000, round(LONGEST / first.sample_time)))
+    n = min(2 * longest, max(1000, round(LONGEST / first.sample_time)))
     plan = _Plan(model, recordings, n)
     candidates = (*plan.open_loop(), *plan.closed_loop())
     return tuple(kept for e in candidates if (kept := plan.kept(e)) is not None)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.process_noise import extended_start
@@ -35,6 +35,21 @@ _REPEATED = 3
 _MOST_UNSEEN = 4
 _WORTHWHILE = 0.8
 _MOST_EXPLANATIONS = 3
+
+
+class Advice(NamedTuple):
+    """What to record next.
+
+    Args:
+        said: ``sentence``, ``experiment``, and ``separation_sigma``: the standard deviations by
+            which it is predicted to separate the explanations, None where only one is left; with
+            ``sensor`` and ``sensor_sigma`` where a sensor does better; empty where nothing is worth
+            recording.
+        plan: The best input that can be played on the machine as it is set; None if there is none.
+    """
+
+    said: Mapping[str, Any] = {}
+    plan: Experiment | None = None
 
 
 def separate(
@@ -85,21 +100,22 @@ def separate(
         return min(found, key=lambda s: s.sigma)
 
     ranked = sorted((told(e) for e in offered), key=lambda s: -s.sigma)
+    best = ranked[:_REPEATED]
     if experiments is None:
         settings = other_settings(first.fit.model, free)
-        ranked += [
-            told(with_setting(s.experiment, *setting))
-            for s in ranked[:_REPEATED]
-            for setting in settings
+        set_otherwise = [
+            told(with_setting(s.experiment, *setting)) for s in best for setting in settings
         ]
-        ranked.sort(key=lambda s: -s.sigma)
-    for i, found in enumerate(ranked[:_REPEATED]):
+        best += sorted(set_otherwise, key=lambda s: -s.sigma)[:_REPEATED]
+    for i, found in enumerate(best):
         back = [separation(separator, other, first, found.experiment) for other in others]
-        ranked[i] = min(found, *back, key=lambda s: s.sigma)
-    return tuple(sorted(ranked, key=lambda s: -s.sigma))
+        best[i] = min(found, *back, key=lambda s: s.sigma)
+    if experiments is not None:
+        best += ranked[_REPEATED:]
+    return tuple(sorted(best, key=lambda s: -s.sigma))
 
 
-def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str, object]:
+def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
     """Propose what to record next.
 
     Where several explanations are left, what separates them best, or the sensor to add if nothing
@@ -109,11 +125,6 @@ def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dic
 
     Args:
         recordings: The fitting recordings, observed with the nominal model.
-
-    Returns:
-        ``sentence``, ``experiment``, and ``separation_sigma``: the standard deviations by which it
-        is predicted to separate the explanations, None where only one is left; with ``sensor`` and
-        ``sensor_sigma`` where a sensor does better; empty where nothing is worth recording.
 
     Raises:
         WorkbenchError: If there are no recordings.
@@ -140,7 +151,7 @@ def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dic
     if not diagnosis.complete:
         return _locating(diagnosis, recordings[0].used)
     if not diagnosis.rounds:
-        return {}
+        return Advice()
     return _revealing(diagnosis, recordings)
 
 
@@ -160,10 +171,10 @@ def _bare(explanation: Explanation) -> str:
 
 def _deciding(
     left: Sequence[Explanation], recordings: Sequence[Observed], nominal: Model
-) -> dict[str, object]:
+) -> Advice:
     ranked = separate(left, recordings, nominal)
     if not ranked or not ranked[0].gain > 0.0:
-        return {}
+        return Advice()
     best = ranked[0]
     names = f"{_bare(left[0])} from {' and '.join(_bare(e) for e in left[1:])}"
     step: dict[str, object] = {
@@ -183,61 +194,64 @@ def _deciding(
             name, sigma = read[0]
             step |= {"sensor": name, "sensor_sigma": round(float(sigma), 1)}
             step["sentence"] = f"{step['sentence']} A sensor of {name} in it would, by {sigma:.1f}."
-    return step
+    playable = next((s.experiment for s in ranked if not s.experiment.settings), None)
+    return Advice(step, playable)
 
 
-def _sharpening(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str, object]:
+def _sharpening(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
     best = diagnosis.accepted[0][0]
     if best.size is None or not diagnosis.improved:
-        return {}
+        return Advice()
     name = f"{best.entry.name}.{best.entry.size_parameter}"
     explanation = Explanation(best.entry.name, diagnosis.extended, name)
     separator = Separator(recordings[0], diagnosis.nominal)
     offered = _offered(diagnosis.extended.model, recordings, diagnosis.nominal)
     spreads = [(spread_after(separator, explanation, e), e) for e in offered]
     if not spreads:
-        return {}
+        return Advice()
     (now, then), experiment = min(spreads, key=lambda pair: pair[0][1])
     if then > _WORTHWHILE * now:
-        return {}
+        return Advice()
     size = diagnosis.extended.refit.estimate(name)
-    return {
+    said = {
         "experiment": experiment.text,
         "separation_sigma": None,
         "sentence": f"{_capital(experiment.text)} would bring the size of"
         f" {_bare(explanation)}, {size.value:.3g} {size.unit}, from +-{now:.2g} to"
         f" +-{then:.2g} {size.unit}.",
     }
+    return Advice(said, experiment)
 
 
-def _locating(diagnosis: Diagnosis, outputs: Sequence[str]) -> dict[str, object]:
+def _locating(diagnosis: Diagnosis, outputs: Sequence[str]) -> Advice:
     """Propose the sensor that splits the group in which something unknown is missing."""
     ports = diagnosis.before.ports(diagnosis.base.model) if diagnosis.before else ()
     if not ports:
-        return {}
+        return Advice()
     told = isolability(diagnosis.base.model, outputs=outputs)
     # Where an output reads a signal as it is, a sensor of it is there already.
     there = {*outputs, *(f"{name}.reading" for name in outputs)}
     split = told.sensors_that_split(ports[:1])
     best = next((sensor for sensor in split if sensor.signal not in there), None)
     if best is None:
-        return {}
+        return Advice()
     parts = "; ".join(", ".join(part) for part in best.splits[0])
-    return {
+    said = {
         "sensor": best.text,
         "separation_sigma": None,
         "sentence": f"A sensor of {best.text} would tell apart what these measurements cannot:"
         f" {parts}.",
     }
+    return Advice(said)
 
 
-def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str, object]:
+def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
     scores = [s for s in diagnosis.rounds[0][0].scores if not s.testable]
     # Those whose typical size is nearest to what these recordings could have shown.
     scores.sort(key=lambda s: s.smallest / max(abs(s.entry.typical_size), 1e-300))
     entries: list[Hypothesis] = [s.entry for s in scores[:_MOST_UNSEEN]]
     if not entries:
-        return {}
+        return Advice()
     explanation = Explanation("the model", diagnosis.base)
     separator = Separator(recordings[0], diagnosis.nominal)
     offered = list(menu(diagnosis.base.model, recordings))
@@ -253,16 +267,19 @@ def _revealing(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> dict[str
         if sight.collinearity < COLLINEAR and abs(sight.entry.typical_size) > SEEN * sight.then
     ]
     if not found:
-        return {}
+        return Advice()
     best = max(found, key=lambda sight: sight.now / sight.then)
     unit = best.entry.unit
-    return {
+    said = {
         "experiment": best.experiment.text,
         "separation_sigma": None,
         "sentence": f"{_capital(best.experiment.text)} would show {_plain(best.entry.name)} of"
         f" {SEEN * best.then:.2g} {unit} or more; these recordings could have shown"
         f" {SEEN * best.now:.2g} {unit} at best.",
     }
+    playable = [sight for sight in found if not sight.experiment.settings]
+    plan = max(playable, key=lambda sight: sight.now / sight.then, default=None)
+    return Advice(said, plan.experiment if plan is not None else None)
 
 
 def _capital(text: str) -> str:

@@ -1,0 +1,141 @@
+"""Playing an experiment on a machine, and taking its recording into a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from workbench.diagnosis.estimation.made_up import made_up_recording
+from workbench.diagnosis.experiment.menu import Experiment
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.recordings.recording import Recording
+from workbench.recordings.saving import csv_text
+
+HELD_OUT = 0.4
+"""Share of a new recording that is held out."""
+
+_ROOM = 0.1
+_STILL_S, _STILL_SAMPLES = 0.2, 10
+
+
+@runtime_checkable
+class Machine(Protocol):
+    """A machine that an input can be played on."""
+
+    def play(self, experiment: Experiment) -> Recording:
+        """Play the inputs of an experiment from rest and return what was recorded."""
+
+
+@dataclass(frozen=True)
+class SimulatedMachine:
+    """A model that stands for a machine, with the noise and the resolution of its sensors.
+
+    Args:
+        seed: Seed of the noise.
+    """
+
+    model: Model
+    seed: int = 1
+
+    def play(self, experiment: Experiment) -> Recording:
+        """Play the inputs of an experiment from rest and return what was recorded.
+
+        Raises:
+            WorkbenchError: If the model has other inputs than the experiment.
+        """
+        return made_up_recording(
+            experiment.on(self.model),
+            experiment.inputs,
+            sample_time=experiment.sample_time,
+            seed=self.seed,
+            name="experiment",
+        )
+
+
+def plan_csv(model: Model, experiment: Experiment) -> str:
+    """Write the inputs of an experiment as a file to be played on a device.
+
+    Args:
+        model: The plant, for names and units of its inputs.
+
+    Returns:
+        CSV text: time in s and each input in the plant's unit, held until the next row.
+
+    Example:
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> print(plan_csv(servo_axis(), Experiment("push", 0.01, np.array([[5.0], [7.5]]))))
+        time_s,force_N
+        0,5
+        0.01,7.5
+        <BLANKLINE>
+    """
+    time = experiment.sample_time * np.arange(len(experiment.inputs))
+    return csv_text(
+        time,
+        [
+            (q.name, q.unit, column)
+            for q, column in zip(model.inputs, experiment.inputs.T, strict=True)
+        ],
+    )
+
+
+def with_experiment(
+    model: Model,
+    experiment: Experiment,
+    machine: Machine,
+    fit_on: Sequence[Recording],
+    hold_out: Sequence[Recording],
+) -> tuple[Recording, tuple[Recording, ...], tuple[Recording, ...]]:
+    """Play an experiment on a machine and add its recording, a part of it to those held out.
+
+    The recording is divided where the measurements move least, about `HELD_OUT` from its end.
+
+    Args:
+        model: The plant, for the names of its inputs and outputs.
+        machine: What plays an experiment and returns the recording.
+        fit_on: Recordings to fit on so far.
+        hold_out: Recordings to judge on so far.
+
+    Returns:
+        The recording, then recordings to fit on and to judge on.
+
+    Raises:
+        WorkbenchError: If the recording lacks an input, has no output or is too short.
+    """
+    recording = machine.play(experiment)
+    lacking = [q.name for q in model.inputs if q.name not in recording]
+    if lacking:
+        raise WorkbenchError(
+            f"the machine recorded no {lacking[0]!r}, an input of {model.name!r}; it recorded"
+            f" {', '.join(recording.names)}: record every input with the outputs"
+        )
+    outputs = [q for q in model.outputs if q.name in recording]
+    if not outputs:
+        raise WorkbenchError(
+            f"the machine recorded no output of {model.name!r}; it recorded"
+            f" {', '.join(recording.names)}, and one of {', '.join(q.name for q in model.outputs)}"
+            " is needed"
+        )
+    n = len(recording.time)
+    if n < 0.5 * len(experiment.inputs):
+        raise WorkbenchError(
+            f"the machine recorded {n} samples of {len(experiment.inputs)}; it must play at least"
+            " half of the experiment"
+        )
+    moved = np.nansum(
+        [np.abs(np.diff(recording[q.name], prepend=np.nan)) / q.scale for q in outputs], axis=0
+    )
+    step = float(np.median(np.diff(recording.time)))
+    width = max(_STILL_SAMPLES, round(_STILL_S / step))
+    around = np.convolve(moved, np.ones(width), mode="same")
+    first, last = (round((1.0 - HELD_OUT + off) * n) for off in (-_ROOM, _ROOM))
+    at = first + int(np.argmin(around[first:last]))
+    parts = [
+        replace(recording.take(rows), name=f"{recording.name}, {word}")
+        for rows, word in ((slice(0, at), "first part"), (slice(at, n), "last part"))
+    ]
+    return recording, (*fit_on, parts[0]), (*hold_out, parts[1])

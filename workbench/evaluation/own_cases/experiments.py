@@ -1,0 +1,175 @@
+"""Whether one more experiment turns a class of look-alikes into a name.
+
+Cases are recorded so poorly that many end as a class: short, in the loop, along slow sines of a few
+degrees. On each that does, what the tool proposes to record next is played on the rig for 20 s, and
+the tool judges again with it.
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.experiment.play import with_experiment
+from workbench.diagnosis.stages import Diagnosis
+from workbench.evaluation.answer_key import Truth
+from workbench.evaluation.blind_round import Line, score_case
+from workbench.evaluation.claims import answer_of
+from workbench.evaluation.kept import keep, silent, version
+from workbench.evaluation.own_cases.plan import Planned, names, plan
+from workbench.evaluation.rates import Rate
+from workbench.evaluation.rig.cases import make_case
+from workbench.evaluation.rig.machine import rig_of
+from workbench.recordings import read_case
+
+SCHEMA = "experiment_case/1"
+
+FIRST_SEED = 40000
+"""Seed of the first case unless another is given."""
+
+SECONDS = 10.0
+"""Length of the recordings that there are before the experiment, s."""
+
+ALIKE = (
+    "tilt", "valve_offset", "quadratic_drag", "leak_muscle_2", "stribeck", "constant_torque",
+    "pressure_offset", "hysteresis_maxwell", "parasitic_spring", "valve_asymmetry", "leak_muscle_1",
+    "muscle_viscosity", "pressure_gain", "load_friction", "force_shape", "hysteresis_bouc_wen",
+    "cogging", "lugre", "leak_between", "creep",
+)  # fmt: skip
+"""Effects that something else in the library resembles as long as the arm hardly moves."""
+
+
+def poor_cases(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
+    """Return cases of effects that something resembles, recorded along slow sines in the loop."""
+    single = {c.effects[0]: c for c in plan(first_seed) if c.kind == "single" and c.factor == 1.0}
+    return tuple(replace(single[name], recorded="narrow") for name in ALIKE)
+
+
+def run_experiments(
+    out: Path,
+    count: int,
+    first_seed: int | None = None,
+    *,
+    only: Sequence[str] = (),
+    jobs: int = 1,
+) -> Iterator[str]:
+    """Diagnose poorly recorded cases until some ended as classes, each with one more experiment.
+
+    Yields:
+        One line per case, then the table.
+
+    Args:
+        out: Where finished cases are kept, one JSON file each; those found there are not run again.
+        count: Cases that are to end as classes.
+        first_seed: Seed of the first case; None for that of the plan.
+        only: Names of cases; all of them without a name.
+    """
+    rows: list[dict[str, Any]] = []
+    for case in poor_cases(FIRST_SEED if first_seed is None else first_seed):
+        if only and case.name not in only:
+            continue
+        row = run(case, out, jobs=jobs)
+        yield line_of(row)
+        rows.append(row)
+        if sum("after" in r for r in rows) >= count:
+            break
+    yield table(rows)
+
+
+def run(case: Planned, out: Path, *, jobs: int = 1) -> dict[str, Any]:
+    """Diagnose one case and, if it ends as a class, play what is proposed and diagnose again.
+
+    Returns:
+        The content of the file: the verdict before and, if there was an experiment, after it.
+    """
+    kept = out / f"{case.name}.json"
+    if kept.exists():
+        return dict(json.loads(kept.read_text()))
+    with tempfile.TemporaryDirectory() as place:
+        folder = make_case(
+            case.seed,
+            list(case.effects),
+            case.load,
+            Path(place) / case.name,
+            sizes=case.changes,
+            load_error=case.load_error,
+            seconds=SECONDS,
+            recorded=case.recorded,
+        )
+        found = read_case(folder)
+        plant, fit, hold_out = (
+            found.model(),
+            tuple(found.fit.values()),
+            tuple(found.hold_out.values()),
+        )
+        row: dict[str, Any] = {
+            "schema": SCHEMA,
+            "case": case.name,
+            "title": case.title,
+            "effects": list(case.effects),
+            "version": version(),
+        }
+        began = time.process_time()
+        try:
+            first = diagnose(plant, fit, hold_out, jobs=jobs)
+            row["verdict"] = _data(first)
+            plan_ = first.validated.plan if first.validated else None
+            if is_class(row["verdict"]) and plan_ is not None:
+                row["experiment"] = plan_.text
+                _, fit, hold_out = with_experiment(plant, plan_, rig_of(folder), fit, hold_out)
+                row["after"] = _data(diagnose(plant, fit, hold_out, jobs=jobs, advise=False))
+        except Exception as error:  # noqa: BLE001
+            # A diagnosis that fails is a result too, and must not end the run.
+            row["after" if "verdict" in row else "verdict"] = silent("failed", error)
+        row["processor_seconds"] = time.process_time() - began
+    return keep(kept, row)
+
+
+def is_class(verdict: Mapping[str, Any]) -> bool:
+    """Return whether a verdict leaves look-alikes for anything that it found."""
+    return any(len(finding["class"]) > 1 for finding in verdict["findings"])
+
+
+def is_name(verdict: Mapping[str, Any]) -> bool:
+    """Return whether a verdict names all that it found."""
+    found = verdict["findings"]
+    return bool(found) and all(f["effect"] and len(f["class"]) == 1 for f in found)
+
+
+def line_of(row: Mapping[str, Any]) -> str:
+    """Return one line about a kept case."""
+    said = [_judged(row, row["verdict"]).said]
+    if "after" in row:
+        after = _judged(row, row["after"])
+        said += [f"[{row['experiment']}]", f"{after.said} ({after.remark})"]
+    return f"{row['case']} {row['title']:<30} {' -> '.join(said)}"
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return how many classes became names, right ones among them, as text."""
+    played = [row for row in rows if "after" in row]
+    named = [row for row in played if is_name(row["after"])]
+    right = [row for row in named if "wrong" not in _judged(row, row["after"]).remark]
+    return "\n".join(
+        [
+            f"{len(rows)} cases, {len(played)} ended as classes and got an experiment",
+            f"became a name        {Rate(len(named), len(played))}",
+            f"became a right name  {Rate(len(right), len(played))}",
+        ]
+    )
+
+
+def _judged(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> Line:
+    truths: tuple[Truth, ...] = names().truths(row["case"], list(row["effects"]))
+    return score_case(answer_of(verdict, row["case"], names()), truths)
+
+
+def _data(found: Diagnosis) -> dict[str, Any]:
+    assert found.verdict is not None
+    return found.verdict.as_data()
