@@ -11,7 +11,6 @@ which it grew would be seen here.
 
 from __future__ import annotations
 
-import ctypes
 import math
 import re
 import shutil
@@ -24,38 +23,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers import AnglePD, MPCSpecification, design_mpc, design_pid, design_sliding_mode
-from controllers.c_export import ExportedC, export_c
+from controllers import AnglePD, MPCSpecification, design_mpc
+from controllers.c_export import export_c
 from controllers.guard import FAULTS, Guarded
 from controllers.joint.schedule import JointSchedule
-from controllers.mpc.along_plan import ScheduledMPCSpecification, design_scheduled_mpc
+from controllers.mpc.prediction import Prediction
 from controllers.named_state import flat
-from controllers.pid import ScheduledPIDSpecification, design_scheduled_pid
+from controllers.pid import design_scheduled_pid
 from controllers.quadratic_program.solver import STATUSES, QuadraticProgram
-from controllers.sliding_mode import (
-    KINDS,
-    ScheduledSlidingModeSpecification,
-    design_scheduled_sliding_mode,
-)
-from controllers.state_feedback import design_state_feedback
+from tests.controllers.families import CLOSED_FORM, MPCS, family
+from tests.controllers.in_c import STRICT, InC, built
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.simulation.compiled import compiler
 from workbench.verification import guarded
 
 STEPS = 10_000
-STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
-PLAIN = ("-std=c99", "-Wall", "-Wextra", "-Werror")
-
-
-def built(exported: ExportedC, *flags: str) -> ctypes.CDLL:
-    found = compiler()
-    if found is None:
-        pytest.skip("no C compiler on this machine")
-    library = exported.source.with_suffix(".so")
-    command = [found, "-O2", "-ffp-contract=off", *flags, "-shared", "-fPIC"]
-    subprocess.run([*command, str(exported.source), "-o", str(library), "-lm"], check=True)
-    return ctypes.CDLL(str(library))
 
 
 def hard_run(law: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -75,33 +58,6 @@ def hard_run(law: Any) -> tuple[np.ndarray, np.ndarray]:
     mean = 3.6e5 + 2.2e5 * (np.sin(0.5 * time) > 0.9) - 3.2e5 * (np.sin(0.5 * time) < -0.95)
     measured = np.column_stack([angle, mean + swing, mean - swing])
     return measured[:, : len(law.sensors)], reference
-
-
-class InC:
-    """The exported controller, with the state that it carries itself."""
-
-    def __init__(self, law: Any, folder: Path, *flags: str, is_mpc: bool = False) -> None:
-        exported = export_c(law, folder, name="law")
-        self.library, self.is_mpc = built(exported, *flags), is_mpc
-        self.state = (ctypes.c_double * exported.states)()
-        self.command, self.report = (ctypes.c_double * 1)(), (ctypes.c_double * 4)()
-        self.reference = (ctypes.c_double * (1 + law.preview))()
-
-    def start(self, row: Any) -> None:
-        assert self.library.law_start((ctypes.c_double * len(row))(*row), self.state) == 0
-
-    def step(self, row: Any, wanted: Any) -> int:
-        self.reference[:] = wanted
-        extra = (self.report,) if self.is_mpc else ()
-        return int(
-            self.library.law_step(
-                (ctypes.c_double * len(row))(*row),
-                self.reference,
-                self.state,
-                self.command,
-                *extra,
-            )
-        )
 
 
 def compare(
@@ -139,40 +95,12 @@ def compare(
     return {"difference": difference, "drift": drift, **seen}
 
 
-LAWS = {
-    "scheduled PID": lambda schedule, _: design_scheduled_pid(schedule),
-    "leading PID": lambda schedule, _: design_scheduled_pid(
-        schedule, ScheduledPIDSpecification(lead=0.0055, lag=0.005)
-    ),
-    "state feedback": lambda schedule, _: design_state_feedback(schedule),
-    "PD on the angle": lambda *_: AnglePD(4.0, 0.05),
-    "fixed PID": lambda _, linear: design_pid(linear),
-    "fixed sliding mode": lambda _, linear: design_sliding_mode(linear),
-    **{
-        kind: lambda schedule, _, kind=kind: design_scheduled_sliding_mode(
-            schedule, ScheduledSlidingModeSpecification(kind=kind)
-        )
-        for kind in KINDS
-    },
-}
-
-MPCS = {
-    "scheduled MPC": lambda schedule, _: design_scheduled_mpc(schedule),
-    "linear MPC": lambda _, linear: design_mpc(linear),
-    "linear MPC with preview": lambda _, linear: design_mpc(linear, MPCSpecification(preview=True)),
-    "linear MPC with tight limits": lambda _, linear: design_mpc(
-        linear,
-        MPCSpecification(opening_limit=0.4, rate_limit=10.0, pressure_limits=(3e5, 4.5e5)),
-    ),
-}
-
-
-@pytest.mark.parametrize("make", LAWS.values(), ids=LAWS.keys())
+@pytest.mark.parametrize("make", CLOSED_FORM.values(), ids=CLOSED_FORM.keys())
 def test_c_agrees_over_ten_thousand_chained_steps(
     make: Any, schedule: JointSchedule, linear: LinearModel, tmp_path: Path
 ) -> None:
     law = make(schedule, linear)
-    found = compare(law, InC(law, tmp_path, *PLAIN), *hard_run(law))
+    found = compare(law, InC(law, tmp_path), *hard_run(law))
     # The command relative to the valve's range, 10 V; every entry of the state relative to the
     # largest value that it has had.
     assert found["difference"] / 10.0 <= 1e-12
@@ -186,7 +114,7 @@ def test_mpc_in_c_agrees_over_ten_thousand_chained_steps(
     make: Any, schedule: JointSchedule, linear: LinearModel, tmp_path: Path
 ) -> None:
     law = make(schedule, linear)
-    in_c = InC(law, tmp_path, *STRICT, is_mpc=True)
+    in_c = InC(law, tmp_path, *STRICT)
     found = compare(law, in_c, *hard_run(law))
     assert found["difference"] / 10.0 <= 1e-12
     assert found["drift"] <= 1e-12
@@ -212,7 +140,7 @@ def test_guard_of_c_is_that_of_the_law(linear: LinearModel, tmp_path: Path) -> N
         measurements[k : k + rng.integers(1, 12)] += rng.choice([np.nan, np.inf, 0.2, -0.8])
     reference[1500:][rng.random(1500) < 0.02] = np.nan
     reference[2000:2400] = 1.5
-    found = compare(law, InC(law, tmp_path, *PLAIN), measurements, reference)
+    found = compare(law, InC(law, tmp_path), measurements, reference)
     assert {FAULTS[status // 16].name for status in found["statuses"]} == {
         fault.name for fault in FAULTS if fault.name != "law"
     }
@@ -220,42 +148,29 @@ def test_guard_of_c_is_that_of_the_law(linear: LinearModel, tmp_path: Path) -> N
     assert found["drift"] <= 1e-12
 
 
-def without_slack(mpc: Any) -> Any:
+def without_slack(prediction: Prediction) -> Prediction:
     """Make the pressure limits hard, so that they contradict the valve's limits at times."""
-    matrix = mpc.prediction.A.copy()
+    matrix = prediction.A.copy()
     matrix[:, -1] = 0.0
-    return replace(mpc, prediction=replace(mpc.prediction, A=matrix))
+    return replace(prediction, A=matrix)
 
 
-def test_fallbacks_of_c_are_those_of_the_law(linear: LinearModel, tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["linear MPC", "scheduled MPC"])
+def test_fallbacks_of_c_are_those_of_the_law(
+    name: str, schedule: JointSchedule, linear: LinearModel, tmp_path: Path
+) -> None:
     # Contradictory constraints at times, measurements and references that are no numbers at others.
-    mpc = without_slack(design_mpc(linear, MPCSpecification(pressure_limits=(2.2e5, 5e5))))
+    if name == "linear MPC":
+        mpc = family("mpc", pressure_limits=(2.2e5, 5e5))(schedule, linear)
+        mpc = replace(mpc, prediction=without_slack(mpc.prediction))
+    else:
+        mpc = family("scheduled-mpc", pressure_limits=(2.5e5, 4e5))(schedule, linear)
+        mpc = replace(mpc, predictions=tuple(map(without_slack, mpc.predictions)))
     measurements, reference = hard_run(mpc)
     measurements[1000:1010, 1] = np.nan
     measurements[2000, 0] = np.inf
     reference[3000:3003] = np.nan
-    found = compare(mpc, InC(mpc, tmp_path, *STRICT, is_mpc=True), measurements, reference)
-    # Contradictions by the law; a measurement and a reference that are no numbers by the guard.
-    assert found["statuses"] & {0, 2, 48, 32, 16} == {0, 2, 48, 32, 16}
-    assert {status // 16 for status in found["statuses"]} == {0, 1, 2, 3}
-    assert found["difference"] / 10.0 <= 1e-12
-    assert found["drift"] <= 1e-12
-    assert np.isfinite(found["commands"]).all()
-
-
-def test_fallback_of_the_scheduled_mpc_in_c(schedule: JointSchedule, tmp_path: Path) -> None:
-    mpc = design_scheduled_mpc(schedule, ScheduledMPCSpecification(pressure_limits=(2.5e5, 4e5)))
-    hard = []
-    for prediction in mpc.predictions:
-        matrix = prediction.A.copy()
-        matrix[:, -1] = 0.0
-        hard.append(replace(prediction, A=matrix))
-    mpc = replace(mpc, predictions=tuple(hard))
-    measurements, reference = hard_run(mpc)
-    measurements[1000:1010, 1] = np.nan
-    measurements[2000, 0] = np.inf
-    reference[3000:3003] = np.nan
-    found = compare(mpc, InC(mpc, tmp_path, *STRICT, is_mpc=True), measurements, reference)
+    found = compare(mpc, InC(mpc, tmp_path, *STRICT), measurements, reference)
     # Contradictions by the law; a measurement and a reference that are no numbers by the guard.
     assert found["statuses"] & {0, 2, 48, 32, 16} == {0, 2, 48, 32, 16}
     assert {status // 16 for status in found["statuses"]} == {0, 1, 2, 3}
@@ -280,7 +195,7 @@ def test_mpc_in_c_agrees_with_the_solver_in_python(
         monkeypatch.setattr(f"{module}.quadratic_program", lru_cache(in_python))
     law = make(schedule, linear)
     measurements, reference = hard_run(law)
-    in_c = InC(law, tmp_path, *STRICT, is_mpc=True)
+    in_c = InC(law, tmp_path, *STRICT)
     found = compare(law, in_c, measurements[:1500], reference, openings=1e-10)
     assert 0.0 < found["difference"] / 10.0 <= 1e-9
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
-import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,18 +11,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers import design_mpc, design_pid, design_sliding_mode
-from controllers.c_export import export_c
 from controllers.guard import FAULTS, Guarded
-from controllers.h_infinity.controller import design_h_infinity
 from controllers.joint.schedule import JointSchedule
-from controllers.mpc.along_plan import design_scheduled_mpc
-from controllers.pid import design_scheduled_pid
-from controllers.sliding_mode import design_scheduled_sliding_mode
-from controllers.state_feedback import design_state_feedback
+from tests.controllers.families import family
+from tests.controllers.in_c import InC
 from workbench.linearisation import LinearModel
 from workbench.model import Model
-from workbench.simulation.compiled import compiler
 from workbench.verification import (
     Change,
     Run,
@@ -40,15 +32,15 @@ MOVE = replace(step_scenario("angle", 20, 40, unit="deg", hold=0.8), settle=0.1)
 PHASES = np.round(np.linspace(0.45, 0.85, 16), 3).tolist()
 """From rest through the move, which takes some 0.2 s from 0.5 s on, to rest."""
 
-FAMILIES: dict[str, Callable[[JointSchedule, LinearModel], Any]] = {
-    "fixed PID": lambda _, linear: design_pid(linear),
-    "scheduled PID": lambda schedule, _: design_scheduled_pid(schedule),
-    "sliding mode": lambda _, linear: design_sliding_mode(linear),
-    "super-twisting": lambda schedule, _: design_scheduled_sliding_mode(schedule),
-    "state feedback": lambda schedule, _: design_state_feedback(schedule),
-    "H-infinity": lambda schedule, _: design_h_infinity(schedule),
-    "linear MPC": lambda _, linear: design_mpc(linear),
-    "scheduled MPC": lambda schedule, _: design_scheduled_mpc(schedule),
+FAMILIES = {
+    "fixed PID": family("pid"),
+    "scheduled PID": family("scheduled-pid"),
+    "sliding mode": family("sliding-mode"),
+    "super-twisting": family("scheduled-sliding-mode"),
+    "state feedback": family("scheduled-state-feedback"),
+    "H-infinity": family("scheduled-h-infinity"),
+    "linear MPC": family("mpc"),
+    "scheduled MPC": family("scheduled-mpc"),
 }
 
 Faulty = Callable[[float], Scenario]
@@ -89,33 +81,6 @@ LONG: dict[str, Faulty] = {
 """Faults that cost the move; nothing that is not finite, no command that stays at its end."""
 
 
-class InC:
-    """An exported controller that is shown what one in the loop has seen."""
-
-    def __init__(self, law: Guarded, folder: Path) -> None:
-        found = compiler()
-        if found is None:
-            pytest.skip("no C compiler on this machine")
-        exported = export_c(law, folder, name="law")
-        path = folder / "law.so"
-        flags = ["-O1", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-shared", "-fPIC"]
-        subprocess.run([found, *flags, str(exported.source), "-o", str(path), "-lm"], check=True)
-        self.library, self.states = ctypes.CDLL(str(path)), exported.states
-
-    def replay(self, seen: Any, asked: Any) -> tuple[list[float], set[str]]:
-        state, report = (ctypes.c_double * self.states)(), (ctypes.c_double * 4)()
-        command, rows = (ctypes.c_double * 1)(), ctypes.c_double * seen.shape[1]
-        self.library.law_start(rows(*seen[0]), state)
-        commands, told = [], set()
-        for row, reference in zip(seen.tolist(), asked, strict=True):
-            status = self.library.law_step(
-                rows(*row), (ctypes.c_double * 1)(reference), state, command, report
-            )
-            told.add(FAULTS[status // 16].name)
-            commands.append(command[0])
-        return commands, told
-
-
 def check(run: Run, law: Guarded, in_c: InC, asked: Any) -> None:
     assert np.isfinite(run.inputs).all() and np.isfinite(run.outputs).all()
     valve = run["valve"]
@@ -128,7 +93,11 @@ def check(run: Run, law: Guarded, in_c: InC, asked: Any) -> None:
         (command,), memory, info = law.step(memory, tuple(row), (reference,))
         own.append(command)
         names.add(str(info.get("guard", "clear")))
-    commands, told = in_c.replay(run.measured, asked)
+    in_c.start(run.measured[0])
+    commands, told = [], set()
+    for row, reference in zip(run.measured.tolist(), asked, strict=True):
+        told.add(FAULTS[in_c.step(row, [reference]) // 16].name)
+        commands.append(in_c.command[0])
     assert told == names
     np.testing.assert_allclose(commands, own, atol=1e-8)
 

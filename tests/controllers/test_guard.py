@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from controllers import AnglePD, design_mpc, design_pid
+from controllers import design_pid
 from controllers.guard import (
     FAULTS,
     CommandLimits,
@@ -22,9 +21,7 @@ from controllers.guard import (
 )
 from controllers.joint.schedule import JointSchedule
 from controllers.linear_law import linear_law
-from controllers.pid import design_scheduled_pid
-from controllers.sliding_mode import design_scheduled_sliding_mode
-from controllers.state_feedback import design_state_feedback
+from tests.controllers.families import family as family_of
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.model import Model
@@ -35,15 +32,13 @@ STEP = step_scenario("angle", 30, 40, unit="deg", hold=0.4)
 BEGIN = 0.504
 """After the step, with the joint at rest still."""
 
-Make = Callable[[JointSchedule, LinearModel], Any]
-
-FAMILIES: dict[str, Make] = {
-    "PD on the angle": lambda schedule, linear: AnglePD(0.4, 0.02),
-    "fixed PID": lambda schedule, linear: design_pid(linear),
-    "scheduled PID": lambda schedule, linear: design_scheduled_pid(schedule),
-    "super-twisting": lambda schedule, linear: design_scheduled_sliding_mode(schedule),
-    "state feedback": lambda schedule, linear: design_state_feedback(schedule),
-    "linear MPC": lambda schedule, linear: design_mpc(linear),
+FAMILIES = {
+    "PD on the angle": family_of("angle-pd"),
+    "fixed PID": family_of("pid"),
+    "scheduled PID": family_of("scheduled-pid"),
+    "super-twisting": family_of("scheduled-sliding-mode"),
+    "state feedback": family_of("scheduled-state-feedback"),
+    "linear MPC": family_of("mpc"),
 }
 
 SPOILED = {

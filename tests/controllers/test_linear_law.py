@@ -7,35 +7,21 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers import cascade_pid, design_mpc, design_pid, design_sliding_mode
+from controllers import cascade_pid
 from controllers.joint.schedule import JointSchedule
 from controllers.linear_law import linear_law
-from controllers.mpc.along_plan import ScheduledMPCSpecification, design_scheduled_mpc
 from controllers.named_state import flat, restored
-from controllers.pid import ScheduledPIDSpecification, design_scheduled_pid
-from controllers.sliding_mode import (
-    ScheduledSlidingModeSpecification,
-    design_scheduled_sliding_mode,
-)
-from controllers.state_feedback import StateFeedbackSpecification, design_state_feedback
+from tests.controllers.families import family
 from workbench.linearisation import LinearModel
 
 LAWS = {
-    "pid": lambda linear, _: design_pid(linear),
-    "sliding mode": lambda linear, _: design_sliding_mode(linear),
-    "mpc": lambda linear, _: design_mpc(linear),
-    "scheduled pid": lambda _, schedule: design_scheduled_pid(
-        schedule, ScheduledPIDSpecification(lag=0.005)
-    ),
-    "integral": lambda _, schedule: design_scheduled_sliding_mode(
-        schedule, ScheduledSlidingModeSpecification(kind="integral")
-    ),
-    "state feedback": lambda _, schedule: design_state_feedback(
-        schedule, StateFeedbackSpecification(lag=0.005)
-    ),
-    "scheduled mpc": lambda _, schedule: design_scheduled_mpc(
-        schedule, ScheduledMPCSpecification(lag=0.005)
-    ),
+    "pid": family("pid"),
+    "sliding mode": family("sliding-mode"),
+    "mpc": family("mpc"),
+    "scheduled pid": family("scheduled-pid", lag=0.005),
+    "integral": family("scheduled-sliding-mode", kind="integral"),
+    "state feedback": family("scheduled-state-feedback", lag=0.005),
+    "scheduled mpc": family("scheduled-mpc", lag=0.005),
 }
 
 
@@ -43,7 +29,7 @@ LAWS = {
 def test_differences_of_the_step_agree(
     make: Any, linear: LinearModel, schedule: JointSchedule
 ) -> None:
-    law = make(linear, schedule)
+    law = make(schedule, linear)
     # Away from the corners of the schedule, with pressures that hold the joint there.
     angle = 0.45
     difference = float(linear.y0[1] - linear.y0[2])

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import math
 
-import casadi as ca
 import control as ct
 import numpy as np
 import pytest
 
-from controllers.arithmetic import SYMBOLS
 from controllers.h_infinity import synthesis
 from controllers.h_infinity.controller import HInfinity, HInfinitySpecification, design_h_infinity
 from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.joint.model import JointModel
 from controllers.joint.schedule import JointSchedule
-from controllers.named_state import flat, names, restored
 from controllers.sensitivity import peak_sensitivities
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
@@ -135,24 +132,6 @@ def test_anti_windup_forgets(law: HInfinity) -> None:
     assert np.abs(np.linalg.eigvals(observer)).max() == pytest.approx(
         math.exp(-25.0 * law.sample_time), rel=1e-6
     )
-
-
-def test_symbols_agree_with_floats(law: HInfinity) -> None:
-    state = law.initial_state((0.5, 4e5, 4e5))
-    z, m, r = ca.SX.sym("z", len(flat(state))), ca.SX.sym("m", 3), ca.SX.sym("r")
-    command, following, _ = law.law(
-        restored(state, ca.vertsplit(z)), tuple(ca.vertsplit(m)), (r,), SYMBOLS
-    )
-    function = ca.Function("law", [z, m, r], [ca.vcat(command), ca.vcat(flat(following))])
-    rng = np.random.default_rng(1)
-    for k in range(60):
-        measured = (0.5 + 0.1 * math.sin(0.2 * k), *rng.uniform(2e5, 5e5, 2).tolist())
-        wanted = (0.5 if k < 20 else 0.7,)
-        numbers = function(ca.DM(list(flat(state))), ca.DM(list(measured)), wanted[0])
-        command, state, _ = law.step(state, measured, wanted)
-        assert float(numbers[0]) == pytest.approx(command[0], abs=1e-9)
-        np.testing.assert_allclose(numbers[1].full().ravel(), flat(state), rtol=1e-9, atol=1e-9)
-    assert len(names(state)) == len(flat(state))
 
 
 def test_absent_slycot_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers.c_export import export_c
 from controllers.design import DESIGNS
 from controllers.guard import Guarded
 from controllers.pid import design_pid
@@ -24,12 +21,12 @@ from controllers.plain.state_feedback import (
 )
 from controllers.plain.transfer_law import design_plain_pid, pid_by_hand, transfer_controller
 from controllers.sensitivity import peak_sensitivities
+from tests.controllers.in_c import InC
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linear_model, linearise
 from workbench.model import Input, Model, Output, Parameter, State
 from workbench.operating_point import operating_point
 from workbench.plants.servo_axis import servo_axis
-from workbench.simulation.compiled import compiler
 from workbench.verification import guarded, metrics, step_scenario, verify
 
 
@@ -100,27 +97,15 @@ def test_every_family_controls_any_plant(
 
 def _check_c(law: Any, run: Any, folder: Path) -> None:
     """Let the exported controller see the measurements of a run, beside the one in Python."""
-    found = compiler()
-    if found is None:
-        pytest.skip("no C compiler on this machine")
-    exported = export_c(law, folder, name="law")
-    library = folder / "law.so"
-    flags = ["-std=c99", "-Wall", "-Wextra", "-Werror", "-ffp-contract=off", "-shared", "-fPIC"]
-    subprocess.run(
-        [found, "-O1", *flags, str(exported.source), "-o", str(library), "-lm"], check=True
-    )
-    step, start = (getattr(ctypes.CDLL(str(library)), f"law_{what}") for what in ("step", "start"))
-    state, one = (ctypes.c_double * exported.states)(), ctypes.c_double * 1
-    command, report = one(), (ctypes.c_double * 4)()
+    in_c, guard = InC(law, folder), Guarded(law)
     reference = next(iter(run.references.values()))
     # What the controller saw before t = 0 is not in the record: both start anew at the first row.
-    guard = Guarded(law)
     memory = guard.initial_state(tuple(run.measured[0].tolist()))
-    assert start(one(run.measured[0, 0]), state) == 0
+    in_c.start(run.measured[0, :1])
     for seen, asked in zip(run.measured[:, 0], reference, strict=True):
         (own,), memory, _ = guard.step(memory, (float(seen),), (float(asked),))
-        assert step(one(seen), one(asked), state, command, report) == 0
-        assert command[0] == pytest.approx(own, abs=1e-10 * run.input_quantities[0].upper)
+        assert in_c.step([seen], [asked]) == 0
+        assert in_c.command[0] == pytest.approx(own, abs=1e-10 * run.input_quantities[0].upper)
 
 
 def test_textbook_pid_by_hand() -> None:

@@ -1,0 +1,46 @@
+"""Controllers of every family on the arm, by design and numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from controllers.design import DESIGNS
+from controllers.joint.schedule import JointSchedule
+from workbench.linearisation import LinearModel
+
+Make = Callable[[JointSchedule, LinearModel], Any]
+
+
+def family(name: str, **numbers: Any) -> Make:
+    """Return what makes a controller from the schedule or from the linear model at one point."""
+    design = DESIGNS.get(name)
+
+    def make(schedule: JointSchedule, linear: LinearModel) -> Any:
+        source = schedule if design.needs == "map" else linear
+        return design.controller(source, design.specified(numbers))
+
+    return make
+
+
+CLOSED_FORM: dict[str, Make] = {
+    "PD on the angle": family("angle-pd", proportional=4.0, derivative=0.05),
+    "fixed PID": family("pid"),
+    "fixed sliding mode": family("sliding-mode"),
+    "scheduled PID": family("scheduled-pid"),
+    "leading PID": family("scheduled-pid", lead=0.0055, lag=0.005),
+    "boundary layer": family("scheduled-sliding-mode", kind="boundary layer"),
+    "integral": family("scheduled-sliding-mode", kind="integral"),
+    "super-twisting": family("scheduled-sliding-mode", kind="super-twisting"),
+    "state feedback": family("scheduled-state-feedback"),
+}
+"""Laws written once for floats and for symbols."""
+
+MPCS: dict[str, Make] = {
+    "scheduled MPC": family("scheduled-mpc"),
+    "linear MPC": family("mpc"),
+    "linear MPC with preview": family("mpc", preview=True),
+    "linear MPC with tight limits": family(
+        "mpc", opening_limit=0.4, rate_limit=10.0, pressure_limits=(3e5, 4.5e5)
+    ),
+}
