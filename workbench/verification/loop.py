@@ -196,7 +196,7 @@ def _loop(
             f"{controller.name} on {name}, {scenario.name}, at {k * h:.3f} s: {error}"
         ) from None
     if infos and "iterations" in infos[0]:
-        count("solver_iterations", int(np.nansum([info["iterations"] for info in infos])))
+        count("solver_iterations", int(np.nansum([info.get("iterations", 0.0) for info in infos])))
     states *= plant.scale
     check_finite(f"states of {name} with {controller.name}", states)
     return Run(
