@@ -46,8 +46,6 @@ class AnglePD(ValveLaw):
         proportional: Kp, opening fraction per rad.
         derivative: Kd, opening fraction per rad/s.
         derivative_filter: Time constant Tf of the derivative's filter, in s.
-        name: Name under which results are reported.
-        sensors: Name of the angle.
     """
 
     proportional: float

@@ -67,7 +67,6 @@ class AngleStiffnessState(NamedTuple):
     """What an `AngleStiffness` remembers.
 
     Args:
-        outer: State of the PID on the angle.
         pressure_1: Filtered gauge pressure of muscle 1, in Pa.
         pressure_2: Filtered gauge pressure of muscle 2, in Pa.
         filtered: Wanted mean after the first lag, in Pa.
@@ -117,7 +116,6 @@ class Air:
             angle: Angle, in rad.
             side: 1 for the muscle that shortens with the angle, -1 for the other;
                 dimensionless.
-            arithmetic: Floats or CasADi symbols.
 
         Source:
             ISO 6358-1.
@@ -153,11 +151,6 @@ class AngleStiffness(ClosedForm):
         mean_gain: Gain G on the error of the mean, relative to that on the difference.
         pressure_limits: Lowest and highest reference of a gauge pressure, in Pa.
         pressure_filter: Time constant of the pressures' filter, in s.
-        name: Name under which results are reported.
-        sensors: Names of the angle and the two pressures.
-        controlled: Names of the angle and the mean pressure.
-        actuators: Names of the two commands.
-        preview: No future references are used.
     """
 
     outer: CascadePID

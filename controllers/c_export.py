@@ -35,8 +35,6 @@ class ExportedC:
     """The files of an exported controller.
 
     Args:
-        source: C source file.
-        header: Header that documents the interface.
         states: Number of states (dimensionless).
         operations: Number of elementary operations of a step, at most (dimensionless).
     """

@@ -139,7 +139,6 @@ class GuardState(NamedTuple):
     """What a guard remembers.
 
     Args:
-        law: State of the law.
         measurement: Last plausible one, under the safe command the last one, in SI.
         command: Last command, in SI.
         reference: Last references within their ranges, in SI.
@@ -230,7 +229,6 @@ class Guarded:
     """A controller inside its guard; itself a controller.
 
     Args:
-        controller: The controller.
         guard: Its limits; by default none, which refuses what is not finite.
 
     Raises:

@@ -35,7 +35,6 @@ class MarginedDesign(Generic[C]):
     """A design and its margins.
 
     Args:
-        controller: The controller.
         speed: The number for its speed, in rad/s.
         sensitivity: Largest Ms over the models, a ratio.
         complementary: Largest Mt over the models, a ratio.

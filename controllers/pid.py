@@ -122,7 +122,6 @@ class PIDState(NamedTuple):
     """What a `CascadePID` remembers.
 
     Args:
-        tracking: State of the front end.
         integral: Integral part I, in rad/s2 (around one point in Pa).
         derivative: Filtered derivative D of the weighted error, in rad/s.
         error: Weighted error c r - y of the sample before, in rad.
@@ -150,7 +149,6 @@ class CascadePID(ValveLaw):
         difference_limit: Largest pressure difference asked for, in Pa; infinite for none.
         compensation: Share kappa of the unexplained acceleration compensated at once, a ratio.
         lag: Lag tau of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-        name: Name under which results are reported.
 
     Example:
         >>> pid = CascadePID(LaggedReference(), FixedGains(6e5, 2e6, 1e5, inner=2e-6))

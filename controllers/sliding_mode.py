@@ -63,7 +63,6 @@ class SlidingModeState(NamedTuple):
     """What a `SlidingMode` remembers.
 
     Args:
-        tracking: State of the front end.
         error_integral: Integral q of the error, in rad s.
         twist: Integral part v of the reaching jerk, in rad/s3.
         arrived: Opening that has arrived behind the lag, a fraction.
@@ -88,7 +87,6 @@ class SlidingMode(ValveLaw):
         rate_bound: Bound L on the rate of what the model leaves out, in rad/s4, for super-twisting.
         compensation: Share of the unexplained acceleration that counts as acceleration, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-        name: Name under which results are reported.
 
     Raises:
         WorkbenchError: If the kind is unknown or a number outside its range.

@@ -55,7 +55,6 @@ class StateFeedbackState(NamedTuple):
     """What a `StateFeedback` remembers.
 
     Args:
-        tracking: State of the front end.
         error_integral: Integral q of the error, in rad s.
         arrived: Opening that has arrived behind the lag, a fraction.
     """
@@ -70,13 +69,11 @@ class StateFeedback(ValveLaw):
     """Gain-scheduled LQI with planned reference and Kalman filter.
 
     Args:
-        tracking: Planner, Kalman filter and schedule.
         gains: Gains over the schedule's angles for angle (per rad), speed (s/rad), pressure
             difference (per Pa), integral (per rad s) and, if there is a lag, the opening that has
             arrived: 4 or 5 rows.
         compensation: Share of the unexplained acceleration that is compensated, a ratio.
         lag: Lag tau of spool and sample in the design, in s; 0 leaves it to the margin.
-        name: Name under which results are reported.
     """
 
     tracking: JointTracking

@@ -125,9 +125,6 @@ class ValveController(ThroughValve):
 
     Args:
         sample_time: Time between steps, in s.
-        valve: Valve curve that is inverted.
-        sensors: Names of the angle and the two pressures.
-        controlled: Name of the controlled output.
         actuators: Name of the command.
         preview: Number of future reference samples used.
     """

@@ -45,7 +45,6 @@ class HInfinity(ValveLaw):
     """H-infinity controller with planned reference, scheduled around.
 
     Args:
-        tracking: Planner, observer and schedule.
         A: State matrix of the sampled controller, shape (n, n).
         B: From the error, shape (n,), per rad.
         C: To the acceleration, shape (n,), in rad/s2.
@@ -57,7 +56,6 @@ class HInfinity(ValveLaw):
         inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
         compensation: Share of the unexplained acceleration that is compensated at once, 0..1,
             dimensionless.
-        name: Name under which results are reported.
     """
 
     tracking: JointTracking

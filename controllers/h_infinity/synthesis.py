@@ -128,7 +128,6 @@ def synthesise(
     """Synthesise the controller of least weighted norm, reduce its order and sample it.
 
     Args:
-        joint: The joint at the angle of the design.
         inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
         delay: Delay of sample, converter and spool, in s.
         tolerance: How much larger the norm may become by the reduction, a fraction.

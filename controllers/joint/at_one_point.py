@@ -97,7 +97,6 @@ class ReferenceModel:
     """Third-order model of the reference, and observer of the joint at one point.
 
     Args:
-        joint: The joint at the point.
         observer: Observer of speed and unexplained acceleration.
         speed: Poles omega_r of the reference model, in rad/s.
         pressure_filter: Time constant of the pressures' filter, in s.

@@ -70,7 +70,6 @@ class HysteresisCompensation:
             turn: Position z in the loop, -1..1.
             speed: Planned speed, in rad/s.
             h: Sample time, in s.
-            arithmetic: Floats or CasADi symbols.
 
         Returns:
             Position one sample later (dimensionless): exact for |z| <= 1 to first order, and

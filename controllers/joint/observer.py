@@ -66,7 +66,6 @@ class JointObserver:
         """Correct a prediction by the measured angle.
 
         Args:
-            predicted: Prediction for this sample.
             angle: Measured angle, in rad.
 
         Returns:
@@ -84,7 +83,6 @@ class JointObserver:
         """Predict the next sample.
 
         Args:
-            estimate: Estimate at this sample.
             difference: Pressure difference at this sample, in Pa.
 
         Returns:

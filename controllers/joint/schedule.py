@@ -74,7 +74,6 @@ class JointSchedule:
         Args:
             angle: Angle, in rad.
             mean: Mean gauge pressure, in Pa.
-            arithmetic: Floats or CasADi symbols.
 
         Returns:
             Interpolated numbers in SI. Beyond the grid only the difference continues.

@@ -70,8 +70,6 @@ class Start(NamedTuple):
     """Rest, as a front end takes it.
 
     Args:
-        state: The front end's state.
-        joint: Joint model there.
         holding: Acceleration by the measured pressure difference that something unknown withstands,
             in rad/s2, or the difference itself where the model knows nothing of inertia.
     """
@@ -101,7 +99,6 @@ class TrackingState(NamedTuple):
     """What a `JointTracking` remembers.
 
     Args:
-        plan: State of the planner.
         angle: Predicted angle, in rad.
         speed: Predicted speed, in rad/s.
         unexplained: Acceleration that the model does not explain, in rad/s2.
@@ -125,7 +122,6 @@ class JointTracking:
 
     Args:
         schedule: Joint model over angle and mean pressure.
-        planner: Planner of the reference.
         correction: Gains of the observer for angle, speed and unexplained acceleration, in SI.
         pressure_filter: Time constant of the pressures' filter, in s.
         sample_time: Time between samples, in s.

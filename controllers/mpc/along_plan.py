@@ -61,7 +61,6 @@ class ScheduledMPCState(NamedTuple):
     """What a `ScheduledMPC` remembers.
 
     Args:
-        tracking: State of the front end.
         error_integral: Integral q of the error, in rad s.
         deviation: Opening beside the feedforward's applied last, a fraction.
         arrived: Opening that has arrived behind the lag, a fraction.
@@ -93,7 +92,6 @@ class Problem(NamedTuple):
     """What the quadratic program of a `ScheduledMPC` is asked.
 
     Args:
-        errors: The errors now.
         bias: Pressure difference at which the third error is zero, in Pa.
         opening: Opening of the feedforward, a fraction.
         plan: Planned angle, in rad.
@@ -110,12 +108,10 @@ class ScheduledMPC(ValveController):
     """Gain-scheduled linear MPC with planned reference.
 
     Args:
-        tracking: Planner, observer and schedule.
         predictions: Condensed problem at every angle of the schedule.
         pressure_limits: Lowest and highest gauge pressure, in Pa.
         compensation: Share of the unexplained acceleration that is compensated, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-        name: Name under which results are reported.
     """
 
     tracking: JointTracking
@@ -219,9 +215,7 @@ class ScheduledMPC(ValveController):
         """Return the state after a step.
 
         Args:
-            front: The next state of the front end.
             opening: Opening applied, a fraction.
-            arithmetic: Floats or CasADi symbols.
         """
         # At a stop of the valve, whatever the rounding, the integral waits.
         free = arithmetic.largest(opening, -opening) < 1.0 - 1e-9

@@ -50,7 +50,6 @@ def mpc_source(
         factor: Whether its matrices are factored at every step.
         defined: Sizes and numbers of the step, by name, in SI.
         tables: Tables of the step, by name, in SI.
-        states: Names of the entries of the state.
         work: Numbers of static memory beside the solver's.
         prepared: Multiplications of a step without active constraints.
     """

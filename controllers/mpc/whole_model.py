@@ -80,14 +80,11 @@ class LinearMPC(ValveController):
     """Linear MPC with constraints on opening, its rate and the pressures.
 
     Args:
-        observer: Observer of states and disturbances.
-        prediction: The condensed problem.
         start: Estimate of (x, w) per deviation of the measurements at rest, shape (n, n_sensors),
             in SI.
         path: Reference trajectory per (reference, filtered, target), shape (N, 3), dimensionless.
         rest_opening: Opening at the operating point, a fraction.
         reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
-        name: Name under which results are reported.
     """
 
     observer: DisturbanceObserver

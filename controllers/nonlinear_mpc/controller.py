@@ -162,7 +162,6 @@ class Step(NamedTuple):
         plan: New openings, shape (N,), fractions.
         trajectory: New scaled states, shape (n_p, N + 1).
         slack: Pressure out of the limits, in Pa.
-        solved: Whether the quadratic program was solved.
         status: The solver's own word.
         iterations: Its number of iterations (dimensionless).
     """
@@ -180,16 +179,11 @@ class NonlinearMPC(ThroughValve):
     """Real-time iteration MPC with disturbance estimate.
 
     Args:
-        specification: What it was designed for.
         prediction: States of the prediction and their scales.
         shots: Mapped stages: (Z, U, w) -> ends of the stages, derivatives by z and by the input.
         stage: One stage, for the converged solution.
         observer: Estimates states and disturbances from the measurements.
         pressure_limits: Lowest and highest absolute pressure, in Pa.
-        valve: Valve curve that is inverted.
-        name: Name under which results are reported.
-        sensors: Names of the angle and the two pressures.
-        controlled: Name of the controlled output.
         actuators: Name of the command.
     """
 

@@ -33,7 +33,6 @@ class ExtendedKalmanFilter:
     """The filter of one model, without memory of its own.
 
     Args:
-        rates: The model's states and their scales.
         sample: Map over one sample, (x, u, w) -> next x and its derivatives by x, u and w.
         read: Measurements in SI, (x, u) -> measurements and their derivatives by x.
         rest: States about which it starts, shape (n,), scaled.

@@ -36,9 +36,6 @@ Compile = Callable[[ca.Function], ca.Function]
 class Called:
     """A CasADi function of vectors and matrices, called through buffers.
 
-    Args:
-        function: The function.
-
     Example:
         >>> x = ca.SX.sym("x", 2)
         >>> Called(ca.Function("f", [x], [2 * x, ca.sum1(x)]))(np.array([1.0, 2.0]))[0].ravel()
@@ -82,7 +79,6 @@ class Dynamics:
 
     Args:
         function: (z, u, w) -> (dz/dt, its derivatives by z, by u and by w).
-        names: Names of the states z.
         scale: Scales of the states, shape (n,), in SI.
         disturbances: Number of disturbances w.
     """

@@ -1,1 +1,1 @@
-"""Controllers of one output by one command, for any linear model: nothing is known of an arm."""
+"""Controllers for any linear model: a `LinearModel` or a continuous python-control system."""

@@ -46,9 +46,6 @@ def design_plain_h_infinity(
 ) -> TransferLaw:
     """Design an H-infinity controller between one command and one output of any linear model.
 
-    Args:
-        linear: A `LinearModel` or a python-control system.
-
     Raises:
         WorkbenchError: If slycot is not installed.
         NumericalError: If there is no such controller.

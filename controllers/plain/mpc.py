@@ -52,9 +52,6 @@ def design_plain_mpc(
 ) -> LinearMPC:
     """Design a linear MPC without offset for any linear model.
 
-    Args:
-        linear: A `LinearModel` or a python-control system.
-
     Raises:
         WorkbenchError: If the output cannot be led to a reference by the command, or a Riccati
             equation has no solution.

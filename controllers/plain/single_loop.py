@@ -129,16 +129,12 @@ class PlainLaw(ClosedForm):
     What it tells has ``asked``, the command before its ends.
 
     Args:
-        sensors: Name of the measured output.
-        controlled: Name of the controlled output.
         actuators: Name of the command.
         sample_time: Time between steps, in s.
         rest: Command at rest, in SI.
         rest_output: Output at rest, in SI.
         lower: Lower end of the command, in SI.
         upper: Upper end of the command, in SI.
-        preview: No future references are used.
-        name: Name under which results are reported.
     """
 
     sensors: tuple[str, ...]

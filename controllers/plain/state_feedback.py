@@ -178,9 +178,6 @@ def design_lqi(linear: LinearModel, specification: LQISpecification | None = Non
     A Kalman filter takes away the margins that an LQR has: the command is made dearer until Ms of
     the sampled loop is within its limit.
 
-    Args:
-        linear: A `LinearModel` or a python-control system.
-
     Raises:
         WorkbenchError: If the output cannot be led to a reference by the command, or a Riccati
             equation has no solution.
@@ -231,7 +228,6 @@ def state_feedback_by_hand(
     The states are those of the linear model, in its order, estimated by a Kalman filter.
 
     Args:
-        linear: A `LinearModel` or a python-control system.
         gain: K, shape (n_states,), in SI of the command per SI of the states.
         integral_gain: Kq, in SI of the command per SI of the output and s; 0 for none.
 
@@ -280,9 +276,6 @@ def design_plain_sliding_mode(
     linear: LinearModel, specification: PlainSlidingModeSpecification | None = None
 ) -> ObserverLaw:
     """Design a sliding mode with boundary layer and integral for any linear model.
-
-    Args:
-        linear: A `LinearModel` or a python-control system.
 
     Raises:
         WorkbenchError: If the command does not reach all states.

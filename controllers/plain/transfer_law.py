@@ -269,9 +269,6 @@ def design_plain_pid(
     missing, and the gain is what is left; w is lowered from ``bandwidth`` until Ms and Mt of the
     sampled loop are within their limits and the gain within the command's.
 
-    Args:
-        linear: A `LinearModel` or a python-control system.
-
     Raises:
         WorkbenchError: If no crossover frequency meets the limits.
 

@@ -161,9 +161,7 @@ class Planner:
         """Plan one sample.
 
         Args:
-            state: State of the sample before.
             reference: Reference now, in rad.
-            arithmetic: Floats or CasADi symbols.
 
         Returns:
             Where the joint shall be now, in SI, and the next state.
@@ -256,7 +254,6 @@ class Planner:
 
         Args:
             time: How much later, in s.
-            arithmetic: Floats or CasADi symbols.
         """
         now = _offset(state, state.elapsed)
         jerk = plan.jerk - arithmetic.where(state.elapsed < state.duration, now[3], 0.0)

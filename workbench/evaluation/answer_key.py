@@ -25,7 +25,6 @@ class Truth:
 
     Args:
         library: Names of the library that say the same; none if the library does not have it.
-        groups: Groups of ports where it acts.
         sensor: Whether it is an error of a sensor.
     """
 

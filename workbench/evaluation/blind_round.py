@@ -55,7 +55,6 @@ class Line:
 
     Args:
         hidden: What was hidden, in the words of the key.
-        said: What the verdict says.
         points: Points, and the most that could be had.
         most: Most points that could be had.
         remark: The points in words, effect by effect.
@@ -80,7 +79,6 @@ class RoundScore:
     """The score of a round.
 
     Args:
-        lines: One per case.
         p_value: Probability that verdicts dealt out to the cases at random score as much.
         chance: Mean points of such verdicts, dimensionless.
         committed: Number of answers checked against their commitments; None if none were given.

@@ -57,11 +57,7 @@ def straightened(model: Model, curve: ActuatorCurve | str) -> Model:
 
 @dataclass(frozen=True)
 class ActuatorInverse:
-    """The inverse of an actuator's static curve, read off the model at its operating point.
-
-    Args:
-        operating_point: Where the plant stands.
-    """
+    """The inverse of an actuator's static curve, read off the model at its operating point."""
 
     operating_point: OperatingPoint
     curve: ActuatorCurve

@@ -29,7 +29,6 @@ class Kink:
 
     Args:
         name: State or input across which the slopes jump.
-        unit: Its SI unit.
         distance: Where the kink is, from the operating point, in ``unit``; 0 for on the kink.
         below: Linear model on the side of smaller values; its slopes hold up to the kink.
         above: Linear model on the side of larger values.

@@ -158,8 +158,6 @@ class LinearModel(Drawn):
 
         Args:
             inputs: Names to keep; all by default. The others stay at the operating point.
-            outputs: Names to keep; all by default.
-            states: Names to keep; all by default.
             rest: What the other states do: ``"follow"``, their rates are zero at all times
                 (right for fast ones, such as a spool), or ``"held"``, they stay at the operating
                 point (right for slow ones).

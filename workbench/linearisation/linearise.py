@@ -36,7 +36,6 @@ def linearise(
     over an oscillation (``amplitude``), because dry friction has no slope at rest.
 
     Args:
-        op: Where to linearise.
         input: ``"plant"`` for the plant's own inputs, or the name of an actuator's curve that the
             plant declares and a controller inverts, such as ``"opening"`` of the arm's valve,
             -1..1: the model's ``inverse``. The state behind the curve is then straight in it.

@@ -23,7 +23,6 @@ class FrequencyValidity:
     """Frequencies at which a sine on the full plant agrees with the linear model.
 
     Args:
-        output: Output that was compared.
         gain_within: Largest gain error allowed, as a fraction.
         phase_within: Largest phase error allowed, in rad.
         lower: Lowest frequency of the band that agrees, in Hz; NaN if none does.

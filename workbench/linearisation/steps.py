@@ -24,7 +24,6 @@ class AmplitudeValidity:
     """Steps of an input for which the linear response holds.
 
     Args:
-        output: Output that was compared.
         within: Largest deviation allowed, as a fraction of the largest linear response.
         horizon: Length of the comparison after the step, in s.
         lower: Smallest step that holds, in SI of the linear model's input; NaN if none does.
@@ -32,7 +31,6 @@ class AmplitudeValidity:
         amplitudes: Steps that were tried, in both directions, shape (n,), in SI.
         errors: Deviation of the worse direction, as a fraction, shape (n,), dimensionless.
         moves: Largest linear response to each step, shape (n,), in SI of the output.
-        unit: Unit in which the output is shown.
         input_unit: Unit of the steps as written; empty where it is not known.
     """
 

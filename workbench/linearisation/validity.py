@@ -16,13 +16,10 @@ class DescribingFunction:
     """A slope that was taken over an oscillation of a state because it is another at the point.
 
     Args:
-        name: State that oscillates.
         amplitude: Amplitude of the oscillation, in SI.
         of: State whose rate has the slope.
         at_rest: Slope at the point, in SI.
         over_oscillation: Slope over the oscillation, in SI, which the matrices hold.
-        unit: Unit of the oscillation.
-        rate_unit: Unit of the rate.
     """
 
     name: str

@@ -38,14 +38,12 @@ class Effect:
 
     Args:
         name: Name of the effect; its states and parameters appear as ``name.own_name``.
-        ports: Names of the ports that it acts on.
         transform: Takes what the effect sees at a port, returns the new signal there.
         parameters: Own parameters, with short names.
         states: Own states, with short names.
         rates: Takes what the effect sees of the whole model, returns the rate of each own state.
         start: Same, returns the value of own states at the start of a run; ``State.initial`` for
             those that it leaves out.
-        about: Equation, source, look-alikes.
         dry: Whether it is friction or play without a slope at rest: linear models leave it out.
         settle: Takes this effect and the model that it is being attached to, returns what is
             attached: units and sizes that follow from the ports are known only then.

@@ -33,14 +33,10 @@ class Model(Shown):
     measurement of every output. Whatever passes through ``scope.port`` can be changed by an effect.
 
     Args:
-        name: Name of the plant.
         equations: The equations, written with the names of a `Scope`.
         states: States, those of attached effects last.
-        inputs: Inputs.
-        outputs: Outputs.
         parameters: Parameters, those of attached effects last.
         effects: Attached effects, in the order in which they act on a port.
-        description: What the plant is, in a few words.
         traits: What general rooms may know of the plant beside its equations.
 
     Raises:
@@ -369,7 +365,6 @@ def index_of(kind: str, name: str, quantities: Sequence[Quantity]) -> int:
 
     Args:
         kind: What is looked for, for the message: ``"state"``, ``"parameter"``, ...
-        quantities: Where to look.
 
     Raises:
         WorkbenchError: If there is none of that name; names the nearest.

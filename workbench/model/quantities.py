@@ -51,10 +51,6 @@ class State(Quantity):
     """A quantity with a rate of change.
 
     Args:
-        name: Name of the state.
-        unit: SI unit.
-        scale: Typical size, in ``unit``.
-        description: What it is, in a few words.
         initial: Value at the start of a run unless another is given, in ``unit``.
         lower: Smallest value inside the validity of the model's laws, in ``unit``.
         upper: Largest value inside the validity of the model's laws, in ``unit``.
@@ -73,10 +69,6 @@ class Input(Quantity):
     """A command or disturbance that drives the model, held between samples.
 
     Args:
-        name: Name of the input.
-        unit: SI unit.
-        scale: Typical size, in ``unit``.
-        description: What it is, in a few words.
         nominal: Value at rest, in ``unit``.
         lower: Saturation, in ``unit``.
         upper: Saturation, in ``unit``.
@@ -94,10 +86,6 @@ class Output(Quantity):
     """What a sensor reads.
 
     Args:
-        name: Name of the measurement.
-        unit: SI unit.
-        scale: Typical size, in ``unit``.
-        description: What it is, in a few words.
         resolution: Step of the converter that reads it, in ``unit``; 0 for none.
         noise_rms: Root mean square of the white noise before conversion, in ``unit``.
         lower: Lower end of the sensor's range, in ``unit``.

@@ -97,8 +97,6 @@ class ValidRange:
     """The range of a signal within which the laws of a model hold.
 
     Args:
-        signal: Name of the published signal.
-        unit: SI unit of the signal.
         lower: Smallest valid value, in ``unit``.
         upper: Largest valid value, in ``unit``.
     """
@@ -114,13 +112,11 @@ class PortView:
     """What an effect sees at one of its ports.
 
     Args:
-        port: Name of the port.
         index: Position of the port in the effect's list of ports, from 0.
         value: The signal before this effect, in the port's unit.
         signals: Local signals of the port, by name, in SI.
         p: The effect's own parameters, by their short names, in SI.
         x: The effect's own states, by their short names, in SI.
-        form: Exact or regularised functions.
         scale: Typical size of the signal, in the port's unit.
         known: States and inputs of the model, by name, in SI.
         parameters: Parameters of the model, by name, in SI.
@@ -152,7 +148,6 @@ class EffectView:
     Args:
         p: The effect's own parameters, by their short names, in SI.
         x: The effect's own states, by their short names, in SI.
-        form: Exact or regularised functions.
         at: What the effect saw at each of its ports, by the port's name.
         values: Final value of every port of the model and of every published signal, by name, in
             SI.
@@ -181,12 +176,10 @@ class Scope:
         x: States, by name, in SI.
         u: Inputs, by name, in SI.
         p: Parameters, by name, in SI.
-        form: Exact or regularised versions of kinked functions.
         transform: Applies the attached effects to the signal of a port; none by default.
         ports: The ports opened so far, in the order of the equations.
         values: Final value of every port and published signal so far, by name, in its SI unit.
         units: Those SI units, by name of port or signal.
-        ranges: The ranges given to published signals so far.
 
     Example:
         >>> from workbench.model.regularisation import EXACT
@@ -225,7 +218,6 @@ class Scope:
         Args:
             name: Name of the port, ``where.what``.
             value: The signal as the model has it, in ``unit``.
-            unit: SI unit of the signal.
             scale: Typical size of the signal, in ``unit``.
             description: What the signal is and which sign is positive.
             signals: Local signals that an effect may use, by name, in SI.
@@ -263,7 +255,6 @@ class Scope:
 
         Args:
             value: The signal, in ``unit``.
-            unit: SI unit of the signal.
             lower: Smallest value for which the laws that use it hold, in ``unit``.
             upper: Largest value for which the laws that use it hold, in ``unit``.
 

@@ -70,8 +70,6 @@ class Trace:
         outputs: Named, shape (n_outputs, 1), in SI.
         start: States at the start of a run, as functions of the states given, shape
             (n_states, 1), in SI.
-        ports: The ports that the equations opened.
-        signal_names: Names of ports and published signals.
         signal_units: Their SI units.
         signals: Their values, shape (n_signals, 1), each in its unit of ``signal_units``.
         ranges: Ranges of published signals within which the laws hold.

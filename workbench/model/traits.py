@@ -23,13 +23,10 @@ class DriftingSum:
     it, and any other mean can be passed through.
 
     Args:
-        name: Name by which a value is given.
-        unit: SI unit of the sum.
         weights: Outputs and their weights.
         drifting: States whose rates may then differ from zero, in this proportion.
         lower: Smallest value, in SI.
         upper: Largest value, in SI.
-        display_unit: Unit in which it is shown.
         scale: Typical size, in SI.
     """
 

@@ -112,7 +112,6 @@ class Unit:
     """A unit of measurement: SI value = value * factor + offset.
 
     Args:
-        text: The unit as written.
         factor: Size of the unit in SI base units.
         dimensions: Exponents of metre, kilogram, second, kelvin, ampere, radian.
         offset: SI value of zero in this unit; non-zero for degrees Celsius only.
@@ -218,8 +217,6 @@ def convert(values: Values, from_unit: str, to_unit: str) -> Values:
 
     Args:
         values: Number or array, in ``from_unit``.
-        from_unit: Unit of the values.
-        to_unit: Unit wanted.
 
     Returns:
         The same shape, in ``to_unit``.
@@ -248,7 +245,6 @@ def to_si(values: Values, unit: str) -> Values:
 
     Args:
         values: Number or array, in ``unit``.
-        unit: Unit of the values.
 
     Returns:
         The same shape, in SI.
@@ -265,7 +261,6 @@ def from_si(values: Values, unit: str) -> Values:
 
     Args:
         values: Number or array, in SI.
-        unit: Unit wanted.
 
     Returns:
         The same shape, in ``unit``.
@@ -279,10 +274,6 @@ def from_si(values: Values, unit: str) -> Values:
 
 def same_dimension(a: str, b: str) -> bool:
     """Tell whether two units measure the same thing.
-
-    Args:
-        a: A unit.
-        b: Another unit.
 
     Returns:
         Whether values in one unit can be converted to the other.
@@ -307,7 +298,6 @@ def quantity(name: str, given: object, unit: str) -> float:
     Args:
         name: What the value is, as the user knows it.
         given: Number, or text with or without a unit; without one, ``unit`` is meant.
-        unit: Unit of the result.
 
     Returns:
         The value, in ``unit``.

@@ -30,7 +30,6 @@ class Curve:
 
     Args:
         argument: Name of the local signal that is the argument.
-        unit: Its SI unit.
         knots: Abscissae, shape (n,), at least 3, increasing, in ``unit``.
         mean: What is taken off each function, shape (n,), dimensionless; nothing by default.
 

@@ -35,10 +35,8 @@ class Option:
         default: Value if nothing is said; its type says whether the option is a number, a switch or
             a word.
         unit: Unit of a number, in which the build function takes it.
-        help: One clause.
         lower: Smallest number, in ``unit``.
         upper: Largest number, in ``unit``.
-        choices: The words that are valid; any if empty.
         keyword: Parameter of the build function and key in a case file; the name by default.
         label: What it is called in a sentence; the name by default.
         measured: Whether a case must say it, because it differs from rig to rig.
@@ -127,8 +125,6 @@ class Plant:
     Args:
         name: Name by which every verb, study and case knows it.
         build: Builds the model from the keywords of the options.
-        summary: What the plant is, one clause.
-        options: What may be chosen.
         controlled: Outputs that a controller makes follow a reference; the first one by default.
         design_point: Where it is linearised and a run starts if nothing is said: values of outputs,
             states or inputs by name, in SI; by default where the nominal inputs hold it.
@@ -201,8 +197,6 @@ class Plant:
 
         Args:
             options: Values by name; text with or without unit, bare numbers in the option's unit.
-            effects: Effects to attach, by name or as ``module:object``.
-            parameters: Changed parameters as ``NAME=VALUE``.
             folder: Where modules of the user may stand, beside the Python path.
 
         Raises:
@@ -226,10 +220,8 @@ class Plant:
         """Return an effect that fits a model of this plant.
 
         Args:
-            model: The model that it will be attached to.
             name: The plant's own word, a name of the library, or ``module:object``; the object is
                 a law, an effect, or a function without arguments that returns one.
-            folder: Where the user's module may stand.
 
         Raises:
             WorkbenchError: If there is no such effect.

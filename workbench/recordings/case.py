@@ -148,17 +148,12 @@ class Case(Shown):
 
     Args:
         settings: Plain settings of ``case.toml``.
-        recordings: Recordings by name.
         uses: What each recording is for: ``"fit"``, ``"hold_out"``, or ``"in_loop"``, held out on
             a plant of its own.
-        notes: What is missing.
-        title: What the machine is.
         options: Options of the plant that the case says, parsed.
         changes: Effects, effects left out and parameters, as keywords of `Plant.model`.
         loops: Plants of recordings that have one of their own, by recording.
-        refit: How to estimate.
         published: Values that others identified, by parameter, in SI.
-        published_from: Who did.
         remarks: What to know when reading a result.
 
     Raises:
@@ -326,7 +321,6 @@ def read_case(
         folder: The folder, the name of a shipped case, or of a machine.
         signals: Signals requested of every file, see `read_recording`.
         data: Folder with public recordings, for a machine; None reads ``WORKBENCH_DATA``.
-        max_rows: Largest number of rows kept of a file.
 
     Returns:
         The case; the settings also stand in the metadata of each recording.

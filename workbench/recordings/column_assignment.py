@@ -27,10 +27,7 @@ class Assigned:
 
     Args:
         time: Instants, shape (n,), in s; None if the file has none.
-        signals: Signals, each with n samples.
-        mapping: How the columns became signals.
         notes: What was left out, assumed or repaired.
-        metadata: Scalars found beside the columns.
     """
 
     time: Vector | None

@@ -38,8 +38,6 @@ class Header:
     """A column header taken apart.
 
     Args:
-        column: The header as it stands in the file.
-        name: The name without its unit.
         unit: The unit; ``""`` if none is stated.
         reference: ``gauge``, ``absolute`` or ``""`` (pressures).
         problem: What could not be understood; ``""`` if nothing.

@@ -34,11 +34,8 @@ class Table:
     """Columns in SI without a time, such as a map of static forces.
 
     Args:
-        signals: The columns, each with n values.
-        source: Where it comes from.
         notes: What was left out, assumed or repaired.
         metadata: Settings found beside the columns, in the units of the file.
-        mapping: How the columns of the file became signals.
     """
 
     name: str

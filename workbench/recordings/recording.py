@@ -83,7 +83,6 @@ class Span:
     Args:
         start: First instant concerned, in s.
         stop: Last instant concerned, in s.
-        reason: Why, in a few words.
     """
 
     signal: str
@@ -97,15 +96,12 @@ class MappedColumn:
     """One line of the printed mapping.
 
     Args:
-        column: Header in the file.
         signal: Name of the signal; ``time`` for the time base.
         unit: Unit of the column; ``""`` if it was taken as SI because none was stated.
-        si_unit: Unit of the signal.
         how: ``mapping file``, ``name``, ``unit``, ``sample time`` ...
         sign: Factor 1 or -1.
         factor: Gain, in ``unit`` per unit of the column.
         offset: In ``unit``.
-        note: What else was done.
     """
 
     column: str
@@ -176,7 +172,6 @@ class Recording(Drawn):
         notes: What was corrected or assumed, in order.
         metadata: Settings of the experiment, such as ``load_kg``.
         excluded: Stretches in which a signal was not measured and must not be judged.
-        mapping: How the columns of the file became signals.
 
     Raises:
         WorkbenchError: If lengths differ, a name is used twice or the time is not finite.

@@ -26,7 +26,6 @@ class LeftOut:
     """A piece of the paper's physics that a nominal plant lacks.
 
     Args:
-        name: What is left out.
         trial: Data on which it is looked for.
         nominal: Builds the plant without it.
         answers: Names in the library that are right; none where nothing is left out.
@@ -95,7 +94,6 @@ def recordings(
 
     Args:
         trial: Isometric ramps of a muscle, or the arm in motion, open and closed loop.
-        folder: Where the recordings of the arm are written.
         seconds: Length of a recording of the arm, in s.
 
     Returns:

@@ -24,9 +24,6 @@ class Row:
     """What the diagnosis of one reduced plant said.
 
     Args:
-        left_out: What is left out.
-        kind: Verdict in one word.
-        found: Names that were found.
         alike: Names that the verdict cannot tell from the first.
         right: Whether everything found is a right answer, and something was found if it had to.
         collinearity: Share of the right effect's signature that parameters imitate, a
@@ -34,7 +31,6 @@ class Row:
         expected: Log likelihood that the right effect is expected to gain, dimensionless;
             NaN for none.
         size: Size of what was found, as printed.
-        unit: Unit of the errors.
         refitted: Held-out error of the refitted reduced plant, in ``unit``.
         extended: Held-out error of the extended model, in ``unit``.
         moved: Parameters of the refitted plant that are farthest from the extended one's.
@@ -69,7 +65,6 @@ def run(
     """Diagnose one reduced plant.
 
     Args:
-        folder: Where the recordings are written.
         seconds: Length of a recording of the arm, in s.
         only: Names of the effects to try; the whole library by default.
         progress: Called with a line of text before each step.

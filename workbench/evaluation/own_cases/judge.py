@@ -75,8 +75,6 @@ class SizeFound:
     """A size beside the true one.
 
     Args:
-        effect: Effect of the rig.
-        named: Name in the library.
         true: True size, in SI.
         value: Estimate, in SI.
         std: Standard deviation of the estimate, in SI; NaN if none was given.

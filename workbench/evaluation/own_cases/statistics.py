@@ -77,7 +77,6 @@ class Score:
 
     Args:
         who: One of `ANSWERERS`.
-        points: Points over all cases.
         most: Most points that could be had.
         chance: Mean points of the same answers dealt out at random.
         p_value: Probability that those score as much.
@@ -161,13 +160,11 @@ class ByEffect:
     """How the tool did on one effect.
 
     Args:
-        effect: Effect of the rig.
         outcomes: Remark of the score by size over the rig's own.
         smallest_named: Smallest size that was named, as `true_size` states it; None if none was,
             or the effect is either there or not.
         predicted: Smallest size that the scores predicted to be seen, median over its cases, in
             the same unit; None where the library has no such size.
-        sizes: Sizes of its cases.
     """
 
     effect: str

@@ -133,10 +133,6 @@ class ArmEquations:
     """The fixed choices of an arm, kept together so that its equations can be pickled.
 
     Args:
-        laws: Laws of both muscles.
-        geometry: Lengths and lever arms.
-        body: Masses of arm and plates.
-        curve: Opening over spool voltage.
         valves: Writes down the valve or valves, like `valve`.
     """
 

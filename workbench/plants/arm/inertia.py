@@ -81,7 +81,6 @@ class ArmBody:
         Args:
             angle: Arm angle, rad; any shape.
             load: Mass of the plates n, kg, 0..8; number or expression.
-            plane: ``vertical`` or ``horizontal``.
 
         Returns:
             Torque, N m, to be subtracted from the joint torque.

@@ -182,7 +182,6 @@ def gravity(plane: Plane, body: ArmBody | None = None, *, name: str = "gravity")
     vertical plane, nothing in the horizontal one.
 
     Args:
-        plane: ``"vertical"`` or ``"horizontal"``.
         body: Masses of arm and plates; the paper's by default.
 
     Returns:
@@ -236,7 +235,6 @@ def arm_joint(load_kg: float = 0.0, *, plane: Plane = "horizontal") -> Model:
 
     Args:
         load_kg: Mass of the plates, 0 to 8 kg.
-        plane: ``"horizontal"`` or ``"vertical"``.
 
     Returns:
         Model with the inputs ``force_1`` and ``force_2`` (N) and the outputs ``angle`` (rad) and

@@ -92,8 +92,6 @@ class MuscleLaws:
     """Which laws a muscle follows.
 
     Args:
-        force: Static force law.
-        volume: Geometry of the braid.
         printed_work_sign: The sign of the gas work as printed in the paper.
     """
 

@@ -72,7 +72,6 @@ class Check:
     Args:
         name: Name, such as ``gaps``.
         order: Its place: one check makes the recording fit for those after it.
-        judge: Answers it.
         foundation: Whether nothing after it is defined if the answer is ``unfit``.
         fix: What usually helps if the answer is ``unfit``.
     """

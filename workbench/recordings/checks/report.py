@@ -21,11 +21,7 @@ from workbench.recordings.recording import Recording
 
 @dataclass(frozen=True, eq=False)
 class CheckReport:
-    """What the checks found in a recording.
-
-    Args:
-        original: The recording as it was read.
-    """
+    """What the checks found in a recording."""
 
     name: str
     checks: tuple[Finding, ...]

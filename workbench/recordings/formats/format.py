@@ -37,7 +37,6 @@ class Format:
 
     Args:
         name: Name of the format, as ``format`` in a mapping file gives it.
-        title: What people call it.
         suffixes: Endings of its files, lower case with the dot; none for a format that is only
             taken where it is named.
         read: Reads a file as columns in the units of the file.
