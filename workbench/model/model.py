@@ -255,13 +255,10 @@ class Model(Shown):
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
-            values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
+            values: Parameter values as for `rates`, in SI.
 
         Returns:
             Measurements, shape (n_outputs,), in SI.
-
-        Raises:
-            WorkbenchError: If a shape is wrong or a number is not finite.
         """
         return self._call(self.form(form).outputs_function, x, u, values)
 
@@ -276,9 +273,6 @@ class Model(Shown):
 
         Returns:
             Values in SI, by name of port or signal.
-
-        Raises:
-            WorkbenchError: If a shape is wrong or a number is not finite.
         """
         traced = self.form(form)
         values = self._call(traced.signals_function, x, u, None)

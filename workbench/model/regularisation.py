@@ -19,53 +19,24 @@ Expression = Any
 
 
 def is_symbolic(*values: Expression) -> bool:
-    """Tell whether any of ``values`` is a CasADi matrix or expression.
-
-    Args:
-        values: What to look at, in any unit and of any shape.
-    """
+    """Tell whether any of some values, in any unit, is a CasADi matrix or expression."""
     return any(isinstance(v, (ca.SX, ca.MX, ca.DM)) for v in values)
 
 
 def maximum(a: Expression, b: Expression) -> Expression:
-    """Return the larger of two values, elementwise, for numbers, arrays and expressions.
-
-    Args:
-        a: One value, in any unit; any shape that broadcasts with ``b``.
-        b: The other value, in the unit of ``a``.
-
-    Returns:
-        The larger of both at every element, in the unit of ``a``.
-    """
+    """Return the larger of two values of one unit, elementwise: numbers, arrays or expressions."""
     return ca.fmax(a, b) if is_symbolic(a, b) else np.maximum(a, b)
 
 
 def minimum(a: Expression, b: Expression) -> Expression:
-    """Return the smaller of two values, elementwise, for numbers, arrays and expressions.
-
-    Args:
-        a: One value, in any unit; any shape that broadcasts with ``b``.
-        b: The other value, in the unit of ``a``.
-
-    Returns:
-        The smaller of both at every element, in the unit of ``a``.
-    """
+    """Return the smaller of two values of one unit, elementwise: numbers, arrays or expressions."""
     return ca.fmin(a, b) if is_symbolic(a, b) else np.minimum(a, b)
 
 
 def where(condition: Expression, yes: Expression, no: Expression) -> Expression:
-    """Return ``yes`` where the condition holds and ``no`` elsewhere.
+    """Return ``yes`` where a condition holds and ``no``, of the same unit, elsewhere.
 
     Both sides are computed everywhere, so neither may fail where the other one counts.
-
-    Args:
-        condition: True or false, or a dimensionless number that counts as true unless it is 0;
-            any shape that broadcasts with ``yes`` and ``no``.
-        yes: Value where the condition holds, in any unit.
-        no: Value where it does not, in the unit of ``yes``.
-
-    Returns:
-        The chosen value at every element, in the unit of ``yes``.
     """
     if is_symbolic(condition, yes, no):
         return ca.if_else(condition, yes, no)
@@ -73,20 +44,16 @@ def where(condition: Expression, yes: Expression, no: Expression) -> Expression:
 
 
 def sqrt(x: Expression) -> Expression:
-    """Return the square root of a number, array or expression.
-
-    Args:
-        x: Radicand, 0 or more, in any unit and of any shape.
-
-    Returns:
-        Square root of the shape of ``x``, in the square root of its unit.
-    """
+    """Return the square root of a number, array or expression x >= 0, in any unit."""
     return ca.sqrt(x) if is_symbolic(x) else np.sqrt(x)
 
 
 @dataclass(frozen=True)
 class Form:
     """A set of kinked functions, either with their kink or regularised.
+
+    Their argument x has any unit and shape. ``width`` is the half-width w of the rounded
+    neighbourhood of a kink, in the unit of x.
 
     Args:
         regularised: False for the exact form, True for the regularised one.
@@ -101,17 +68,10 @@ class Form:
     regularised: bool
 
     def ramp(self, x: Expression, width: float) -> Expression:
-        """Return max(0, x).
+        """Return max(0, x), in the unit of x.
 
         The regularised form is ``(x + w)^3 (3 w - x) / (16 w^3)`` for ``|x| < w``: value and two
         derivatives join the exact function at ``x = -w`` and ``x = w``.
-
-        Args:
-            x: Argument, any unit.
-            width: Half-width w of the rounded neighbourhood, in the unit of ``x``.
-
-        Returns:
-            The larger of 0 and x, in the unit of ``x``; 3 w / 16 at x = 0 on the regularised form.
         """
         if not self.regularised:
             return maximum(x, 0.0)
@@ -119,14 +79,9 @@ class Form:
         return (c + width) ** 3 * (3 * width - c) / (16 * width**3) + maximum(x - width, 0.0)
 
     def step(self, x: Expression, width: float) -> Expression:
-        """Return 1 for x > 0 and 0 otherwise; the regularised form is the derivative of `ramp`.
+        """Return 1 for x > 0 and 0 otherwise, a ratio; regularised, the derivative of `ramp`.
 
-        Args:
-            x: Argument, any unit.
-            width: Half-width of the rounded neighbourhood, in the unit of ``x``.
-
-        Returns:
-            0 to 1, dimensionless; at x = 0 it is 0 on the exact and 1/2 on the regularised form.
+        At x = 0 it is 0 on the exact and 1/2 on the regularised form.
         """
         if not self.regularised:
             return where(x > 0, 1.0, 0.0)
@@ -134,41 +89,17 @@ class Form:
         return (c + width) ** 2 * (2 * width - c) / (4 * width**3)
 
     def absolute(self, x: Expression, width: float) -> Expression:
-        """Return the absolute value of x, smoothed within ``width`` of zero.
-
-        Args:
-            x: Argument, any unit.
-            width: Half-width of the rounded neighbourhood, in the unit of ``x``.
-
-        Returns:
-            Absolute value, in the unit of ``x``; 3 ``width`` / 8 at x = 0 on the regularised form.
-        """
+        """Return the absolute value of x, in its unit; 3 w / 8 at x = 0 on the regularised form."""
         return self.ramp(x, width) + self.ramp(-x, width) if self.regularised else maximum(x, -x)
 
     def sign(self, x: Expression, width: float) -> Expression:
-        """Return -1, 0 or 1 (exact), or its smooth transition within ``width`` of zero.
-
-        Args:
-            x: Argument, any unit.
-            width: Half-width of the rounded neighbourhood, in the unit of ``x``.
-
-        Returns:
-            Sign of x, -1 to 1, dimensionless; 0 at x = 0 on both forms.
-        """
+        """Return -1, 0 or 1, dimensionless, or the smooth transition between them."""
         return self.step(x, width) - self.step(-x, width)
 
     def clip(self, x: Expression, lower: float, upper: float, width: float) -> Expression:
-        """Return x limited to ``[lower, upper]``.
+        """Return x limited to ``[lower, upper]``, all in one unit.
 
-        Args:
-            x: Argument, any unit.
-            lower: Lower limit, in the unit of ``x``.
-            upper: Upper limit, in the unit of ``x``.
-            width: Half-width of the rounded neighbourhoods, in the unit of ``x``.
-
-        Returns:
-            The limited value, in the unit of ``x``. The regularised form keeps the limits too and
-            differs from the exact one by at most 3 ``width`` / 16.
+        The regularised form keeps the limits too, and differs by at most 3 w / 16.
         """
         return lower + self.ramp(x - lower, width) - self.ramp(x - upper, width)
 
@@ -180,9 +111,9 @@ class Form:
         ``y = y_0 + sum_i (m_i - m_{i-1}) ramp(x - x_i)``, every corner rounded when regularised.
 
         Args:
-            x: Argument, in the unit of ``points``.
             points: Abscissae x_i, shape (n,), increasing, in the unit of ``x``.
-            values: Ordinates y_i, shape (n,), in any unit.
+            values: Ordinates y_i, shape (n,), in any unit, that of the result.
+            x: Argument, in the unit of ``points``.
             width: Half-width of the rounded corners, in the unit of ``x``; no more than half the
                 closest spacing.
 

@@ -40,65 +40,41 @@ _F: Dimensions = (-2, -1, 4, 0, 2, 0)
 _HZ: Dimensions = (0, 0, -1, 0, 0, 0)
 
 _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
-    "1": (1.0, _ONE),
-    "-": (1.0, _ONE),
+    **dict.fromkeys(("1", "-", "count"), (1.0, _ONE)),
     "%": (0.01, _ONE),
-    "count": (1.0, _ONE),
     "m": (1.0, _M),
-    "cm": (1e-2, _M),
-    "mm": (1e-3, _M),
-    "um": (1e-6, _M),
-    "µm": (1e-6, _M),
-    "km": (1e3, _M),
-    "l": (1e-3, (3, 0, 0, 0, 0, 0)),
-    "L": (1e-3, (3, 0, 0, 0, 0, 0)),
+    **dict.fromkeys(("l", "L"), (1e-3, (3, 0, 0, 0, 0, 0))),
     "kg": (1.0, _KG),
     "g": (1e-3, _KG),
-    "mg": (1e-6, _KG),
     "t": (1e3, _KG),
     "s": (1.0, _S),
-    "ms": (1e-3, _S),
-    "us": (1e-6, _S),
-    "µs": (1e-6, _S),
-    "ns": (1e-9, _S),
     "min": (60.0, _S),
     "h": (3600.0, _S),
     "Hz": (1.0, _HZ),
-    "kHz": (1e3, _HZ),
     "K": (1.0, _K),
     "A": (1.0, _A),
-    "mA": (1e-3, _A),
     "rad": (1.0, _RAD),
-    "mrad": (1e-3, _RAD),
-    "deg": (math.pi / 180, _RAD),
-    "°": (math.pi / 180, _RAD),
-    "turn": (2 * math.pi, _RAD),
-    "rev": (2 * math.pi, _RAD),
+    **dict.fromkeys(("deg", "°"), (math.pi / 180, _RAD)),
+    **dict.fromkeys(("turn", "rev"), (2 * math.pi, _RAD)),
     "rpm": (2 * math.pi / 60, (0, 0, -1, 0, 0, 1)),
     "N": (1.0, _N),
-    "mN": (1e-3, _N),
-    "kN": (1e3, _N),
-    "Nm": (1.0, _J),
     "Pa": (1.0, _PA),
-    "hPa": (1e2, _PA),
-    "kPa": (1e3, _PA),
-    "MPa": (1e6, _PA),
     "bar": (1e5, _PA),
-    "mbar": (1e2, _PA),
     "psi": (6894.757293168361, _PA),
-    "J": (1.0, _J),
-    "kJ": (1e3, _J),
+    **dict.fromkeys(("J", "Nm"), (1.0, _J)),
     "W": (1.0, _W),
-    "kW": (1e3, _W),
     "V": (1.0, _V),
-    "mV": (1e-3, _V),
-    "Ohm": (1.0, _OHM),
-    "Ω": (1.0, _OHM),
+    **dict.fromkeys(("Ohm", "Ω"), (1.0, _OHM)),
     "H": (1.0, _H),
-    "mH": (1e-3, _H),
     "F": (1.0, _F),
-    "uF": (1e-6, _F),
-    "µF": (1e-6, _F),
+}
+_PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "h": 1e2, "k": 1e3, "M": 1e6}
+_MULTIPLES = (
+    "cm", "mm", "um", "µm", "km", "mg", "ms", "us", "µs", "ns", "kHz", "mA", "mrad", "mN", "kN",
+    "hPa", "kPa", "MPa", "mbar", "kJ", "kW", "mV", "mH", "uF", "µF",
+)  # fmt: skip
+_SYMBOLS |= {
+    text: (_PREFIXES[text[0]] * _SYMBOLS[text[1:]][0], _SYMBOLS[text[1:]][1]) for text in _MULTIPLES
 }
 
 _TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+|[²³⁻¹]+|[A-Za-zµΩ°%]+|-)")
@@ -241,45 +217,19 @@ def convert(values: Values, from_unit: str, to_unit: str) -> Values:
 
 
 def to_si(values: Values, unit: str) -> Values:
-    """Convert values to the SI base unit of the same dimension.
-
-    Args:
-        values: Number or array, in ``unit``.
-
-    Returns:
-        The same shape, in SI.
-
-    Raises:
-        WorkbenchError: If the unit is unknown.
-    """
+    """Convert a number or an array from a unit to the SI unit of the same dimension."""
     parsed = parse_unit(unit)
     return values * parsed.factor + parsed.offset
 
 
 def from_si(values: Values, unit: str) -> Values:
-    """Convert SI values to a unit of the same dimension.
-
-    Args:
-        values: Number or array, in SI.
-
-    Returns:
-        The same shape, in ``unit``.
-
-    Raises:
-        WorkbenchError: If the unit is unknown.
-    """
+    """Convert a number or an array from SI to a unit of the same dimension."""
     parsed = parse_unit(unit)
     return (values - parsed.offset) / parsed.factor
 
 
 def same_dimension(a: str, b: str) -> bool:
-    """Tell whether two units measure the same thing.
-
-    Returns:
-        Whether values in one unit can be converted to the other.
-
-    Raises:
-        WorkbenchError: If a unit is unknown.
+    """Tell whether two units measure the same thing, so that one can be converted to the other.
 
     Example:
         >>> same_dimension("N m", "kN mm"), same_dimension("rad", "1")
@@ -392,13 +342,7 @@ _READABLE: dict[str, tuple[str, float]] = {
 
 
 def readable(unit: str) -> tuple[str, float]:
-    """Return the unit in which people read a quantity, and its factor.
-
-    Args:
-        unit: SI unit.
-
-    Returns:
-        The unit to write, and the factor from the SI unit to it.
+    """Return the unit in which people read a quantity, and the factor from its SI unit to it.
 
     Example:
         >>> readable("Pa"), readable("N m")

@@ -79,28 +79,14 @@ class BraidedCylinder:
         return self.nominal_length * math.tan(self.fibre_angle) / (math.pi * self.nominal_diameter)
 
     def squared_radius(self, fibre_length: Expression) -> Expression:
-        """Return the squared radius of the middle, d^2 / 4.
-
-        Args:
-            fibre_length: Fibre length s, m; any shape.
-
-        Returns:
-            Squared radius, m^2.
-        """
+        """Return the squared radius of the middle, d^2 / 4, m^2, at a fibre length s, m."""
         reduced = (self.fibre**2 - fibre_length * fibre_length) / (2 * math.pi * self.turns)
         if self.printing == "as_printed":
             return reduced * reduced
         return reduced / (2 * math.pi * self.turns)
 
     def diameter(self, fibre_length: Expression) -> Expression:
-        """Return the diameter d of the middle (line [6]).
-
-        Args:
-            fibre_length: Fibre length s, m; any shape.
-
-        Returns:
-            Diameter, m.
-        """
+        """Return the diameter d of the middle (line [6]), m, at a fibre length s, m."""
         return 2 * sqrt(self.squared_radius(fibre_length))
 
     def _squared_height(self, fibre_length: Expression, form: Form) -> Expression:
@@ -110,16 +96,10 @@ class BraidedCylinder:
         return maximum(excess, END_HEIGHT_FLOOR**2)
 
     def end_volume(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
-        """Return the volume of one flattened end (line [9]).
+        """Return the volume of one flattened end (line [9]), m^3, at a fibre length s, m.
 
         ``(pi h / 6) (3 R^2 + 3 R0^2 + h^2)`` with the two radii R = d/2 and R0 = d0/2; as printed,
         with R twice.
-
-        Args:
-            fibre_length: Fibre length s, m; any shape.
-
-        Returns:
-            Volume, m^3.
         """
         radius2 = self.squared_radius(fibre_length)
         other2 = radius2 if self.printing == "as_printed" else self.nominal_diameter**2 / 4
@@ -127,24 +107,14 @@ class BraidedCylinder:
         return math.pi * sqrt(height2) / 6 * (3 * radius2 + 3 * other2 + height2)
 
     def cylinder_volume(self, fibre_length: Expression) -> Expression:
-        """Return the volume without flattening (line [7]).
-
-        Args:
-            fibre_length: Fibre length s, m; any shape.
-
-        Returns:
-            Volume, m^3.
-        """
+        """Return the volume without flattening (line [7]), m^3, at a fibre length s, m."""
         return math.pi * self.squared_radius(fibre_length) * fibre_length
 
     def end_flattening(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
-        """Return what the flattened ends add to the cylinder's volume, m^3.
+        """Return what the flattened ends add to the cylinder's volume, m^3, at a fibre length s, m.
 
-        Corrected ``-(2 pi / 3) h^3``, negative; as printed, both end volumes on top.
-
-        Args:
-            fibre_length: Fibre length s, m; any shape.
-            form: Exact or regularised; they differ within 0.02 mm of the nominal length.
+        Corrected ``-(2 pi / 3) h^3``, negative; as printed, both end volumes on top. Exact and
+        regularised form differ within 0.02 mm of the nominal length.
 
         Source:
             Lines [8] to [10] of the paper's Figure 3.
@@ -155,13 +125,7 @@ class BraidedCylinder:
         return -(2 * math.pi / 3) * height2**1.5
 
     def volume(self, fibre_length: Expression, *, form: Form = EXACT) -> Expression:
-        """Return the gas volume with flattened ends.
-
-        Args:
-            fibre_length: Fibre length s, m; any shape.
-
-        Returns:
-            Volume, m^3, without fittings and line.
+        """Return the gas volume with flattened ends, without fittings and line, m^3, at s, m.
 
         Source:
             Lines [6] to [10] of the paper's Figure 3.

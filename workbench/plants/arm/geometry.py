@@ -91,7 +91,7 @@ class ArmGeometry:
         """Return the length L of one muscle between its anchors, ``L^2 = K + A cos a - B sin b``.
 
         Args:
-            alpha: Angle of the muscle's own lever, rad: theta for muscle 1, 60 deg - theta for
+            alpha: Angle a of the muscle's own lever, rad: theta for muscle 1, 60 deg - theta for
                 muscle 2; any shape.
 
         Returns:
@@ -104,67 +104,32 @@ class ArmGeometry:
         return sqrt(constant + cosine * _cos(alpha) - sine * _sin(self._beta(alpha)))
 
     def length_slope(self, alpha: Expression) -> Expression:
-        """Return dL/d(alpha) of one muscle.
-
-        Args:
-            alpha: Angle of the muscle's own lever, rad; any shape.
-
-        Returns:
-            Slope, m/rad.
-        """
+        """Return dL/d(alpha) of one muscle, m/rad, at an angle of its own lever, rad."""
         _, cosine, sine = self._constants
         beta_slope = 1.0 if self.printing == "as_printed" else -1.0
         numerator = -cosine * _sin(alpha) - sine * _cos(self._beta(alpha)) * beta_slope
         return numerator / (2 * self.length(alpha))
 
     def lengths(self, angle: Expression) -> tuple[Expression, Expression]:
-        """Return the lengths L1 and L2 of both muscles between their anchors.
-
-        Args:
-            angle: Arm angle theta, rad; any shape.
-
-        Returns:
-            L1 and L2, m.
-        """
+        """Return the lengths L1 and L2 of both muscles between anchors, m, at an angle, rad."""
         one, two = self.length(angle), self.length(TRAVEL - angle)
         return (two, one) if self.printing == "as_printed" else (one, two)
 
     def moment_arms(self, angle: Expression) -> tuple[Expression, Expression]:
-        """Return dL1/dtheta and dL2/dtheta.
+        """Return dL1/dtheta, negative, and dL2/dtheta, positive, m/rad, at an angle theta, rad.
 
-        Args:
-            angle: Arm angle theta, rad; any shape.
-
-        Returns:
-            Slopes, m/rad: the first negative, the second positive. The joint torque of the
-            muscles is ``-F1 dL1/dtheta - F2 dL2/dtheta``.
-
-        Source:
-            Derivative of the paper's equation for L.
+        The joint torque of the muscles is ``-F1 dL1/dtheta - F2 dL2/dtheta``.
         """
         one, two = self.length_slope(angle), -self.length_slope(TRAVEL - angle)
         return (two, one) if self.printing == "as_printed" else (one, two)
 
     def fibre_lengths(self, angle: Expression) -> tuple[Expression, Expression]:
-        """Return the fibre lengths s of both muscles.
-
-        Args:
-            angle: Arm angle theta, rad; any shape.
-
-        Returns:
-            Fibre lengths of muscle 1 and 2, m.
-        """
+        """Return the fibre lengths s of muscle 1 and 2, m, at an angle, rad."""
         one, two = self.lengths(angle)
         return one - self.fittings, two - self.fittings
 
     def contractions(self, angle: Expression) -> tuple[Expression, Expression]:
-        """Return the contractions q of both muscles.
-
-        Args:
-            angle: Arm angle theta, rad; any shape.
-
-        Returns:
-            ``q = 200 mm - s`` of muscle 1 and 2, m.
+        """Return the contractions ``q = 200 mm - s`` of muscle 1 and 2, m, at an angle, rad.
 
         Source:
             The paper's nominal lengths: 423 mm between the anchors, 200 mm of fibre.

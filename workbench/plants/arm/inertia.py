@@ -53,16 +53,13 @@ class ArmBody:
     gravity: float = 9.81
 
     def inertia(self, load: Expression) -> Expression:
-        """Return the moment of inertia about the pivot.
+        """Return the inertia about the pivot, ``0.0556 + n (0.367^2 + 0.024^2 + 0.0015)``.
 
         Args:
             load: Mass of the plates n, kg, 0..8; number or expression.
 
         Returns:
-            ``J = 0.0556 + n (0.367^2 + 0.024^2 + 0.0015)``, kg m^2.
-
-        Raises:
-            WorkbenchError: If the load is a number outside 0..8 kg.
+            Moment of inertia, kg m^2.
 
         Source:
             Parallel-axis theorem with the paper's dimensions.
@@ -87,9 +84,6 @@ class ArmBody:
 
         Raises:
             WorkbenchError: If the plane is unknown or the load is a number outside 0..8 kg.
-
-        Source:
-            Statics with the paper's masses and centres.
         """
         check_choice("plane", plane, ("horizontal", "vertical"))
         load = check_load(load)
@@ -103,20 +97,7 @@ class ArmBody:
 
 
 def check_load(load: Expression) -> Expression:
-    """Return the load if it can be carried; a symbolic load passes unchecked.
-
-    Args:
-        load: Mass of the plates, kg; number or expression.
-
-    Returns:
-        The load, kg.
-
-    Raises:
-        WorkbenchError: If it is a number outside 0..8 kg.
-
-    Source:
-        The paper: up to eight plates of 1 kg.
-    """
+    """Return the load, kg, if the arm can carry it; a symbolic load passes unchecked."""
     if is_symbolic(load):
         return load
     return check_range("load", load, 0.0, MAXIMUM_LOAD, "kg", fix="the arm carries 0 to 8 plates")
