@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
@@ -24,6 +25,7 @@ from workbench.diagnosis.estimation.refit import ENOUGH, refit
 from workbench.diagnosis.estimation.refit_result import Refit
 from workbench.errors import NumericalError
 from workbench.model import Model
+from workbench.model.model import index_of
 
 Vector = npt.NDArray[np.float64]
 
@@ -73,13 +75,18 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
         model: The model that the recording was brought into shape for.
 
     Returns:
-        The recording with the states of the effects where the effects put them.
+        The recording with the states of the effects where the effects put them. A state that was
+        known from a sensor that the effects may shift is known no better than the model says.
     """
-    if len(extended.states) == len(observed.start):
+    if len(extended.effects) == len(model.effects):
         return observed
     given = dict(zip((q.name for q in model.states), observed.start.tolist(), strict=True))
     start = extended.initial_state(given, u=observed.inputs[0])
-    known = {q.name: r for q, r in zip(model.states, observed.start_rms, strict=True)}
+    reopened = _misread(model, extended, observed, start)
+    known = {
+        q.name: max(r, q.start_rms or q.scale) if q.name in reopened else r
+        for q, r in zip(model.states, observed.start_rms, strict=True)
+    }
     rms = np.array([known.get(q.name, 0.3 * q.scale) for q in extended.states])
     return Observed(
         observed.name,
@@ -91,6 +98,25 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
         start,
         rms,
     )
+
+
+def _misread(model: Model, extended: Model, observed: Observed, start: Vector) -> set[str]:
+    """Return the states whose first measurements attached effects may shift beyond the noise."""
+    attached = {effect.name for effect in model.effects}
+    own = [e for e in extended.effects if e.name not in attached]
+    mine = {f"{e.name}.{q.name}" for e in own for q in e.parameters if q.fitted}
+    columns = [i for i, q in enumerate(extended.parameters) if q.name in mine]
+    rows = [index_of("output", name, extended.outputs) for name in observed.used]
+    trace = extended.exact
+    slopes = ca.jacobian(trace.outputs[rows], trace.p)[:, columns]
+    if not slopes.nnz():
+        return set()
+    at = start, observed.inputs[0], extended.values
+    sizes = np.array([extended.parameters[i].scale for i in columns])
+    shift = np.abs(np.asarray(trace.function("slopes", slopes)(*at))) @ sizes
+    shifted = [row for row, by, rms in zip(rows, shift, observed.noise_rms, strict=True) if by > rms]
+    read = np.asarray(trace.jacobian_function(*at)[2])[shifted]
+    return {q.name for i, q in enumerate(extended.states) if np.any(read[:, i] != 0.0)}
 
 
 def fit_with_process_noise(

@@ -46,6 +46,11 @@ class Candidate:
     blocks: tuple[Vector, ...] = field(default=(), compare=False)
 
     @property
+    def name(self) -> str:
+        """Name of the effect."""
+        return self.entry.name
+
+    @property
     def size(self) -> Estimate | None:
         """Estimate of the size parameter; None if the refit failed or the size was held."""
         if self.fit is None or self.entry.replaces:

@@ -88,8 +88,8 @@ def windowed_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> Fr
     starts = list(range(0, max(count - size // 2, 1), size))
     for k, end in zip(starts, [*starts[1:], count], strict=True):
         rows = slice(k, end)
-        start = begun.start if k == 0 else states[k]
-        part = replace(begun, inputs=begun.inputs[rows], outputs=begun.outputs[rows], start=start)
+        inputs, outputs = begun.inputs[rows], begun.outputs[rows]
+        part = replace(begun, inputs=inputs, outputs=outputs, start=states[k])
         parts.append(free_run(model, part))
     failure = next((part.failure for part in parts if part.failure), "")
     return FreeRun(

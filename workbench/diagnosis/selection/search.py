@@ -37,7 +37,12 @@ from workbench.diagnosis.selection.held_out import (
     over_floor,
     told_apart,
 )
-from workbench.diagnosis.selection.refits import entry_priors, refit_candidates, untried
+from workbench.diagnosis.selection.refits import (
+    entry_priors,
+    refit_candidates,
+    refit_instead,
+    untried,
+)
 from workbench.diagnosis.selection.rules import (
     LEAST_AT_FIRST,
     LEAST_EXPLAINED,
@@ -71,6 +76,9 @@ MOST_FINDINGS = 3
 
 MOST_SEARCHES = 3
 """How many effects may be tried as the first one found."""
+
+_RIVALS = 3
+"""Rivals of an effect among which is chosen again after the next one was found."""
 
 _BUDGET = 6000
 """Work that laws beyond the best scores may take together: each costs the square of the number of
@@ -266,13 +274,10 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
     """Do one round of a search; returns whether another may follow."""
     again = bool(state.failed) and not state.began
     number = 0 if again else len(state.rounds)
-    current, whole = state.extended, scored.excess
-    excess = max(current.cost - scored.perfect, 0.0)
-    least = LEAST_AT_FIRST.value * whole
-    if number:
-        least = max(LEAST_OF_REST.value * excess, LEAST_OF_ALL.value * whole)
-        if excess < least:
-            return state, False
+    current = state.extended
+    least = _least(scored, current, number)
+    if number and max(current.cost - scored.perfect, 0.0) < least:
+        return state, False
     if again:
         scores, candidates = state.rounds[0]
         passing = [c for c in candidates if _passed(c) and c.entry.name not in state.failed]
@@ -338,7 +343,22 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         extended=extended,
         fits=(*state.fits, extended),
     )
-    return state, not extended.noise_scale <= PERFECT < current.noise_scale
+    if len(state.accepted) > 1:
+        state = _exchanged(task, scored, state)
+    return state, not state.extended.noise_scale <= PERFECT < current.noise_scale
+
+
+def _least(scored: Scored, current: ProcessNoiseFit, number: int) -> float:
+    """Return the log likelihood that an effect must gain: a share of what is left out.
+
+    Args:
+        current: The model without it, fitted.
+        number: How many effects were found before it.
+    """
+    if not number:
+        return LEAST_AT_FIRST.value * scored.excess
+    rest = max(current.cost - scored.perfect, 0.0)
+    return max(LEAST_OF_REST.value * rest, LEAST_OF_ALL.value * scored.excess)
 
 
 def _passed(candidate: Candidate) -> bool:
@@ -408,35 +428,98 @@ def _set_aside(state: Selected, why: str) -> Selected:
     return replace(state, aside=(*state.aside, Aside(candidate, alike, extended, why)))
 
 
+def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
+    """Choose again among the rivals of earlier effects, with what was found since.
+
+    Two effects that hide each other are found with the wrong one first, or as a class that only
+    the second resolves.
+    """
+    changed = False
+    for number, found in enumerate(state.accepted):
+        if found is state.accepted[-1] and not changed:
+            # It has been chosen beside all others just now.
+            break
+        scores, candidates = state.rounds[number]
+        known = {s.entry.name: s for s in scores.scores}
+        taken = {a.candidate.name for a in state.accepted}
+        rivals = [
+            c for c in candidates if c.followed and c.fit is not None and c.name not in taken
+        ][:_RIVALS]
+        if not rivals:
+            continue
+        task.say(f"choosing again between {found.candidate.name} and its rivals")
+        without = _without(task, state, found)
+        if without is None:
+            continue
+        base, free = without
+        chosen = refit_instead(
+            base,
+            [(c, known[c.name]) for c in (found.candidate, *rivals) if c.name in known],
+            free,
+            task.started(task.fitting, base.model),
+            task.started(task.judging, base.model),
+            limits=Limits(
+                state.penalty,
+                _least(scored, base, number),
+                scored.near_noise(task.base),
+            ),
+            jobs=task.jobs,
+        )
+        best = next((c for c in chosen if not c.refused), None)
+        if best is None or best.fit is None or best.fit.cost >= state.extended.cost:
+            # No rival does better; what still does as well is the class.
+            same = next((c for c in chosen if c.name == found.candidate.name), None)
+            if same is None or not same.followed or same.fit is None:
+                continue
+            best = replace(same, refused="", doubts=found.candidate.doubts)
+        else:
+            own = entry_priors(replace(known[best.name], entry=best.entry))[0]
+            free = (*free, *own)
+            fits = (*state.fits[: number + 1], *[best.fit] * (len(state.fits) - number - 1))
+            state = replace(state, free=free, extended=best.fit, fits=fits)
+            changed = True
+        renewed = Accepted(best, _alike(best, chosen, scores))
+        accepted = tuple(renewed if a is found else a for a in state.accepted)
+        state = replace(state, accepted=accepted)
+    return state
+
+
 def _left_out(task: Task, state: Selected, least: float) -> Selected:
     """Take out effects that the later ones made needless."""
     for found in state.accepted[:-1]:
-        entry, full = found.candidate.entry, state.extended
-        begun = full.passed or full
-        model = begun.model.without(entry.effect.name)
-        own = f"{entry.effect.name}."
-        values = {e.name: e.value for e in begun.refit.estimates if not e.name.startswith(own)}
-        free = [p for p in state.free if not p.name.startswith(own) and p.name in values]
-        try:
-            fit = fit_with_process_noise(
-                model,
-                task.started(task.fitting, model),
-                free,
-                start=values,
-                noise_scale=begun.noise_scale,
-            )
-        except Exception:  # noqa: BLE001
-            # A model that cannot be fitted without the effect needs it.
-            continue
-        if fit.cost - full.cost < least:
+        without = _without(task, state, found)
+        if without is not None and without[0].cost - state.extended.cost < least:
             needless = Withdrawn(found.candidate, "a later one makes it needless")
             state = replace(
                 state,
                 accepted=tuple(a for a in state.accepted if a is not found),
                 withdrawn=(*state.withdrawn, needless),
-                extended=fit,
+                extended=without[0],
             )
     return state
+
+
+def _without(
+    task: Task, state: Selected, found: Accepted
+) -> tuple[ProcessNoiseFit, tuple[Prior, ...]] | None:
+    """Refit the extended model without one effect; None if it cannot be fitted without it."""
+    name, full = found.candidate.entry.effect.name, state.extended
+    begun = full.passed or full
+    model = begun.model.without(name)
+    values = {e.name: e.value for e in begun.refit.estimates if not e.name.startswith(f"{name}.")}
+    free = tuple(p for p in state.free if p.name in values)
+    try:
+        fit = fit_with_process_noise(
+            model,
+            task.started(task.fitting, model),
+            free,
+            start=values,
+            noise_scale=begun.noise_scale,
+        )
+    except Exception:  # noqa: BLE001
+        # A model that cannot be fitted without the effect needs it.
+        return None
+    return fit, free
 
 
 def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> tuple[str, ...]:
