@@ -111,34 +111,32 @@ clock_shift = replace(
 
 
 def _command_rest(at: PortView) -> Expression:
-    return at.value - at.x.late - 2.0 / 3.0 * at.x.slope
+    return at.value - at.x.late - 0.6 * at.x.slope - 0.15 * at.x.bend
 
 
 def _delayed_command(at: PortView) -> Expression:
     r = at.p.time / (at.p.time + _spare(at.p))
-    smooth = at.x.late + (2.0 / 3.0 - r) * at.x.slope
-    return smooth + (1.0 - 4.0 * r + 3.0 * r * r) * _command_rest(at)
+    smooth = at.x.late + (0.6 - r) * at.x.slope + (0.15 - 0.6 * r + 0.5 * r * r) * at.x.bend
+    return smooth + (1.0 - 9.0 * r + 18.0 * r * r - 10.0 * r * r * r) * _command_rest(at)
 
 
 def _command_rates(e: EffectView) -> dict[str, Expression]:
-    # The slope is b times the rate, so that both states have the unit of the signal.
     b = e.p.time + _spare(e.p)
-    return {"late": e.x.slope / b, "slope": 6.0 / b * _command_rest(replace(e.here, x=e.x))}
+    rest = _command_rest(replace(e.here, x=e.x))
+    return {"late": e.x.slope / b, "slope": e.x.bend / b, "bend": 60.0 / b * rest}
 
 
-# Y / U = [1 + (2 b/3 - D) s + (b^2/6 - 2 b D/3 + D^2/2) s^2] / [1 + 2 b s/3 + b^2 s^2 / 6] with
-# b = D + g: exactly the identity for D = 0, exp(-D s) up to s^2 between, and the Pade function of
-# first over second order for D >> f, of which no part of a jump comes through at once.
+# Y / U = N(s) / P(b s) with P(x) = 1 + 3 x/5 + 3 x^2/20 + x^3/60, b = D + g and N the series of
+# exp(-D s) P(b s) up to s^3: exactly the identity for D = 0, exp(-D s) up to s^3 between, and the
+# Pade function of second over third order for D >> f, of which no part of a jump comes through at
+# once.
 delay = Law(
     "delay",
-    "Y / U = exp(-D s), Pade function of first over second order",
+    "Y / U = exp(-D s), Pade function of second over third order",
     drives(),
     _times(5, 0.5, 50),
     _delayed_command,
-    states=lambda at: (
-        State("late", at.unit, at.scale, "filtered signal", start_rms=0.05 * at.scale),
-        State("slope", at.unit, at.scale, "its rate times b", start_rms=0.05 * at.scale),
-    ),
+    states=_states,
     rates=_command_rates,
     start=lambda e: {"late": e.here.value},
     far=True,
