@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from workbench.diagnosis.experiment.play import Machine
     from workbench.diagnosis.stages import Diagnosis
     from workbench.diagnosis.verdict import Verdict
-    from workbench.physics.hypothesis import Hypothesis
+    from workbench.physics.library import Hypothesis, Law
 
 
 QUICK_S = 20.0
@@ -107,7 +107,7 @@ def diagnose(
     Args:
         time_limit: Time after which it ends, in s, 1 to 1e6.
     """
-    from workbench.diagnosis.problem import own_hypotheses
+    from workbench.diagnosis.problem import own_laws
 
     begin = time.perf_counter()
     limit = _limit(time_limit, quick=quick)
@@ -136,7 +136,7 @@ def diagnose(
             f"case {problem.name} holds nothing out, so no claim could be proved; add a file"
             " validate_*.csv"
         )
-    own = own_hypotheses(problem.model, effects or (), folder=Path.cwd())
+    own = own_laws(problem.model, effects or (), folder=Path.cwd())
     machine = None if experiment is None else _machine(experiment, loaded)
     found = _finished(loaded, own, workers, out, begin, limit, as_json=as_json)
     if propose is not None:
@@ -153,7 +153,7 @@ def diagnose(
 
 def _finished(
     loaded: Loaded,
-    own: tuple[Hypothesis, ...] | None,
+    own: tuple[Law | Hypothesis, ...],
     jobs: int,
     out: Path | None,
     begin: float,
@@ -221,7 +221,7 @@ def _after_experiment(
     found: Diagnosis,
     machine: Machine,
     loaded: Loaded,
-    own: tuple[Hypothesis, ...] | None,
+    own: tuple[Law | Hypothesis, ...],
     jobs: int,
     out: Path | None,
     begin: float,
@@ -268,7 +268,7 @@ def _limit(seconds: float | None, *, quick: bool) -> float | None:
 
 def _run(
     loaded: Loaded,
-    own: tuple[Hypothesis, ...] | None,
+    own: tuple[Law | Hypothesis, ...],
     jobs: int,
     out: Path | None,
     begin: float,
@@ -297,7 +297,7 @@ def _run(
                 problem.model,
                 problem.fit,
                 problem.hold_out,
-                entries=own,
+                extra=own,
                 jobs=jobs,
                 folder=out,
                 progress=say,

@@ -30,7 +30,7 @@ from workbench.diagnosis.verdict import Verdict
 from workbench.display import notebook_progress
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
-from workbench.physics.library import Hypothesis, library
+from workbench.physics.library import Hypothesis, Law, library
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
 from workbench.work.counted import Work, add, done, since
@@ -45,6 +45,7 @@ def diagnose(
     hold_out: Sequence[Recording],
     *,
     entries: Sequence[Hypothesis] | None = None,
+    extra: Sequence[Law | Hypothesis] = (),
     priors: Sequence[Prior] | None = None,
     jobs: int = 2,
     advise: bool = True,
@@ -55,6 +56,7 @@ def diagnose(
 
     Args:
         entries: Effects that may be missing; the whole library by default.
+        extra: Laws and hypotheses of your own that may be missing beside the library.
         priors: Free parameters of the nominal model; `default_priors` by default.
         advise: Whether to work out what to record next.
         folder: Where stages are kept: what an earlier call reached there is not done again.
@@ -81,6 +83,7 @@ def diagnose(
         fit_on,
         hold_out,
         entries=entries,
+        extra=extra,
         priors=priors,
         jobs=jobs,
         advise=advise,
@@ -96,6 +99,7 @@ def stages(
     hold_out: Sequence[Recording],
     *,
     entries: Sequence[Hypothesis] | None = None,
+    extra: Sequence[Law | Hypothesis] = (),
     priors: Sequence[Prior] | None = None,
     jobs: int = 2,
     advise: bool = True,
@@ -121,6 +125,7 @@ def stages(
         library(
             model,
             outputs=recorded,
+            extra=extra,
             duration=longest.duration,
             sample_time=longest.sample_time,
         )
@@ -167,6 +172,7 @@ def stages(
         None if entries is None else offered,
         jobs,
         say,
+        tuple(extra),
     )
     scored = files.reached(Scored, lambda: score(task))
     found = replace(found, scored=scored, **files.spent)

@@ -16,8 +16,7 @@ from workbench.errors import WorkbenchError
 from workbench.model import Effect, Model
 from workbench.model.traits import LEFT_OUT
 from workbench.physics.hypothesis import Hypothesis
-from workbench.physics.law import LAWS, Law
-from workbench.physics.library import library
+from workbench.physics.law import Law
 from workbench.recordings.case import Case, RefitSettings
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.checks.quantisation import quantum
@@ -219,10 +218,10 @@ def _titles(paths: Sequence[Path]) -> list[str]:
     ]
 
 
-def own_hypotheses(
+def own_laws(
     model: Model, references: Sequence[str], *, folder: Path | None = None
-) -> tuple[Hypothesis, ...] | None:
-    """Return the library with effects of the user's own, or None for the library alone.
+) -> tuple[Hypothesis | Law, ...]:
+    """Return effects of the user's own, to be offered beside the library.
 
     Args:
         references: Each ``module:object``: a law, an effect, a hypothesis, several of them, or a
@@ -232,14 +231,7 @@ def own_hypotheses(
     Raises:
         WorkbenchError: If an object is none of these.
     """
-    if not references:
-        return None
-    found = [item for name in references for item in _own(model, name, folder)]
-    known = list(LAWS.members().values())
-    laws = [item for item in found if isinstance(item, Law) and item not in known]
-    own = [item for item in found if isinstance(item, Hypothesis)]
-    names = {h.name for h in own}
-    return (*(h for h in library(model, extra=laws) if h.name not in names), *own)
+    return tuple(item for name in references for item in _own(model, name, folder))
 
 
 def _own(model: Model, reference: str, folder: Path | None) -> list[Hypothesis | Law]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis, look_alikes
@@ -16,9 +16,10 @@ def library(
     model: Model,
     *,
     outputs: tuple[str, ...] | None = None,
-    extra: Iterable[Law] = (),
+    extra: Iterable[Law | Hypothesis] = (),
     duration: float = 0.0,
     sample_time: float = 0.0,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Hypothesis, ...]:
     """Return every law of the library at each place of a model that it fits, at zero size.
 
@@ -27,10 +28,13 @@ def library(
 
     Args:
         outputs: Names of the outputs that are recorded, for the effects of sensors; all by default.
-        extra: Laws of your own that stand in no registry.
+        extra: Laws of your own that stand in no registry, or hypotheses; of two with one name
+            yours is taken.
         duration: Length of the recordings, in s, for times at which something may have happened;
             0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
+        ranges: Smallest and largest value along the recordings of ports and states, by name, in
+            SI, for limits that lie there.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -38,13 +42,16 @@ def library(
         >>> "stribeck_friction" in names, "coulomb_friction" in names
         (True, False)
     """
-    survey = Survey(model, outputs, duration=duration, sample_time=sample_time)
+    survey = Survey(model, outputs, duration=duration, sample_time=sample_time, ranges=ranges)
+    given = [item for item in extra if isinstance(item, Hypothesis)]
+    laws = dict.fromkeys([*LAWS.members().values(), *(x for x in extra if isinstance(x, Law))])
+    own = {hypothesis.name for hypothesis in given}
+    offered = [h for law in laws for h in law.hypotheses(survey) if h.name not in own]
     taken = {effect.name for effect in model.effects}
     found = [
-        hypothesis
-        for law in (*LAWS.members().values(), *extra)
-        for hypothesis in law.hypotheses(survey)
-        if hypothesis.name not in taken and not any(_same(hypothesis, e) for e in model.effects)
+        h
+        for h in (*offered, *given)
+        if h.name not in taken and not any(_same(h, e) for e in model.effects)
     ]
     return tuple(sorted(found, key=lambda h: h.group == "sensor"))
 

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import casadi as ca
+
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, sqrt
-from workbench.physics.law import Fit, Law, Own, shape, size
+from workbench.physics.law import Fit, Law, Own, each, shape, size
 from workbench.physics.place import Place, Survey, per
 
 _LAG = 0.1
@@ -43,6 +45,15 @@ def _excess(e: EffectView) -> Expression:
     return at.form.ramp(at.signals.level - e.p.limit, 0.005 * e.p.level_scale)
 
 
+def _brims(at: Place) -> list[float]:
+    """Levels worth trying: without the spill the level seems to rise beyond the brim."""
+    level = at.level
+    if level.seen is None:
+        return [k * level.scale for k in (1.0, 1.5, 2.0)]
+    low, high = level.seen
+    return [low + k * (high - low) for k in (0.7, 0.85, 0.95)]
+
+
 def _brim(at: Place) -> tuple[Own, ...]:
     level, rate = at.level, at.scale / at.level.scale
     caught = shape("caught", "1", 0.0, "part of the spill that is caught", around=None,
@@ -50,7 +61,7 @@ def _brim(at: Place) -> tuple[Own, ...]:
     return (
         size("coefficient", per(at.unit, level.unit), 10 * rate, 0.5 * rate, 100 * rate,
              "spill over excess level"),
-        shape("limit", level.unit, level.scale, "level of the brim", around=(0.1, 10.0)),
+        shape("limit", level.unit, _brims(at)[0], "level of the brim", around=(0.1, 10.0)),
         shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
         *((caught,) if at.others else ()),
     )  # fmt: skip
@@ -67,8 +78,8 @@ overflow = Law(
     start=lambda e: {"excess": _excess(e)},
     # Where there is a store below, all of the spill may fall into it, or nothing.
     shapes=lambda at: [
-        {"limit": k * at.level.scale, **({"caught": caught} if at.others else {})}
-        for k in (1.0, 1.5, 2.0)
+        {"limit": limit, **({"caught": caught} if at.others else {})}
+        for limit in _brims(at)
         for caught in (0.0, 1.0)[: 1 + bool(at.others)]
     ],
     source="broad-crested brim, linearised",
@@ -126,4 +137,52 @@ linear_outflow = Law(
     source="laminar leak, G. Hagen 1839; leak resistance",
     look_alikes=("orifice_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along an exponential",
+)  # fmt: skip
+
+
+def _of_head(at: Place) -> Own:
+    head = at.signals["head"]
+    typical = max(map(abs, head.seen)) if head.seen else head.scale
+    return shape("level_scale", head.unit, typical, "typical level", source="", fitted=False)
+
+
+def _steeper(at: PortView) -> Expression:
+    level = at.form.ramp(at.signals.head, 1e-3 * at.p.level_scale) / at.p.level_scale
+    return at.value * ca.exp(at.p.exponent * ca.log(level + 1e-3))
+
+
+outflow_exponent = Law(
+    "outflow_exponent",
+    "flow = flow (level / level_scale)^exponent",
+    each("flow", needs=("head",)),
+    lambda at: (
+        size("exponent", "1", 0.1, 0.02, 2.0, "exponent beyond that of the model", signed=True),
+        _of_head(at),
+    ),
+    _steeper,
+    source="discharge of pipes, between H. Darcy 1857 (1/2) and G. Hagen 1839 (1)",
+    look_alikes=("outlet_head", "linear_outflow", "orifice_outflow"),
+    separated_by="let the store run empty from the top and note the level over time",
+)
+
+
+def _lowered(at: PortView) -> Expression:
+    level = ca.SX(at.signals.head)
+    return ca.substitute(ca.SX(at.value), level, level + at.p.height)
+
+
+outlet_head = Law(
+    "outlet_head",
+    "flow = flow(level + height)",
+    each("flow", needs=("head",)),
+    lambda at: (
+        size("height", at.signals["head"].unit, 0.05 * _of_head(at).value,
+             0.01 * _of_head(at).value, 2.0 * _of_head(at).value,
+             "head of the outlet below the zero of the level", signed=True),
+        _of_head(at),
+    ),
+    _lowered,
+    source="E. Torricelli 1643: what counts is the height above the end of the pipe",
+    look_alikes=("outflow_exponent", "linear_outflow", "orifice_outflow", "offset"),
+    separated_by="let the store run empty: with a pipe below it still flows at level zero",
 )  # fmt: skip

@@ -84,6 +84,7 @@ class Local:
         lower: Lower end of its range, in ``unit``; minus infinity if it is not known.
         upper: Upper end of its range, in ``unit``.
         start: Usual value at the start of a run, in ``unit``.
+        seen: Smallest and largest value along the recordings, in ``unit``; None if not known.
         minus: Name of a state that is subtracted: the place or speed of one body over another.
         sign: 1, or -1 where the signal of the port counts the other way, dimensionless.
     """
@@ -94,6 +95,7 @@ class Local:
     lower: float = -math.inf
     upper: float = math.inf
     start: float = 0.0
+    seen: tuple[float, float] | None = None
     minus: str = ""
     sign: float = 1.0
 
@@ -101,9 +103,11 @@ class Local:
         """Return the signal as it is counted the other way, if the sign (a factor) is negative."""
         if sign >= 0.0:
             return self
+        seen = self.seen and (-self.seen[1], -self.seen[0])
         return replace(
-            self, sign=-self.sign, lower=-self.upper, upper=-self.lower, start=-self.start
-        )
+            self, sign=-self.sign, lower=-self.upper, upper=-self.lower, start=-self.start,
+            seen=seen,
+        )  # fmt: skip
 
     def value(self, own: Mapping[str, Expression], known: Mapping[str, Expression]) -> Expression:
         """Return the signal, in ``unit``.
@@ -126,9 +130,9 @@ class Place:
         role: What its signal does.
         signals: The signals that a law may use, by the name that laws give them: the port's own,
             ``speed`` and ``coordinate`` of what an effort drives, positive where more of the
-            signal raises the speed, ``level`` of what a flow fills, ``bearing_load_1``... of what
-            loads a contact, ``contraction`` and ``gauge_pressure`` of a muscle, ``measured`` of
-            what a sensor reads.
+            signal raises the speed, ``level`` of what a flow fills, ``head`` of what it empties,
+            ``bearing_load_1``... of what loads a contact, ``contraction`` and ``gauge_pressure``
+            of a muscle, ``measured`` of what a sensor reads.
         driven: Whether an input of the model reaches the signal at once.
         commanded: Whether it follows from inputs alone.
         empty: Whether nothing passes there unless an effect adds it.
@@ -141,6 +145,7 @@ class Place:
         others: The further ports on which the same effect acts.
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
+        seen: Smallest and largest value along the recordings, in its unit; None if not known.
     """
 
     port: Port
@@ -158,6 +163,7 @@ class Place:
     others: tuple[Place, ...] = ()
     duration: float = 0.0
     sample_time: float = 0.0
+    seen: tuple[float, float] | None = None
 
     @property
     def name(self) -> str:
@@ -219,6 +225,8 @@ class Survey:
         outputs: Names of the outputs that are recorded; all by default.
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
+        ranges: Smallest and largest value along the recordings of ports and states, by name, in
+            SI.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -234,8 +242,10 @@ class Survey:
         *,
         duration: float = 0.0,
         sample_time: float = 0.0,
+        ranges: Mapping[str, tuple[float, float]] | None = None,
     ) -> None:
         self.model, self.trace = model, model.exact
+        self.ranges = ranges or {}
         # A recording that is to be refused later may have no sensible time base.
         self.duration = duration if 0.0 < duration < math.inf else 0.0
         self.sample_time = sample_time if 0.0 < sample_time < math.inf else 0.0
@@ -288,6 +298,8 @@ class Survey:
             stores = self._filled[index]
             if len(stores) == 1:
                 signals["level"] = self._of(stores[0].name)
+            if head := self._emptied(index):
+                signals["head"] = self._of(head)
         if output is not None and output.name in self._measured:
             signals.setdefault("measured", self._of(self._measured[output.name]))
         return Place(
@@ -297,6 +309,7 @@ class Survey:
             parameters=self._entering[index],
             whole=self._whole(index), elastic=role in EFFORTS and elastic, directed=directed,
             output=output, duration=self.duration, sample_time=self.sample_time,
+            seen=self.ranges.get(name),
         )  # fmt: skip
 
     def _role(self, port: Port, index: int) -> str:
@@ -561,7 +574,7 @@ class Survey:
         q = self._known[name]
         lower, upper = getattr(q, "lower", -math.inf), getattr(q, "upper", math.inf)
         start = getattr(q, "initial", getattr(q, "nominal", 0.0))
-        return Local(name, q.unit, q.scale, lower, upper, start)
+        return Local(name, q.unit, q.scale, lower, upper, start, self.ranges.get(name))
 
     def _local(self, port: Port, signal: str, origin: str, unit: str = "") -> Local:
         """Return a local signal with what is known of it; by its unit where it is no state."""
@@ -569,7 +582,7 @@ class Survey:
             of = self._of(origin)
             # A prescribed signal of a test bench has no unit of its own.
             own = of.unit if of.unit != "1" or not unit else unit
-            return Local(signal, own, of.scale, of.lower, of.upper, of.start)
+            return Local(signal, own, of.scale, of.lower, of.upper, of.start, of.seen)
         own = self.trace.signal_units[self.trace.signal_names.index(origin)] if origin else unit
         alike = next((q for q in self.model.states if own and q.unit == own), None)
         if alike is None:
@@ -618,6 +631,16 @@ class Survey:
             moved if all(at[names.index(q.name), j] > 0 for q in moved) else ()
             for j, moved in enumerate(self._moved)
         )
+
+    def _emptied(self, index: int) -> str:
+        """Return the level that drives a flow and falls with it; empty if there is none."""
+        value, raised = self._port_value(index), self._raised(index)
+        for i, q in enumerate(self.model.states):
+            if "." in q.name or not ca.depends_on(value, self.trace.x[i]):
+                continue
+            if np.nanmedian(raised[:, i]) < 0.0:
+                return q.name
+        return ""
 
     @cached_property
     def _reached(self) -> tuple[bool, ...]:

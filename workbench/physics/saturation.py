@@ -27,16 +27,21 @@ def _beyond(at: PortView) -> Expression:
 def _limit(at: Place, usual: float) -> tuple[Own, ...]:
     return (
         share("share of the excess that is cut"),
-        shape("limit", at.unit, usual, "the limit", around=(0.05, 20.0), scale=at.scale),
+        shape("limit", at.unit, usual, "the limit", around=(0.05, 20.0), scale=at.scale)
+        if usual > 0.0
+        else shape("limit", at.unit, usual, "the limit", around=None, scale=at.scale),
     )
 
 
 def _limited(at: Place) -> tuple[Own, ...]:
-    return _limit(at, at.scale)
+    return _limit(at, _limits(at)[0]["limit"])
 
 
 def _limits(at: Place) -> list[dict[str, float]]:
-    return [{"limit": k * at.scale} for k in (1.0, 0.5, 2.0)]
+    if at.seen is None:
+        return [{"limit": k * at.scale} for k in (1.0, 0.5, 2.0)]
+    # Without the limit the signal seems to pass it.
+    return [{"limit": k * max(map(abs, at.seen))} for k in (0.8, 0.6, 0.95)]
 
 
 saturation = Law(
@@ -56,6 +61,9 @@ _NAMED = (".inflow", ".outflow")
 
 
 def _lower_limits(at: Place) -> list[dict[str, float]]:
+    if at.seen is not None:
+        low, high = at.seen
+        return [{"limit": low + k * (high - low)} for k in (0.2, 0.05, 0.4)]
     fractions = (0.5, 0.25) if at.name.endswith(_NAMED) else (-1.0, -0.5, 0.5)
     return [{"limit": k * at.scale} for k in fractions]
 
@@ -84,7 +92,10 @@ lower_saturation = replace(
 
 
 def _ends(at: Place) -> tuple[float, ...]:
-    """Limits worth trying for a sensor: within the range of what it measures."""
+    """Limits worth trying for a sensor: at the end of what it reads, or within its range."""
+    if at.seen is not None:
+        low, high = at.seen
+        return high, high - 0.1 * (high - low), high - 0.3 * (high - low)
     if at.unit == "Pa":
         return tuple(k * at.scale for k in (4.0, 3.0, 5.0))
     top = at.signals["measured"].upper if "measured" in at.signals else math.inf

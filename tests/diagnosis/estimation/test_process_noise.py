@@ -13,9 +13,11 @@ from workbench.diagnosis.estimation.process_noise import (
     extended_start,
     fit_with_process_noise,
     gain_interval,
+    ranges_along,
     start_values,
 )
 from workbench.physics.hysteresis import muscle_hysteresis
+from workbench.physics.library import library
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 
@@ -41,6 +43,34 @@ def test_a_start_is_extended_by_the_states_of_new_effects() -> None:
     own = [i for i, q in enumerate(more.states) if q.name in {p.name for p in model.states}]
     np.testing.assert_allclose(longer.start[own], start)
     np.testing.assert_allclose(longer.start_rms[own], rms)
+
+
+def test_a_start_told_by_a_sensor_is_open_where_that_sensor_may_be_shifted() -> None:
+    model = servo_axis()
+    seen = observed(1, hidden=False, n=50)
+    known = {h.name: h for h in library(model)}
+
+    def rms(name: str) -> float:
+        extended = model.with_effect(known[name].effect)
+        return float(extended_start(seen, model, extended).start_rms[0])
+
+    place = model.states[0]
+    assert seen.start_rms[0] < 0.01 * place.scale
+    assert rms("sensor_offset_position") == (place.start_rms or place.scale)
+    # At the start a lag reads what is there, and friction shifts no sensor.
+    assert rms("sensor_lag_position") == rms("stribeck_friction") == seen.start_rms[0]
+
+
+def test_ranges_are_those_of_what_was_read_and_of_the_filtered_states() -> None:
+    fit = diagnosed(False).base
+    seen = diagnosed(False).prepared.fitting
+    found = ranges_along(fit, seen)
+    read = np.concatenate([r.outputs[:, 0] for r in seen])
+    low, high = found["position.reading"]
+    assert read.min() <= low < high <= read.max()
+    assert found["position"] == pytest.approx((low, high), abs=0.02 * (high - low))
+    pushed = np.concatenate([r.inputs[:, 0] for r in seen])
+    assert found["axis.force"][1] <= 1.5 * pushed.max()
 
 
 def test_bootstrap_interval_holds_the_sum_and_has_its_coverage() -> None:

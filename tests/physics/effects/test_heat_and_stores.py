@@ -111,3 +111,32 @@ def test_flattened_ends_contract_a_muscle_further() -> None:
     assert tension(model, 0.03) == pytest.approx(tension(muscle(), 0.036))
     walled = muscle().with_effect(offered(muscle(), "wall_term").at_size(80.0, {"reach": 1e-3}))
     assert tension(walled, 0.03) == pytest.approx(tension(muscle(), 0.03) - 80.0)
+
+
+def outflow(model: Model, level: float) -> float:
+    """Return what leaves the tank, in m3/s."""
+    x = model.initial_state({"level": level, "temperature": ROOM})
+    return model.signals(x, [0.0, 0.0])["tank.outflow"]
+
+
+def test_an_outlet_below_the_zero_adds_its_height_to_the_level() -> None:
+    model = tank().with_effect(offered(tank(), "outlet_head").at_size(0.05))
+    for level in (0.02, 0.1, 0.4):
+        assert outflow(model, level) == pytest.approx(outflow(tank(), level + 0.05), rel=1e-9)
+
+
+@pytest.mark.parametrize("exponent", [0.3, -0.15])
+def test_the_exponent_of_an_outflow_is_the_slope_over_logarithms(exponent: float) -> None:
+    model = tank().with_effect(offered(tank(), "outflow_exponent").at_size(exponent))
+    levels = np.array([0.1, 0.2, 0.4])
+    slopes = np.diff(np.log([outflow(model, h) for h in levels])) / np.diff(np.log(levels))
+    # Torricelli's root has the exponent one half.
+    np.testing.assert_allclose(slopes, 0.5 + exponent, atol=5e-3)
+
+
+def test_limits_are_looked_for_where_the_recordings_have_their_ends() -> None:
+    seen = {"level.reading": (0.1, 0.377), "pump.voltage": (0.0, 7.0), "level": (0.1, 0.5)}
+    found = {h.name: h for h in library(tank(), ranges=seen)}
+    assert found["sensor_clipping_level"].shapes[0] == {"limit": 0.377}
+    assert all(0.0 < s["limit"] < 7.0 for s in found["saturation_pump_voltage"].shapes)
+    assert all(0.1 < s["limit"] < 0.5 for s in found["overflow_tank"].shapes)

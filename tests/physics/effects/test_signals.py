@@ -73,12 +73,17 @@ def test_zero_delay_is_the_identity_at_every_frequency() -> None:
         assert response(late_command(0.0), w) == pytest.approx(1.0, abs=1e-9)
 
 
-def test_delay_of_a_command_is_pade_of_first_over_second_order() -> None:
+def test_delay_of_a_command_is_pade_of_second_over_third_order() -> None:
     D = 0.1
     for w in (1.0, 10.0, 30.0):
         s = 1j * w * D
-        pade = (1 - s / 3) / (1 + 2 * s / 3 + s * s / 6)
+        pade = (1 - 2 * s / 5 + s * s / 20) / (1 + 3 * s / 5 + 3 * s * s / 20 + s**3 / 60)
         assert response(late_command(D), w) == pytest.approx(pade, abs=2e-3)
+
+
+def test_a_delay_of_two_samples_is_one_to_a_thousandth_of_a_quick_signal() -> None:
+    for w in (20.0, 60.0, 100.0):
+        assert response(late_command(0.01), w) == pytest.approx(np.exp(-0.01j * w), abs=2e-3)
 
 
 def test_delayed_command_arrives_after_its_time_on_average() -> None:

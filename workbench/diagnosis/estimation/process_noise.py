@@ -37,6 +37,7 @@ PERFECT = 0.03
 believed for making that noise smaller, as a wrong gain of a sensor does."""
 
 _USUAL = 3.0
+_LOOKS, _ENDS = 2000, (0.005, 0.995)
 _BLOCK_S = 0.5
 _BLOCK_SAMPLES = 20
 
@@ -114,7 +115,9 @@ def _misread(model: Model, extended: Model, observed: Observed, start: Vector) -
     at = start, observed.inputs[0], extended.values
     sizes = np.array([extended.parameters[i].scale for i in columns])
     shift = np.abs(np.asarray(trace.function("slopes", slopes)(*at))) @ sizes
-    shifted = [row for row, by, rms in zip(rows, shift, observed.noise_rms, strict=True) if by > rms]
+    shifted = [
+        row for row, by, rms in zip(rows, shift, observed.noise_rms, strict=True) if by > rms
+    ]
     read = np.asarray(trace.jacobian_function(*at)[2])[shifted]
     return {q.name for i, q in enumerate(extended.states) if np.any(read[:, i] != 0.0)}
 
@@ -227,6 +230,47 @@ def blocks_of_cost(
     return np.concatenate(
         [_blocks(p, r.sample_time, block) for p, r in zip(parts, recordings, strict=True)]
     )
+
+
+def ranges_along(
+    fit: ProcessNoiseFit, recordings: Sequence[Observed]
+) -> dict[str, tuple[float, float]]:
+    """Return the smallest and largest value of every port and state along recordings.
+
+    Those of a sensor's port are measured, all others follow from the filtered states. A few of
+    the samples at each end are left out.
+
+    Returns:
+        Lower and upper end by name, in SI.
+
+    Raises:
+        NumericalError: If the filter leaves the finite numbers.
+    """
+    model, trace = fit.model, fit.model.exact
+    rms = disturbances(model, fit.noise_scale)
+    seen: dict[str, list[Vector]] = {}
+    for observed in recordings:
+        filter_ = PredictionError(model, observed.sample_time, observed.used, (), rms)
+        every = max(1, len(observed.outputs) // _LOOKS)
+        states = filter_.run(observed, model.values).states[::every]
+        inputs, n = observed.inputs[::every], len(states)
+        signals = trace.signals_function.map(n)(
+            states.T, inputs.T, np.tile(model.values[:, None], (1, n))
+        )
+        named = dict(zip(trace.signal_names, np.asarray(signals), strict=True))
+        named |= dict(zip((q.name for q in model.states), states.T, strict=True))
+        named |= {
+            f"{name}.reading": column
+            for name, column in zip(observed.used, observed.outputs.T, strict=True)
+        }
+        for name, values in named.items():
+            seen.setdefault(name, []).append(values[np.isfinite(values)])
+    return {
+        name: (float(low), float(high))
+        for name, parts in seen.items()
+        if (values := np.concatenate(parts)).size
+        for low, high in [np.quantile(values, _ENDS)]
+    }
 
 
 def _blocks(part: Innovations, sample_time: float, block: float) -> Vector:

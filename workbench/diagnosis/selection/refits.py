@@ -236,13 +236,9 @@ def refit_instead(
         )
         begun.append(replace(candidate, fit=fit, refused="", rule="", doubts=()))
     before = blocks_of_cost(base, hold_out) if hold_out else None
-    with joblib.Parallel(n_jobs=jobs if len(begun) > 1 else 1) as parallel:
-        found = parallel(
-            joblib.delayed(_followed)(
-                base, first, score, tuple(priors), tuple(fit_on), tuple(hold_out), before
-            )
-            for first, (_, score) in zip(begun, rivals, strict=True)
-        )
+    known = tuple(priors), tuple(fit_on), tuple(hold_out), before
+    pairs = zip(begun, (score for _, score in rivals), strict=True)
+    found = in_order([(_followed, (base, *pair, *known)) for pair in pairs], jobs=jobs)
     return decided(base, found, hold_out, limits)
 
 

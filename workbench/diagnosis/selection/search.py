@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from workbench.diagnosis.estimation.process_noise import (
     fit_with_process_noise,
     gain_interval,
     perfect_cost,
+    ranges_along,
     start_values,
 )
 from workbench.diagnosis.location.locate import Location
@@ -67,7 +69,7 @@ from workbench.diagnosis.selection.selected import (
 from workbench.diagnosis.selection.shortlist import shortlist
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.physics.library import Hypothesis, library
+from workbench.physics.library import Hypothesis, Law, library
 
 Progress = Callable[[str], None]
 
@@ -79,6 +81,9 @@ MOST_SEARCHES = 3
 
 _RIVALS = 3
 """Rivals of an effect among which is chosen again after the next one was found."""
+
+_MOST_AT_FIRST, _MOST_AGAIN = 18, 8
+"""Laws that are refitted for their score, before and after the first one was found."""
 
 _BUDGET = 6000
 """Work that laws beyond the best scores may take together: each costs the square of the number of
@@ -96,6 +101,7 @@ class Task:
         priors: Priors of the free parameters of the nominal model.
         location: Where the refitted nominal model lacks something; None if unknown.
         entries: Effects that may be missing; the whole library if None.
+        extra: Laws and hypotheses that may be missing beside the library.
         say: Called with a line of text before each step.
     """
 
@@ -108,6 +114,7 @@ class Task:
     entries: tuple[Hypothesis, ...] | None = None
     jobs: int = 2
     say: Progress = lambda text: None
+    extra: tuple[Law | Hypothesis, ...] = ()
 
     def tried(self, model: Model) -> list[Hypothesis]:
         """Return the effects that may be missing from a model."""
@@ -117,11 +124,20 @@ class Task:
             entries = library(
                 model,
                 outputs=longest.used,
+                extra=self.extra,
                 duration=longest.sample_time * (len(longest.outputs) - 1),
                 sample_time=longest.sample_time,
+                ranges=self._ranges,
             )
         attached = {effect.name for effect in model.effects}
         return [e for e in entries if e.name not in attached]
+
+    @cached_property
+    def _ranges(self) -> dict[str, tuple[float, float]]:
+        try:
+            return ranges_along(self.base, self.fitting)
+        except NumericalError:
+            return {}
 
     def started(self, recordings: Sequence[Observed], model: Model) -> list[Observed]:
         """Return recordings with a start for a model with effects attached."""
@@ -185,7 +201,7 @@ def search(task: Task, scored: Scored, begun: Selected | None = None) -> Iterato
         yield state
 
 
-def _first_tried(task: Task, scores: Scores) -> tuple[tuple[Score, ...], tuple[Score, ...]]:
+def _to_refit(task: Task, scores: Scores, most: int) -> tuple[tuple[Score, ...], tuple[Score, ...]]:
     """Choose what is refitted first: the best scores, and the laws of the located groups.
 
     The score is a derivative at size zero. It orders, but of a law whose derivative vanishes
@@ -194,17 +210,16 @@ def _first_tried(task: Task, scores: Scores) -> tuple[tuple[Score, ...], tuple[S
     Returns:
         What to refit, and what is left for the case that nothing of it explains the recordings.
     """
-    chosen = list(shortlist(scores))
+    chosen = list(shortlist(scores, most=most))
     groups = {port.name: port.group for port in task.base.model.ports}
     alone = task.location.alone if task.location else {}
     best = max(alone.values(), default=0.0)
     located = {group for group, gain in alone.items() if gain > 0.0 and gain >= 0.5 * best}
     cost = len(task.base.model.states) ** 2 * (len(task.priors) + 1)
-    most = len(chosen) + _BUDGET // cost
+    room = _BUDGET * most // _MOST_AT_FIRST // cost
     rest = [s for s in scores.scores if not s.entry.stiff and s not in chosen]
     here = [s for s in rest if any(groups.get(port) in located for port in s.entry.ports)]
     elsewhere = [s for s in rest if s not in here]
-    room = most - len(chosen)
     # A small plant has room for the whole library, wherever the mismatch was located.
     return (*chosen, *here[:room]), tuple(elsewhere) if len(rest) <= room else ()
 
@@ -292,13 +307,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             scores = score_library(
                 current.model, begun, state.free, tried, noise_scale=current.noise_scale
             )
-        # A score tells little of the gain of a large effect, such as a lag of many samples:
-        # only what is left after another is asked for a share of the gain beforehand.
-        chosen, later = (
-            (shortlist(scores, most=8, least=0.05 * least), ())
-            if number
-            else _first_tried(task, scores)
-        )
+        chosen, later = _to_refit(task, scores, _MOST_AGAIN if number else _MOST_AT_FIRST)
         samples = sum(_independent(r) for r in task.fitting)
         penalty = selection_penalty(len(scores.scores), samples, 2)
 

@@ -17,20 +17,15 @@ _LEADERS = 2
 _SIGMA = 3.0
 
 
-def shortlist(scores: Scores, *, most: int = 18, least: float = LEAST_SCORE) -> tuple[Score, ...]:
+def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
     """Choose the hypotheses that are worth a full refit.
 
     The best score with its look-alikes, then the best of every other group of ports.
 
     Args:
         most: How many at the most.
-        least: Expected gain of log likelihood below which an effect is left out, dimensionless.
     """
-    worthy = [
-        s
-        for s in scores.scores
-        if s.gain > max(LEAST_SCORE, least) and (s.testable or (least <= LEAST_SCORE and _plain(s)))
-    ]
+    worthy = [s for s in scores.scores if s.gain > LEAST_SCORE and (s.testable or _plain(s))]
     if not worthy:
         return ()
     chosen = [worthy[0]]
