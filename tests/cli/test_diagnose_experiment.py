@@ -13,6 +13,7 @@ from workbench.cli.main import WRONG_USE, run
 from workbench.diagnosis import problem
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
 from workbench.physics.library import library
+from workbench.physics.stiffness import linear_spring
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.saving import write_recording
 
@@ -94,3 +95,30 @@ def test_a_machine_that_cannot_be_played_on_is_one_sentence(
     assert run([*given, "--experiment", machine]) == WRONG_USE
     text = capsys.readouterr().err
     assert said in text and "Traceback" not in text
+
+
+def test_a_law_without_a_name_becomes_a_law_of_the_user(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    sprung = servo_axis().with_effect(linear_spring("axis.force", stiffness=200.0, upper=1000.0))
+    for seed in (1, 2):
+        push = pushes(400, largest=200.0, seed=seed)
+        made = made_up_recording(sprung, push, sample_time=0.01, name=f"axis {seed}")
+        write_recording(made, tmp_path / f"{seed}.csv")
+    every = problem.own_hypotheses
+
+    def without_springs(model: Any, references: Any, **options: Any) -> Any:
+        own = every(model, references, **options) or library(model)
+        return [h for h in own if h.name in ("stribeck_friction", "found")]
+
+    monkeypatch.setattr(problem, "own_hypotheses", without_springs)
+    asked = ["diagnose", "--plant", "servo-axis", "--jobs", "1"]
+    asked += ["--fit", "1.csv", "--hold-out", "2.csv"]
+    assert run([*asked, "--out", "out"]) == 0
+    assert "has the shape of linear spring" in capsys.readouterr().out
+    assert "Shapes of the library" in (tmp_path / "out/report.html").read_text()
+    monkeypatch.chdir(tmp_path / "out")
+    there = [word.replace("1.csv", "../1.csv").replace("2.csv", "../2.csv") for word in asked]
+    assert run([*there, "--effects", "law:found"]) == 0
+    assert "named: Missing: found at axis.force, size -200" in capsys.readouterr().out

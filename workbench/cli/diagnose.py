@@ -331,6 +331,7 @@ def _text(verdict: Verdict, loaded: Loaded) -> str:
 def _write(found: Diagnosis, loaded: Loaded, out: Path) -> None:
     from workbench.cli.typed import typed
     from workbench.diagnosis.comparison import proof_of
+    from workbench.diagnosis.nonparametric.law_file import law_file
     from workbench.files import whole_folder, write_whole
     from workbench.reports.diagnosis_page import diagnosis_page
     from workbench.reports.page import write_page
@@ -344,4 +345,7 @@ def _write(found: Diagnosis, loaded: Loaded, out: Path) -> None:
             name=loaded.problem.name,
             commands=tuple(filter(None, (typed(),))),
         )
+        term = found.nonparametric
+        if term is not None and term.accepted and not found.accepted:
+            write_whole(folder / "law.py", law_file(term, found.nominal.name))
         write_page(page, folder / "report.html", pictures=folder / "figures")

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.location.missing_signal import Occurrence
+from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import explained, held_out_errors
 from workbench.diagnosis.selection.rules import IMPERFECT, NEAR_NOISE
 from workbench.diagnosis.selection.score import COLLINEAR
@@ -256,7 +257,7 @@ def _without_name(
                     f"Missing at {', '.join(term.ports)}: something that the library has no name"
                     f" for; a curve over {over}{' with a memory' if term.loop else ''} takes away"
                     f" {100 * term.explained:.0f} % of the signal that is missing there."
-                    f" {_acts(occurrence)}".rstrip()
+                    f"{_alike(term)} {_acts(occurrence)}".rstrip()
                 ),
                 parameters=_own(diagnosis.extended, term.effect_name),
                 excess_explained=explained(fit),
@@ -275,6 +276,14 @@ def _without_name(
             where=ports, effect=None, alike=(), sentence=sentence.rstrip(), occurrence=occurrence
         ),
     )
+
+
+def _alike(term: NonparametricTerm) -> str:
+    """Say which law of the library has the shape of a curve."""
+    alike = term.likeness
+    if alike is None:
+        return ""
+    return f" The curve has the shape of {alike.law.replace('_', ' ')}."
 
 
 def _by_chance(held_out: tuple[float, float, float]) -> float:

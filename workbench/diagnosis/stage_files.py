@@ -40,6 +40,7 @@ from workbench.diagnosis.nonparametric.result import (
     Argument,
     Bins,
     Law,
+    Likeness,
     NonparametricTerm,
 )
 from workbench.diagnosis.selection.candidate import Candidate
@@ -82,7 +83,7 @@ _CLASSES: dict[str, Any] = {
             Withdrawn,
         ),
         *(Observed, Prior, Estimate, Refit, ProcessNoiseFit, FreeRun, Location, Score, Scores),
-        *(Candidate, NonparametricTerm, Law, Argument, Bins, Term, Curve),
+        *(Candidate, NonparametricTerm, Law, Argument, Bins, Term, Curve, Likeness),
         *(MissingSignal, Occurrence, Place, Span, Experiment),
     )
 }

@@ -108,7 +108,24 @@ def nonparametric_blocks(term: NonparametricTerm) -> list[Block]:
             )
         )
     blocks.append(arguments_table(term))
+    if term.likenesses:
+        blocks.append(likenesses_table(term))
     return blocks
+
+
+def likenesses_table(term: NonparametricTerm) -> Table:
+    """Build the table of shapes that stood in the place of the curve."""
+    rows = tuple(
+        (plain(k.law) if k.law else "the curve itself", number(k.gain, 5), number(k.charged, 5))
+        for k in term.likenesses
+    )
+    return Table(
+        "Shapes of the library in the place of the curve",
+        ("shape of", "gain when refitted", "less its charge"),
+        rows,
+        "Gains in units of log likelihood; each parameter is charged. law.py holds the first of"
+        " them as a law of your own, ready for --effects.",
+    )
 
 
 def arguments_table(term: NonparametricTerm) -> Table:

@@ -8,7 +8,8 @@ import pytest
 from workbench.plants.arm.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings import Recording, Signal, check_recording
-from workbench.recordings.checks.expected import response_signs
+from workbench.recordings.checks.expected import Expected, response_signs
+from workbench.recordings.checks.signs import check_signs
 from workbench.recordings.example import example_recording
 
 TRIAL = example_recording(seconds=6.0)
@@ -246,3 +247,22 @@ def test_still_machine() -> None:
     quiet = with_values("angle", 1e-3 * np.random.default_rng(0).normal(size=len(TRIAL)))
     check = check_recording(quiet).check("noise floor")
     assert (check.result, "no more than its noise" in check.note) == ("unfit", True)
+
+
+@pytest.mark.parametrize(("strength", "result"), [(-1.0, "unfit"), (-0.5, "unfit"), (-0.05, "not")])
+def test_a_cause_that_hardly_acts_does_not_tell_its_sign(strength: float, result: str) -> None:
+    # Exchanged columns act as strongly as the model says. Where friction balances a slow motion,
+    # the acceleration is nothing but what is left over.
+    rng = np.random.default_rng(0)
+    time = 0.002 * np.arange(5000)
+    push = np.interp(time, time[::250], rng.normal(size=20))
+    speed = np.cumsum(strength * push) * 0.002
+    trial = Recording(
+        "slow",
+        time,
+        (Signal("force", push, "N"), Signal("angle", np.cumsum(speed) * 0.002, "rad")),
+    )
+    pair = ("force", "angle")
+    found = check_signs(trial, Expected(signs={pair: 1}, slopes={pair: 1.0}))
+    assert found.result.startswith(result)
+    assert ("hardly acts" in found.note) is (result == "not")

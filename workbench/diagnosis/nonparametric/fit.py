@@ -45,6 +45,7 @@ from workbench.diagnosis.nonparametric.result import (
     Law,
     NonparametricTerm,
 )
+from workbench.diagnosis.nonparametric.shapes import matched
 from workbench.errors import NumericalError
 from workbench.physics.free_form import Curve
 
@@ -153,7 +154,10 @@ def nonparametric_term(
         law=law,
     )
     found = _with_evidence(found, base, shape, evidence, priors)
-    return _judged(found, base, fit_on, hold_out)
+    found = _judged(found, base, fit_on, hold_out)
+    if not found.accepted:
+        return found
+    return matched(found, base, fit_on, priors, charge=_charge_per_ordinate(fit_on))
 
 
 @dataclass(frozen=True)
@@ -389,9 +393,8 @@ def _judged(
     found = replace(
         found, held_out=held_out, rmse={name: (before[name], after[name]) for name in before}
     )
-    samples = sum(len(r.outputs) * r.sample_time for r in fit_on) / 0.1
     own = len(fit.refit.estimates) - len(base.refit.estimates)
-    charge = LEAST_GAIN + 0.5 * own * math.log(max(samples, 2.0))
+    charge = LEAST_GAIN + own * _charge_per_ordinate(fit_on)
     ratios = {name: after[name] / max(before[name], 1e-300) for name in before}
     worst, best = max(ratios, key=ratios.__getitem__), min(ratios, key=ratios.__getitem__)
     reason = ""
@@ -406,6 +409,12 @@ def _judged(
     elif not ratios[best] <= BETTER:
         reason = "it improves the free run on held-out recordings for no output"
     return replace(found, reason=reason)
+
+
+def _charge_per_ordinate(fit_on: Sequence[Observed]) -> float:
+    """Return what a parameter has to gain: half the logarithm of the tenths of a second."""
+    samples = sum(len(r.outputs) * r.sample_time for r in fit_on) / 0.1
+    return 0.5 * math.log(max(samples, 2.0))
 
 
 def _most_likely(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> Vector:

@@ -62,6 +62,23 @@ class Argument:
 
 
 @dataclass(frozen=True)
+class Likeness:
+    """A shape of the library in the place of a curve, refitted in the equations.
+
+    Args:
+        law: Law of the library that has the shape; empty for the curve itself.
+        values: ``size``, ``level`` and further parameters of the shape, in SI.
+        gain: Gain of log likelihood on the fitting recordings, dimensionless.
+        charged: The same less the charge for the parameters, dimensionless.
+    """
+
+    law: str
+    values: Mapping[str, float]
+    gain: float
+    charged: float
+
+
+@dataclass(frozen=True)
 class Law:
     """What the term adds to the equations, without its ordinates.
 
@@ -116,6 +133,8 @@ class NonparametricTerm:
             SI.
         reason: Why it was not accepted; empty if it was.
         law: What the term adds to the equations; None if nothing was fitted.
+        likenesses: What the curve resembles, the likeliest first, with the curve itself; empty
+            where it was not compared.
     """
 
     fit: ProcessNoiseFit
@@ -131,6 +150,13 @@ class NonparametricTerm:
     rmse: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     reason: str = ""
     law: Law | None = None
+    likenesses: tuple[Likeness, ...] = ()
+
+    @property
+    def likeness(self) -> Likeness | None:
+        """The shape of the library that is likelier than the curve; None if there is none."""
+        first = self.likenesses[0] if self.likenesses else None
+        return first if first is not None and first.law else None
 
     @property
     def accepted(self) -> bool:

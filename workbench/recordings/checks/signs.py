@@ -120,10 +120,15 @@ def check_signs(recording: Recording, expected: Expected) -> Finding:
     found, slopes, both = _strengths(recording, expected)
     told = {k: s * expected.signs[k] for k, s in found.items() if k not in both}
     wrong = [k for k, s in told.items() if s < -_SURE]
+    # Exchanged columns accelerate as much as the model says. Where the motion is so slow that
+    # pressures and friction balance, a regression of the acceleration tells nothing.
+    faint = [k for k in wrong if abs(slopes.get(k, math.inf)) < expected.slopes.get(k, 0.0) / _FAR]
+    wrong = [k for k in wrong if k not in faint]
     right = [k for k, s in told.items() if s > _SURE]
     values = {"strength": {f"{c}->{r}": s for (c, r), s in found.items()}}
     if not wrong:
         doubts = [f"the sign of {c} -> {r} cannot be told: it swings both ways" for c, r in both]
+        doubts += [f"the sign of {c} -> {r} cannot be told: it hardly acts" for c, r in faint]
         doubts += _of_another_size(right, slopes, expected.slopes)
         if not right:
             note = "; ".join(doubts) or "too little motion to tell"
