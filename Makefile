@@ -1,6 +1,6 @@
 # `make demo` and `make test` need git, make and Python 3.11 to 3.13; they set up the rest in .venv.
 
-.PHONY: help demo docs test test-long lint typecheck bench notebooks clean
+.PHONY: help demo docs test test-long lint typecheck benchmark campaign notebooks clean
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -22,7 +22,8 @@ help:
 	@echo "make demo       run the demonstration and write its page to $(OUT)/"
 	@echo "make test       lint, check types, run every test, doctest and notebook"
 	@echo "make docs       build the documentation site into build/site, with executed notebooks"
-	@echo "make bench      run the benchmarks"
+	@echo "make benchmark  measure speed beside other tools, page in build/benchmark, some minutes"
+	@echo "make campaign   kill and starve the commands at random, minutes"
 	@echo "make notebooks  open the notebooks in Jupyter"
 	@echo "make clean      remove the environment, caches and the demonstration's page"
 
@@ -49,8 +50,12 @@ docs: $(VENV)/installed-docs
 	    $(BIN)/mkdocs build --config-file data/docs/mkdocs.yml
 	@echo "Open build/site/index.html"
 
-bench: $(VENV)/installed
-	$(BIN)/python -m workbench.speed
+benchmark: $(VENV)/installed-benchmark
+	$(BIN)/python -m workbench.speed --out build/benchmark
+
+# Kills, full disks and missing compilers, minutes.
+campaign: $(VENV)/installed-test
+	$(BIN)/python -m pytest -m long tests/campaign
 
 notebooks: $(VENV)/installed
 	$(PIP) $(PINS) --editable ".[notebooks]"
@@ -73,6 +78,10 @@ $(BIN)/python:
 
 $(VENV)/installed: $(SETUP) | $(BIN)/python
 	$(PIP) $(PINS) --editable .
+	@touch $@
+
+$(VENV)/installed-benchmark: $(SETUP) | $(VENV)/installed
+	$(PIP) $(PINS) --editable ".[benchmark]"
 	@touch $@
 
 $(VENV)/installed-docs: $(SETUP) | $(VENV)/installed

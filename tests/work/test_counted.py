@@ -30,7 +30,7 @@ def test_the_work_of_a_small_simulation_is_bounded() -> None:
 
 def test_the_interpreter_counts_as_machine_code_does(monkeypatch: pytest.MonkeyPatch) -> None:
     machine_code = _simulated()
-    caches = compiled.compiler, equations._library, runge_kutta._library
+    caches = compiled.compiler, equations._library, runge_kutta.integrator_library
     with monkeypatch.context() as patch:
         patch.setenv("WORKBENCH_CC", "none")
         for cache in caches:

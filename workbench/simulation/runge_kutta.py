@@ -53,7 +53,8 @@ class _Integrator(ctypes.Structure):
 
 
 @functools.cache
-def _library() -> ctypes.CDLL | None:
+def integrator_library() -> ctypes.CDLL | None:
+    """Return `integrator.c` as a library, or None where there is no C compiler."""
     library = in_c(Path(__file__).with_name("integrator.c"))
     if library is not None:
         pointer, whole = ctypes.c_void_p, ctypes.c_int64
@@ -89,7 +90,7 @@ class RungeKutta:
         self._step = sample_time
         self._sizes = len(scale), traced.u.numel(), traced.outputs.numel()
         self._c: _Integrator | None = None
-        library = _library() if self.equations.compiled else None
+        library = integrator_library() if self.equations.compiled else None
         if library is not None:
             self._in_c = library
             self._work = np.zeros(9 * max(1, len(scale)))
@@ -213,7 +214,7 @@ def at_every_row(equations: Equations, i: int, x: Vector, u: Vector, p: Vector) 
     """
     x, u, p = (np.ascontiguousarray(v, dtype=float) for v in (x, u, p))
     table = np.empty((len(x), equations.functions[i].numel_out(0)))
-    library = _library() if equations.compiled else None
+    library = integrator_library() if equations.compiled else None
     count("model_evaluations", len(x))
     if library is None:
         for row, states, inputs in zip(table, x, u, strict=True):

@@ -1,10 +1,38 @@
-"""Run the benchmarks and print their table."""
+"""Run the benchmark, print it, and write its page and its numbers."""
 
 from __future__ import annotations
 
+import argparse
+import os
 import sys
+from pathlib import Path
 
-from workbench.speed.timings import run_benchmarks
+
+def _say(name: str) -> None:
+    sys.stderr.write(f"{name} ...\n")
+
+
+def main() -> None:
+    """Measure what is asked for."""
+    # Threads of linear algebra compete with what is timed; they begin when NumPy is imported.
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
+    from workbench.files import write_whole
+    from workbench.reports.page import write_page
+    from workbench.reports.results import json_text
+    from workbench.speed.benchmark import PARTS, run_benchmark
+    from workbench.speed.page import benchmark_page
+
+    parser = argparse.ArgumentParser(prog="python -m workbench.speed", description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("build/benchmark"))
+    parser.add_argument("--only", action="append", choices=list(PARTS), default=[])
+    asked = parser.parse_args()
+    found = run_benchmark(asked.only, progress=_say)
+    write_whole(asked.out / "benchmark.json", json_text(found.table()))
+    page = benchmark_page(found, command="make benchmark")
+    write_page(page, asked.out / "benchmark.html")
+    sys.stdout.write(f"{found}\nopen {asked.out / 'benchmark.html'}\n")
+
 
 if __name__ == "__main__":
-    sys.stdout.write(f"{run_benchmarks(progress=lambda text: None)}\n")
+    main()

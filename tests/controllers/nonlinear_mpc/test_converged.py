@@ -1,10 +1,4 @@
-"""The converged plan of the nonlinear MPC against the same problem written in do-mpc.
-
-What is independent: the rates are put together here from the plant's own expressions; do-mpc
-transcribes them by Radau collocation with all collocation states as variables, where the controller
-integrates with Runge-Kutta steps; cost and limits are assembled by do-mpc. What is shared: the
-plant's laws, the weights and ipopt.
-"""
+"""The converged plan of the nonlinear MPC against the same problem written in do-mpc."""
 
 from __future__ import annotations
 
@@ -12,7 +6,6 @@ import math
 import warnings
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
 
@@ -21,10 +14,10 @@ from controllers.nonlinear_mpc.controller import (
     NonlinearMPCSpecification,
     design_nonlinear_mpc,
 )
-from tests.controllers.nonlinear_mpc.converged_plan import converged
-from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import Model
 from workbench.operating_point import operating_point
+from workbench.speed.converged_plan import converged
+from workbench.speed.do_mpc_plan import do_mpc_plan
 
 DISTURBANCES = np.array([2.0, 0.5, -0.5])
 """Scaled disturbances on speed and pressures, per second."""
@@ -37,74 +30,19 @@ def do_mpc() -> Any:
         return pytest.importorskip("do_mpc", reason="do-mpc is in the extra test")
 
 
-def rates(plant: Model, names: tuple[str, ...]) -> ca.Function:
-    """Return (states, opening, disturbances) -> rates in SI, the spool following at once."""
-    soft = plant.without("bearing_friction").with_parameters(
-        {"stop_stiffness": 1e3, "stop_damping": 1.0}
-    )
-    traced = straightened(soft, "opening").regularised
-    every = [q.name for q in soft.states]
-    x, opening = ca.SX.sym("x", len(names)), ca.SX.sym("opening")
-    volts = 5.0 + 5.0 * opening
-    known = {"spool": volts - 5.0, "spool_speed": ca.SX(0)}
-    full = ca.vertcat(*(known[n] if n in known else x[names.index(n)] for n in every))
-    values = straightened(soft, "opening").values
-    out = ca.substitute(
-        traced.rates,
-        ca.vertcat(traced.x, traced.u, traced.p),
-        ca.vertcat(full, volts, ca.DM(values)),
-    )
-    return ca.Function("rates", [x, opening], [out[[every.index(n) for n in names]]])
-
-
 def solved_by_do_mpc(
     plant: Model, mpc: NonlinearMPC, start: np.ndarray, angle: float, before: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return openings, shape (N,), and scaled states at the ends of the stages, shape (n, N)."""
-    library = do_mpc()
-    want, size, names = mpc.specification, mpc.prediction.scale, mpc.prediction.names
-    model = library.model.Model("continuous", "SX")
-    z = model.set_variable("_x", "z", shape=(len(names), 1))
-    opening = model.set_variable("_u", "opening")
-    push = np.zeros(len(names))
-    for name, value in zip(("speed", "pressure_1", "pressure_2"), DISTURBANCES, strict=True):
-        push[names.index(name)] = value
-    model.set_rhs("z", rates(plant, names)(z * size, opening) / size + push)
-    model.setup()
-    solver = library.controller.MPC(model)
-    solver.settings.n_horizon = want.stages
-    solver.settings.t_step = want.stage_time
-    solver.settings.state_discretization = "collocation"
-    solver.settings.collocation_type = "radau"
-    solver.settings.collocation_deg = 4
-    solver.settings.collocation_ni = 3
-    solver.settings.store_full_solution = True
-    solver.settings.nlpsol_opts = {
-        "ipopt.print_level": 0,
-        "ipopt.sb": "yes",
-        "print_time": 0,
-        "ipopt.tol": 1e-10,
-        "ipopt.acceptable_iter": 0,
-    }
-    i, j = names.index("angle"), names.index("speed")
-    # At the first stage the cost is that of the given state, a constant.
-    off = (
-        ((z[i] * size[i] - angle) / want.angle_scale) ** 2
-        + (z[j] * size[j] / want.speed_scale) ** 2
-    )  # fmt: skip
-    solver.set_objective(lterm=off, mterm=off)
-    solver.set_rterm(opening=1.0 / want.move_scale**2)
-    solver.bounds["lower", "_u", "opening"] = -want.opening_limit
-    solver.bounds["upper", "_u", "opening"] = want.opening_limit
-    solver.setup()
+    solver = do_mpc_plan(do_mpc(), plant, mpc, angle, DISTURBANCES)
     solver.x0 = start
     solver.u0 = np.array([before])
     solver.set_initial_guess()
     solver.make_step(start)
     assert solver.solver_stats["success"]
-    found = solver.opt_x_num
-    plan = [float(found["_u", k, 0]) for k in range(want.stages)]
-    trajectory = [np.asarray(found["_x", k + 1, 0, -1]).ravel() for k in range(want.stages)]
+    found, stages = solver.opt_x_num, range(mpc.specification.stages)
+    plan = [float(found["_u", k, 0]) for k in stages]
+    trajectory = [np.asarray(found["_x", k + 1, 0, -1]).ravel() for k in stages]
     return np.array(plan), np.array(trajectory).T
 
 

@@ -11,6 +11,7 @@ fast constrained optimal control problem solver for robot trajectory optimizatio
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import casadi as ca
@@ -45,6 +46,10 @@ class Converged(NamedTuple):
     iterations: int
 
 
+Solve = Callable[[Matrix, Matrix, Matrix, float], Converged]
+"""Solves the problem of one sample: start, disturbances, path, opening before as `converged`."""
+
+
 def converged(
     controller: NonlinearMPC,
     start: Matrix,
@@ -70,6 +75,30 @@ def converged(
     Raises:
         NumericalError: If the solver does not converge.
     """
+    return transcribed(controller, len(disturbances), solver=solver)(
+        start, disturbances, path, before
+    )
+
+
+def transcribed(
+    controller: NonlinearMPC,
+    n_w: int,
+    *,
+    solver: Literal["ipopt", "fatrop"] = "ipopt",
+    tolerance: float = 1e-9,
+) -> Solve:
+    """Write the problem of a controller down once, to be solved sample by sample.
+
+    Each solution is where the next one begins.
+
+    Args:
+        n_w: Number of disturbances.
+        solver: Which solver.
+        tolerance: Its tolerance, dimensionless.
+
+    Raises:
+        NumericalError: From what it returns, if the solver does not converge.
+    """
     check_choice("solver", solver, ("ipopt", "fatrop"))
     want, size = controller.specification, controller.prediction.scale
     names = controller.prediction.names
@@ -77,6 +106,8 @@ def converged(
     angle, speed = names.index(controller.sensors[0]), names.index("speed")
     chambers = [names.index(name) for name in controller.sensors[1:]]
     low, high = (limit / _BAR for limit in controller.pressure_limits)
+    disturbances, path = ca.MX.sym("w", n_w), ca.MX.sym("r", N + 1)
+    given = ca.MX.sym("given", n + 1)
     # Joined state: (z, opening before, slack in bar).
     X = [ca.MX.sym(f"x{k}", n + 2) for k in range(N + 1)]
     U = [ca.MX.sym(f"u{k}") for k in range(N)]
@@ -103,8 +134,7 @@ def converged(
             constrain(gap, [0.0] * (n + 2), [0.0] * (n + 2), equal=True)
             cost += ((U[k] - x[n]) / want.move_scale) ** 2
         if k == 0:
-            given = [*start.tolist(), before]
-            constrain(x[: n + 1], given, given, equal=True)
+            constrain(x[: n + 1] - given, [0.0] * (n + 1), [0.0] * (n + 1), equal=True)
             constrain(x[n + 1], [0.0], [np.inf], equal=False)
         else:
             pace = (path[k] - path[k - 1]) / want.stage_time
@@ -120,32 +150,41 @@ def converged(
     variables = ca.vertcat(*(v for pair in zip(X[:-1], U, strict=True) for v in pair), X[N])
     options: dict[str, object] = {"error_on_fail": False, "print_time": False}
     if solver == "ipopt":
-        options["ipopt"] = {"print_level": 0, "sb": "yes", "tol": 1e-9, "max_iter": 500}
+        options["ipopt"] = {"print_level": 0, "sb": "yes", "tol": tolerance, "max_iter": 500}
     else:
         options |= {
             "structure_detection": "auto",
             "equality": equality,
-            "fatrop": {"print_level": 0, "tol": 1e-9, "max_iter": 500},
+            "fatrop": {"print_level": 0, "tol": tolerance, "max_iter": 500},
         }
-    problem = {"x": variables, "f": cost, "g": ca.vertcat(*g)}
-    solve = ca.nlpsol("converged", solver, problem, options)
-    resting = np.concatenate([start, [before, 0.0]])
-    guess = np.concatenate([np.tile(np.append(resting, before), N), resting])
-    result = solve(x0=guess, lbg=lower, ubg=upper)
-    stats = solve.stats()
-    status = str(stats["return_status"])
-    if not stats["success"]:
-        raise NumericalError(
-            f"{solver} did not solve the problem of {controller.name}: {status} after"
-            f" {stats['iter_count']} iterations"
+    parameters = ca.vertcat(given, disturbances, path)
+    problem = {"x": variables, "f": cost, "g": ca.vertcat(*g), "p": parameters}
+    program = ca.nlpsol("converged", solver, problem, options)
+    guess: Matrix | None = None
+
+    def solve(start: Matrix, disturbing: Matrix, wanted: Matrix, before: float) -> Converged:
+        nonlocal guess
+        if guess is None:
+            resting = np.concatenate([start, [before, 0.0]])
+            guess = np.concatenate([np.tile(np.append(resting, before), N), resting])
+        values = np.concatenate([start, [before], disturbing, wanted])
+        result = program(x0=guess, lbg=lower, ubg=upper, p=values)
+        stats = program.stats()
+        status = str(stats["return_status"])
+        if not stats["success"]:
+            raise NumericalError(
+                f"{solver} did not solve the problem of {controller.name}: {status} after"
+                f" {stats['iter_count']} iterations"
+            )
+        guess = found = np.asarray(result["x"]).ravel()
+        rows = np.append(found, np.nan).reshape(N + 1, n + 3)
+        return Converged(
+            rows[:N, n + 2],
+            rows[:, :n].T,
+            float(rows[N, n + 1]) * _BAR,
+            float(result["f"]),
+            status,
+            int(stats["iter_count"]),
         )
-    found = np.asarray(result["x"]).ravel()
-    rows = np.append(found, np.nan).reshape(N + 1, n + 3)
-    return Converged(
-        rows[:N, n + 2],
-        rows[:, :n].T,
-        float(rows[N, n + 1]) * _BAR,
-        float(result["f"]),
-        status,
-        int(stats["iter_count"]),
-    )
+
+    return solve

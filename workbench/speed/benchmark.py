@@ -1,0 +1,261 @@
+"""Everything that is measured, in one run: comparisons, figures to reach, growth."""
+
+from __future__ import annotations
+
+import math
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.errors import check_choice
+from workbench.linearisation import linearise
+from workbench.linearisation.operating_map import operating_map
+from workbench.model import Model
+from workbench.operating_point import operating_point
+from workbench.plants.arm import arm
+from workbench.speed import estimation, growth, plant_runs, solvers, whole
+from workbench.speed.measure import Comparison, Curve, Figure, timed
+from workbench.speed.whole import run
+from workbench.work.counted import done, since
+
+SCHEMA = "workbench.benchmark/1"
+
+
+@dataclass
+class Benchmark:
+    """What a run of the benchmark measured.
+
+    Args:
+        seconds: Time that it took, in s.
+        load: Load of the machine when it began: processes that were at work (dimensionless).
+        raw: What else was measured, as plain numbers and words.
+    """
+
+    figures: list[Figure] = field(default_factory=list)
+    comparisons: list[Comparison] = field(default_factory=list)
+    curves: list[Curve] = field(default_factory=list)
+    seconds: float = math.nan
+    load: float = math.nan
+    raw: dict[str, Any] = field(default_factory=dict)
+
+    def table(self) -> dict[str, Any]:
+        """Return everything as plain numbers and words."""
+        return {
+            "schema": SCHEMA,
+            "machine": machine(),
+            "load": self.load,
+            "seconds": self.seconds,
+            "figures": [f.table() for f in self.figures],
+            "comparisons": {c.name: c.table() for c in self.comparisons},
+            "growth": {c.name: c.table() for c in self.curves},
+            **self.raw,
+        }
+
+    def __str__(self) -> str:
+        """Return a line per figure, and one for each way of doing the same."""
+        lines = [str(f) for f in self.figures]
+        for c in self.comparisons:
+            lines += ["", c.title]
+            for w in c.ways:
+                low, middle, high = c.ratio(w.name)
+                told = f"{middle:10.3g} x ({low:.3g} to {high:.3g})  error {w.error:.2g}"
+                lines.append(f"  {w.name:<50} {told if w.times else '':<40} {w.remark}".rstrip())
+        return "\n".join(lines)
+
+
+def machine() -> str:
+    """Return processor and Python of this machine, in a line."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+        name = next(x.split(":", 1)[1].strip() for x in lines if x.startswith("model name"))
+    except (OSError, StopIteration):
+        name = platform.processor() or platform.machine()
+    return f"{name}, {os.cpu_count()} cores, Python {platform.python_version()}"
+
+
+def _spread(low: float, high: float) -> str:
+    return f"{low:.3g} to {high:.3g}"
+
+
+def _open_loop(found: Benchmark, plant: Model, _: Path) -> None:
+    sine, pulses = plant_runs.open_loop(plant)
+    found.comparisons += [sine, pulses]
+    times, apart = plant_runs.real_time(plant)
+    before = done()
+    plant_runs.simulated(plant, plant_runs.pulses(20.0), plant_runs.TOLERANCE)
+    work = since(before)
+    samples = 20.0 / plant_runs.SAMPLE_TIME
+    each = work["model_evaluations"] / samples
+    said = f"{each:.1f} evaluations of the equations per sample, "
+    said += f"{1e9 * times.median * plant_runs.SAMPLE_TIME / each:.0f} ns each"
+    found.figures += [
+        Figure("open loop, arm, 60 s of pulses", 1 / times.median, "x real time", 500, True, said),
+        Figure(
+            "its error on 4 s against DOP853, over the scales",
+            pulses.ways[0].error,
+            "x",
+            1e-6,
+            False,
+            f"sine {sine.ways[0].error:.1g}; pulses: where the valve reverses and the joint sticks,"
+            f" the equations have kinks that amplify any error; SciPy's LSODA at 1e-8 is off by"
+            f" {pulses.ways[1].error:.1g}, and 60 s at 1e-11 differ from 1e-7 by {apart:.1g}",
+        ),
+    ]
+    for name, reach in ((plant_runs.CVODES, 10), (plant_runs.LSODA, 50)):
+        low, middle, high = sine.ratio(name)
+        spread = _spread(low, high)
+        if name == plant_runs.LSODA:
+            fast = sine.ratio(plant_runs.LSODA_FAST)[1]
+            spread += f"; {fast:.3g} where LSODA is given the workbench's machine code"
+        found.figures.append(Figure(f"open loop against {name}", middle, "x", reach, True, spread))
+    slow = run(["-c", _INTERPRETED], environment={"WORKBENCH_CC": "none"}).said
+    what = "open loop without a compiler"
+    found.figures.append(Figure(what, float(slow), "x real time", 20, True, "tolerance 1e-5"))
+
+
+_INTERPRETED = """
+import time
+from workbench.plants.arm import arm
+from workbench.speed import plant_runs
+plant, voltage = arm(load_kg=3), plant_runs.pulses(4.0)
+plant_runs.simulated(plant, voltage[:100], 1e-5)
+began = time.process_time()
+plant_runs.simulated(plant, voltage, 1e-5)
+print(4.0 / (time.process_time() - began))
+"""
+
+
+def _closed_loop(found: Benchmark, plant: Model, _: Path) -> None:
+    comparison, full = plant_runs.closed_loop(plant)
+    found.comparisons.append(comparison)
+    low, middle, high = comparison.ratio(plant_runs.CONTROL_LOOP)
+    step = 1e6 * full.median * plant_runs.SAMPLE_TIME
+    found.figures += [
+        Figure(
+            "closed loop, PID in Python at 500 Hz",
+            1 / full.median,
+            "x real time",
+            100,
+            True,
+            f"{step:.1f} us per sample: {plant_runs.loop_parts(plant)}",
+        ),
+        Figure("closed loop against python-control's", middle, "x", 30, True, _spread(low, high)),
+    ]
+
+
+def _predictive(found: Benchmark, plant: Model, _: Path) -> None:
+    linear, nonlinear = solvers.designed(plant)
+    problems = solvers.nonlinear_problems(plant, nonlinear)
+    found.comparisons += [solvers.linear_problems(plant, linear), problems]
+    for name, law, reach in (("linear", linear, (0.5, 2.0)), ("nonlinear", nonlinear, (2.0, 8.0))):
+        for value, bound, which in zip(
+            solvers.solve_times(plant, law), reach, ("median", "99 % below"), strict=True
+        ):
+            what = f"{name} MPC, solve, {which}"
+            found.figures.append(Figure(what, 1e3 * value, "ms", bound, False))
+    low, middle, high = problems.ratio(solvers.DO_MPC)
+    found.figures.append(
+        Figure("nonlinear MPC against do-mpc", middle, "x", 10, True, _spread(low, high))
+    )
+
+
+def _linear_models(found: Benchmark, plant: Model, _: Path) -> None:
+    point = operating_point(plant, {"angle": math.radians(30.0), "mean_pressure": 3e5})
+    angles = np.radians(np.arange(61.0))
+    given = {"angle": angles, "load": [3.0], "mean_pressure": [3e5]}
+    linearise(point)
+    operating_map(plant, given)
+    single = min(timed(lambda: linearise(point), repeats=10).seconds)
+    batch = min(timed(lambda: operating_map(plant, given)).seconds)
+    found.figures += [
+        Figure("one linear model with its verdict's matrices", 1e3 * single, "ms", 2, False),
+        Figure("linear models at 61 angles", 1e3 * batch, "ms", 100, False),
+    ]
+
+
+def _estimation(found: Benchmark, plant: Model, _: Path) -> None:
+    found.comparisons += [estimation.refits(), estimation.laws()]
+    seconds, parts = estimation.filter_times(plant)
+    equations = sum(parts.values())
+    said = ", ".join(f"{name} {1e6 * part:.1f}" for name, part in parts.items())
+    found.figures.append(
+        Figure(
+            "a filtered sample over its equations alone",
+            seconds / equations if equations else math.nan,
+            "x",
+            2,
+            False,
+            f"{1e6 * seconds:.1f} us with 8 states and 8 free parameters: {said} us, the rest"
+            " covariance and sensitivities",
+        )
+    )
+    found.raw["filter"] = {"seconds_per_sample": seconds, **parts}
+
+
+def _growth(found: Benchmark, plant: Model, _: Path) -> None:
+    found.curves += [growth.with_length(plant), growth.with_hypotheses(plant), growth.with_cores()]
+
+
+def _start_up(found: Benchmark, _: Model, place: Path) -> None:
+    found.figures += [*whole.start_up(), whole.first_simulation(place)]
+
+
+def _study(found: Benchmark, _: Model, place: Path) -> None:
+    found.figures.append(whole.draws(place))
+
+
+def _diagnoses(found: Benchmark, _: Model, place: Path) -> None:
+    wholes = whole.diagnoses(place)
+    found.figures += wholes.figures
+    found.raw["diagnoses"] = wholes.raw
+
+
+def _demonstration(found: Benchmark, _: Model, place: Path) -> None:
+    found.figures.append(whole.demonstration(place))
+
+
+PARTS: dict[str, Callable[[Benchmark, Model, Path], None]] = {
+    "open-loop": _open_loop,
+    "closed-loop": _closed_loop,
+    "linear-models": _linear_models,
+    "predictive": _predictive,
+    "estimation": _estimation,
+    "growth": _growth,
+    "start-up": _start_up,
+    "study": _study,
+    "diagnoses": _diagnoses,
+    "demonstration": _demonstration,
+}
+"""What is measured, in this order, by name."""
+
+
+def run_benchmark(
+    only: Sequence[str] = (), *, progress: Callable[[str], None] = lambda text: None
+) -> Benchmark:
+    """Measure everything once.
+
+    Args:
+        only: Names of parts; all of them without a name.
+        progress: Called with the name of each part before it.
+
+    Raises:
+        WorkbenchError: If there is no such part.
+    """
+    for name in only:
+        check_choice("part of the benchmark", name, PARTS)
+    began = time.perf_counter()
+    found = Benchmark(load=os.getloadavg()[0])
+    plant = arm(load_kg=3)
+    with tempfile.TemporaryDirectory(prefix="workbench-benchmark-") as place:
+        for name in only or PARTS:
+            progress(name)
+            PARTS[name](found, plant, Path(place))
+    found.seconds = time.perf_counter() - began
+    return found

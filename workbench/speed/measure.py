@@ -1,0 +1,223 @@
+"""Times of several ways of doing the same, their ratios with spread, and figures to reach."""
+
+from __future__ import annotations
+
+import importlib
+import time
+import warnings
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Vector = npt.NDArray[np.float64]
+
+REPEATS = 3
+
+
+@dataclass(frozen=True)
+class Times:
+    """Several times of the same work.
+
+    Args:
+        seconds: Processor time per unit of work, in s.
+    """
+
+    seconds: tuple[float, ...]
+
+    @property
+    def median(self) -> float:
+        """The time in the middle, in s."""
+        return float(np.median(self.seconds))
+
+    def over(self, other: Times) -> tuple[float, float, float]:
+        """Return how many times longer it took than another: least, median, most; ratios."""
+        return (
+            min(self.seconds) / max(other.seconds),
+            self.median / other.median,
+            max(self.seconds) / min(other.seconds),
+        )
+
+
+def timed(work: Callable[[], object], *, per: float = 1.0, repeats: int = REPEATS) -> Times:
+    """Time work, in processor time: others on the machine count little.
+
+    Args:
+        per: Units of work in one call (dimensionless).
+    """
+    found = []
+    for _ in range(repeats):
+        began = time.process_time()
+        work()
+        found.append(max(time.process_time() - began, 1e-9) / per)
+    return Times(tuple(found))
+
+
+@dataclass(frozen=True)
+class Way:
+    """One way of doing what a comparison compares.
+
+    Args:
+        times: Time per unit of work; None if it could not be done here.
+        error: How far its result is from the reference; NaN if that means nothing.
+        remark: What to know of it, or why it could not be done.
+    """
+
+    name: str
+    times: Times | None
+    error: float = float("nan")
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Several ways of doing the same, the first of them the workbench's.
+
+    Args:
+        name: In small letters with hyphens.
+        work: Unit of work, in words: the time is that of one.
+        error: What the error is, with its unit.
+        note: What to know when reading it.
+    """
+
+    name: str
+    title: str
+    work: str
+    error: str
+    ways: tuple[Way, ...]
+    note: str = ""
+
+    def ratio(self, name: str) -> tuple[float, float, float]:
+        """Return how many times longer a way took than the first: least, median, most; ratios.
+
+        Returns:
+            NaN where it could not be done.
+        """
+        ours, theirs = self.ways[0].times, next(w.times for w in self.ways if w.name == name)
+        if ours is None or theirs is None:
+            return (float("nan"),) * 3
+        return theirs.over(ours)
+
+    def table(self) -> dict[str, Any]:
+        """Return it as plain numbers and words."""
+        return {
+            "title": self.title,
+            "work": self.work,
+            "error": self.error,
+            "note": self.note,
+            "ways": [
+                {
+                    "name": w.name,
+                    "seconds": list(w.times.seconds) if w.times else None,
+                    "ratio": list(self.ratio(w.name)),
+                    "error": w.error,
+                    "remark": w.remark,
+                }
+                for w in self.ways
+            ],
+        }
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure to reach.
+
+    Args:
+        what: What was measured.
+        value: The figure, in ``unit``.
+        unit: Its unit; ``x`` for a ratio.
+        reach: The figure to reach, in ``unit``.
+        larger_is_better: Whether it should be above ``reach``.
+        breakdown: What it consists of, or which limit stands in the way.
+
+    Example:
+        >>> print(Figure("open loop", 520.0, "x real time", 500.0))
+        reached  open loop                                          520 x real time (at least 500)
+        >>> print(Figure("first simulation", 4.0, "s", 3.0, False, "compiler 3.1 s"))
+        MISSED   first simulation                                   4 s (at most 3): compiler 3.1 s
+    """
+
+    what: str
+    value: float
+    unit: str
+    reach: float
+    larger_is_better: bool = True
+    breakdown: str = ""
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the figure is reached; None if it could not be measured."""
+        if np.isnan(self.value):
+            return None
+        return self.value >= self.reach if self.larger_is_better else self.value <= self.reach
+
+    @property
+    def state(self) -> str:
+        """Whether it is reached, in one word."""
+        return {True: "reached", False: "MISSED", None: "open"}[self.reached]
+
+    def __str__(self) -> str:
+        """Return one aligned line."""
+        bound = "at least" if self.larger_is_better else "at most"
+        line = f"{self.state:<8} {self.what:<50} {self.value:.4g} {self.unit}"
+        line += f" ({bound} {self.reach:g})"
+        return f"{line}: {self.breakdown}" if self.breakdown else line
+
+    def table(self) -> dict[str, Any]:
+        """Return it as plain numbers and words."""
+        return {**vars(self), "reached": self.reached}
+
+
+@dataclass(frozen=True)
+class Curve:
+    """How long something takes as one thing grows.
+
+    Args:
+        x: What grows, in words with its unit.
+        at: Its values.
+        seconds: Wall-clock time at each, in s; several tries.
+        work: Counted work at each; empty where it does not matter.
+    """
+
+    name: str
+    title: str
+    x: str
+    at: tuple[float, ...]
+    seconds: tuple[tuple[float, ...], ...]
+    work: tuple[Mapping[str, int], ...] = field(default=())
+
+    def table(self) -> dict[str, Any]:
+        """Return it as plain numbers and words."""
+        return {
+            "title": self.title,
+            "x": self.x,
+            "at": list(self.at),
+            "seconds": [list(s) for s in self.seconds],
+            "work": [dict(w) for w in self.work],
+        }
+
+
+def tried(name: str, package: str, measure: Callable[[Any], Way]) -> Way:
+    """Let a package that may not be installed do it.
+
+    Args:
+        name: Name of the way.
+        package: Module to import.
+        measure: Gets the module; returns the way.
+    """
+    try:
+        with warnings.catch_warnings():
+            # Some tell at import which of their optional parts are not there.
+            warnings.simplefilter("ignore")
+            module = importlib.import_module(package)
+    except ImportError:
+        return Way(name, None, remark="not installed; the extra 'benchmark' has it")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return measure(module)
+    except Exception as error:  # noqa: BLE001
+        # A peer that fails is a line of the table, not the end of the benchmark.
+        return Way(name, None, remark=f"failed: {str(error).strip()[:120]}")

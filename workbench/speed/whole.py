@@ -1,0 +1,265 @@
+"""Whole commands, each in a process of its own: start-up, diagnoses, studies, the demonstration."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from workbench.errors import WorkbenchError
+from workbench.evaluation.rig.cases import make_case
+from workbench.speed.measure import Figure
+from workbench.work.counted import Work, in_words
+
+CORES = os.cpu_count() or 1
+
+ONE, THREE = ("valve_offset",), ("stribeck", "valve_offset", "leak_muscle_1")
+"""What the cases hide, by the words of the second simulator of the rig."""
+
+STUDY = """
+schema = 1
+name = "draws"
+
+[plant]
+kind = "arm"
+load = "3 kg"
+
+[controllers.PID]
+design = "pid"
+at = { angle = "30 deg" }
+
+[controllers."sliding mode"]
+design = "sliding-mode"
+at = { angle = "30 deg" }
+
+[controllers."linear MPC"]
+design = "mpc"
+at = { angle = "30 deg" }
+
+{scenarios}
+[[requirements]]
+metric = "settling_time"
+limit = 5.0
+unit = "s"
+
+[robustness]
+scenarios = [{names}]
+draws = {draws}
+search = 0
+hard = false
+
+[robustness.box]
+load = ["2 kg", "4 kg"]
+supply_pressure = ["5 bar", "7 bar"]
+"""
+
+_SCENARIO = """[scenarios."{angle} deg"]
+duration = "1.5 s"
+[scenarios."{angle} deg".references.angle]
+kind = "steps"
+unit = "deg"
+times = [0.0, 0.2]
+values = [{angle}, {to}]
+"""
+
+
+@dataclass(frozen=True)
+class Ran:
+    """A command that ran.
+
+    Args:
+        wall: Wall-clock time, in s.
+        processor: Processor time of all its processes, in s.
+        memory: Largest resident size of one of its processes, in bytes.
+        said: What it printed.
+    """
+
+    wall: float
+    processor: float
+    memory: float
+    said: str = field(default="", repr=False)
+
+    def words(self, limit_s: float) -> str:
+        """Say what the time consists of, and whether others were at work."""
+        said = f"{self.processor:.0f} s of processor time on {CORES} cores"
+        if self.wall > limit_s >= self.processor / CORES:
+            said += f"; others were at work, alone it takes {self.processor / CORES:.0f} s or more"
+        return said
+
+
+def run(
+    arguments: Sequence[str],
+    *,
+    cache: Path | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> Ran:
+    """Run Python with arguments in a process of its own.
+
+    Args:
+        cache: Folder of built functions; the user's by default.
+        environment: Variables that are set for it.
+
+    Raises:
+        WorkbenchError: If it fails.
+    """
+    variables = {**os.environ, **(environment or {})}
+    if cache is not None:
+        variables["WORKBENCH_CACHE"] = str(cache)
+    began = time.perf_counter()
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            [sys.executable, *arguments], stdout=said, stderr=subprocess.STDOUT, env=variables
+        )
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        wall = time.perf_counter() - began
+        said.seek(0)
+        text = said.read().decode(errors="replace").strip()
+        if process.returncode not in (0, 1):
+            raise WorkbenchError(f"{' '.join(arguments)} failed: {text[-200:]}")
+    return Ran(wall, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024.0, text)
+
+
+def start_up() -> list[Figure]:
+    """Measure what every command pays."""
+    rows = (
+        ("import workbench", ["-c", "import workbench"], 0.3, "the interpreter's start included"),
+        ("workbench --help", ["-m", "workbench", "--help"], 0.5, ""),
+        ("import workbench as wb; wb.arm()", ["-c", "import workbench as wb; wb.arm()"], 1.5, ""),
+    )  # fmt: skip
+    figures = []
+    for what, arguments, reach, words in rows:
+        runs = [run(arguments) for _ in range(5)]
+        best = min(runs, key=lambda r: r.wall)
+        said = f"{best.processor:.2f} s of processor time" + (f", {words}" if words else "")
+        figures.append(Figure(what, best.wall, "s", reach, False, said))
+    return figures
+
+
+def first_simulation(place: Path) -> Figure:
+    """Measure a first simulation with nothing built."""
+    words = ["-m", "workbench", "simulate", "--load", "3", "--pulses", "0.9", "--period", "4"]
+    words += ["--duration", "12", "--out", str(place / "run.csv")]
+    cold = run(words, cache=place / "cold")
+    warm = min((run(words, cache=place / "cold") for _ in range(3)), key=lambda r: r.wall)
+    more = f"{warm.wall:.2f} s once built; the rest is the C compiler, {cold.words(3.0)}"
+    return Figure("first simulation of the arm, nothing built", cold.wall, "s", 3.0, False, more)
+
+
+@dataclass(frozen=True)
+class Diagnosed:
+    """A diagnosis of made-up recordings of the arm.
+
+    Args:
+        work: What it took, from its verdict.
+        found: Names that the verdict gives.
+    """
+
+    ran: Ran
+    work: Work
+    found: tuple[str, ...]
+
+    def words(self, limit_s: float) -> str:
+        """Say what it found and what it took."""
+        return f"{self.ran.words(limit_s)}; {in_words(self.work)}; found {', '.join(self.found)}"
+
+
+def diagnosed(place: Path, name: str, hidden: tuple[str, ...], cache: Path, seed: int) -> Diagnosed:
+    """Make a case of 76 s and diagnose it with the whole library.
+
+    Args:
+        cache: Folder of built functions.
+    """
+    case, out = place / name, Path(tempfile.mkdtemp(prefix=f"{name}-", dir=place))
+    if not case.exists():
+        make_case(seed, list(hidden), 3.0, case)
+    ran = run(["-m", "workbench", "diagnose", str(case), "--out", str(out)], cache=cache)
+    verdict = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
+    names = tuple(str(f["effect"]) for f in verdict["findings"])
+    return Diagnosed(ran, verdict["work"], names)
+
+
+@dataclass(frozen=True)
+class Wholes:
+    """Whole commands.
+
+    Args:
+        figures: The figures that they reach or miss.
+        raw: What was measured, as plain numbers and words.
+    """
+
+    figures: list[Figure] = field(default_factory=list)
+    raw: dict[str, Any] = field(default_factory=dict)
+
+
+def diagnoses(place: Path) -> Wholes:
+    """Diagnose a case cold and warm, and one with three effects."""
+    cache = place / "diagnoses"
+    cold = diagnosed(place, "one-effect", ONE, cache, 2501)
+    three = diagnosed(place, "three-effects", THREE, cache, 2500)
+    warm = diagnosed(place, "one-effect", ONE, cache, 2501)
+    more = cold.ran.processor - warm.ran.processor
+    busy = cold.ran.wall - warm.ran.wall
+    least = max(more / CORES, 0.0)
+    figures = [
+        Figure("diagnosis, 76 s, whole library", warm.ran.wall, "s", 45, False, warm.words(45)),
+        Figure("diagnosis, three effects", three.ran.wall, "s", 150, False, three.words(150)),
+        Figure(
+            "diagnosis, nothing built: longer by",
+            least,
+            "s",
+            15,
+            False,
+            f"{more:.0f} s of processor time more, {cold.work['compilations']} compilations, on"
+            f" {CORES} cores; by the clock, with what else ran, {busy:.0f} s",
+        ),
+        Figure(
+            "diagnosis, memory of its three processes",
+            3 * max(d.ran.memory for d in (cold, warm, three)) / 1e9,
+            "GB",
+            2,
+            False,
+            "three times the largest of them",
+        ),
+    ]
+    named = {"cold": cold, "warm": warm, "three effects": three}
+    return Wholes(figures, {name: _plain(d) for name, d in named.items()})
+
+
+def _plain(found: Diagnosed) -> dict[str, Any]:
+    timed = {k: v for k, v in vars(found.ran).items() if k != "said"}
+    return {**timed, "work": dict(found.work), "found": list(found.found)}
+
+
+def demonstration(place: Path) -> Figure:
+    """Measure the demonstration with nothing built."""
+    words = ["-m", "workbench", "demo", "--out", str(place / "demo")]
+    ran = run(words, cache=place / "demo-cache")
+    return Figure("demonstration, nothing built", ran.wall, "s", 60, False, ran.words(60))
+
+
+def study_file(place: Path, *, draws: int, angles: Sequence[int] = (10, 20, 30, 40, 50)) -> Path:
+    """Write a study of three controllers at some angles on drawn plants."""
+    scenarios = "\n".join(_SCENARIO.format(angle=a, to=a + 5) for a in angles)
+    names = ", ".join(f'"{a} deg"' for a in angles)
+    text = STUDY.replace("{scenarios}", scenarios).replace("{names}", names)
+    path = place / f"draws-{draws}.toml"
+    path.write_text(text.replace("{draws}", str(draws)), encoding="utf-8")
+    return path
+
+
+def draws(place: Path) -> Figure:
+    """Measure 3 controllers x 5 angles x 20 draws."""
+    file, out = study_file(place, draws=20), place / "draws"
+    words = ["-m", "workbench", "compare", str(file), "--out", str(out), "--jobs", "2"]
+    ran = run(words)
+    work: Mapping[str, int] = json.loads((out / "results.json").read_text(encoding="utf-8"))["work"]
+    said = f"{ran.words(30)}; with the page; {in_words(work)}"
+    return Figure("3 controllers, 5 angles, 20 draws", ran.wall, "s", 30, False, said)
