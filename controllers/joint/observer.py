@@ -63,13 +63,10 @@ class JointObserver:
     difference: float = 0.0
 
     def correct(self, predicted: JointEstimate, angle: Number) -> JointEstimate:
-        """Correct a prediction by the measured angle.
+        """Correct a prediction by the measured angle, in SI.
 
         Args:
             angle: Measured angle, in rad.
-
-        Returns:
-            Estimate at this sample, in SI.
         """
         m = self.correction
         residual = angle - predicted.angle
@@ -80,13 +77,10 @@ class JointObserver:
         )
 
     def predict(self, estimate: JointEstimate, difference: Number) -> JointEstimate:
-        """Predict the next sample.
+        """Predict the next sample, in SI.
 
         Args:
             difference: Pressure difference at this sample, in Pa.
-
-        Returns:
-            Prediction for the next sample, in SI.
         """
         f, g = self.transition, self.input_gain
         theta = estimate.angle - self.angle

@@ -196,7 +196,7 @@ class JointTracking:
 
 
 def arrived_opening(there: Number, asked: Number, lag: float, sample_time: float) -> Number:
-    """Advance the opening that has arrived behind the lag of spool and sample.
+    """Return the opening, a fraction, that has arrived behind the lag one sample later.
 
     With dl/dt = (o - l) / tau and d(dp)/dt = g l, the pressure difference dp + tau g l, what is
     there and what is on its way, follows the opening o without the lag. A law that feeds it back in
@@ -207,9 +207,6 @@ def arrived_opening(there: Number, asked: Number, lag: float, sample_time: float
         asked: Opening o asked for now, a fraction.
         lag: Lag tau, in s; 0 for none.
         sample_time: Time between samples, in s.
-
-    Returns:
-        Opening that has arrived one sample later, a fraction; 0 without a lag.
 
     Source:
         Åström and Wittenmark, Computer-Controlled Systems, 1997, section 4.7 (predictors).

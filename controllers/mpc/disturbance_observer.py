@@ -59,40 +59,31 @@ class DisturbanceObserver:
     disturbances: int
 
     def correct(self, predicted: Matrix, measurement: tuple[float, ...]) -> Matrix:
-        """Correct a prediction by a measurement.
+        """Return a prediction of (x, w) corrected by a measurement, in SI.
 
         Args:
             predicted: Prediction of (x, w), shape (n,), in SI.
             measurement: Measurements, absolute, in SI.
-
-        Returns:
-            Estimate of (x, w), shape (n,), in SI.
         """
         residual = np.array(measurement) - self.rest - product(self.C, predicted)
         return np.asarray(predicted + product(self.M, residual))
 
     def predict(self, estimate: Matrix, u: Matrix) -> Matrix:
-        """Predict the next sample.
+        """Predict (x, w) of the next sample, in SI.
 
         Args:
             estimate: Estimate of (x, w), shape (n,), in SI.
             u: Inputs that are held until then, deviations, shape (n_inputs,), in SI.
-
-        Returns:
-            Prediction, shape (n,), in SI.
         """
         return np.asarray(product(self.F, estimate) + product(self.G, u))
 
     def at_rest(self, measurement: tuple[float, ...], A: Matrix, E: Matrix) -> Matrix:
-        """Return the smallest estimate that explains a measurement as rest without input.
+        """Return the smallest (x, w), in SI, that explains a measurement as rest without input.
 
         Args:
             measurement: Measurements, absolute, in SI.
             A: Continuous dynamics, shape (n_x, n_x), in SI.
             E: Effect of the disturbances on the rates, shape (n_x, n_w), in SI.
-
-        Returns:
-            Estimate of (x, w), shape (n,), in SI.
         """
         n = len(A)
         rows = np.block([[A, E], [self.C]])
@@ -149,11 +140,7 @@ def design_disturbance_observer(
 def continuous_matrices(
     linear: LinearModel, actuators: tuple[str, ...], disturbed: tuple[str, ...]
 ) -> tuple[Matrix, Matrix, Matrix]:
-    """Return A, the columns of B for some inputs, and E for disturbed states.
-
-    Returns:
-        A, B and E, shapes (n, n), (n, n_inputs), (n, n_disturbed), in SI.
-    """
+    """Return A, the columns of B for some inputs, and E for disturbed states, in SI."""
     columns = [linear.input_names.index(name) for name in actuators]
     n = len(linear.state_names)
     E = np.zeros((n, len(disturbed)))

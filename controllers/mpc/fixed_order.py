@@ -20,9 +20,6 @@ def product(matrix: Matrix, vector: npt.ArrayLike) -> Matrix:
         matrix: Shape (m, n), in any units.
         vector: Shape (n,), in any units.
 
-    Returns:
-        The product, shape (m,), in the units that follow.
-
     Example:
         >>> product(np.array([[1.0, 2.0], [3.0, 4.0]]), (1.0, 1.0)).tolist()
         [3.0, 7.0]

@@ -394,9 +394,6 @@ class NonlinearMPC(ThroughValve):
 
         Args:
             z: Estimate of the observer, shape (n + n_w,), scaled.
-
-        Returns:
-            States of the prediction, shape (n_p,), scaled.
         """
         names = self.observer.rates.names
         return np.asarray(z[[names.index(name) for name in self.prediction.names]])

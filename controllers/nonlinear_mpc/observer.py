@@ -50,14 +50,11 @@ class ExtendedKalmanFilter:
     sample_time: float
 
     def initial(self, measurement: tuple[float, ...], u: float) -> tuple[Matrix, Matrix]:
-        """Return the state nearest to rest that the measurements agree with, and its covariance.
+        """Return the scaled state nearest to rest that measurements agree with, and its covariance.
 
         Args:
             measurement: Measurements, in SI.
             u: Input, in SI.
-
-        Returns:
-            Estimate, shape (n + n_w,), and covariance, shape (n + n_w, n + n_w), scaled.
         """
         y, by_x = self.read(self.rest, [u])
         x = self.rest + np.linalg.pinv(by_x) @ (np.array(measurement) - y.ravel())
@@ -67,16 +64,13 @@ class ExtendedKalmanFilter:
     def correct(
         self, estimate: Matrix, covariance: Matrix, measurement: tuple[float, ...], u: float
     ) -> tuple[Matrix, Matrix]:
-        """Correct a prediction by the measurements.
+        """Correct a prediction and its covariance by the measurements, scaled.
 
         Args:
             estimate: Prediction, shape (n + n_w,), scaled.
             covariance: Its covariance, shape (n + n_w, n + n_w), scaled.
             measurement: Measurements, in SI.
             u: Input held before, in SI.
-
-        Returns:
-            Estimate and covariance, of the same shapes, scaled.
         """
         n = len(self.rest)
         y, by_x = self.read(estimate[:n], [u])
@@ -90,15 +84,12 @@ class ExtendedKalmanFilter:
         return estimate + gain @ residual, 0.5 * (corrected + corrected.T)
 
     def predict(self, estimate: Matrix, covariance: Matrix, u: float) -> tuple[Matrix, Matrix]:
-        """Predict the next sample.
+        """Predict estimate and covariance of the next sample, scaled.
 
         Args:
             estimate: Estimate, shape (n + n_w,), scaled.
             covariance: Its covariance, shape (n + n_w, n + n_w), scaled.
             u: Input held until then, in SI.
-
-        Returns:
-            Prediction and covariance, of the same shapes, scaled.
         """
         n = len(self.rest)
         x, by_x, _, by_w = self.sample(estimate[:n], [u], estimate[n:])

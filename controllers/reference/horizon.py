@@ -40,13 +40,10 @@ class ReferenceAhead:
     sample_time: float = 0.002
 
     def start(self, angle: float) -> tuple[float, ...]:
-        """Return the state of a reference at rest.
+        """Return the state of a reference at rest, in SI.
 
         Args:
             angle: Angle, in rad.
-
-        Returns:
-            The state, in SI.
         """
         return (angle, angle) if self.planner is None else tuple(self.planner.start(angle))
 
@@ -76,16 +73,13 @@ class ReferenceAhead:
 def lagged(
     filtered: Number, target: Number, reference: Number, fresh: float
 ) -> tuple[Number, Number]:
-    """Pass a reference through two lags for one sample.
+    """Pass a reference through two lags for one sample, in rad.
 
     Args:
         filtered: Reference after the first lag, in rad.
         target: Reference after the second lag, in rad.
         reference: Reference, in rad.
         fresh: Share of the new value, omega_r h, dimensionless.
-
-    Returns:
-        Both lags one sample later, in rad.
     """
     filtered = filtered + fresh * (reference - filtered)
     return filtered, target + fresh * (filtered - target)

@@ -143,13 +143,10 @@ class Planner:
         return PlannerState(angle, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self.shortest)
 
     def move_time(self, step: float) -> float:
-        """Return the duration of a move from rest to rest.
+        """Return the duration of a move from rest to rest, in s.
 
         Args:
             step: Size of the move, in rad.
-
-        Returns:
-            Time, in s.
         """
         from controllers.arithmetic import FLOATS
 

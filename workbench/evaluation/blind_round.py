@@ -196,9 +196,6 @@ def score_verdicts(
         commitments: Text file with the SHA-256 of each answer, fixed before the verdicts.
         names: TOML file on how words of the key are read, beyond those that ship.
 
-    Returns:
-        The score of every case of the key.
-
     Raises:
         WorkbenchError: If a file cannot be read, a verdict is missing, a word of the key has no
             meaning, or an answer is not the one committed.
@@ -242,9 +239,6 @@ def score_case(answer: Answer, truths: Sequence[Truth]) -> Line:
 
     Findings are dealt to the hidden effects so that the points are most; a finding beyond those
     counts as a confident wrong name if it names something.
-
-    Returns:
-        Its score.
 
     Example:
         >>> tilt = Truth("tilt", ("tilt_gravity",), ("motion",), False)

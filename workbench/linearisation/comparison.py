@@ -73,13 +73,10 @@ class Comparison:
         return complex(transfer_function(m.A, m.B, m.C, m.D, s)[self.index, 0])
 
     def linear(self, change: Vector) -> Vector:
-        """Compute what the linear model answers.
+        """Compute how the output of the linear model changes, shape (n,), in SI.
 
         Args:
             change: Change of the first input, shape (n,), in SI.
-
-        Returns:
-            Change of the output, shape (n,), in SI.
         """
         held = np.tile(self.model.u0, (len(change), 1))
         held[:, 0] += change
@@ -87,13 +84,10 @@ class Comparison:
         return np.asarray(response[:, self.index] - self.model.y0[self.index])
 
     def plant(self, change: Vector) -> Vector:
-        """Compute what the exact plant answers.
+        """Compute how the output of the exact plant changes, shape (n,), in SI.
 
         Args:
             change: Change of the first input, shape (n,) with whole blocks, in SI.
-
-        Returns:
-            Change of the output, shape (n,), in SI.
 
         Raises:
             NumericalError: If the integrator gives up.
@@ -157,11 +151,7 @@ def _without_drift(op: OperatingPoint) -> Model:
 
 
 def horizon_of(linear: LinearModel) -> float:
-    """Return two periods of the slowest oscillation, or three of the slowest time constants.
-
-    Returns:
-        Length of a comparison, in s.
-    """
+    """Return two periods of the slowest oscillation, or three of the slowest lag, in s."""
     swinging = [m.frequency_hz for m in linear.modes if m.damping < 1.0 and m.frequency_hz < 20.0]
     if swinging:
         return float(np.clip(2.0 / min(swinging), 0.05, 10.0))

@@ -136,13 +136,10 @@ class LinearModel(Drawn):
         return max(swinging, key=lambda mode: mode.share(state))
 
     def to_plant(self, u: npt.ArrayLike) -> Vector:
-        """Turn inputs of this model into inputs of the plant.
+        """Turn inputs of this model into inputs of the plant, of the same shape, in SI.
 
         Args:
             u: Inputs of this model, any shape, in SI.
-
-        Returns:
-            Inputs of the plant, same shape, in SI.
         """
         return self.inverse(u) if self.inverse else np.asarray(u, dtype=float)
 
@@ -225,14 +222,11 @@ class LinearModel(Drawn):
         return *zero_order_hold(self.A, self.B, h), self.C.copy(), self.D.copy()
 
     def response(self, u: npt.ArrayLike, sample_time: float) -> Vector:
-        """Simulate the model from its operating point, without drift.
+        """Simulate outputs from the operating point, without drift, shape (n, n_outputs), in SI.
 
         Args:
             u: Inputs held over each sample, shape (n, n_inputs), or (n,) for one input, in SI.
             sample_time: Time between samples, in s.
-
-        Returns:
-            Outputs at the n sample times, shape (n, n_outputs), in SI.
         """
         Ad, Bd, C, D = self.discretise(sample_time)
         table = np.asarray(u, dtype=float)

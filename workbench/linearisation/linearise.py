@@ -46,9 +46,6 @@ def linearise(
         verdict: Whether to look for kinks and prepare the verdict; its simulated part is computed
             when it is first asked for.
 
-    Returns:
-        The linear model.
-
     Raises:
         WorkbenchError: If the plant has no such input, an amplitude is not positive, or the
             derivatives are not finite.

@@ -27,13 +27,10 @@ _POINTS = 32
 
 
 def speeds(model: Model, jacobian: Vector) -> dict[str, float]:
-    """Find the states that are the rate of another state, with their scales as amplitudes.
+    """Find the states that are the rate of another state, with their scales as amplitudes, in SI.
 
     Args:
         jacobian: Derivatives of rates and measurements, shape (n_x + n_y, n_x + n_u), in SI.
-
-    Returns:
-        Amplitudes by name, in SI.
     """
     n = len(model.states)
     found = {}
@@ -46,13 +43,10 @@ def speeds(model: Model, jacobian: Vector) -> dict[str, float]:
 
 
 def check_amplitude(model: Model, amplitude: Mapping[str, float]) -> dict[str, float]:
-    """Return amplitudes of states if they are sensible.
+    """Return amplitudes of states as floats, in SI, if they are sensible.
 
     Args:
         amplitude: Amplitude by name of state, in SI.
-
-    Returns:
-        The same as floats, in SI.
 
     Raises:
         WorkbenchError: If a name is unknown or an amplitude not positive.

@@ -73,16 +73,13 @@ class Mode:
 
 
 def find_modes(A: Vector, names: tuple[str, ...]) -> tuple[Mode, ...]:
-    """Find the modes of a state matrix, from slow to fast.
+    """Find the modes of a state matrix, from slow to fast; a complex pair is one mode.
 
     The participation of state k in mode i is ``|v_ki w_ik|`` with right and left eigenvectors,
     normalised to a sum of 1; it does not depend on the units of the states.
 
     Args:
         A: State matrix, shape (n, n), in SI.
-
-    Returns:
-        The modes; a pair of complex poles is one mode.
 
     Source:
         I. J. Perez-Arriaga, G. C. Verghese, F. C. Schweppe 1982.

@@ -84,9 +84,6 @@ def frequency_validity(
         gain_within: Gain error allowed, as a fraction.
         phase_within: Phase error allowed, in rad.
 
-    Returns:
-        The band that agrees.
-
     Raises:
         WorkbenchError: If an argument is outside its range.
 

@@ -88,9 +88,6 @@ def amplitude_validity(
         horizon: Length of the comparison, in s; by default two periods of the slowest oscillation,
             or three time constants.
 
-    Returns:
-        The band of steps.
-
     Raises:
         WorkbenchError: If an argument is outside its range.
 

@@ -87,13 +87,10 @@ class Effect:
             raise WorkbenchError(f"effect {self.name!r} uses a name twice: {', '.join(own)}")
 
     def with_parameters(self, values: Mapping[str, float]) -> Effect:
-        """Return the same effect with other parameter values.
+        """Return the same effect with other values of the parameters that are named.
 
         Args:
             values: New values by short name, in each parameter's unit.
-
-        Returns:
-            A copy with those values; parameters that are not named keep theirs.
 
         Raises:
             WorkbenchError: If a name is unknown or a value outside its bounds.

@@ -176,10 +176,7 @@ class Model(Shown):
         return tuple(e.name for e in self.effects if e.dry)
 
     def without(self, *names: str) -> Model:
-        """Return a model with effects taken away.
-
-        Returns:
-            A copy without the effects and without their states and parameters.
+        """Return a model with effects, their states and their parameters taken away.
 
         Raises:
             WorkbenchError: If no effect of a name is attached.
@@ -195,13 +192,10 @@ class Model(Shown):
         )
 
     def with_parameters(self, values: Mapping[str, float]) -> Model:
-        """Return a model with other parameter values.
+        """Return a model with other values of the parameters that are named.
 
         Args:
             values: New values by name, in each parameter's SI unit.
-
-        Returns:
-            A copy with those values; parameters that are not named keep theirs.
 
         Raises:
             WorkbenchError: If a name is unknown or a value outside its bounds.
@@ -227,15 +221,12 @@ class Model(Shown):
         form: Form | str = EXACT,
         values: npt.ArrayLike | None = None,
     ) -> Vector:
-        """Compute the rates of the states.
+        """Compute the rates of the states, shape (n_states,), in SI per second.
 
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
             values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
-
-        Returns:
-            Rates, shape (n_states,), in SI per second.
 
         Raises:
             WorkbenchError: If a shape is wrong or a number is not finite.
@@ -250,29 +241,23 @@ class Model(Shown):
         form: Form | str = EXACT,
         values: npt.ArrayLike | None = None,
     ) -> Vector:
-        """Compute what the sensors would read, without noise and quantisation.
+        """Compute what the sensors would read without noise, shape (n_outputs,), in SI.
 
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
             values: Parameter values as for `rates`, in SI.
-
-        Returns:
-            Measurements, shape (n_outputs,), in SI.
         """
         return self._call(self.form(form).outputs_function, x, u, values)
 
     def signals(
         self, x: npt.ArrayLike, u: npt.ArrayLike, *, form: Form | str = EXACT
     ) -> dict[str, float]:
-        """Compute every port and published signal of the model at one instant.
+        """Compute every port and published signal at one instant, in SI by name.
 
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
-
-        Returns:
-            Values in SI, by name of port or signal.
         """
         traced = self.form(form)
         values = self._call(traced.signals_function, x, u, None)
@@ -281,15 +266,12 @@ class Model(Shown):
     def initial_state(
         self, given: Mapping[str, float] | None = None, *, u: npt.ArrayLike | None = None
     ) -> Vector:
-        """Return a starting state.
+        """Return a starting state, shape (n_states,), in SI.
 
         Args:
             given: Values of some states by name, in SI; the others start at their ``initial``, the
                 states of effects where the effect's ``start`` puts them.
             u: Inputs at the start, shape (n_inputs,), in SI; at rest by default.
-
-        Returns:
-            States, shape (n_states,), in SI.
 
         Raises:
             WorkbenchError: If a name is unknown or a value not finite.
@@ -369,15 +351,12 @@ def index_of(kind: str, name: str, quantities: Sequence[Quantity]) -> int:
 
 
 def check_vector(kind: str, values: npt.ArrayLike, quantities: Sequence[Quantity]) -> Vector:
-    """Return values as a finite vector with one entry per quantity.
+    """Return values as a finite vector with one entry per quantity, shape (n,), in SI.
 
     Args:
         kind: What the vector is, for the message: ``"state"``, ``"input"``, ...
         values: Numbers in SI, shape (n,).
         quantities: The n quantities that the numbers belong to.
-
-    Returns:
-        The same numbers in SI, shape (n,).
 
     Raises:
         WorkbenchError: If the length is wrong or a value is not finite.

@@ -148,13 +148,10 @@ class Parameter(Quantity):
             )
 
     def with_value(self, value: float) -> Parameter:
-        """Return the same parameter with another value.
+        """Return the same parameter, with its bounds and its source, with another value.
 
         Args:
             value: New value, in the parameter's unit.
-
-        Returns:
-            A copy with that value, the same bounds and the same source.
 
         Raises:
             WorkbenchError: If the value is outside the bounds.

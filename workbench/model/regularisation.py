@@ -106,7 +106,7 @@ class Form:
     def table(
         self, x: Expression, points: Sequence[float], values: Sequence[float], width: float
     ) -> Expression:
-        """Interpolate a table by straight lines, constant beyond its ends.
+        """Interpolate a table in the unit of ``values``, constant beyond its ends.
 
         ``y = y_0 + sum_i (m_i - m_{i-1}) ramp(x - x_i)``, every corner rounded when regularised.
 
@@ -116,9 +116,6 @@ class Form:
             x: Argument, in the unit of ``points``.
             width: Half-width of the rounded corners, in the unit of ``x``; no more than half the
                 closest spacing.
-
-        Returns:
-            Interpolated ordinate of the shape of ``x``, in the unit of ``values``.
         """
         points_ = np.asarray(points, dtype=float)
         values_ = np.asarray(values, dtype=float)

@@ -213,7 +213,7 @@ class Scope:
         relative_disturbance: float = 0.0,
         role: str = "",
     ) -> Expression:
-        """Open a port: return the signal after the effects attached there have acted on it.
+        """Open a port: return the signal, in ``unit``, after the effects attached there have acted.
 
         Args:
             name: Name of the port, ``where.what``.
@@ -225,9 +225,6 @@ class Scope:
             relative_disturbance: The same, as a fraction of the signal's magnitude, dimensionless.
             role: What the signal does; effects are offered by it. By default unit and structure
                 of the equations tell.
-
-        Returns:
-            The signal that the equations go on with, in ``unit``.
 
         Raises:
             WorkbenchError: If a port of that name is open already or the unit is unknown.

@@ -189,13 +189,10 @@ Values = TypeVar("Values", float, npt.NDArray[np.float64])
 
 
 def convert(values: Values, from_unit: str, to_unit: str) -> Values:
-    """Convert values from one unit to another of the same dimension.
+    """Convert values to another unit, ``to_unit``, of the same dimension.
 
     Args:
         values: Number or array, in ``from_unit``.
-
-    Returns:
-        The same shape, in ``to_unit``.
 
     Raises:
         WorkbenchError: If a unit is unknown or the two measure different things.
@@ -243,14 +240,11 @@ _EXAMPLES = {"deg": "30", "kg": "3", "bar": "3", "s": "5", "V": "5.5"}
 
 
 def quantity(name: str, given: object, unit: str) -> float:
-    """Read a value such as ``30``, ``"30deg"`` or ``"0.5 rad"``.
+    """Read a value such as ``30``, ``"30deg"`` or ``"0.5 rad"`` in ``unit``.
 
     Args:
         name: What the value is, as the user knows it.
         given: Number, or text with or without a unit; without one, ``unit`` is meant.
-
-    Returns:
-        The value, in ``unit``.
 
     Raises:
         WorkbenchError: If it is not a finite number, or its unit is unknown or measures something

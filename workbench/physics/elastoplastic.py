@@ -18,7 +18,7 @@ _FARTHEST = 1.1
 def elastoplastic_rate(
     v: Expression, z: Expression, breakaway: Expression, width: float, *, form: Form = EXACT
 ) -> Expression:
-    """Return the rate of the deflection of an elasto-plastic element, relative to its break-away.
+    """Return the rate, in 1/s, of an elasto-plastic deflection relative to its break-away.
 
     ``dz/dt = v (1 - max(0, z sign v)^n) / breakaway``: elastic with slope 1 / breakaway when
     unloading, saturating at 1 when loading. For n to infinity it is the stop operator, a spring in
@@ -29,9 +29,6 @@ def elastoplastic_rate(
         z: Deflection over break-away, -1..1, dimensionless.
         breakaway: Motion after which the element slips, in the unit of the motion.
         width: Speed within which the regularised form rounds the reversal, in the unit of ``v``.
-
-    Returns:
-        Rate of ``z``, in 1/s.
 
     Source:
         P. A. Bliman and M. Sorine 1995; Dupont et al., IEEE TAC 47 (2002).

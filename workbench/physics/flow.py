@@ -22,7 +22,7 @@ LAMINAR_RATIO = 0.995
 def flow_function(
     ratio: Expression, critical_ratio: Expression, *, form: Form = EXACT
 ) -> Expression:
-    """Return psi(r), the flow relative to the choked one.
+    """Return psi(r), the flow relative to the choked one, 0..1.
 
     The regularised form replaces ``sqrt(y)``, ``y = 1 - z^2``, by ``y / (y^2 + e^2)^(1/4)``, with e
     such that the slope at r = 1 equals that of the exact form's straight line. It is up to 16 %
@@ -32,9 +32,6 @@ def flow_function(
     Args:
         ratio: Ratio r of the downstream to the upstream absolute pressure, 0..1; any shape.
         critical_ratio: Critical ratio b, below which the flow is choked.
-
-    Returns:
-        psi, 0..1, of the shape of ``ratio``.
 
     Source:
         ISO 6358-1.
@@ -62,7 +59,7 @@ def orifice_flow(
     *,
     form: Form = EXACT,
 ) -> Expression:
-    """Return the mass flow from side a to side b, negative when it runs from b to a.
+    """Return the mass flow in kg/s from side a to side b, negative when it runs from b to a.
 
     Odd under an exchange of the sides. At zero flow its slope is the same from both sides but for
     the square root of the temperatures.
@@ -74,9 +71,6 @@ def orifice_flow(
         T_b: Temperature of side b, K.
         conductance: Sonic conductance C, m^3/(s Pa), the same in both directions.
         critical_ratio: Critical pressure ratio b.
-
-    Returns:
-        Mass flow, kg/s.
 
     Source:
         ISO 6358-1.

@@ -33,7 +33,7 @@ SLACK_WIDTH = 1.0
 
 
 def slack(tension: Expression, *, width: float = SLACK_WIDTH) -> Expression:
-    """Return the tension of a muscle that can only pull: max(0, tension), rounded at zero.
+    """Return the tension in N of a muscle that can only pull: max(0, tension), rounded at zero.
 
     ``F = (T + sqrt(T^2 + w^2)) / 2``. The rounding is physical (a membrane does not go slack at
     one point), so it is the same on the exact and the regularised form. It adds w/2 at T = 0 and
@@ -43,9 +43,6 @@ def slack(tension: Expression, *, width: float = SLACK_WIDTH) -> Expression:
     Args:
         tension: Unclamped tension, N; number, array of any shape or expression.
         width: Width w of the rounding, N.
-
-    Returns:
-        Pulling force, N, of the shape of ``tension``.
 
     Source:
         Line [3] of the paper's Figure 3; the rounding is an engineering choice.
@@ -126,15 +123,12 @@ class ForceLaw(ABC):
     def tension(
         self, contraction: Expression, gauge_pressure: Expression, *, form: Form = EXACT
     ) -> Expression:
-        """Return the unclamped tension, which may be negative.
+        """Return the unclamped tension in N, which may be negative.
 
         Args:
             contraction: Contraction q, m; number, array or expression.
             gauge_pressure: Gauge pressure p, Pa; of a shape that fits ``contraction``.
             form: Exact or regularised; a law without a kink is the same on both.
-
-        Returns:
-            Tension, N.
         """
 
     def force(
@@ -196,7 +190,7 @@ class PaperLaw(ForceLaw):
         return cls()
 
     def phi(self, contraction: Expression, *, form: Form = EXACT) -> Expression:
-        """Return phi, the part of the tension that does not depend on pressure.
+        """Return phi, the part of the tension that does not depend on pressure, in N.
 
         ``phi = sum_i c_i q^i`` beyond the switch, the floor before it. The branch is needed: at
         q = 0 the polynomial gives +61.6 N, force without pressure. Regularised, the branches are
@@ -205,9 +199,6 @@ class PaperLaw(ForceLaw):
 
         Args:
             contraction: Contraction q, m; any shape.
-
-        Returns:
-            phi, N, of the shape of ``contraction``.
 
         Source:
             Line [1] of the paper's Figure 3, with the switch moved to where the branches meet.

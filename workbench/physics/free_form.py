@@ -98,14 +98,11 @@ class Curve:
         return np.asarray(np.stack(parts, axis=-1) @ self._weights - mean)
 
     def value(self, x: Expression, ordinates: Sequence[Expression]) -> Expression:
-        """Compute the curve.
+        """Compute the curve, in the unit of the ordinates.
 
         Args:
             x: Argument, in the curve's unit.
             ordinates: Ordinates at the knots, shape (n,), in any unit.
-
-        Returns:
-            The curve, of the shape of ``x`` and in the unit of the ordinates.
         """
         total: Expression = 0.0
         for part, row in zip(self._parts(x), self._weights, strict=True):

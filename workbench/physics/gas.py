@@ -52,7 +52,7 @@ def chamber_rates(
     gas: Gas = AIR,
     printed_work_sign: bool = False,
 ) -> tuple[Expression, Expression]:
-    """Return the rates of pressure and temperature of an open chamber.
+    """Return the rates of pressure, Pa/s, and temperature, K/s, of an open chamber.
 
     ``m dT/dt = gamma sum(mdot_i T_i) - T sum(mdot_i) - p dV/dt / c_v + Q / c_v`` and
     ``p V = m R T``, which together give
@@ -69,9 +69,6 @@ def chamber_rates(
         mass_flow: Net mass flow into the chamber, kg/s.
         enthalpy_flow: Sum of each inward mass flow times its temperature, kg K/s.
         heat: Heat flow Q into the gas, W.
-
-    Returns:
-        dp/dt in Pa/s and dT/dt in K/s.
 
     Source:
         Lines [13] to [15] of the paper's Figure 3, equations (5) and (6), sign of the work
@@ -136,16 +133,13 @@ def wall_heat(
     coefficient: Expression,
     area: Expression,
 ) -> Expression:
-    """Return the heat flow from the wall into the gas, ``Q = h S (T_wall - T)``.
+    """Return the heat flow from the wall into the gas, ``Q = h S (T_wall - T)``, in W.
 
     Args:
         temperature: Gas temperature T, K; any shape.
         wall_temperature: Wall temperature, K.
         coefficient: Heat transfer coefficient h, W/(m^2 K).
         area: Wetted area S, m^2.
-
-    Returns:
-        Heat flow into the gas, W.
 
     Source:
         Line [15] of the paper's Figure 3.

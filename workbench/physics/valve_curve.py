@@ -53,15 +53,12 @@ LINEAR = ValveCurve(voltage=(0.0, 5.0), fraction=(0.0, 1.0))
 def opening(
     voltage_from_centre: Expression, *, curve: ValveCurve = MPYE, form: Form = EXACT
 ) -> Expression:
-    """Return the opening of the edge that a positive voltage opens.
+    """Return the opening, a fraction, of the edge that a positive voltage opens, without leakage.
 
     Args:
         voltage_from_centre: Spool voltage minus the centre voltage, V; any shape. Negative
             voltages keep the edge shut, voltages beyond the curve's end leave it fully open.
         form: Exact, or regularised with corners rounded within 0.04 V.
-
-    Returns:
-        Fraction of the full conductance, 0..1, without leakage.
 
     Source:
         Manufacturer's flow curve.

@@ -16,48 +16,40 @@ FULL = 10.0
 
 
 def _equations(m: Scope) -> Equations:
-    def outflow(rate: Expression, bend: Expression, level: Expression) -> Expression:
-        share = m.form.ramp(level, 0.01) / FULL
-        return rate * ((1 - bend) * sqrt(share) + bend * share)
-
     levels = {"upper_level": m.x.upper_level, "lower_level": m.x.lower_level}
-    inflow = m.port(
-        "upper.inflow",
-        m.p.pump_gain * m.u.pump,
-        unit="V/s",
-        scale=0.1,
-        signals=levels,
-        description="level that the pump adds to the upper tank",
-        disturbance=0.01,
+
+    def flow(
+        name: str, value: Expression, what: str = "", disturbance: float = 0.0, **more: Expression
+    ) -> Expression:
+        return m.port(
+            name,
+            value,
+            unit="V/s",
+            scale=0.1,
+            signals=levels | more,
+            description=what,
+            disturbance=disturbance,
+        )
+
+    def outflow(tank: str) -> Expression:
+        rate, bend = m.p[f"{tank}_drain"], m.p[f"{tank}_bend"]
+        share = m.form.ramp(levels[f"{tank}_level"], 0.01) / FULL
+        value = rate * ((1 - bend) * sqrt(share) + bend * share)
+        return flow(f"{tank}.outflow", value, f"level that the {tank} tank loses", 0.01)
+
+    inflow = flow(
+        "upper.inflow", m.p.pump_gain * m.u.pump, "level that the pump adds to the upper tank", 0.01
     )
-    drained = m.port(
-        "upper.outflow",
-        outflow(m.p.upper_drain, m.p.upper_bend, m.x.upper_level),
-        unit="V/s",
-        scale=0.1,
-        signals=levels,
-        description="level that the upper tank loses",
-        disturbance=0.01,
-    )
-    spilled = m.port("upper.overflow", 0.0 * inflow, unit="V/s", scale=0.1, signals=levels)
-    gained = m.port(
+    drained = outflow("upper")
+    spilled = flow("upper.overflow", 0.0 * inflow)
+    gained = flow(
         "lower.inflow",
         m.p.ratio * drained,
-        unit="V/s",
-        scale=0.1,
-        signals=levels | {"spilled": spilled},
-        description="level that the lower tank gains",
-        disturbance=0.005,
+        "level that the lower tank gains",
+        0.005,
+        spilled=spilled,
     )
-    left = m.port(
-        "lower.outflow",
-        outflow(m.p.lower_drain, m.p.lower_bend, m.x.lower_level),
-        unit="V/s",
-        scale=0.1,
-        signals=levels,
-        description="level that the lower tank loses",
-        disturbance=0.01,
-    )
+    left = outflow("lower")
     level = m.port("level.reading", FULL - m.form.ramp(FULL - m.x.lower_level, 0.01), unit="V")
     return (
         {"upper_level": inflow - drained - spilled, "lower_level": gained - left},
@@ -70,9 +62,6 @@ def overflow() -> Effect:
 
     Above its rim a tank spills ``weir (level - rim)``; ``caught`` of what the upper tank spills
     reaches the lower one.
-
-    Returns:
-        Effect on the upper overflow, the lower inflow and the lower outflow.
     """
 
     def transform(at: PortView) -> Expression:
@@ -153,43 +142,30 @@ def cascaded_tanks() -> Model:
                 fitted=True,
                 description="level rate of the upper tank over pump voltage",
             ),
-            Parameter(
-                "upper_drain",
-                "V/s",
-                value=0.15,
-                lower=0.02,
-                upper=0.6,
-                fitted=True,
-                description="outflow of the upper tank at 10 V",
+            *(
+                Parameter(
+                    f"{tank}_drain",
+                    "V/s",
+                    value=0.15,
+                    lower=0.02,
+                    upper=0.6,
+                    fitted=True,
+                    description=f"outflow of the {tank} tank at 10 V",
+                )
+                for tank in ("upper", "lower")
             ),
-            Parameter(
-                "lower_drain",
-                "V/s",
-                value=0.15,
-                lower=0.02,
-                upper=0.6,
-                fitted=True,
-                description="outflow of the lower tank at 10 V",
-            ),
-            Parameter(
-                "upper_bend",
-                "1",
-                0.1,
-                value=0.0,
-                lower=-0.9,
-                upper=0.9,
-                fitted=True,
-                description="part of the upper outflow that is proportional to the level",
-            ),
-            Parameter(
-                "lower_bend",
-                "1",
-                0.1,
-                value=0.0,
-                lower=-0.9,
-                upper=0.9,
-                fitted=True,
-                description="part of the lower outflow that is proportional to the level",
+            *(
+                Parameter(
+                    f"{tank}_bend",
+                    "1",
+                    0.1,
+                    value=0.0,
+                    lower=-0.9,
+                    upper=0.9,
+                    fitted=True,
+                    description=f"part of the {tank} outflow that is proportional to the level",
+                )
+                for tank in ("upper", "lower")
             ),
             Parameter(
                 "ratio",

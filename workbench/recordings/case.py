@@ -322,9 +322,6 @@ def read_case(
         signals: Signals requested of every file, see `read_recording`.
         data: Folder with public recordings, for a machine; None reads ``WORKBENCH_DATA``.
 
-    Returns:
-        The case; the settings also stand in the metadata of each recording.
-
     Raises:
         WorkbenchError: If the folder, its settings or a file cannot be read.
 

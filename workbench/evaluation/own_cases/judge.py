@@ -112,11 +112,7 @@ def truths_of(row: Mapping[str, Any]) -> tuple[Truth, ...]:
 
 
 def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
-    """Judge one kept answer.
-
-    Returns:
-        Its score; None if there is no such answer.
-    """
+    """Judge one kept answer; None if there is no such answer."""
     verdict = verdict_of(row, who)
     if verdict is None:
         return None

@@ -16,7 +16,7 @@ _FIRST = 3
 
 
 def limited_errors(folder: Path) -> dict[str, float]:
-    """Return the errors of the rig itself on the held-out recordings of a case.
+    """Return the rms errors of the rig itself on held-out recordings, by output, in rad and Pa.
 
     The rig runs with its true parameters and without noise, from the true start except that the
     angle and the pressures are those read: what is left is the noise of the measurements and what
@@ -24,9 +24,6 @@ def limited_errors(folder: Path) -> dict[str, float]:
 
     Args:
         folder: A case as `workbench.evaluation.rig.cases.make_case` makes it, with its truth.
-
-    Returns:
-        Root mean square over the held-out recordings by output, in rad and Pa.
     """
     truth = json.loads((folder / "truth.json").read_text())
     quiet = {"pressure_noise": 0.0, "pressure_step": 0.0, "angle_step": 0.0, "torque_noise": 0.0}

@@ -72,11 +72,7 @@ def run_plan(
 
 
 def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> dict[str, Any]:
-    """Diagnose one case, or return what is kept of it.
-
-    Returns:
-        The content of the file.
-    """
+    """Diagnose one case, or return what is kept of it; it is the content of its file."""
     kept = out / f"{case.name}.json"
     if kept.exists():
         return dict(json.loads(kept.read_text()))

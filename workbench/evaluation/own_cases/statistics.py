@@ -134,13 +134,10 @@ def _over(judged: Iterable[Judged], what: Callable[[Judged], tuple[bool, ...]]) 
 
 
 def scores(rows: Sequence[Mapping[str, Any]]) -> tuple[Score, ...]:
-    """Score every answerer on the cases that all of them were asked.
+    """Score every answerer on the cases that all of them were asked, the tool first.
 
     Args:
         rows: What is kept of the cases. Where no baseline was asked, the tool alone is scored.
-
-    Returns:
-        One score per answerer, the tool first.
     """
     who = [w for w in ANSWERERS if any(verdict_of(row, w) is not None for row in rows)]
     common = [row for row in rows if all(verdict_of(row, w) is not None for w in who)]

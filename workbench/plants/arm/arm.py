@@ -21,7 +21,13 @@ from workbench.plants.arm.joint import PARAMETERS as JOINT_PARAMETERS
 from workbench.plants.arm.joint import STATES as JOINT_STATES
 from workbench.plants.arm.joint import damper_and_bearing, gravity, joint
 from workbench.plants.arm.muscle import PARAMETERS as MUSCLE_PARAMETERS
-from workbench.plants.arm.muscle import MuscleLaws, muscle, muscle_laws, muscle_states
+from workbench.plants.arm.muscle import (
+    MuscleLaws,
+    muscle,
+    muscle_laws,
+    muscle_states,
+    pressure_sensor,
+)
 from workbench.plants.arm.opening import ONE_VALVE
 from workbench.plants.arm.servovalve import COMMAND, ValveFlows, valve
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
@@ -101,20 +107,8 @@ OUTPUTS = (
         resolution=2 * math.pi / COUNTS_PER_TURN,
         display_unit="deg",
     ),
-    *(
-        Output(
-            f"pressure_{i}",
-            "Pa",
-            1e5,
-            f"gauge pressure sensor of muscle {i}, 12 bit on 10 bar",
-            resolution=10e5 / 4096,
-            noise_rms=600.0,
-            lower=0.0,
-            upper=10e5,
-            display_unit="bar",
-        )
-        for i in (1, 2)
-    ),
+    pressure_sensor("_1", " of muscle 1"),
+    pressure_sensor("_2", " of muscle 2"),
     Output(
         "load_cell",
         "N",

@@ -88,14 +88,11 @@ class ArmGeometry:
         return alpha + math.radians(120.0) if self.printing == "as_printed" else math.pi - alpha
 
     def length(self, alpha: Expression) -> Expression:
-        """Return the length L of one muscle between its anchors, ``L^2 = K + A cos a - B sin b``.
+        """Return the length of a muscle between its anchors, ``L^2 = K + A cos a - B sin b``, in m.
 
         Args:
             alpha: Angle a of the muscle's own lever, rad: theta for muscle 1, 60 deg - theta for
                 muscle 2; any shape.
-
-        Returns:
-            Length, m.
 
         Source:
             The paper's equation for L, with b = 180 deg - a.

@@ -53,13 +53,10 @@ class ArmBody:
     gravity: float = 9.81
 
     def inertia(self, load: Expression) -> Expression:
-        """Return the inertia about the pivot, ``0.0556 + n (0.367^2 + 0.024^2 + 0.0015)``.
+        """Return the inertia about the pivot, ``0.0556 + n (0.367^2 + 0.024^2 + 0.0015)``, kg m^2.
 
         Args:
             load: Mass of the plates n, kg, 0..8; number or expression.
-
-        Returns:
-            Moment of inertia, kg m^2.
 
         Source:
             Parallel-axis theorem with the paper's dimensions.
@@ -70,7 +67,7 @@ class ArmBody:
     def gravity_torque(
         self, angle: Expression, load: Expression, *, plane: Plane = "vertical"
     ) -> Expression:
-        """Return the torque with which gravity pulls the arm towards smaller angles.
+        """Return the torque in N m with which gravity pulls the arm towards smaller angles.
 
         ``9.81 [0.987 (0.205 cos t - 0.0176 sin t) + n (0.367 cos t + 0.024 sin t)]`` in the
         vertical plane, where the angle t is the elevation; zero in the horizontal plane.
@@ -78,9 +75,6 @@ class ArmBody:
         Args:
             angle: Arm angle, rad; any shape.
             load: Mass of the plates n, kg, 0..8; number or expression.
-
-        Returns:
-            Torque, N m, to be subtracted from the joint torque.
 
         Raises:
             WorkbenchError: If the plane is unknown or the load is a number outside 0..8 kg.

@@ -184,9 +184,6 @@ def gravity(plane: Plane, body: ArmBody | None = None, *, name: str = "gravity")
     Args:
         body: Masses of arm and plates; the paper's by default.
 
-    Returns:
-        Effect on ``joint.torque``.
-
     Raises:
         WorkbenchError: If the plane is unknown.
     """
@@ -204,11 +201,7 @@ def gravity(plane: Plane, body: ArmBody | None = None, *, name: str = "gravity")
 
 
 def damper_and_bearing() -> tuple[Effect, Effect]:
-    """Build the damper of the joint and the Coulomb friction of its bearing.
-
-    Returns:
-        The effects ``damper`` and ``bearing_friction`` on ``joint.torque``.
-    """
+    """Build the damper of the joint and the Coulomb friction of its bearing."""
     return (
         viscous_friction(
             "joint.torque",

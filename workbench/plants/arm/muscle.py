@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 
 from workbench.model import About, Effect, Input, Model, Output, Parameter, PortView, Scope, State
 from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
-from workbench.physics.force_laws import (
-    CONTRACTIONS,
-    ForceLaw,
-    PaperLaw,
-    Petrovic,
-    slack,
-)
+from workbench.physics.force_laws import CONTRACTIONS, ForceLaw, PaperLaw, Petrovic, slack
 from workbench.physics.gas import chamber_rates, port_enthalpy_flow
 from workbench.physics.muscle_volume import BraidedCylinder
 from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
@@ -84,6 +78,21 @@ def muscle_states(suffix: str = "") -> tuple[State, State]:
             lower=150.0,
             upper=500.0,
         ),
+    )
+
+
+def pressure_sensor(suffix: str = "", of: str = "") -> Output:
+    """Return the gauge pressure sensor of a muscle; `suffix` ends its name."""
+    return Output(
+        f"pressure{suffix}",
+        "Pa",
+        1e5,
+        f"gauge pressure sensor{of}, 12 bit on 10 bar",
+        resolution=10e5 / 4096,
+        noise_rms=600.0,
+        lower=0.0,
+        upper=10e5,
+        display_unit="bar",
     )
 
 
@@ -310,9 +319,6 @@ def end_flattening(
     Args:
         braid: Geometry of the braid; that of the DMSP-20-200N by default.
         ports: Ports of braid volumes, with the local signal ``fibre_length``.
-
-    Returns:
-        Effect adding the volume of both ends, which is negative.
     """
     geometry = braid or BraidedCylinder()
 
@@ -371,27 +377,11 @@ def pneumatic_muscle(
         ),
         outputs=(
             Output("force", "N", 100.0, "load cell", resolution=0.5, noise_rms=0.5),
-            Output(
-                "pressure",
-                "Pa",
-                1e5,
-                "gauge pressure sensor, 12 bit on 10 bar",
-                resolution=10e5 / 4096,
-                noise_rms=600.0,
-                lower=0.0,
-                upper=10e5,
-                display_unit="bar",
-            ),
+            pressure_sensor(),
         ),
         parameters=(*PARAMETERS, *AMBIENT),
         description="DMSP-20-200N",
     ).with_effect(
-        *(_on_single_muscle(effect) for effect in effects), heat_exchange(("chamber.heat",))
-    )
-
-
-def _on_single_muscle(effect: Effect) -> Effect:
-    port = effect.ports[0].replace("_1", "")
-    return Effect(
-        effect.name, (port,), effect.transform, parameters=effect.parameters, about=effect.about
+        *(replace(effect, ports=(effect.ports[0].replace("_1", ""),)) for effect in effects),
+        heat_exchange(("chamber.heat",)),
     )

@@ -136,25 +136,14 @@ def valve(
         The paper's description of the valve; manufacturer's flow curve and bandwidth.
     """
     spool, rates = spool_position(m)
-    positive = opening(spool, curve=curve, form=m.form)
-    negative = opening(-spool, curve=curve, form=m.form)
-    supply = inlet_pressure(m)
-    net, drawn = [], 0.0
-    for number, fill, vent in ((1, positive, negative), (2, negative, positive)):
-        pressure, temperature = pressures[number - 1], temperatures[number - 1]
-        filling, venting = metered_flows(
-            m,
-            number,
-            openings=(fill, vent),
-            spool=spool,
-            supply=supply,
-            pressure=pressure,
-            temperature=temperature,
-        )
-        drawn = drawn + filling
-        net.append(filling - venting)
-    m.publish("supply.flow", drawn, unit="kg/s")
-    return ValveFlows(net[0], net[1], rates)
+    flows = metered_flows(
+        m,
+        edges=((spool, spool), (spool, -spool)),
+        pressures=pressures,
+        temperatures=temperatures,
+        curve=curve,
+    )
+    return ValveFlows(*flows, rates)
 
 
 def spool_position(m: Scope, suffix: str = "") -> tuple[Expression, dict[str, Expression]]:
@@ -196,96 +185,75 @@ def spool_position(m: Scope, suffix: str = "") -> tuple[Expression, dict[str, Ex
     return spool, {f"spool{suffix}": speed, f"spool_speed{suffix}": acceleration}
 
 
-def inlet_pressure(m: Scope) -> Expression:
-    """Write down the pressure of the supply.
-
-    Returns:
-        Absolute pressure at the valves' inlet, in Pa.
-    """
-    return m.port(
-        "supply.pressure",
-        m.p.supply_pressure + m.p.ambient_pressure,
-        unit="Pa",
-        role="supply_pressure",
-        scale=1e5,
-        description="absolute pressure at the valve's inlet",
-        signals={"temperature": m.p.ambient_temperature},
-    )
-
-
 def metered_flows(
     m: Scope,
-    number: int,
     *,
-    openings: tuple[Expression, Expression],
-    spool: Expression,
-    supply: Expression,
-    pressure: Expression,
-    temperature: Expression,
+    edges: tuple[tuple[Expression, Expression], tuple[Expression, Expression]],
+    pressures: tuple[Expression, Expression],
+    temperatures: tuple[Expression, Expression],
+    curve: ValveCurve,
 ) -> tuple[Expression, Expression]:
-    """Write down the two metering edges of one chamber, as ISO 6358 restrictions.
+    """Write down the net mass flows towards both chambers, in kg/s, through ISO 6358 restrictions.
 
     Args:
-        openings: Openings from supply and to exhaust, as fractions of full conductance.
-        spool: Position of the spool, as a voltage from the centre, in V.
-        supply: Absolute pressure at the inlet, in Pa.
-        pressure: Absolute pressure that the valve sees, in Pa.
-        temperature: Temperature of the gas there, in K.
-
-    Returns:
-        Mass flows from supply and to exhaust, in kg/s.
+        edges: Spool that meters each chamber, and the same with the sign that fills it, in V.
+        pressures: Absolute pressures that the valve sees, in Pa.
+        temperatures: Temperatures of the gas there, in K.
 
     Source:
         ISO 6358-1; manufacturer's flow curve.
     """
-    p = m.p
-    ambient = p.ambient_temperature
-    signals = {"spool": spool}
-    share_fill = m.port(
-        f"valve.supply_{number}",
-        openings[0],
-        unit="1",
-        role="edge",
-        scale=0.1,
-        description=f"opening from supply to {number}, of full conductance",
-        signals=signals,
+    p, ambient = m.p, m.p.ambient_temperature
+
+    def pressure_port(
+        name: str, value: Expression, temperature: Expression, what: str
+    ) -> Expression:
+        return m.port(
+            f"{name}.pressure",
+            value,
+            unit="Pa",
+            role=f"{name.rstrip('_12')}_pressure",
+            scale=1e5,
+            description=f"absolute pressure {what}",
+            signals={"temperature": temperature},
+        )
+
+    def edge(name: str, position: Expression, spool: Expression, way: str) -> Expression:
+        return m.port(
+            f"valve.{name}",
+            opening(position, curve=curve, form=m.form),
+            unit="1",
+            role="edge",
+            scale=0.1,
+            description=f"opening from {way}, of full conductance",
+            signals={"spool": spool},
+        )
+
+    supply = pressure_port(
+        "supply", p.supply_pressure + p.ambient_pressure, ambient, "at the valve's inlet"
     )
-    share_vent = m.port(
-        f"valve.exhaust_{number}",
-        openings[1],
-        unit="1",
-        role="edge",
-        scale=0.1,
-        description=f"opening from {number} to exhaust, of full conductance",
-        signals=signals,
-    )
-    exhaust = m.port(
-        f"exhaust_{number}.pressure",
-        p.ambient_pressure,
-        unit="Pa",
-        role="exhaust_pressure",
-        scale=1e5,
-        description="absolute pressure behind the exhausting edge",
-        signals={"temperature": ambient},
-    )
-    seen = m.port(
-        f"line_{number}.pressure",
-        pressure,
-        unit="Pa",
-        role="line_pressure",
-        scale=1e5,
-        description="absolute pressure that the valve sees",
-        signals={"temperature": temperature},
-    )
-    conductance, ratio = p.valve_conductance, p.critical_ratio
-    filling = orifice_flow(
-        supply, seen, ambient, temperature, share_fill * conductance, ratio, form=m.form
-    )
-    venting = orifice_flow(
-        seen, exhaust, temperature, ambient, share_vent * conductance, ratio, form=m.form
-    )
-    m.publish(f"exhaust_{number}.flow", venting, unit="kg/s")
-    return filling, venting
+    net, drawn = [], 0.0
+    for i, (spool, fill), pressure, temperature in zip(
+        (1, 2), edges, pressures, temperatures, strict=True
+    ):
+        filling_share = edge(f"supply_{i}", fill, spool, f"supply to {i}")
+        venting_share = edge(f"exhaust_{i}", -fill, spool, f"{i} to exhaust")
+        exhaust = pressure_port(
+            f"exhaust_{i}", p.ambient_pressure, ambient, "behind the exhausting edge"
+        )
+        seen = pressure_port(f"line_{i}", pressure, temperature, "that the valve sees")
+        conductance, ratio = p.valve_conductance, p.critical_ratio
+        filling = orifice_flow(
+            supply, seen, ambient, temperature, filling_share * conductance, ratio, form=m.form
+        )
+        venting = orifice_flow(
+            seen, exhaust, temperature, ambient, venting_share * conductance, ratio, form=m.form
+        )
+        m.publish(f"exhaust_{i}.flow", venting, unit="kg/s")
+        drawn = drawn + filling
+        net.append(filling - venting)
+    m.publish("supply.flow", drawn, unit="kg/s")
+    return net[0], net[1]
 
 
 def _alone(m: Scope) -> Equations:

@@ -73,13 +73,10 @@ class StaticForceFit:
         return "switch" in self.names
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Return the confidence interval of one number.
+        """Return the confidence interval of one number, in its unit.
 
         Args:
             name: ``D1``, ``D2``, ``D3``, ``phi_0``, ... or ``switch``.
-
-        Returns:
-            Lower and upper end, in the number's unit.
 
         Raises:
             WorkbenchError: If there is no such number.
@@ -93,13 +90,10 @@ class StaticForceFit:
         return float(self.values[i]) - half, float(self.values[i]) + half
 
     def phi_interval(self, contraction: npt.ArrayLike) -> tuple[Vector, Vector]:
-        """Return the confidence interval of phi at each of some contractions.
+        """Return the confidence interval of phi, in N, at each of some contractions.
 
         Args:
             contraction: Contractions q, any shape, in m.
-
-        Returns:
-            Lower and upper ends, of the same shape, in N.
         """
         q = 1e3 * np.asarray(contraction, dtype=float)
         slopes = np.zeros((*q.shape, len(self.values)))
@@ -111,13 +105,10 @@ class StaticForceFit:
         return self._around(np.asarray(self.law.phi(1e-3 * q), dtype=float), slopes)
 
     def gain_interval(self, contraction: npt.ArrayLike) -> tuple[Vector, Vector]:
-        """Return the confidence interval of D at each of some contractions.
+        """Return the confidence interval of D, in N/bar, at each of some contractions.
 
         Args:
             contraction: Contractions q, any shape, in m.
-
-        Returns:
-            Lower and upper ends, of the same shape, in N/bar.
         """
         q = 1e3 * np.asarray(contraction, dtype=float)
         slopes = np.zeros((*q.shape, len(self.values)))
@@ -183,9 +174,6 @@ def identify_static_force(
         slack_below: Force below which a muscle counts as slack, in N; several times the noise.
         slack_width: Rounding of the slack clamp, in N; 0 for a hard clamp.
         confidence: Probability of the intervals, 0.5 to 0.9999, dimensionless.
-
-    Returns:
-        The law with intervals; it prints itself.
 
     Raises:
         WorkbenchError: If the arrays do not fit, are not finite, or hold too few contractions or

@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from workbench.model import Input, Model, Output, Scope, State
+from workbench.model import Model, Output, Scope
 from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
-from workbench.physics.valve_curve import MPYE, ValveCurve, opening
+from workbench.physics.valve_curve import MPYE, ValveCurve
 from workbench.plants.arm.arm import (
     ARM,
     LINE_VOLUMES,
@@ -30,7 +30,6 @@ from workbench.plants.arm.servovalve import (
     COMMAND,
     STATES,
     ValveFlows,
-    inlet_pressure,
     metered_flows,
     spool_position,
 )
@@ -65,28 +64,16 @@ def two_valves(
     Source:
         Manufacturer's flow curve and bandwidth.
     """
-    supply = inlet_pressure(m)
-    rates: dict[str, Expression] = {}
-    net, drawn = [], 0.0
-    for number in (1, 2):
-        spool, moving = spool_position(m, f"_{number}")
-        filling, venting = metered_flows(
-            m,
-            number,
-            openings=(
-                opening(spool, curve=curve, form=m.form),
-                opening(-spool, curve=curve, form=m.form),
-            ),
-            spool=spool,
-            supply=supply,
-            pressure=pressures[number - 1],
-            temperature=temperatures[number - 1],
-        )
-        drawn = drawn + filling
-        net.append(filling - venting)
-        rates |= moving
-    m.publish("supply.flow", drawn, unit="kg/s")
-    return ValveFlows(net[0], net[1], rates)
+    spools = [spool_position(m, f"_{number}") for number in (1, 2)]
+    (first, _), (second, _) = spools
+    flows = metered_flows(
+        m,
+        edges=((first, first), (second, second)),
+        pressures=pressures,
+        temperatures=temperatures,
+        curve=curve,
+    )
+    return ValveFlows(*flows, {name: rate for _, rates in spools for name, rate in rates.items()})
 
 
 @dataclass(frozen=True)
@@ -143,13 +130,14 @@ def two_valve_arm(
         line_volumes=line_volumes,
     )
     assert isinstance(base.equations, ArmEquations)
-    spools = tuple(_named(q, number) for number in (1, 2) for q in STATES)
+    spools = tuple(replace(q, name=f"{q.name}_{i}") for i in (1, 2) for q in STATES)
     commands = tuple(
         replace(
-            _command(number),
-            description=f"voltage of valve {number}; above the centre fills muscle {number}",
+            COMMAND,
+            name=f"{COMMAND.name}_{i}",
+            description=f"voltage of valve {i}; above the centre fills muscle {i}",
         )
-        for number in (1, 2)
+        for i in (1, 2)
     )
     return replace(
         base,
@@ -161,14 +149,6 @@ def two_valve_arm(
         traits=TWO_VALVES,
         description=f"{base.description}, one valve per muscle",
     )
-
-
-def _named(quantity: State, number: int) -> State:
-    return replace(quantity, name=f"{quantity.name}_{number}")
-
-
-def _command(number: int) -> Input:
-    return replace(COMMAND, name=f"{COMMAND.name}_{number}")
 
 
 TWO_VALVE_ARM = Plant(

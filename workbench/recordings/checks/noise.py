@@ -58,7 +58,7 @@ def _difference_rms(blocks: Vector, order: int) -> Vector:
 
 
 def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0.5) -> float:
-    """Return the rms of the white noise in a smooth signal, from differences of high order.
+    """Return the rms, in the unit of ``values``, of the white noise in a smooth signal.
 
     A difference of order k leaves nothing of a polynomial below degree k and multiplies the
     variance of white noise by the sum of squared binomials, (2k choose k). Blocks of 100 samples
@@ -68,9 +68,6 @@ def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0
         values: Uniformly sampled values, shape (n,), any unit.
         quantile: Which of the moving blocks counts, as a fraction; a low one leaves fast motion
             out.
-
-    Returns:
-        Root mean square in the unit of ``values``.
 
     Example:
         >>> time = np.arange(5000) * 1e-3
