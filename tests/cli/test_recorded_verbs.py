@@ -40,7 +40,7 @@ def test_force_map_compares_the_laws(tmp_path: Path, capsys: pytest.CaptureFixtu
     file = tmp_path / "map.csv"
     np.savetxt(file, table, delimiter=",", header="pressure_Pa,length_m,force_N", comments="")
     assert run(["force-map", str(file), "--out", str(tmp_path / "out")]) == 0
-    assert "phi is needed" in capsys.readouterr().out
+    assert "Without phi" in capsys.readouterr().out
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert results["laws"]["paper_3"]["fitted_rms_N"] < results["laws"]["petrovic"]["fitted_rms_N"]
 

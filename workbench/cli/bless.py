@@ -20,18 +20,6 @@ def bless(
     failures.
 
     Example: 'workbench bless comparison --baseline arm.baseline.json'.
-
-    Args:
-        results: Folder written by `compare`.
-
-    Returns:
-        Exit status 0.
-
-    Example:
-        >>> bless(Path("nowhere"), Path("baseline.json"))
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: results 'nowhere/results.json' cannot be read: no such ...
     """
     from workbench.study.bless import bless as accept
 

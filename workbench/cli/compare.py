@@ -4,26 +4,38 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from workbench.cli.as_json import AsJson
+from workbench.cli.counter import Jobs, run_counted
+
+if TYPE_CHECKING:
+    from workbench.study.study import Study
+
+StudyName = Annotated[
+    Path, typer.Argument(help="Study file (TOML), or the name of a shipped one such as arm.")
+]
+Limit = Annotated[
+    bool | None,
+    typer.Option(
+        "--limit/--no-limit",
+        help="Compare steps with the physical limit, the fastest that the plant can do. By "
+        "default as the study says.",
+        show_default=False,
+    ),
+]
 
 
 def compare(
-    study: Annotated[
-        Path, typer.Argument(help="Study file (TOML), or the name of a shipped one such as arm.")
-    ],
+    study: StudyName,
     out: Annotated[Path, typer.Option(help="Folder for the results.", metavar="DIR")],
     baseline: Annotated[
         Path | None,
         typer.Option(help="Stored results; anything worse fails.", metavar="FILE"),
     ] = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(help="Number of processes; by default one per core.", metavar="N"),
-    ] = None,
+    jobs: Jobs = None,
     dask: Annotated[
         str | None,
         typer.Option(
@@ -32,15 +44,7 @@ def compare(
             metavar="ADDRESS",
         ),
     ] = None,
-    limit: Annotated[
-        bool | None,
-        typer.Option(
-            "--limit/--no-limit",
-            help="Compare steps with the physical limit, the fastest that the plant can do. By "
-            "default as the study says.",
-            show_default=False,
-        ),
-    ] = None,
+    limit: Limit = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Do all runs again, also finished ones.")
     ] = False,
@@ -57,55 +61,26 @@ def compare(
     requirement is missed or something is worse than the baseline.
 
     Example: 'workbench compare arm --out comparison'.
-
-    Args:
-        study: Study file, or the name of a shipped study.
-        baseline: Stored results to compare with, or None.
-        jobs: Number of processes, or None for one per core.
-        dask: Address of a Dask scheduler, or None.
-        limit: Whether steps are compared with the physical limit, or None as the study says.
-        fresh: Whether finished runs are done again.
-        verify_cache: Whether a sample of them is done again and must come out the same.
-        as_json: Whether results.json is printed too.
-
-    Returns:
-        Exit status: 1 if the study does not pass.
-
-    Example:
-        >>> compare(Path("nowhere.toml"), Path("out"))
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: study 'nowhere.toml' cannot be read: no such file ...
     """
-    from workbench.cli.counter import Counter
     from workbench.cli.typed import typed
     from workbench.reports.figure import own_figures
     from workbench.reports.study_files import write_study_files
     from workbench.study.annotations import github_annotations, on_github
-    from workbench.study.result import run_study
-    from workbench.study.schema import load_study
     from workbench.study.summary import plain_summary
 
-    chosen = load_study(study_file(study))
-    if limit is not None:
-        chosen = chosen.with_limit(limit)
+    chosen = named_study(study, limit)
     # A mistake in a module of figures shows before the runs, not after them.
     own_figures(chosen.report.figures, folder=chosen.path.parent)
     typer.echo(str(chosen), err=True)
-    counter = Counter()
-    try:
-        outcome = run_study(
-            chosen,
-            out,
-            baseline=baseline,
-            jobs=(os.cpu_count() or 1) if jobs is None else jobs,
-            dask=dask,
-            fresh=fresh,
-            verify_cache=verify_cache,
-            progress=counter,
-        )
-    finally:
-        counter.close()
+    outcome = run_counted(
+        chosen,
+        out,
+        jobs=jobs,
+        baseline=baseline,
+        dask=dask,
+        fresh=fresh,
+        verify_cache=verify_cache,
+    )
     typer.echo("writing the report ...", err=True)
     written = write_study_files(outcome, out, command=typed())
     if on_github(os.environ) and not as_json:
@@ -118,17 +93,11 @@ def compare(
     return 0 if outcome.passed else 1
 
 
-def study_file(given: Path) -> Path:
-    """Return the file of a study that was named by its path or as a shipped one.
-
-    Args:
-        given: Path of a file, or a name without a folder or suffix.
-
-    Raises:
-        WorkbenchError: If no shipped study has that name.
-    """
+def named_study(given: Path, limit: bool | None) -> Study:
+    """Return the study of a file, or a shipped one that is named without folder or suffix."""
+    from workbench.study.schema import load_study
     from workbench.study.shipped import shipped_study
 
-    if given.exists() or given.suffix or len(given.parts) > 1:
-        return given
-    return shipped_study(str(given))
+    file = given.exists() or given.suffix or len(given.parts) > 1
+    study = load_study(given if file else shipped_study(str(given)))
+    return study if limit is None else study.with_limit(limit)

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli.counter import Jobs, run_counted
+
 
 def controllers(
     out: Annotated[
@@ -35,9 +37,7 @@ def controllers(
             help="Run loads, variations and steps too that no choice of a design was made with.",
         ),
     ] = False,
-    jobs: Annotated[
-        int | None, typer.Option(help="Number of processes; by default one per processor.")
-    ] = None,
+    jobs: Jobs = None,
 ) -> int:
     """Compare all families of controllers on the full plant, with what physics allows beside them.
 
@@ -46,25 +46,12 @@ def controllers(
     valve. Exit status 1 if a requirement is missed.
 
     Example: 'workbench controllers --out controllers'.
-
-    Args:
-        family: Controllers; all by default.
-        limits: Whether the physical limits are computed.
-        seeds: Number of seeds, from ``seed`` on.
-        fresh: Whether the optional plants and variations are run.
-        jobs: Number of processes, or None for one per processor.
-
-    Returns:
-        Exit status: 1 if a requirement is missed.
     """
-    import os
     from dataclasses import replace
 
-    from workbench.cli.counter import Counter
     from workbench.cli.typed import typed
     from workbench.reports.figures.limitations import limitation_tables, missed_table
     from workbench.reports.study_files import write_study_files
-    from workbench.study.result import run_study
     from workbench.study.schema import load_study
     from workbench.study.shipped import shipped_study
     from workbench.study.summary import plain_summary
@@ -74,13 +61,7 @@ def controllers(
         study = study.only(family)
     study = replace(study, seeds=tuple(range(seed, seed + seeds)))
     typer.echo(str(study), err=True)
-    counter = Counter()
-    try:
-        result = run_study(
-            study, out, jobs=(os.cpu_count() or 1) if jobs is None else jobs, progress=counter
-        )
-    finally:
-        counter.close()
+    result = run_counted(study, out, jobs=jobs)
     for table in limitation_tables(result):
         typer.echo(f"{table}\n")
     written = write_study_files(result, out, command=typed())

@@ -2,8 +2,32 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from workbench.study.result import StudyResult
+    from workbench.study.study import Study
+
+Jobs = Annotated[
+    int | None, typer.Option(help="Number of processes; by default one per core.", metavar="N")
+]
+
+
+def run_counted(study: Study, out: Path, *, jobs: int | None, **how: Any) -> StudyResult:
+    """Run a study with its progress on the error stream, on all cores unless told otherwise."""
+    from workbench.study.result import run_study
+
+    counter = Counter()
+    workers = (os.cpu_count() or 1) if jobs is None else jobs
+    try:
+        return run_study(study, out, jobs=workers, progress=counter, **how)
+    finally:
+        counter.close()
 
 
 class Counter:

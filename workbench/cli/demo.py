@@ -26,18 +26,6 @@ def demo(
 
     Takes less than a minute on two cores and ends by saying what to open. Only the shipped
     recordings are needed.
-
-    Args:
-        data: Folder with recordings of real machines, or None.
-
-    Returns:
-        Exit status: 1 if a requirement is missed or a part could not be shown.
-
-    Example:
-        >>> demo(Path("demo"), Path("nowhere"))
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: data folder 'nowhere' does not exist; give ...
     """
     from workbench.demo import PARTS, run_demo
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,17 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from workbench.cli.as_json import AsJson
-from workbench.cli.plant import Effects, Options, Parameters, Short, Without, chosen_plant
-from workbench.cli.problem import (
-    CaseName,
-    CasePlant,
-    Data,
-    Fit,
-    HoldOut,
-    Loaded,
-    Mapped,
-    load_problem,
-)
+from workbench.cli.plant import chosen_plant
+from workbench.cli.problem import Loaded, with_problem
 from workbench.errors import WorkbenchError, check_range
 
 if TYPE_CHECKING:
@@ -35,12 +27,9 @@ QUICK_S = 20.0
 """Time limit of a quick diagnosis, in s."""
 
 
+@with_problem()
 def diagnose(
-    case: CaseName = None,
-    fit: Fit = None,
-    hold_out: HoldOut = None,
-    plant: CasePlant = None,
-    mapping: Mapped = None,
+    load: Callable[[], Loaded],
     effects: Annotated[
         list[str] | None,
         typer.Option(
@@ -50,10 +39,6 @@ def diagnose(
             metavar="NAME",
         ),
     ] = None,
-    option: Options = None,
-    parameter: Parameters = None,
-    without: Without = None,
-    effect: Effects = None,
     jobs: Annotated[int, typer.Option(help="Processes that work side by side.")] = 2,
     time_limit: Annotated[
         float | None,
@@ -85,13 +70,11 @@ def diagnose(
             metavar="MACHINE",
         ),
     ] = None,
-    data: Data = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Folder for verdict.json, report.html and the pictures."),
     ] = None,
     as_json: AsJson = False,
-    short: Short = None,
 ) -> int:
     """Find out what physics a model leaves out, and prove it on held-out recordings.
 
@@ -114,22 +97,7 @@ def diagnose(
     workers = round(check_range("number of processes", jobs, 1, 64))
     if out is not None and out.exists() and not out.is_dir():
         raise WorkbenchError(f"folder {str(out)!r} is a file; give the name of a folder")
-    loaded = load_problem(
-        case,
-        fit=fit,
-        hold_out=hold_out,
-        plant=plant,
-        mapping=mapping,
-        data=data,
-        settings={},
-        changes={
-            "options": option,
-            "parameters": parameter,
-            "without": without,
-            "effects": effect,
-            "short": short,
-        },
-    )
+    loaded = load()
     problem = loaded.problem
     if not problem.hold_out:
         raise WorkbenchError(

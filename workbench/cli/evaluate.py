@@ -8,9 +8,15 @@ from typing import Annotated
 
 import typer
 
+from workbench.cli.as_json import tell
 from workbench.errors import WorkbenchError
 
 evaluate = typer.Typer(no_args_is_help=True)
+
+Answers = Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")]
+Seeds = Annotated[int | None, typer.Option(help="Seed of the first case.")]
+Part = Annotated[str, typer.Option(help="K/N: every Nth case from the Kth on.")]
+Jobs = Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)]
 
 
 @evaluate.command()
@@ -42,24 +48,20 @@ def blind(
     found = score_verdicts(verdicts, key, commitments=commitments, names=names)
     typer.echo(str(found))
     if out is not None:
-        from workbench.files import write_whole
-        from workbench.reports.results import json_text
-
-        write_whole(out, json_text(found.as_data()))
-        typer.echo(f"written to {out}")
+        tell(found.as_data(), as_json=False, file=out)
     return 0
 
 
 @evaluate.command()
 def own_cases(
-    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
+    out: Answers,
     count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 110,
-    seeds: Annotated[int | None, typer.Option(help="Seed of the first case.")] = None,
-    part: Annotated[str, typer.Option(help="K/N: every Nth case from the Kth on.")] = "1/1",
+    seeds: Seeds = None,
+    part: Part = "1/1",
     only: Annotated[
         list[str] | None, typer.Option(help="Name of a case, such as own-2003; several times.")
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 1,
+    jobs: Jobs = 1,
     baselines: Annotated[bool, typer.Option(help="Whether the baselines answer too.")] = True,
 ) -> int:
     """Make cases of the arm on a second simulator, diagnose them and keep the answers.
@@ -104,14 +106,14 @@ def experiments(
 
 @evaluate.command()
 def foreign(
-    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
+    out: Answers,
     count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 60,
-    seeds: Annotated[int | None, typer.Option(help="Seed of the first case.")] = None,
-    part: Annotated[str, typer.Option(help="K/N: every Nth case from the Kth on.")] = "1/1",
+    seeds: Seeds = None,
+    part: Part = "1/1",
     only: Annotated[
         list[str] | None, typer.Option(help="Name of a case, such as foreign-7003; several times.")
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 1,
+    jobs: Jobs = 1,
 ) -> int:
     """Diagnose machines that the workbench does not know, on first models of a newcomer.
 
@@ -137,7 +139,7 @@ def machines(
     only: Annotated[
         list[str] | None, typer.Option(help="Name of a machine, such as emps; several times.")
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 1,
+    jobs: Jobs = 1,
 ) -> int:
     """Diagnose recordings of real machines, each from the first model that comes to mind.
 
@@ -154,8 +156,8 @@ def machines(
 
 @evaluate.command()
 def left_out(
-    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
-    jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 2,
+    out: Answers,
+    jobs: Jobs = 2,
 ) -> int:
     """Leave out one piece of the arm's physics after the other and look for it.
 
@@ -171,7 +173,7 @@ def left_out(
 
 @evaluate.command()
 def report(
-    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
+    out: Answers,
     figure: Annotated[Path | None, typer.Option(help="PNG file to draw, of own cases.")] = None,
     summary: Annotated[Path | None, typer.Option(help="JSON file of the numbers.")] = None,
     cases: Annotated[bool, typer.Option(help="One line per case too.")] = False,

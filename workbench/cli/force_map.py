@@ -33,7 +33,7 @@ def force_map(
 
     points = read_force_map(file)
     study = study_map(points, file.stem, progress=lambda text: typer.echo(text, err=True))
-    typer.echo(f"{study.name}: {len(study.points.force)} points. {errors_table(study)}")
+    typer.echo(f"{study.name}: {len(study.points.force)} points\n{errors_table(study)}")
     typer.echo(study.headline)
     if out is not None:
         page = force_map_page(study, command=typed())

@@ -7,27 +7,13 @@ from typing import Annotated
 
 import typer
 
-from workbench.cli.as_json import AsJson
-from workbench.cli.plant import (
-    At,
-    Effects,
-    Options,
-    Parameters,
-    PlantName,
-    Short,
-    Without,
-    chosen_plant,
-)
-from workbench.plants import DEFAULT_PLANT
+from workbench.cli.as_json import AsJson, tell
+from workbench.cli.plant import Chosen, with_plant
 
 
+@with_plant("option", "effect", "at")
 def linearise(
-    plant: PlantName = DEFAULT_PLANT,
-    at: At = None,
-    option: Options = None,
-    parameter: Parameters = None,
-    without: Without = None,
-    effect: Effects = None,
+    chosen: Chosen,
     verdict: Annotated[
         bool,
         typer.Option(
@@ -39,7 +25,6 @@ def linearise(
         typer.Option(help="JSON file for the operating point and the matrices A, B, C, D, in SI."),
     ] = None,
     as_json: AsJson = False,
-    short: Short = None,
 ) -> int:
     """Trim a plant and print its linear model: modes, and how far to trust it.
 
@@ -49,25 +34,12 @@ def linearise(
     from workbench.linearisation import linearise as linear_model
     from workbench.operating_point import operating_point
 
-    chosen = chosen_plant(
-        plant,
-        options=option,
-        parameters=parameter,
-        without=without,
-        effects=effect,
-        at=at,
-        short=short,
-        takes=("option", "effect", "at"),
-    )
     point = operating_point(chosen.model, chosen.design_point)
     linear = linear_model(point)
     typer.echo(f"{point}\n\n{linear}", err=as_json)
     if verdict and linear.verdict is not None:
         typer.echo(f"\n{linear.verdict.amplitude}\n{linear.verdict.frequency}", err=as_json)
     if out is not None or as_json:
-        from workbench.files import write_whole
-        from workbench.reports.results import json_text
-
         content = {
             "plant": chosen.plant.name,
             "given": dict(point.given),
@@ -76,9 +48,5 @@ def linearise(
             "outputs": dict(zip(linear.output_names, linear.y0.tolist(), strict=True)),
             **{name: getattr(linear, name).tolist() for name in "ABCD"},
         }
-        if as_json:
-            typer.echo(json_text(content), nl=False)
-        if out is not None:
-            write_whole(out, json_text(content))
-            typer.echo(f"written to {out}", err=as_json)
+        tell(content, as_json=as_json, file=out)
     return 0

@@ -31,9 +31,6 @@ from workbench.cli.verify import verify
 from workbench.errors import WorkbenchError
 from workbench.registry import own_place, told
 
-REQUIREMENTS_MISSED = 1
-"""Exit status of a verb that ran and found a requirement missed."""
-
 WRONG_USE = 2
 """Exit status of wrong use."""
 
@@ -103,18 +100,7 @@ app.add_typer(evaluate, name="evaluate", help="Tell how good the diagnosis is.")
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run the command line and return its exit status.
-
-    Args:
-        arguments: Words after the name of the program.
-
-    Returns:
-        0 if all is well, 1 if a requirement is missed, 2 for wrong use, 130 if interrupted.
-
-    Example:
-        >>> run(["linearise", "--angle", "75"])
-        2
-    """
+    """Run the command line with the words after the program's name and return its exit status."""
     try:
         with typing(arguments):
             status = app(args=list(arguments), standalone_mode=False)
@@ -142,15 +128,7 @@ def run(arguments: Sequence[str]) -> int:
 
 
 def main() -> None:
-    """Run the command line and leave with its exit status.
-
-    Example:
-        >>> sys.argv = ["workbench", "linearise", "--angle", "75"]
-        >>> main()
-        Traceback (most recent call last):
-            ...
-        SystemExit: 2
-    """
+    """Run the command line and leave with its exit status."""
     with sigterm_interrupts():
         sys.exit(run(sys.argv[1:]))
 

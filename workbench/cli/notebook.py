@@ -7,31 +7,16 @@ from typing import Annotated
 
 import typer
 
-from workbench.cli.plant import (
-    At,
-    Effects,
-    Options,
-    Parameters,
-    PlantName,
-    Short,
-    Without,
-    chosen_plant,
-)
+from workbench.cli.plant import Chosen, with_plant
 from workbench.errors import WorkbenchError
-from workbench.plants import DEFAULT_PLANT
 
 
+@with_plant("option", "effect", "at")
 def notebook(
-    plant: PlantName = DEFAULT_PLANT,
-    at: At = None,
-    option: Options = None,
-    parameter: Parameters = None,
-    without: Without = None,
-    effect: Effects = None,
+    chosen: Chosen,
     out: Annotated[
         Path, typer.Option(help="Notebook to write; it must not exist.", metavar="FILE.ipynb")
     ] = Path("starter.ipynb"),
-    short: Short = None,
 ) -> int:
     """Write a starter notebook: a plant at an operating point, controllers, and their proof.
 
@@ -45,24 +30,14 @@ def notebook(
         raise WorkbenchError(f"file {str(out)!r} does not end in .ipynb; try starter.ipynb")
     if out.exists():
         raise WorkbenchError(f"file {str(out)!r} exists; give another name, nothing was changed")
-    chosen = chosen_plant(
-        plant,
-        options=option,
-        parameters=parameter,
-        without=without,
-        effects=effect,
-        at=at,
-        short=short,
-        takes=("option", "effect", "at"),
-    )
     begin = Beginning(
         chosen.plant,
-        plant,
+        chosen.reference,
         chosen.nominal,
         options=chosen.options,
         effects=chosen.effects,
-        without=tuple(without or ()),
-        parameters=tuple(parameter or ()),
+        without=chosen.without,
+        parameters=chosen.parameters,
         at=chosen.design_point,
     )
     write_whole(out, starter_notebook(begin))

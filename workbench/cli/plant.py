@@ -9,9 +9,11 @@ A verb of this kind takes any word that the chosen plant declares as an option o
 from __future__ import annotations
 
 import difflib
+import inspect
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -19,6 +21,7 @@ import typer
 from typer.core import TyperCommand
 
 from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.plants import DEFAULT_PLANT
 
 if TYPE_CHECKING:
     from workbench.model import Model
@@ -157,6 +160,9 @@ class Chosen:
         at: Values at rest that were given, by name, in SI.
         inputs: Steps of inputs by name: times, in s, and values, in SI.
         effects: Effects that were attached, by the word that was given.
+        without: Effects that were left out.
+        parameters: Changed parameters, as they were given.
+        design: Words ``--design-NAME VALUE``, as ``NAME=VALUE``.
     """
 
     reference: str
@@ -167,6 +173,9 @@ class Chosen:
     at: Mapping[str, float]
     inputs: Mapping[str, tuple[tuple[float, float], ...]]
     effects: tuple[str, ...]
+    without: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    design: tuple[str, ...] = ()
 
     @property
     def design_point(self) -> Mapping[str, float]:
@@ -177,13 +186,72 @@ class Chosen:
         return given if len(given.keys() - sums) <= len(self.model.inputs) else self.at
 
 
+def options_of(
+    name: str, options: Mapping[str, tuple[Any, Any]], make: Callable[..., Any]
+) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Give a verb options of the command line in the place of one of its parameters.
+
+    Args:
+        name: The parameter.
+        options: What Typer reads in its place: annotation and default by name.
+        make: Called with these, returns the parameter.
+    """
+
+    def decorate(verb: Callable[..., int]) -> Callable[..., int]:
+        own = inspect.signature(verb, eval_str=True)
+        kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
+        offered = [
+            inspect.Parameter(n, kind, annotation=annotation, default=default)
+            for n, (annotation, default) in options.items()
+        ]
+        listed = [p for q in own.parameters.values() for p in (offered if q.name == name else [q])]
+
+        @wraps(verb)
+        def run(**given: Any) -> int:
+            taken = {p.name: given.pop(p.name, p.default) for p in offered}
+            return verb(**{name: make(**taken)}, **given)
+
+        run.__signature__ = own.replace(parameters=listed)  # type: ignore[attr-defined]
+        run.__annotations__ = {p.name: p.annotation for p in listed}
+        return run
+
+    return decorate
+
+
+CHANGES: dict[str, tuple[Any, Any]] = {
+    "option": (Options, None),
+    "parameter": (Parameters, None),
+    "without": (Without, None),
+    "effect": (Effects, None),
+}
+"""What may differ of a plant."""
+
+
+def with_plant(*takes: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Give a verb a plant: its parameter ``chosen`` becomes the options that describe one.
+
+    Args:
+        takes: What a word of the plant may be that was given as an option of the verb:
+            ``"option"``, ``"effect"``, ``"at"``, ``"input"``, ``"design"``.
+    """
+    options: dict[str, tuple[Any, Any]] = {"plant": (PlantName, DEFAULT_PLANT)}
+    options |= {"inputs": (Inputs, None)} if "input" in takes else {}
+    options |= {"at": (At, None)} if "at" in takes else {}
+    options |= {**CHANGES, "short": (Short, None)}
+
+    def make(plant: str, **given: Any) -> Chosen:
+        return chosen_plant(plant, takes=takes, **given)
+
+    return options_of("chosen", options, make)
+
+
 def chosen_plant(
     name: str,
     *,
-    options: Iterable[str] | None = None,
-    parameters: Iterable[str] | None = None,
+    option: Iterable[str] | None = None,
+    parameter: Iterable[str] | None = None,
     without: Iterable[str] | None = None,
-    effects: Iterable[str] | None = None,
+    effect: Iterable[str] | None = None,
     at: Iterable[str] | None = None,
     inputs: Iterable[str] | None = None,
     short: Iterable[str] | None = None,
@@ -194,12 +262,10 @@ def chosen_plant(
     """Build the plant that the options of a verb describe.
 
     Args:
-        options: Its options as ``NAME=VALUE``.
-        parameters: Changed parameters as ``NAME=VALUE``.
-        at: Values at rest as ``NAME=VALUE``.
+        option: Its options as ``NAME=VALUE``; parameters and values at rest are written likewise.
         inputs: Steps of inputs as ``NAME=TIME:VALUE,...``.
         short: Words of the plant that were given as options of the verb, as ``NAME=VALUE``.
-        takes: What such a word may be: ``"option"``, ``"effect"``, ``"at"``, ``"input"``.
+        takes: What such a word may be, see `with_plant`.
         defaults: Options that hold unless others are given, such as those of a case.
         folder: Where modules of the user stand; the current folder by default.
 
@@ -210,17 +276,19 @@ def chosen_plant(
 
     folder = folder or Path.cwd()
     plant = PLANTS.get(name, folder=folder)
-    given = dict(_pair("option", text) for text in options or ())
-    attached, states, driven = list(effects or ()), list(at or ()), list(inputs or ())
-    words = [_pair("option", text) for text in short or ()]
+    given = dict(_pair("option", text) for text in option or ())
+    attached, states, driven = list(effect or ()), list(at or ()), list(inputs or ())
+    words, design = [_pair("option", text) for text in short or ()], []
     own = {n.replace("_", "-"): n for o in plant.options for n in (o.name, o.keyword)}
     rest = []
     for word, value in words:
-        if word in own or word.replace("_", "-") in own:
-            option = plant.option(word)
-            if not value and not isinstance(option.default, bool):
+        if "design" in takes and word.startswith("design-"):
+            design.append(f"{word.removeprefix('design-')}={value}")
+        elif word in own or word.replace("_", "-") in own:
+            about = plant.option(word)
+            if not value and not isinstance(about.default, bool):
                 raise _UnknownOptionError(f"option --{word} requires a value")
-            given[option.name] = value
+            given[about.name] = value
         elif word.replace("-", "_") in plant.effects and not value:
             attached.append(word)
         else:
@@ -245,13 +313,8 @@ def chosen_plant(
             raise _UnknownOptionError(f"No such option: --{word}{hint}")
         if not value:
             raise _UnknownOptionError(f"option --{word} requires a value")
-    model = plant.model(
-        checked,
-        effects=attached,
-        without=without or (),
-        parameters=parameters or (),
-        folder=folder,
-    )
+    less, changed = tuple(without or ()), tuple(parameter or ())
+    model = plant.model(checked, effects=attached, without=less, parameters=changed, folder=folder)
     return Chosen(
         name,
         plant,
@@ -261,6 +324,9 @@ def chosen_plant(
         dict(value_at_rest(model, text) for text in states),
         _steps(model, driven),
         tuple(attached),
+        less,
+        changed,
+        tuple(design),
     )
 
 

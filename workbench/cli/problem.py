@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.cli.plant import Chosen, chosen_plant
+from workbench.cli.plant import CHANGES, Chosen, Short, chosen_plant, options_of
 from workbench.errors import WorkbenchError, check_range
 from workbench.plants import DEFAULT_PLANT
 
@@ -86,26 +87,50 @@ class Loaded:
     chosen: Chosen
 
 
-def load_problem(
+_RECORDED: dict[str, tuple[Any, Any]] = {
+    "case": (CaseName, None),
+    "fit": (Fit, None),
+    "hold_out": (HoldOut, None),
+    "plant": (CasePlant, None),
+    "mapping": (Mapped, None),
+    "data": (Data, None),
+    **CHANGES,
+    "short": (Short, None),
+}
+_SETTINGS: dict[str, tuple[Any, Any]] = {
+    "noise": (Noise, None),
+    "starts": (Starts, None),
+    "stages": (Stages, None),
+    "start_samples": (StartSamples, None),
+}
+
+
+def with_problem(*, settings: bool = False) -> Callable[[Callable[..., int]], Callable[..., int]]:
+    """Give a verb plant and recordings: its parameter ``load`` becomes options that name them.
+
+    The verb calls ``load()``, which reads the recordings and returns a `Loaded`.
+
+    Args:
+        settings: Whether the settings of a refit may be chosen too.
+    """
+
+    def make(**given: Any) -> Callable[[], Loaded]:
+        return partial(_load, **given)
+
+    return options_of("load", {**_RECORDED, **(_SETTINGS if settings else {})}, make)
+
+
+def _load(
     case: str | None,
-    *,
     fit: Sequence[Path] | None,
     hold_out: Sequence[Path] | None,
     plant: str | None,
     mapping: Path | None,
-    data: Path | None = None,
-    settings: Mapping[str, Any],
-    changes: Mapping[str, Any],
+    data: Path | None,
+    **given: Any,
 ) -> Loaded:
-    """Read what options of a verb name.
-
-    Args:
-        plant: Plant, in place of that of the case.
-        settings: Options ``noise``, ``starts``, ``stages``, ``start_samples``.
-
-    Raises:
-        WorkbenchError: If it is too little, too much, or cannot be read.
-    """
+    """Read what options of a verb name."""
+    changes = {name: given.pop(name) for name in (*CHANGES, "short")}
     from workbench.diagnosis.problem import problem_of_case, problem_of_files
     from workbench.recordings.case import RefitSettings, read_case
 
@@ -137,28 +162,21 @@ def load_problem(
         problem = problem_of_files(chosen.model, fit or (), hold_out or (), mapping=mapping)
         for note in problem.notes:
             typer.echo(f"note: {note}", err=True)
-    from dataclasses import replace
-
     if not any(q.fitted for q in problem.model.parameters):
         typer.echo(
             f"note: no parameter of {problem.model.name!r} is declared fitted=True, so all keep"
             " their values",
             err=True,
         )
-    settled = _settings(problem.model, base, settings)
-    return Loaded(replace(problem, refit=settled), chosen)
+    return Loaded(replace(problem, refit=_settings(problem.model, base, given)), chosen)
 
 
 def _joined(of_case: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        key: [*of_case.get(key, ()), *(given.get(key) or ())]
-        for key in ("effects", "without", "parameters")
-    }
+    names = {"effect": "effects", "without": "without", "parameter": "parameters"}
+    return {key: [*of_case.get(name, ()), *(given[key] or ())] for key, name in names.items()}
 
 
 def _settings(model: Model, base: RefitSettings, given: Mapping[str, Any]) -> RefitSettings:
-    from dataclasses import replace
-
     from workbench.recordings.case import noise_of
 
     changed: dict[str, Any] = {}

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from workbench.cli.as_json import AsJson
+from workbench.cli.as_json import AsJson, tell
 
 UNFIT = 1
 """Exit status if the recording is not fit to judge a model on."""
@@ -48,16 +48,13 @@ def recording(
     if seen.mapping is not None:
         typer.echo(f"\n{seen.mapping}", err=as_json)
     typer.echo(f"\n{report}", err=as_json)
-    if as_json:
-        from workbench.reports.results import json_text
-
-        content = {
-            "result": report.result,
-            "fit": report.fit,
-            "doubtful": list(report.doubtful),
-            "checks": report.as_data(),
-        }
-        typer.echo(json_text(content), nl=False)
+    content = {
+        "result": report.result,
+        "fit": report.fit,
+        "doubtful": list(report.doubtful),
+        "checks": report.as_data(),
+    }
+    tell(content, as_json=as_json)
     if out is not None:
         from workbench.cli.typed import typed
         from workbench.reports.page import write_page

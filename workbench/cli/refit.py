@@ -2,48 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from workbench.cli.as_json import AsJson
-from workbench.cli.plant import Effects, Options, Parameters, Short, Without
-from workbench.cli.problem import (
-    CaseName,
-    CasePlant,
-    Data,
-    Fit,
-    HoldOut,
-    Mapped,
-    Noise,
-    Stages,
-    Starts,
-    StartSamples,
-    load_problem,
-)
+from workbench.cli.as_json import AsJson, tell
+from workbench.cli.problem import Loaded, with_problem
 
 
+@with_problem(settings=True)
 def refit(
-    case: CaseName = None,
-    fit: Fit = None,
-    hold_out: HoldOut = None,
-    plant: CasePlant = None,
-    mapping: Mapped = None,
-    option: Options = None,
-    parameter: Parameters = None,
-    without: Without = None,
-    effect: Effects = None,
-    noise: Noise = None,
-    starts: Starts = None,
-    stages: Stages = None,
-    start_samples: StartSamples = None,
-    data: Data = None,
+    load: Callable[[], Loaded],
     out: Annotated[
         Path | None, typer.Option(help="Folder for the page, the pictures and results.json.")
     ] = None,
     as_json: AsJson = False,
-    short: Short = None,
 ) -> int:
     """Estimate a model's parameters from recordings and judge it on others.
 
@@ -53,63 +28,24 @@ def refit(
     from workbench.diagnosis.estimation.refit_report import run_refit
     from workbench.work.counted import in_words
 
-    loaded = load_problem(
-        case,
-        fit=fit,
-        hold_out=hold_out,
-        plant=plant,
-        mapping=mapping,
-        data=data,
-        settings={
-            "noise": noise,
-            "starts": starts,
-            "stages": stages,
-            "start_samples": start_samples,
-        },
-        changes={
-            "options": option,
-            "parameters": parameter,
-            "without": without,
-            "effects": effect,
-            "short": short,
-        },
-    )
-    report = run_refit(loaded.problem.task(), progress=lambda text: typer.echo(text, err=True))
+    report = run_refit(load().problem.task(), progress=lambda text: typer.echo(text, err=True))
     typer.echo(f"{report}\nwork: {in_words(report.work)}", err=as_json)
     if out is not None:
-        _write(report, out)
-        typer.echo(f"open {out / 'report.html'}", err=as_json)
-    if as_json:
-        typer.echo(_results_text(report), nl=False)
+        from workbench.cli.typed import typed
+        from workbench.files import write_whole
+        from workbench.reports.page import write_page
+        from workbench.reports.refit_page import refit_page
+        from workbench.reports.results import json_text
+
+        page = refit_page(report, command=typed())
+        path = write_page(page, out / "report.html", pictures=out)
+        write_whole(out / "results.json", json_text(_results(report)))
+        typer.echo(f"open {path}", err=as_json)
+    tell(_results(report), as_json=as_json)
     return 0
 
 
-def _write(report: Any, out: Path) -> None:
-    from workbench.cli.typed import typed
-    from workbench.files import write_whole
-    from workbench.reports.page import write_page
-    from workbench.reports.pictures import save
-    from workbench.reports.refit_page import refit_page
-
-    page = refit_page(report, command=typed())
-    write_page(page, out / "report.html")
-    for picture in page.pictures:
-        save(picture, out)
-    write_whole(out / "results.json", _results_text(report))
-
-
-def _results_text(report: Any) -> str:
-    from workbench.reports.results import json_text
-
-    return json_text(_results(report))
-
-
 def _results(report: Any) -> dict[str, Any]:
-    import math
-
-    def plain(value: float) -> float | None:
-        return value if math.isfinite(value) else None
-
     return {
         "schema": "workbench.refit/1",
         "name": report.task.name,
@@ -122,8 +58,8 @@ def _results(report: Any) -> dict[str, Any]:
             e.name: {
                 "value": e.value,
                 "unit": e.unit,
-                "std": plain(e.std),
-                "interval": [plain(end) for end in e.interval],
+                "std": e.std,
+                "interval": list(e.interval),
                 "before": e.prior.mean,
                 "on_bound": e.on_bound,
                 "published": report.task.published.get(e.name),
@@ -137,11 +73,11 @@ def _results(report: Any) -> dict[str, Any]:
                 "recording": r.recording,
                 "output": r.output,
                 "unit": r.unit,
-                "spread": plain(r.spread),
-                "nominal": plain(r.nominal),
-                "refitted": plain(r.refitted),
-                "noise_limited": plain(r.limited),
-                "noise": plain(r.noise),
+                "spread": r.spread,
+                "nominal": r.nominal,
+                "refitted": r.refitted,
+                "noise_limited": r.limited,
+                "noise": r.noise,
             }
             for r in report.rows
         ],

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from workbench.cli.compare import Limit, StudyName, named_study
+from workbench.cli.counter import Jobs, run_counted
 from workbench.cli.plant import Short, value_at_rest
 
 
 def report(
-    study: Annotated[
-        Path, typer.Argument(help="Study file (TOML), or the name of a shipped one such as arm.")
-    ],
+    study: StudyName,
     out: Annotated[Path, typer.Option(help="Folder for page and pictures.", metavar="DIR")],
     bode: Annotated[
         bool,
@@ -39,19 +38,8 @@ def report(
             metavar="NAME=VALUE",
         ),
     ] = None,
-    limit: Annotated[
-        bool | None,
-        typer.Option(
-            "--limit/--no-limit",
-            help="Compare steps with the physical limit, the fastest that the plant can do. By "
-            "default as the study says.",
-            show_default=False,
-        ),
-    ] = None,
-    jobs: Annotated[
-        int | None,
-        typer.Option(help="Number of processes; by default one per core.", metavar="N"),
-    ] = None,
+    limit: Limit = None,
+    jobs: Jobs = None,
     short: Short = None,
 ) -> int:
     """Write the page of a study, and each of its pictures as PNG and SVG.
@@ -61,8 +49,6 @@ def report(
 
     Example: 'workbench report arm --bode --angle 20deg --angle 40deg --out margins'.
     """
-    from workbench.cli.compare import study_file
-    from workbench.cli.counter import Counter
     from workbench.cli.typed import typed
     from workbench.errors import WorkbenchError, check_choice
     from workbench.reports.figures.study_traces import point_text
@@ -70,14 +56,10 @@ def report(
     from workbench.reports.study_files import linear_page
     from workbench.reports.study_page import study_page
     from workbench.study.linear_loop import analyse_study
-    from workbench.study.result import run_study
-    from workbench.study.schema import load_study
 
-    chosen = load_study(study_file(study))
-    if limit is not None:
-        if bode:
-            raise WorkbenchError("--limit needs the runs of the study; leave out --bode")
-        chosen = chosen.with_limit(limit)
+    chosen = named_study(study, limit)
+    if limit is not None and bode:
+        raise WorkbenchError("--limit needs the runs of the study; leave out --bode")
     if controller:
         for name in controller:
             check_choice("controller", name, chosen.controllers)
@@ -101,14 +83,7 @@ def report(
                 f"{loop.controller:<20} {point_text(chosen, loop.point):<8} {loop.opened:<8} {said}"
             )
     else:
-        counter = Counter()
-        try:
-            outcome = run_study(
-                chosen, out, jobs=(os.cpu_count() or 1) if jobs is None else jobs, progress=counter
-            )
-        finally:
-            counter.close()
-        page = study_page(outcome, command=typed())
+        page = study_page(run_counted(chosen, out, jobs=jobs), command=typed())
     folder = out / "pictures"
     path = write_page(page, out / "report.html", pictures=folder)
     count = len(page.pictures)

@@ -7,29 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.cli.plant import (
-    At,
-    Chosen,
-    Effects,
-    Inputs,
-    Options,
-    Parameters,
-    PlantName,
-    Short,
-    Without,
-    chosen_plant,
-)
+from workbench.cli.plant import Chosen, with_plant
 from workbench.errors import WorkbenchError, check_choice, check_range
-from workbench.plants import DEFAULT_PLANT
 
 if TYPE_CHECKING:
     from workbench.operating_point import OperatingPoint
     from workbench.simulation import Trajectory
 
 
+@with_plant("option", "effect", "input", "at")
 def simulate(
-    plant: PlantName = DEFAULT_PLANT,
-    inputs: Inputs = None,
+    chosen: Chosen,
     pulses: Annotated[
         str | None,
         typer.Option(
@@ -41,13 +29,7 @@ def simulate(
     period: Annotated[str, typer.Option(help="Period of the pulses.", metavar="TIME")] = "4s",
     duration: Annotated[str, typer.Option(help="Length of the run.", metavar="TIME")] = "8s",
     sample_time: Annotated[str, typer.Option(help="Time between samples.", metavar="TIME")] = "2ms",
-    at: At = None,
-    option: Options = None,
-    parameter: Parameters = None,
-    without: Without = None,
-    effect: Effects = None,
     out: Annotated[Path | None, typer.Option(help="CSV file for time, inputs and outputs.")] = None,
-    short: Short = None,
 ) -> int:
     """Run a plant with given inputs, from rest, and say how far the result can be trusted.
 
@@ -57,23 +39,13 @@ def simulate(
     --sample-time 10us'.
     """
     from workbench.model.units import quantity
+    from workbench.operating_point import operating_point
     from workbench.simulation import simulate as run_model
 
-    chosen = chosen_plant(
-        plant,
-        options=option,
-        parameters=parameter,
-        without=without,
-        effects=effect,
-        at=at,
-        inputs=inputs,
-        short=short,
-        takes=("option", "effect", "input", "at"),
-    )
     step = check_range("sample time", quantity("sample time", sample_time, "s"), 1e-7, 3600.0, "s")
     length = check_range("duration", quantity("duration", duration, "s"), 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, period, length)
-    start = _start(chosen)
+    start = operating_point(chosen.model, chosen.design_point)
     run = run_model(
         chosen.model, _held(start, driven, length, step), sample_time=step, start=start.x
     )
@@ -84,12 +56,6 @@ def simulate(
         write_whole(out, _csv(run))
         typer.echo(f"simulated recording written to {out}")
     return 0
-
-
-def _start(chosen: Chosen) -> OperatingPoint:
-    from workbench.operating_point import operating_point
-
-    return operating_point(chosen.model, chosen.design_point)
 
 
 def _with_pulses(

@@ -8,20 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.cli.as_json import AsJson
-from workbench.cli.plant import (
-    Chosen,
-    Effects,
-    Options,
-    Parameters,
-    PlantName,
-    Short,
-    Without,
-    chosen_plant,
-    value_at_rest,
-)
+from workbench.cli.as_json import AsJson, tell
+from workbench.cli.plant import Chosen, value_at_rest, with_plant
 from workbench.errors import WorkbenchError, check_choice, check_range
-from workbench.plants import DEFAULT_PLANT
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -29,7 +18,9 @@ if TYPE_CHECKING:
     from workbench.verification import Requirement, Scenario
 
 
+@with_plant("option", "effect", "design")
 def verify(
+    chosen: Chosen,
     controller: Annotated[
         list[str] | None,
         typer.Option(
@@ -40,7 +31,6 @@ def verify(
             metavar="NAME",
         ),
     ] = None,
-    plant: PlantName = DEFAULT_PLANT,
     design: Annotated[
         list[str] | None,
         typer.Option(
@@ -71,13 +61,8 @@ def verify(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
-    option: Options = None,
-    parameter: Parameters = None,
-    without: Without = None,
-    effect: Effects = None,
     out: Annotated[Path | None, typer.Option(help="JSON file for the metrics, in SI.")] = None,
     as_json: AsJson = False,
-    short: Short = None,
 ) -> int:
     """Run controllers on the full plant through a step and back, and score what they do.
 
@@ -91,16 +76,7 @@ def verify(
     from workbench.verification import metrics, score
     from workbench.verification import verify as run_loop
 
-    designed_for = [f"{w.removeprefix('design-')}" for w in short or () if w.startswith("design-")]
-    chosen = chosen_plant(
-        plant,
-        options=option,
-        parameters=parameter,
-        without=without,
-        effects=effect,
-        short=[w for w in short or () if not w.startswith("design-")],
-    )
-    linear = _design_model(chosen, [*(design or ()), *designed_for])
+    linear = _design_model(chosen, [*(design or ()), *chosen.design])
     scenario = _scenario(chosen, linear, start, end, hold, sample_time)
     requirements = _requirements(chosen, require or ())
     results = {}
@@ -118,15 +94,8 @@ def verify(
             for metric in found.values
         }
     if out is not None or as_json:
-        from workbench.files import write_whole
-        from workbench.reports.results import json_text
-
-        text = json_text({"scenario": scenario.name, "seed": seed, "runs": results})
-        if as_json:
-            typer.echo(text, nl=False)
-        if out is not None:
-            write_whole(out, text)
-            typer.echo(f"written to {out}", err=as_json)
+        content = {"scenario": scenario.name, "seed": seed, "runs": results}
+        tell(content, as_json=as_json, file=out)
     return 0 if worst <= 1.0 else 1
 
 
