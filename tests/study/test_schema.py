@@ -59,6 +59,16 @@ BAD: dict[str, tuple[str, str, int, tuple[str, ...]]] = {
     "nominal twice": ('variations."4 kg"', "variations.nominal", 6, ("another name",)),
     "seeds": ('name = "small"', "seeds = [1, 1]", 1, ("different whole numbers",)),
     "schema": ('name = "small"', "schema = 7", 1, ("schema is 7",)),
+    "no limit": ("limit = 0.6\n", "", 23, ("has no 'limit'",)),
+    "requirement with another key": ("limit = 0.6", "limit = 0.6\nhrad = true", 26,
+                                     ("did you mean 'hard'",)),
+    "no duration": ('duration = "1.5 s"', "", 13, ("has no 'duration'",)),
+    "change without a parameter": ('settle = "0.1 s"', "changes = [{ time = 1 }]", 15,
+                                   ("has no 'parameter'",)),
+    "change with another key": ('settle = "0.1 s"', "changes = [{ tme = 1 }]", 15,
+                                ("did you mean 'time'",)),
+    "fault without a kind": ('settle = "0.1 s"', 'faults = [{ time = 1, signal = "angle" }]', 15,
+                             ("has no 'kind'",)),
     "no TOML": ("[plant]", "[plant", 3, ("line 3",)),
 }  # fmt: skip
 
@@ -77,7 +87,7 @@ def test_a_mistake_is_told_with_its_line(name: str, tmp_path: Path) -> None:
 MORE = {
     "box outside": ("[robustness.box]\nload = [2, 9]", 3, "9 kg"),
     "box upside down": ("[robustness.box]\nload = [4, 2]", 3, "must be lower"),
-    "no box": ("[robustness]\ndraws = 10", 2, "has no box"),
+    "no box": ("[robustness]\ndraws = 10", 2, "has no 'box'"),
     "too few draws": ("[robustness]\ndraws = 1\n[robustness.box]\nload = [2, 4]", 3, "draws is 1"),
     "tolerance of nothing": ("[tolerances.rmsee]\nrelative = 0.1", 2, "did you mean 'rmse'"),
     "negative tolerance": ("[tolerances.rmse]\nrelative = -0.1", 3, "relative is -0.1"),

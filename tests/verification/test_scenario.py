@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -22,36 +21,10 @@ from workbench.verification import (
     SignalFault,
     Sine,
     Steps,
-    scenario_from_table,
     signal_from_table,
     step_scenario,
     verify,
 )
-
-STUDY = """
-[scenarios.load]
-duration = 4.0
-settle = 0.2
-references.angle = { kind = "steps", unit = "deg", times = [0, 1], values = [15, 45] }
-changes = [{ time = 2.0, parameter = "load", value = 4.0 }]
-disturbances = [{ time = 3.0, port = "joint.torque", level = 2.0 }]
-
-[scenarios.sine]
-duration = 2
-references.angle = { kind = "sine", unit = "deg", mean = 30, amplitude = 15, frequency_Hz = 0.5 }
-"""
-
-
-def test_a_study_file_gives_the_scenarios() -> None:
-    tables = tomllib.loads(STUDY)["scenarios"]
-    load = scenario_from_table("load", tables["load"])
-    assert load.references["angle"] == Steps((0.0, 1.0), (math.radians(15), math.radians(45)))
-    assert load.changes == (Change(2.0, "load", 4.0),)
-    assert load.disturbances == (Disturbance(3.0, "joint.torque", 2.0),)
-    assert load.samples == 2000
-    sine = scenario_from_table("sine", tables["sine"]).references["angle"]
-    assert isinstance(sine, Sine)
-    assert sine.sample(0.5) == pytest.approx(math.radians(45))
 
 
 def test_steps_change_at_their_sample_whatever_the_rounding() -> None:
@@ -72,23 +45,6 @@ def test_step_and_back() -> None:
     scenario = step_scenario("angle", 15, 45, unit="deg", back=True, hold=2.0)
     assert scenario.duration == 4.5
     assert len(scenario.references["angle"].changes) == 2
-
-
-@pytest.mark.parametrize(
-    ("table", "problem"),
-    [
-        ({"references": {}}, "no 'duration'"),
-        ({"duration": 1.0}, "no 'references'"),
-        ({"duration": 1.0, "references": {}}, "no reference"),
-        ({"duration": 0.0, "references": {"angle": {"times": [0], "values": [1]}}}, "duration"),
-        ({"duration": 1, "refernces": {}}, "did you mean"),
-        ({"duration": 1, "references": {}, "changes": [{"time": 1}]}, "no 'parameter'"),
-        ({"duration": 1, "references": {}, "changes": [{"tme": 1}]}, "did you mean 'time'"),
-    ],
-)
-def test_mistakes_are_named(table: dict[str, Any], problem: str) -> None:
-    with pytest.raises(WorkbenchError, match=problem):
-        scenario_from_table("mistake", table)
 
 
 @pytest.mark.parametrize(
@@ -121,9 +77,11 @@ def test_a_negative_time_is_refused() -> None:
         Change(-1.0, "load", 3.0)
 
 
-def test_a_scenario_without_reference_is_refused() -> None:
+def test_a_scenario_without_reference_or_duration_is_refused() -> None:
     with pytest.raises(WorkbenchError, match="no reference"):
         Scenario("empty", {}, 1.0)
+    with pytest.raises(WorkbenchError, match="duration"):
+        Scenario("short", {"angle": Steps((0.0,), (1.0,))}, 0.0)
 
 
 def test_a_recorded_reference_is_played_as_it_is(tmp_path: Path) -> None:
@@ -147,21 +105,15 @@ def test_a_recorded_reference_is_played_as_it_is(tmp_path: Path) -> None:
             signal_from_table(table, folder=tmp_path)
 
 
-def test_faults_of_a_scenario_are_data() -> None:
-    table = {
-        "duration": 1.0,
-        "references": {"angle": {"kind": "steps", "times": [0.0], "values": [0.5]}},
-        "faults": [{"time": 0.1, "signal": "angle", "kind": "stuck", "until": 0.2}],
-    }
-    assert scenario_from_table("f", table).faults == (SignalFault(0.1, "angle", "stuck", 0.0, 0.2),)
-    for fault, told in (
-        ({"time": 0.1, "signal": "angle", "kind": "odd"}, "kind of the fault"),
-        ({"time": 0.1, "signal": "angle", "kind": "stuck", "until": 0.0}, "before it begins"),
-        ({"time": 0.1, "signal": "angle"}, "has no 'kind'"),
+def test_faults_that_cannot_be_are_refused() -> None:
+    for kind, until, told in (
+        ("odd", math.inf, "kind of the fault"),
+        ("stuck", 0.0, "before it begins"),
     ):
         with pytest.raises(WorkbenchError, match=told):
-            scenario_from_table("f", {**table, "faults": [fault]})
-    scenario = scenario_from_table("f", {**table, "faults": [{**table["faults"][0]}]})
+            SignalFault(0.1, "angle", kind, until=until)
+    fault = SignalFault(0.1, "angle", "stuck", until=0.2)
+    scenario = Scenario("f", {"angle": Steps((0.0,), (0.5,))}, 1.0, faults=(fault,))
     controller = ConstantCommand((5.0,), sensors=("pressure_1",))
     with pytest.raises(WorkbenchError, match="faulty signal"):
         verify(controller, arm(3), scenario)

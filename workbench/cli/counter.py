@@ -18,14 +18,32 @@ Jobs = Annotated[
 ]
 
 
-def run_counted(study: Study, out: Path, *, jobs: int | None, **how: Any) -> StudyResult:
+def run_counted(
+    study: Study,
+    out: Path,
+    *,
+    jobs: int | None,
+    dask: str | None = None,
+    baseline: Path | None = None,
+    fresh: bool = False,
+    verify_cache: bool = False,
+) -> StudyResult:
     """Run a study with its progress on the error stream, on all cores unless told otherwise."""
     from workbench.study.result import run_study
 
     counter = Counter()
     workers = (os.cpu_count() or 1) if jobs is None else jobs
     try:
-        return run_study(study, out, jobs=workers, progress=counter, **how)
+        return run_study(
+            study,
+            out,
+            baseline=baseline,
+            jobs=workers,
+            dask=dask,
+            fresh=fresh,
+            verify_cache=verify_cache,
+            progress=counter,
+        )
     finally:
         counter.close()
 

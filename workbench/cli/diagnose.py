@@ -29,7 +29,7 @@ QUICK_S = 20.0
 
 @with_problem()
 def diagnose(
-    load: Callable[[], Loaded],
+    recorded: Callable[[], Loaded],
     effects: Annotated[
         list[str] | None,
         typer.Option(
@@ -97,7 +97,7 @@ def diagnose(
     workers = round(check_range("number of processes", jobs, 1, 64))
     if out is not None and out.exists() and not out.is_dir():
         raise WorkbenchError(f"folder {str(out)!r} is a file; give the name of a folder")
-    loaded = load()
+    loaded = recorded()
     problem = loaded.problem
     if not problem.hold_out:
         raise WorkbenchError(

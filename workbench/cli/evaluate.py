@@ -19,7 +19,6 @@ Part = Annotated[str, typer.Option(help="K/N: every Nth case from the Kth on.")]
 Jobs = Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)]
 
 
-@evaluate.command()
 def blind(
     verdicts: Annotated[
         Path,
@@ -52,7 +51,6 @@ def blind(
     return 0
 
 
-@evaluate.command()
 def own_cases(
     out: Answers,
     count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 110,
@@ -80,15 +78,14 @@ def own_cases(
     return 0
 
 
-@evaluate.command()
 def experiments(
-    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
+    out: Answers,
     count: Annotated[int, typer.Option(help="Cases that are to end as classes.", min=1)] = 10,
-    seeds: Annotated[int | None, typer.Option(help="Seed of the first case.")] = None,
+    seeds: Seeds = None,
     only: Annotated[
         list[str] | None, typer.Option(help="Name of a case, such as own-40003; several times.")
     ] = None,
-    jobs: Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)] = 1,
+    jobs: Jobs = 1,
 ) -> int:
     """Play what a diagnosis proposes on the machine of poorly recorded cases, and judge again.
 
@@ -104,7 +101,6 @@ def experiments(
     return 0
 
 
-@evaluate.command()
 def foreign(
     out: Answers,
     count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 60,
@@ -129,7 +125,6 @@ def foreign(
     return 0
 
 
-@evaluate.command()
 def machines(
     out: Annotated[Path, typer.Argument(help="Folder of the results.", metavar="OUT")],
     data: Annotated[
@@ -154,7 +149,6 @@ def machines(
     return 0
 
 
-@evaluate.command()
 def left_out(
     out: Answers,
     jobs: Jobs = 2,
@@ -171,7 +165,6 @@ def left_out(
     return 0
 
 
-@evaluate.command()
 def report(
     out: Answers,
     figure: Annotated[Path | None, typer.Option(help="PNG file to draw, of own cases.")] = None,
@@ -200,3 +193,7 @@ def _one_thread() -> None:
     """Leave the cores to the processes: threads of linear algebra would only get in their way."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
+
+
+for _verb in (blind, own_cases, experiments, foreign, machines, left_out, report):
+    evaluate.command()(_verb)

@@ -106,21 +106,21 @@ _SETTINGS: dict[str, tuple[Any, Any]] = {
 
 
 def with_problem(*, settings: bool = False) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Give a verb plant and recordings: its parameter ``load`` becomes options that name them.
+    """Give a verb plant and recordings: its parameter ``recorded`` becomes options that name them.
 
-    The verb calls ``load()``, which reads the recordings and returns a `Loaded`.
+    The verb calls ``recorded()``, which reads the recordings and returns a `Loaded`.
 
     Args:
         settings: Whether the settings of a refit may be chosen too.
     """
 
     def make(**given: Any) -> Callable[[], Loaded]:
-        return partial(_load, **given)
+        return partial(_loaded, **given)
 
-    return options_of("load", {**_RECORDED, **(_SETTINGS if settings else {})}, make)
+    return options_of("recorded", {**_RECORDED, **(_SETTINGS if settings else {})}, make)
 
 
-def _load(
+def _loaded(
     case: str | None,
     fit: Sequence[Path] | None,
     hold_out: Sequence[Path] | None,

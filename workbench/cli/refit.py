@@ -14,7 +14,7 @@ from workbench.cli.problem import Loaded, with_problem
 
 @with_problem(settings=True)
 def refit(
-    load: Callable[[], Loaded],
+    recorded: Callable[[], Loaded],
     out: Annotated[
         Path | None, typer.Option(help="Folder for the page, the pictures and results.json.")
     ] = None,
@@ -28,7 +28,7 @@ def refit(
     from workbench.diagnosis.estimation.refit_report import run_refit
     from workbench.work.counted import in_words
 
-    report = run_refit(load().problem.task(), progress=lambda text: typer.echo(text, err=True))
+    report = run_refit(recorded().problem.task(), progress=lambda text: typer.echo(text, err=True))
     typer.echo(f"{report}\nwork: {in_words(report.work)}", err=as_json)
     if out is not None:
         from workbench.cli.typed import typed

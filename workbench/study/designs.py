@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, is_dataclass, replace
 from functools import lru_cache
-from typing import Any, NamedTuple, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -26,7 +26,8 @@ from workbench.verification.guard_limits import guarded
 Pairs = tuple[tuple[str, Any], ...]
 
 
-class Fastest(NamedTuple):
+@dataclass(frozen=True)
+class Fastest:
     """Search of the fastest design within limits on the peaks of the sensitivities.
 
     Args:

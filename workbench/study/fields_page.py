@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from controllers.design import DESIGNS
-from workbench.checked_json import ListShape, NamedShape, Shape, TableShape
-from workbench.study.shapes import STUDY, Field
+from workbench.checked_json import ListShape, NamedShape, Shape
+from workbench.study.shapes import STUDY, FieldTable
 from workbench.verification import METRICS
 
 _HEAD = """# Fields of a study file
@@ -44,9 +44,9 @@ def study_fields() -> str:
     return "\n".join(parts)
 
 
-def tables() -> Iterator[tuple[str, str, TableShape]]:
+def tables() -> Iterator[tuple[str, str, FieldTable]]:
     """Yield heading, meaning and shape of every table of a study file, each once."""
-    waiting: list[tuple[str, str, TableShape]] = [("Top of the file", "The study itself.", STUDY)]
+    waiting: list[tuple[str, str, FieldTable]] = [("Top of the file", "The study itself.", STUDY)]
     seen: list[int] = []
     while waiting:
         heading, says, table = waiting.pop(0)
@@ -56,8 +56,7 @@ def tables() -> Iterator[tuple[str, str, TableShape]]:
         yield heading, says, table
         inside = []
         outer = "" if table is STUDY else heading.strip("`[]") + "."
-        for key, field in table.entries.items():
-            assert isinstance(field, Field)
+        for key, field in table.fields.items():
             inner, several, names = _table(field.shape, key)
             if inner is not None:
                 path = f"{outer}{key}{names}"
@@ -66,9 +65,9 @@ def tables() -> Iterator[tuple[str, str, TableShape]]:
         waiting = inside + waiting
 
 
-def _table(shape: Shape, key: str) -> tuple[TableShape | None, bool, str]:
+def _table(shape: Shape, key: str) -> tuple[FieldTable | None, bool, str]:
     """Return the table that a shape holds, whether it is a list, and what names its entries."""
-    if isinstance(shape, TableShape):
+    if isinstance(shape, FieldTable):
         return shape, False, ""
     if isinstance(shape, ListShape):
         inner, _, names = _table(shape.item, key)
@@ -79,10 +78,9 @@ def _table(shape: Shape, key: str) -> tuple[TableShape | None, bool, str]:
     return None, False, ""
 
 
-def _fields(table: TableShape) -> str:
+def _fields(table: FieldTable) -> str:
     rows = []
-    for key, field in table.entries.items():
-        assert isinstance(field, Field)
+    for key, field in table.fields.items():
         unit = "" if field.unit == "1" else field.unit
         example = f"`{field.example}`" if field.example else "a table, see there"
         usual = "**needed**" if field.needed else _usual(field.usual)

@@ -7,15 +7,14 @@ written from it.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from workbench.checked_json import (
-    ListShape,
     Place,
     Shape,
     ShapeError,
-    TableShape,
     anything,
     flag,
     listed,
@@ -26,13 +25,61 @@ from workbench.checked_json import (
     text,
     whole,
 )
-from workbench.errors import WorkbenchError
+from workbench.errors import WorkbenchError, check_choice
 from workbench.model.units import quantity
 from workbench.study.designs import Fastest
 from workbench.study.study import Box, Limitations, Variation
 from workbench.verification import Requirement, Scenario, Tolerance
 from workbench.verification.scenario import EVENTS_S, FAULTS, RANGES_S
 from workbench.verification.signals import BEGINS_S, FREQUENCIES_HZ
+
+_FIXED = ("1", "s", "Hz")
+"""Units that stand for one, whatever the plant: their numbers are converted as they are read."""
+
+
+class ToldError(ShapeError):
+    """An entry whose mistake is a whole sentence already."""
+
+
+@dataclass(frozen=True)
+class FieldTable:
+    """A table of a study file whose fields are known.
+
+    Args:
+        partial: Whether needed fields may be missing, because another table may have them.
+        others: Whether there may be other fields, such as the options of a plant.
+    """
+
+    fields: Mapping[str, Field]
+    partial: bool = False
+    others: bool = False
+
+    def __call__(self, value: Any, place: Place) -> Any:
+        """Accept a table that has the needed fields and no unknown ones."""
+        found = dict(named(anything)(value, place))
+        name = ".".join(map(str, place)) or "the study"
+        for key, item in found.items():
+            if key in self.fields:
+                found[key] = self.fields[key](item, (*place, key))
+            elif not self.others:
+                try:
+                    check_choice(f"key of {name}", key, self.fields)
+                except WorkbenchError as error:
+                    raise ToldError((*place, key), str(error)) from None
+        if not self.partial:
+            self.check_needed(found, place)
+        return found
+
+    def check_needed(self, table: Mapping[str, Any], place: Place) -> None:
+        """Check that every needed field is there.
+
+        Raises:
+            ToldError: If one is not.
+        """
+        for key, field in self.fields.items():
+            if field.needed and not table.get(key) and table.get(key) != 0:
+                name = ".".join(map(str, place)) or "the study"
+                raise ToldError(place, f"{name} has no {key!r}; add it")
 
 
 @dataclass(frozen=True)
@@ -58,24 +105,25 @@ class Field:
     needed: bool = False
 
     def __call__(self, value: Any, place: Place) -> Any:
-        """Accept what has the shape and is in the range."""
-        found = self.shape(value, place)
-        if self.range is not None:
-            inner = isinstance(self.shape, ListShape)
-            for i, item in enumerate(found if inner else [found]):
-                self._check(item, (*place, i) if inner else place)
-        return found
+        """Accept what has the shape and is in the range; numbers of a fixed unit become SI."""
+        return self._read(self.shape(value, place), place)
 
-    def _check(self, value: Any, place: Place) -> None:
-        assert self.range is not None
-        unit = "1" if self.unit.startswith("`") else self.unit
+    def _read(self, value: Any, place: Place) -> Any:
+        if isinstance(value, list):
+            return [self._read(item, (*place, i)) for i, item in enumerate(value)]
+        if isinstance(value, dict) and self.unit:
+            return {name: self._read(item, (*place, name)) for name, item in value.items()}
+        if not (self.unit in _FIXED or self.range) or isinstance(value, (bool, dict)):
+            return value
+        unit = self.unit if self.unit in _FIXED else "1"
         try:
             given = quantity(str(place[-1]), value, unit)
-        except WorkbenchError:
-            return  # told with the name by who converts it
-        if not self.range[0] <= given <= self.range[1]:
+        except WorkbenchError as error:
+            raise ToldError(place, str(error)) from None
+        if self.range is not None and not self.range[0] <= given <= self.range[1]:
             shown = f"{given:g}" if unit == "1" else f"{given:g} {unit}"
             raise ShapeError(place, f"is {shown}; the valid range is {self.valid}")
+        return value if isinstance(value, int) and unit == "1" else given
 
     @property
     def valid(self) -> str:
@@ -123,13 +171,11 @@ def _event(what: str, which: str, column: str, example: str, unit: str) -> dict[
 
 
 _UNTIL = Field(size, "when it ends", '"2 s"', "s", EVENTS_S, "never")
-_DISTURBANCE = TableShape(
-    {},
+_DISTURBANCE = FieldTable(
     {**_event("the load", "port", "level", "joint.torque", "that of the port"), "until": _UNTIL},
 )
-_CHANGE = TableShape({}, _event("the change", "parameter", "value", "mass", _OWN))
-_FAULT = TableShape(
-    {},
+_CHANGE = FieldTable(_event("the change", "parameter", "value", "mass", _OWN))
+_FAULT = FieldTable(
     {
         "time": Field(size, "when it begins", "1.0", "s", EVENTS_S, needed=True),
         "signal": Field(text, "a sensor, or `reference.NAME`", '"angle"', needed=True),
@@ -142,8 +188,7 @@ _DISTURBANCES = Field(
     listed(_DISTURBANCE), "constants that are added to ports", "[{ ... }]", usual="none"
 )
 
-VARIATION = TableShape(
-    {},
+VARIATION = FieldTable(
     {
         **VARIED,
         "scaled": Field(
@@ -166,8 +211,7 @@ VARIATION = TableShape(
     },
 )
 _SPEED = "unit of the key"
-FASTEST = TableShape(
-    {},
+FASTEST = FieldTable(
     {
         "key": Field(
             text, "key of the specification that sets the speed", '"bandwidth"', needed=True
@@ -195,7 +239,7 @@ FASTEST = TableShape(
             "2.0",
             "1",
             (1, 1e3),
-            Fastest._field_defaults["maximum_sensitivity"],
+            Fastest.maximum_sensitivity,
         ),
         "maximum_complementary": Field(
             number,
@@ -203,7 +247,7 @@ FASTEST = TableShape(
             "1.9",
             "1",
             (1, 1e3),
-            Fastest._field_defaults["maximum_complementary"],
+            Fastest.maximum_complementary,
         ),
         "late_sensitivity": Field(
             number, "limit on Ms with commands one sample late", "3.0", "1", (1, 1e3), "none"
@@ -212,9 +256,9 @@ FASTEST = TableShape(
         "factors": Field(listed(number), "what it is reduced by", "[1.0, 0.7]", "1", (1e-6, 1)),
     },
 )
-CONTROLLER = TableShape(
-    {},
-    {
+CONTROLLER = FieldTable(
+    partial=True,
+    fields={
         "design": Field(
             text, "a design of the list below, or `module:function`", '"pid"', needed=True
         ),
@@ -247,8 +291,7 @@ CONTROLLER = TableShape(
         **SELECTION,
     },
 )
-REFERENCE = TableShape(
-    {},
+REFERENCE = FieldTable(
     {
         "kind": Field(
             text, "steps, ramps, sine, recorded, or `module:object`", '"steps"', usual="steps"
@@ -271,9 +314,9 @@ def _time(key: str, says: str, example: str, **more: Any) -> Field:
     return Field(size, says, example, "s", RANGES_S[key], **{"usual": usual, **more})
 
 
-SCENARIO = TableShape(
-    {},
-    {
+SCENARIO = FieldTable(
+    partial=True,
+    fields={
         "duration": _time("duration", "length of the run", '"4 s"', needed=True),
         "sample_time": _time("sample_time", "time between samples of the loop", '"2 ms"'),
         "references": Field(named(REFERENCE), "reference of each controlled output", needed=True),
@@ -307,16 +350,14 @@ SCENARIO = TableShape(
         "optional": _OPTIONAL,
     },
 )
-CAUSE = TableShape(
-    {},
+CAUSE = FieldTable(
     {
         "name": Field(text, "name under which misses are listed", '"dry friction"', needed=True),
         "text": Field(text, "what it is", '"No design knows it."'),
         "variation": Field(text, "variation that shows it", '"hysteresis"'),
     },
 )
-LIMITATIONS = TableShape(
-    {},
+LIMITATIONS = FieldTable(
     {
         "scenario": Field(text, "scenario whose steps are compared", '"step"', needed=True),
         **{
@@ -343,18 +384,18 @@ LIMITATIONS = TableShape(
         "notes": Field(NAMES, "further paragraphs", '["..."]'),
     },
 )
-PLANT = TableShape(
-    {},
-    {
+PLANT = FieldTable(
+    others=True,
+    fields={
         "kind": Field(
             text, "a plant of `workbench plants`, `module:object`, or a verdict.json", '"arm"'
         ),
         **VARIED,
     },
 )
-PLANTS = TableShape(
-    {},
-    {
+PLANTS = FieldTable(
+    others=True,
+    fields={
         **VARIED,
         "controllers": Field(named(CONTROLLER), "what differs in controllers"),
         "variations": Field(named(VARIATION), "what differs in variations"),
@@ -362,8 +403,7 @@ PLANTS = TableShape(
         "optional": _OPTIONAL,
     },
 )
-REQUIREMENT = TableShape(
-    {},
+REQUIREMENT = FieldTable(
     {
         "metric": Field(text, "a metric of the list below", '"settling_time"', needed=True),
         "limit": Field(number, "the limit", "0.5", "`unit`", (0, math.inf), needed=True),
@@ -389,8 +429,7 @@ REQUIREMENT = TableShape(
         "weight": Field(number, "weight in the mean score", "1.0", "1", (0, 1e6), 1.0),
     },
 )
-LINEAR = TableShape(
-    {},
+LINEAR = FieldTable(
     {
         "angles": Field(listed(size), "values of the controlled output", '["30 deg"]', _OUTPUT),
         "points": Field(
@@ -398,8 +437,7 @@ LINEAR = TableShape(
         ),
     },
 )
-ROBUSTNESS = TableShape(
-    {},
+ROBUSTNESS = FieldTable(
     {
         "box": Field(
             named(listed(size, length=2)),
@@ -421,8 +459,7 @@ ROBUSTNESS = TableShape(
     },
 )
 _TOLERANCE = Tolerance()
-TOLERANCE = TableShape(
-    {},
+TOLERANCE = FieldTable(
     {
         "absolute": Field(
             size,
@@ -445,8 +482,7 @@ TOLERANCE = TableShape(
         "gates": Field(flag, "whether a worse value fails the study", "true", usual=True),
     },
 )
-REPORT = TableShape(
-    {},
+REPORT = FieldTable(
     {
         "physical_limit": Field(
             flag, "whether steps are compared with the fastest move", "true", usual=False
@@ -468,8 +504,7 @@ REPORT = TableShape(
         "limitations": Field(LIMITATIONS, "section on what keeps controllers from a goal"),
     },
 )
-STUDY = TableShape(
-    {},
+STUDY = FieldTable(
     {
         "schema": Field(whole, "version of the file", "1", usual=1),
         "name": Field(text, "name of the study", '"arm"', usual="name of the file"),

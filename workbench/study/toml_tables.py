@@ -6,14 +6,13 @@ text that the reader has accepted, and so needs no checks of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import WorkbenchError, check_choice
-
-Place = tuple[str | int, ...]
+from workbench.checked_json import Place
+from workbench.errors import WorkbenchError
 
 
 class TomlTables:
@@ -54,35 +53,6 @@ class TomlTables:
                 raise
             line = line_of(self.lines, path)
             raise WorkbenchError(f"{self.path}, line {line}: {error}") from None
-
-    def keys(self, table: Any, known: Iterable[str], what: str, *path: str | int) -> dict[str, Any]:
-        """Return a table whose keys are all known.
-
-        Args:
-            what: What the table describes, as the user knows it.
-
-        Raises:
-            WorkbenchError: If it is no table or has another key.
-        """
-        with self.at(*path):
-            if not isinstance(table, dict):
-                raise WorkbenchError(f"{what} is {table!r}; it must be a table")
-        for key in table:
-            with self.at(*path, key):
-                check_choice(f"key of {what}", key, known)
-        return dict(table)
-
-    def tables(self, key: str) -> list[tuple[str, Any]]:
-        """Return the named tables below a key of the file.
-
-        Raises:
-            WorkbenchError: If the key holds no table.
-        """
-        table = self.table.get(key, {})
-        with self.at(key):
-            if not isinstance(table, dict):
-                raise WorkbenchError(f"{key} is no table; write [{key}.NAME]")
-        return list(table.items())
 
 
 def toml_lines(text: str) -> dict[Place, int]:

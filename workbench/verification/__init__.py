@@ -15,7 +15,6 @@ from workbench.verification.requirements import (
     Requirement,
     RequirementResult,
     judge,
-    requirement_from_table,
     score,
 )
 from workbench.verification.scenario import (
@@ -23,7 +22,6 @@ from workbench.verification.scenario import (
     Disturbance,
     Scenario,
     SignalFault,
-    scenario_from_table,
     step_scenario,
 )
 from workbench.verification.signals import (
@@ -58,8 +56,6 @@ __all__ = [
     "guarded",
     "judge",
     "metrics",
-    "requirement_from_table",
-    "scenario_from_table",
     "score",
     "signal_from_table",
     "step_scenario",

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from workbench.errors import WorkbenchError, check_choice, check_finite
 from workbench.model.units import convert
@@ -155,17 +155,3 @@ def score(
         verdicts += [judge(requirement, m) for m in fitting]
     hard = [v.score for v in verdicts if v.requirement.hard]
     return max(hard, default=0.0), tuple(verdicts)
-
-
-def requirement_from_table(table: Mapping[str, Any]) -> Requirement:
-    """Build a requirement from a table of a study file.
-
-    Raises:
-        WorkbenchError: If a key is unknown or missing, or a value is invalid.
-    """
-    for key in table:
-        check_choice("key of a requirement", key, Requirement.__dataclass_fields__)
-    for key in ("metric", "limit"):
-        if key not in table:
-            raise WorkbenchError(f"a requirement has no {key!r}; add it")
-    return Requirement(**table)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, replace
 
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
 from workbench.model.units import to_si
-from workbench.verification.signals import Signal, Steps, signal_from_table
+from workbench.verification.signals import Signal, Steps
 
 EVENTS_S = (0.0, 1e6)
 """First and last time of a change, a disturbance or a fault, in s."""
@@ -249,52 +247,3 @@ def step_scenario(
         duration=0.5 + hold * (len(values) - 1),
         sample_time=sample_time,
     )
-
-
-def scenario_from_table(
-    name: str, table: Mapping[str, Any], *, folder: Path | None = None
-) -> Scenario:
-    """Build a scenario from a table of a study file.
-
-    Args:
-        table: The fields of `Scenario`; ``references`` maps an output to a signal's table,
-            ``changes``, ``disturbances`` and ``faults`` are lists of tables.
-        folder: Where signals of one's own are found.
-
-    Raises:
-        WorkbenchError: If a key is unknown or missing, or a value outside its range.
-
-    Example:
-        >>> reference = {"kind": "steps", "unit": "deg", "times": [0, 1], "values": [15, 45]}
-        >>> scenario_from_table("up", {"duration": 3, "references": {"angle": reference}}).samples
-        1500
-    """
-    entries = dict(table)
-    for key in entries:
-        check_choice(f"key of scenario {name!r}", key, _KEYS)
-    for key in ("references", "duration"):
-        if key not in entries:
-            raise WorkbenchError(f"scenario {name!r} has no {key!r}; add it")
-    entries["references"] = {
-        output: signal_from_table(signal, folder=folder)
-        for output, signal in entries["references"].items()
-    }
-    for key, build in (("changes", Change), ("disturbances", Disturbance), ("faults", SignalFault)):
-        entries[key] = tuple(_build(build, name, key, row) for row in entries.get(key, ()))
-    for key in RANGES_S:
-        if key in entries:
-            entries[key] = check_range(f"{key} of scenario {name!r}", entries[key], 0.0, 1e6, "s")
-    return Scenario(name, **entries)
-
-
-_KEYS = tuple(Scenario.__dataclass_fields__)[1:]
-
-
-def _build(build: type[Any], name: str, key: str, row: Mapping[str, Any]) -> Any:
-    fields = build.__dataclass_fields__
-    for entry in row:
-        check_choice(f"key of {key} in scenario {name!r}", entry, fields)
-    missing = [n for n, f in fields.items() if n not in row and f.default is MISSING]
-    if missing:
-        raise WorkbenchError(f"an entry of {key} in scenario {name!r} has no {missing[0]!r}")
-    return build(**row)
