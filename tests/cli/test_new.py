@@ -65,7 +65,7 @@ def test_the_page_of_fields_is_current(capsys: pytest.CaptureFixture[str]) -> No
 
 
 EVERY = [
-    (heading, key, field) for heading, _, table in tables() for key, field in table.entries.items()
+    (heading, key, field) for heading, _, table in tables() for key, field in table.fields.items()
 ]
 
 

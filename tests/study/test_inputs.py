@@ -12,6 +12,7 @@ import pytest
 from tests.study.small_study import small_study
 from workbench.errors import WorkbenchError
 from workbench.study import store as store_module
+from workbench.study.execution import kept as kept_run
 from workbench.study.execution import run_tasks, store_of, verify_kept
 from workbench.study.inputs import new_study, watched
 from workbench.study.result import run_study
@@ -100,9 +101,9 @@ def test_gains_that_a_design_reads_from_elsewhere_are_seen(tmp_path: Path) -> No
     study = load_study(small_study(place, own))
     task = tasks(study)[0]
     run_tasks([task], store_of(study, tmp_path / "out"))
-    assert store_of(study, tmp_path / "out").record(task) is not None
+    assert kept_run(store_of(study, tmp_path / "out"), task) is not None
     gains.write_text("12")
-    assert store_of(study, tmp_path / "out").record(task) is None
+    assert kept_run(store_of(study, tmp_path / "out"), task) is None
 
 
 def test_a_sample_of_the_finished_runs_is_done_again(tmp_path: Path) -> None:

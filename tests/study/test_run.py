@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.study.small_study import small_study
-from workbench.study.execution import run_tasks, store_of
+from workbench.study.execution import kept, run_tasks, store_of
 from workbench.study.result import run_study
 from workbench.study.schema import load_study
 from workbench.study.store import Store
@@ -118,7 +118,7 @@ def test_a_damaged_file_is_run_again(tmp_path: Path) -> None:
     path = store.folder / f"{store.key(task)}.json"
     path.write_text(path.read_text()[:100])
     (record,) = run_tasks([task], store)
-    stored = store.record(task)
+    stored = kept(store, task)
     assert not record.failed and stored is not None and stored.table() == record.table()
 
 
@@ -140,7 +140,7 @@ def test_a_killed_study_goes_on_where_it_was(tmp_path: Path) -> None:
     assert 3 <= len(kept) < 120 and not (out / "results.json").exists()
     store = store_of(study, out)
     wanted = tasks(study)
-    finished = [store.record(task) for task in wanted]
+    finished = [kept(store, task) for task in wanted]
     assert sum(r is not None for r in finished) == len(kept)
     # What was finished is taken as it is; the rest would be done now.
     said: list[int] = []

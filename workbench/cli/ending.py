@@ -26,15 +26,6 @@ def time_limit(seconds: float | None) -> Iterator[None]:
     Raises:
         TimeUp: When the time is up.
         WorkbenchError: If the platform has no timer that interrupts.
-
-    Example:
-        >>> try:
-        ...     with time_limit(0.01):
-        ...         while True:
-        ...             pass
-        ... except TimeUp:
-        ...     print("ended")
-        ended
     """
     if seconds is None:
         yield

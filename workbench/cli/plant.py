@@ -331,13 +331,7 @@ def chosen_plant(
 
 
 def value_at_rest(model: Model, text: str) -> tuple[str, float]:
-    """Return name and value, in SI, of a quantity written as ``NAME=VALUE``.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> value_at_rest(servo_axis(), "position=20mm")
-        ('position', 0.02)
-    """
+    """Return name and value, in SI, of a quantity written as ``NAME=VALUE``."""
     from workbench.model.units import quantity, to_si
 
     name, value = _pair("value", text)

@@ -21,12 +21,6 @@ def typing(words: Sequence[str]) -> Iterator[None]:
 
 
 def typed() -> str:
-    """Return the command that is running, ready for a shell; empty if a verb was called as code.
-
-    Example:
-        >>> with typing(["recording", "my run.csv"]):
-        ...     typed()
-        "workbench recording 'my run.csv'"
-    """
+    """Return the command that is running, ready for a shell; empty if a verb was called as code."""
     words = _WORDS.get()
     return shlex.join(["workbench", *words]) if words else ""

@@ -267,10 +267,6 @@ def study_map(
 
     Raises:
         WorkbenchError: If the muscle pulls at fewer than four lengths, or a fit does not end.
-
-    Example:
-        >>> study_map(made_up_map(), "made up").best.name.startswith("paper")
-        True
     """
     check_units(points)
     levels = np.unique(points.length[points.force > _BLOCKED_FORCE])

@@ -75,13 +75,7 @@ def force_maps_part(folder: Path | None) -> Part:
 
 
 def force_map_page(study: MapStudy, *, command: str) -> Page:
-    """Lay out the comparison of force laws on a map.
-
-    Example:
-        >>> from workbench.demo.force_map_study import made_up_map, study_map
-        >>> force_map_page(study_map(made_up_map(), "made up"), command="again").title
-        'Force laws on made up'
-    """
+    """Lay out the comparison of force laws on a map."""
     title = "Laws on points that the fit has not seen"
     sections = (Section("laws", title, _blocks(study)), *again(command))
     return Page(f"Force laws on {study.name}", _points(study), sections)

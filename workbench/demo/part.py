@@ -31,12 +31,7 @@ class Part:
 
 
 def judged(value: float, low: float, high: float, digits: int = 3, *, unit: str = "") -> Cell:
-    """Write a number, in ``unit``, with a mark for the band, in ``unit``, that it has to lie in.
-
-    Example:
-        >>> print(judged(0.72, 0.5, 1.4, unit="s"))
-        0.720 s ✓
-    """
+    """Write a number, in ``unit``, with a mark for the band, in ``unit``, that it has to lie in."""
     if value != value:
         return Cell("–", "open")
     return Cell(number(value, digits, unit=unit), "met" if low <= value <= high else "missed")

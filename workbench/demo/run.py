@@ -81,12 +81,6 @@ def run_demo(
     Raises:
         WorkbenchError: If the folder cannot be written, or the data folder that is named does not
             exist or does not hold the force maps.
-
-    Example:
-        >>> import tempfile
-        >>> with tempfile.TemporaryDirectory() as place:
-        ...     run_demo(place, parts=()).page.name
-        'report.html'
     """
     folder = None
     if data is not None or os.environ.get(ENVIRONMENT_VARIABLE, "").strip():

@@ -40,11 +40,6 @@ class IsometricRecord:
         contraction: Contractions, shape (n,), in m.
         force: Forces of the muscle, shape (n,), in N.
         source: Where the record comes from.
-
-    Example:
-        >>> record = isometric_experiment(contractions=(0.0, 0.01), ramp_time=10.0, sample_time=0.5)
-        >>> len(record.force), int(record.ramp[-1])
-        (42, 1)
     """
 
     ramp: npt.NDArray[np.int_]
@@ -88,9 +83,6 @@ def isometric_experiment(
         ramp_time: Duration of a ramp, 5 to 600 s.
         sample_time: Time between samples, in s.
         noise: Noise and resolution of the sensors, as a ratio to those of the arm; 0 for none.
-
-    Returns:
-        The record.
 
     Raises:
         WorkbenchError: If an argument is outside its range.
@@ -161,12 +153,6 @@ def isometric_experiment_on_arm(
 
     Source:
         The paper's identification experiment: arm on the lower stop, load cell, geometric ratios.
-
-    Example:
-        >>> from workbench.plants.arm import arm
-        >>> record = isometric_experiment_on_arm(arm(), stop_angles=(0.5,), ramp_time=10.0)
-        >>> bool(record.force.max() > 300.0)
-        True
     """
     check_range("valve voltage", command_V, 4.0, 4.99, "V", fix="just below the centre of 5 V")
     check_range("ramp time", ramp_time, 1.0, 600.0, "s")

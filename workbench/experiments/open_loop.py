@@ -22,12 +22,6 @@ class OpenLoopExperiment:
 
     Args:
         figures: Transit time, ripple, stop touch speed.
-
-    Example:
-        >>> from workbench.plants.arm import arm
-        >>> experiment = open_loop_experiment(arm(3.0), duration=8.0)
-        >>> 0.5 < experiment.figures.transit_time < 1.4
-        True
     """
 
     trajectory: Trajectory
@@ -95,20 +89,12 @@ def open_loop_experiment(
         duration: Length of the experiment, in s.
         sample_time: Time between samples, in s.
 
-    Returns:
-        The run and its figures.
-
     Raises:
         WorkbenchError: If an argument is outside its range.
         NumericalError: If the run cannot be trusted.
 
     Source:
         The paper's Figure 8: 5 +- 0.9 V, 4 s period, 3 kg, horizontal plane.
-
-    Example:
-        >>> from workbench.plants.arm import arm
-        >>> open_loop_experiment(arm(3.0), duration=8.0).figures.dips
-        1
     """
     values = {q.name: q.value for q in model.parameters}
     voltage = pulse_train(

@@ -37,10 +37,6 @@ class Transit:
             is no dip.
         top_speed: Largest speed between the marks, in rad/s.
         touch_speed: Speed at the first contact with the stop, in rad/s; NaN if it is not reached.
-
-    Example:
-        >>> print(Transit(4.1, 0.7, 1, 1, 2.3, 3.3, 1.1))
-        4.10 s  up    0.70 s  1 dip(s)  2.30 Hz  top 189 deg/s  touch 63 deg/s
     """
 
     start: float
@@ -112,9 +108,6 @@ def measure_transits(
         angle: Angles, shape (n,), in rad.
         marks: Angles between which the transit is timed, in rad.
         stops: Angles of the lower and the upper stop, in rad.
-
-    Returns:
-        The figures.
 
     Raises:
         WorkbenchError: If the arrays do not fit, are not finite, or are not evenly spaced.

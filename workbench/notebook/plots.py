@@ -40,9 +40,6 @@ def plot(shown: Any, *what: Any) -> Figure:
             a linear model; of a trajectory, what of it; of a study's result, the scenario; of a
             diagnosis, the held-out recording.
 
-    Returns:
-        The figure, which a notebook shows.
-
     Raises:
         WorkbenchError: If there is no picture of such an object.
 

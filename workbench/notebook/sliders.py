@@ -18,10 +18,6 @@ def sliders(function: Callable[..., Any], ranges: Mapping[str, tuple[float, floa
     Returns:
         What the function returns in the middle of the ranges where the package ipywidgets is not
         installed; None where sliders are shown.
-
-    Example:
-        >>> print(sliders(lambda gain: None, {"gain": (1.0, 3.0, 0.5)}))
-        None
     """
     if find_spec("ipywidgets") is not None:
         import_module("ipywidgets").interact(function, **ranges, continuous_update=False)

@@ -49,12 +49,6 @@ def starter_notebook(begin: Beginning) -> str:
 
     Raises:
         WorkbenchError: If the plant has no such operating point.
-
-    Example:
-        >>> from workbench.plants.servo_axis import SERVO_AXIS
-        >>> axis = Beginning(SERVO_AXIS, "servo-axis", SERVO_AXIS.model())
-        >>> '"nbformat": 4' in starter_notebook(axis)
-        True
     """
     smooth = begin.model.without(*begin.model.dry_effects)
     linear = linearise(operating_point(smooth, begin.at))

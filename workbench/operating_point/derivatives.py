@@ -24,15 +24,6 @@ class Derivatives:
     Args:
         form: Exact or regularised equations. On a kink the exact form gives the mean of both sides
             where the kink is a maximum or minimum.
-
-    Example:
-        >>> from workbench.model import EXACT
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> at = Derivatives(axis, EXACT)
-        >>> values, jacobian = at(np.zeros(2), np.array([95.0]), axis.values)
-        >>> values.tolist(), jacobian.shape
-        ([0.0, 1.0, 0.0], (3, 3))
     """
 
     def __init__(self, model: Model, form: Form | str) -> None:
@@ -71,15 +62,7 @@ class Derivatives:
 
 
 def derivatives_of(model: Model, form: Form | str) -> Derivatives:
-    """Return the derivatives of a model, built once for the same equations.
-
-    Example:
-        >>> from workbench.model import EXACT
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> derivatives_of(axis, EXACT) is derivatives_of(axis, EXACT)
-        True
-    """
+    """Return the derivatives of a model, built once for the same equations."""
     # Buffers are written to during a call, so each thread has its own.
     if not hasattr(_LOCAL, "known"):
         _LOCAL.known = WeakKeyDictionary()

@@ -51,11 +51,6 @@ class OperatingPoint(Shown):
         condition_number: Ratio of the largest to the smallest singular value of the scaled
             equations, dimensionless.
         undetermined: States and inputs that rest at any value; they stand where they started.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> operating_point(servo_axis(), {"position": 0.2}).x.tolist()
-        [0.2, 0.0]
     """
 
     model: Model
@@ -148,9 +143,6 @@ def operating_point(
         bounds: Smallest and largest value of states and inputs by name, in SI, inside those of
             the model and the limits that the plant declares.
         near: An operating point of a similar model to start from.
-
-    Returns:
-        The operating point.
 
     Raises:
         WorkbenchError: If a name is unknown, a value is outside its range, or there is no such

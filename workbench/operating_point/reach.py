@@ -23,16 +23,6 @@ def what_would_be_possible(problem: Problem, failed: Solution) -> str:
 
     Args:
         failed: Where its search ended.
-
-    Returns:
-        One clause for the end of an error message.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> nowhere = Problem(axis, (), np.zeros(2), np.full(3, -1.0), np.full(3, 1.0))
-        >>> what_would_be_possible(nowhere, solve(nowhere, np.zeros(2), np.zeros(1)))
-        'change the given values'
     """
     clauses = []
     for name, unit, lower, upper, changed in _alternatives(problem):

@@ -100,17 +100,6 @@ def solve(problem: Problem, x: Vector, u: Vector, *, robust: bool = True) -> Sol
         u: Inputs to start from, shape (n_u,), in SI.
         robust: Whether to fall back to a bounded least-squares search where Newton's method ends
             outside its tolerance.
-
-    Returns:
-        The best point found.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> free = np.full(3, np.inf)
-        >>> rest = Problem(axis, (), np.zeros(2), -free, free)
-        >>> np.abs(solve(rest, np.array([0.1, 0.5]), np.zeros(1)).x).round(6).tolist()
-        [0.1, 0.0]
     """
     exact = _Equations(problem, EXACT)
     z0 = exact.scaled(x, u)
@@ -282,14 +271,6 @@ def conditions_of(
     Args:
         given: Names and values, in SI.
         label: Label instead of the name.
-
-    Returns:
-        One condition per value.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> conditions_of(servo_axis(), [("position", 0.2)])[0].weights.tolist()
-        [1.0, 0.0, 0.0, 0.0]
     """
     everything = [*model.outputs, *model.states, *model.inputs]
     names = [q.name for q in everything]

@@ -31,15 +31,7 @@ def improved(diagnosis: Diagnosis) -> bool:
 
 
 def hull_sentence(term: NonparametricTerm) -> str:
-    """Say where a fitted curve holds.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> seen = (Argument("speed", "m/s", 0.01, 0.9, (-0.1, 0.2)),)
-        >>> base = example_diagnosis()[0].base
-        >>> hull_sentence(NonparametricTerm(base, ("axis.force",), arguments=seen))
-        'The curve is empirical: valid inside its data hull, speed from −100 to 200 mm/s.'
-    """
+    """Say where a fitted curve holds."""
     ranges = []
     for a in term.arguments:
         unit, factor = readable(a.unit)
@@ -156,21 +148,13 @@ def arguments_table(term: NonparametricTerm) -> Table:
 
 
 def taken_back(diagnosis: Diagnosis) -> dict[str, str]:
-    """Say why effects that had been accepted were taken back.
-
-    Returns:
-        The reason by name of the effect, in the order of finding.
-    """
+    """Say why effects that had been accepted were taken back."""
     kept = {candidate.entry.name for candidate, _ in diagnosis.accepted}
     return {c.entry.name: why for c, why in diagnosis.withdrawn if c.entry.name not in kept}
 
 
 def refusals(diagnosis: Diagnosis) -> list[Block]:
-    """Say what was found and taken back, and why a term without a name was refused.
-
-    Returns:
-        A paragraph for each; nothing where there is nothing to say.
-    """
+    """Say what was found and taken back, and why a term without a name was refused."""
     blocks: list[Block] = [
         Words(f"Taken back: {plain(name)}; {reason}.", "note")
         for name, reason in taken_back(diagnosis).items()
@@ -193,12 +177,6 @@ def group_sentence(told: Isolability | None, ports: tuple[str, ...]) -> str:
 
     Args:
         told: What the recorded outputs can tell apart; None if that is not known.
-
-    Example:
-        >>> from workbench.diagnosis.location.isolability import isolability
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> group_sentence(isolability(servo_axis()), ("axis.force",))
-        'With these sensors, a signal at axis.force looks like one at position.reading.'
     """
     if told is None or not ports:
         return ""

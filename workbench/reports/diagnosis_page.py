@@ -48,20 +48,8 @@ def diagnosis_page(
     Args:
         name: What was diagnosed, such as the name of a case.
 
-    Returns:
-        The page: verdict, held-out recordings, place and form of what is missing, numbers,
-        alternatives, limits.
-
     Raises:
         ValueError: If the diagnosis has no verdict.
-
-    Example:
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> from workbench.diagnosis.comparison import proof_of
-        >>> found, hold_out = example_diagnosis()
-        >>> page = diagnosis_page(found, proof_of(found), name="axis")
-        >>> [section.name for section in page.sections]
-        ['held-out', 'where', 'parameters', 'alternatives', 'limits', 'recordings']
     """
     verdict = diagnosis.verdict
     if verdict is None:

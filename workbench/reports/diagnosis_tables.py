@@ -95,15 +95,7 @@ _SHOWN_SCORES = 12
 
 
 def errors_table(errors: Sequence[ErrorRow], extended: bool) -> Table:
-    """Build the table of free-run errors on all held-out recordings.
-
-    Example:
-        >>> print(errors_table([ErrorRow("angle", "rad", 1.0, 0.1, {"refitted": 0.2})], False))
-        Errors of free runs over all held-out recordings
-        output      refitted  sensor's noise
-        angle in °  11.5      5.73
-        ...
-    """
+    """Build the table of free-run errors on all held-out recordings."""
     wanted = ("nominal", "refitted", "extended") if extended else ("nominal", "refitted")
     labels = [label for label in wanted if any(label in row.rmse for row in errors)]
     rows: list[tuple[Cell | str, ...]] = []
@@ -351,18 +343,6 @@ def isolability_table(found: Isolability, located: Sequence[str] = ()) -> Table:
 
     Args:
         located: Ports at which something was located; their groups come first.
-
-    Returns:
-        One row per group, with the group that is hardest to tell from it.
-
-    Example:
-        >>> from workbench.diagnosis.location.isolability import isolability
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> print(isolability_table(isolability(servo_axis()), ["axis.force"]))
-        What these sensors can tell apart
-        ports that cannot be told apart  hardest to tell from
-        axis.force, position.reading
-        ...
     """
     rows: list[tuple[Cell | str, ...]] = []
     groups = sorted(found.groups, key=lambda group: not set(group) & set(located))

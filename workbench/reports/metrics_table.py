@@ -62,16 +62,6 @@ def metrics_table(
 
     Raises:
         WorkbenchError: If the unit of a limit does not fit its metric.
-
-    Example:
-        >>> from workbench.verification import MetricValue
-        >>> run = Metrics("pid", "arm", "step", (MetricValue("settling_time", 0.4, "s"),))
-        >>> limit = Requirement("settling_time", 0.8, "s")
-        >>> print(metrics_table("Steps", ("run",), {("one",): run}, ["settling_time"], [limit]))
-        Steps
-        run  settling time
-        one  0.400 s ✓
-        Required: settling time at most 0.8 s.
     """
     shown = [name for name in columns if any(name in found for found in measured.values())]
     limits = {requirement.metric: requirement for requirement in requirements}

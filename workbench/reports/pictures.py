@@ -88,11 +88,7 @@ def _settings(name: str) -> dict[str, object]:
 
 
 def svg(picture: Picture) -> str:
-    """Draw a picture as SVG.
-
-    Returns:
-        A stand-alone SVG document with text as text; the same picture gives the same document.
-    """
+    """Draw a picture as SVG."""
     return picture.document
 
 
@@ -101,12 +97,6 @@ def inline_svg(picture: Picture) -> str:
 
     Each colour of the palette becomes a CSS variable with its light value as fall-back, and all
     identifiers carry the picture's name, so that several pictures stand on one page.
-
-    Example:
-        >>> from workbench.reports.style import new_figure
-        >>> figure, _ = new_figure([2.0])
-        >>> "var(--grid, #dde1e4)" in inline_svg(Picture("steps", figure, "Steps."))
-        True
     """
     text = svg(picture)
     text = text[text.index("<svg") :]

@@ -17,17 +17,7 @@ from workbench.work.counted import in_words
 
 
 def refit_page(report: RefitReport, *, command: str) -> Page:
-    """Lay out the page of a refit.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.diagnosis.estimation.refit_report import RefitTask, run_refit
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> seen, unseen = made_up_axis(0), made_up_axis(1, name="test")
-        >>> report = run_refit(RefitTask("axis", "servo axis", servo_axis(), (seen,), (unseen,)))
-        >>> refit_page(report, command="again").title
-        'Refit: servo axis'
-    """
+    """Lay out the page of a refit."""
     task = report.task
     blocks: list[Block] = [_estimates(report)]
     if task.published:
@@ -87,11 +77,7 @@ def _answers(report: RefitReport) -> Answers:
 
 
 def pictures(report: RefitReport) -> tuple[Picture, ...]:
-    """Draw the free runs of a refit on its held-out recordings.
-
-    Returns:
-        One picture per recording on which the refitted run reached the end.
-    """
+    """Draw the free runs of a refit on its held-out recordings."""
     drawn = []
     for before, after in zip(report.nominal, report.refitted, strict=True):
         if not after.finite:

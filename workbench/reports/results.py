@@ -16,12 +16,6 @@ def json_text(results: Mapping[str, Any]) -> str:
 
     Returns:
         Indented JSON with a newline at its end; NaN and infinity become null.
-
-    Example:
-        >>> print(json_text({"settling_time_s": float("nan")}), end="")
-        {
-          "settling_time_s": null
-        }
     """
     return json.dumps(_plain(results), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 

@@ -24,9 +24,6 @@ def write_study_files(
     Args:
         command: Command that makes the page again.
 
-    Returns:
-        ``results.json``, ``summary.md``, ``junit.xml`` and ``report.html``, each complete.
-
     Raises:
         WorkbenchError: If a file cannot be written.
     """

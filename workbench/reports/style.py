@@ -127,9 +127,6 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
 def ramp(count: int) -> tuple[Colour, ...]:
     """Return colours for an ordered family, spread over the ramp.
 
-    Returns:
-        ``count`` colours from the first to the last of the ramp.
-
     Raises:
         WorkbenchError: If the family has no member or more than the ramp has colours.
     """

@@ -113,9 +113,6 @@ def number(value: float, digits: int = 3, *, unit: str = "") -> str:
         value: The number, in ``unit``.
         unit: Unit written behind it.
 
-    Returns:
-        The number as text; a dash if it is not a number.
-
     Example:
         >>> number(0.000123456), number(12345.6, unit="Pa"), number(float("nan"))
         ('0.000123', '12300 Pa', '–')

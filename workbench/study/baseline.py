@@ -56,11 +56,6 @@ class Change:
         gates: Whether a worse value fails the study.
         tolerance: Difference that would not have counted, in ``unit``.
         reason: Why there is no value.
-
-    Example:
-        >>> key = ("pid", "nominal", "step", 1)
-        >>> print(Change(key, "rise_time", 0.2, 0.3, "s", "worse", True, 0.004))
-        pid, step, nominal: rise_time 0.2 -> 0.3 s, worse (tolerance 0.004 s)
     """
 
     key: Key
@@ -317,15 +312,6 @@ def changes(
 
     Of a run with a sliding surface only the invariants fail a study: when the surface is crossed
     depends on rounding, how far the trajectory strays from it does not.
-
-    Returns:
-        Every difference beyond its tolerance, and runs that are new or gone.
-
-    Example:
-        >>> from pathlib import Path
-        >>> now = Record("pid", "nominal", "step", 1, "diverged")
-        >>> [c.way for c in changes({}, [now], Baseline({}, "arm", Path("b")))]
-        ['new']
     """
     found: list[Change] = []
     seen = set()
@@ -353,9 +339,6 @@ def box_changes(rows: Iterable[Mapping[str, Any]], baseline: Baseline) -> tuple[
 
     Args:
         rows: What the box does now, as `BOX` has it.
-
-    Returns:
-        A change wherever the share of plants differs; a smaller one is worse.
     """
     before = {
         (row["controller"], own["requirement"]): own

@@ -6,22 +6,74 @@ import math
 import random
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from workbench.checked_json import Shape
 from workbench.errors import WorkbenchError
 from workbench.study.inputs import Seen, seen
 from workbench.study.store import Store, code_digest
 from workbench.study.study import Study
-from workbench.study.tasks import Record, Task, execute
+from workbench.study.tasks import RECORD, Record, Task, execute, record_from_table
 from workbench.verification.metrics import tolerance_of
 from workbench.work.counted import Work, done, since
 from workbench.work.processes import parallel
+
+T = TypeVar("T")
 
 FINISHED_BEFORE = "finished before"
 """What progress is told of runs that an earlier study finished."""
 
 Progress = Callable[[int, int, str], None]
 """Called with the number of finished runs, of all runs, and what was finished."""
+
+
+def finished(
+    asked: Sequence[T],
+    do: Callable[[T], dict[str, Any]],
+    store: Store,
+    shape: Shape,
+    *,
+    name: Callable[[T], str],
+    jobs: int = 1,
+    dask: str | None = None,
+    progress: Progress | None = None,
+) -> list[dict[str, Any]]:
+    """Do what is not finished yet, and keep each result as soon as there is one.
+
+    Args:
+        asked: Frozen data whose representation says all that a result depends on.
+        do: Returns the result as a table that JSON can hold; called in any process.
+        store: Where results are kept.
+        shape: What a kept result must be; another one is done again.
+        name: What progress is told of one that is finished.
+        dask: Address of a Dask scheduler that does the work, instead of local processes.
+
+    Raises:
+        WorkbenchError: If the number of processes is outside its range or there is no cluster.
+    """
+    keys = [store.key(one) for one in asked]
+    found: dict[int, dict[str, Any]] = {}
+    for i, key in enumerate(keys):
+        table = store.get(key, shape)
+        if table is not None:
+            found[i] = table
+    if progress and found:
+        progress(len(found), len(asked), FINISHED_BEFORE)
+    calls = [(_numbered, (i, do, one)) for i, one in enumerate(asked) if i not in found]
+    for i, table, read, work in parallel(calls, jobs=jobs, dask=dask):
+        found[i] = table
+        store.put(keys[i], table, read, work)
+        if progress:
+            progress(len(found), len(asked), name(asked[i]))
+    return [found[i] for i in range(len(asked))]
+
+
+def _numbered(
+    number: int, do: Callable[[T], dict[str, Any]], one: T
+) -> tuple[int, dict[str, Any], Seen, Work]:
+    before = done()
+    table = do(one)
+    return number, table, seen(), since(before)
 
 
 def run_tasks(
@@ -32,42 +84,33 @@ def run_tasks(
     dask: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[Record, ...]:
-    """Do runs that are not finished yet, and keep each as soon as it is.
+    """Do runs that are not finished yet; see `finished`.
 
     Args:
-        store: Where finished runs are kept.
         dask: Address of a Dask scheduler that does the work, instead of local processes.
-
-    Returns:
-        Records in the order of the runs.
-
-    Raises:
-        WorkbenchError: If the number of processes is outside its range or there is no cluster.
     """
-    found: dict[int, Record] = {}
-    for i, task in enumerate(asked):
-        record = store.record(task)
-        if record is not None:
-            found[i] = record
-    open_tasks = [i for i in range(len(asked)) if i not in found]
-    if progress and found:
-        progress(len(found), len(asked), FINISHED_BEFORE)
-
-    def call(i: int) -> tuple[Callable[..., Any], tuple[Any, ...]]:
-        return _numbered, (i, asked[i])
-
-    for i, record, read, work in parallel([call(i) for i in open_tasks], jobs=jobs, dask=dask):
-        found[i] = record
-        store.keep(asked[i], record, read, work)
-        if progress:
-            progress(len(found), len(asked), " / ".join(str(part) for part in record.key))
-    return tuple(found[i] for i in range(len(asked)))
+    tables = finished(
+        asked,
+        _stored,
+        store,
+        RECORD,
+        name=lambda task: " / ".join(map(str, task.key)),
+        jobs=jobs,
+        dask=dask,
+        progress=progress,
+    )
+    return tuple(map(record_from_table, tables))
 
 
-def _numbered(number: int, task: Task) -> tuple[int, Record, Seen, Work]:
-    before = done()
+def _stored(task: Task) -> dict[str, Any]:
     record = execute(task)
-    return number, record, seen(), since(before)
+    return {**record.table(), "traces": dict(record.traces)}
+
+
+def kept(store: Store, task: Task) -> Record | None:
+    """Return the finished run of a task, or None."""
+    table = store.get(store.key(task), RECORD)
+    return None if table is None else record_from_table(table)
 
 
 SAMPLE = 3
@@ -80,9 +123,9 @@ def verify_kept(asked: Sequence[Task], store: Store) -> None:
     Raises:
         WorkbenchError: If one does not come out as it was kept.
     """
-    kept = [(task, record) for task in asked if (record := store.record(task)) is not None]
-    count = min(len(kept), max(SAMPLE, len(kept) // 20))
-    for task, record in random.sample(kept, count):
+    found = [(task, record) for task in asked if (record := kept(store, task)) is not None]
+    count = min(len(found), max(SAMPLE, len(found) // 20))
+    for task, record in random.sample(found, count):
         differs = _difference(record, execute(task))
         if differs:
             name = " / ".join(str(part) for part in record.key)

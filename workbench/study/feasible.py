@@ -29,14 +29,6 @@ def check_demand(
 
     Raises:
         WorkbenchError: If its unit does not fit, or nothing can meet it.
-
-    Example:
-        >>> from workbench.verification import Requirement, step_scenario
-        >>> steps = {"up": step_scenario("angle", 15, 30, unit="deg")}
-        >>> check_demand(Demand(Requirement("rmse", 1.0, "bar")), {"rmse": "rad"}, steps, {})
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: unit of the limit on rmse is 'bar'; rmse is in 'rad'
     """
     required = demand.requirement
     unit = units[required.metric]
@@ -116,14 +108,6 @@ def can_have(metric: str, scenario: Scenario, own: Sequence[Metric] = ()) -> boo
 
     Args:
         metric: Name of the metric, with or without its output.
-
-    Returns:
-        Whether it can: the settling time of a sine does not exist.
-
-    Example:
-        >>> from workbench.verification import step_scenario
-        >>> can_have("settling_time", step_scenario("angle", 15, 30, unit="deg"))
-        True
     """
     found = metric_of(metric, own)
     signals = scenario.references.values()

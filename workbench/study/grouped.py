@@ -19,10 +19,6 @@ class Group(Generic[T]):
 
     Args:
         others: Names of the other plants, in their order.
-
-    Example:
-        >>> Group("found", ("3.5 kg", "hysteresis")).also
-        'also with 3.5 kg; hysteresis'
     """
 
     worst: T
@@ -36,11 +32,7 @@ class Group(Generic[T]):
 
 
 def missed_by_plant(judgements: Iterable[Judgement]) -> tuple[Group[Judgement], ...]:
-    """Put together a missed requirement on several plants.
-
-    Returns:
-        One group per requirement, controller and scenario, the worst first.
-    """
+    """Put together a missed requirement on several plants."""
     return _grouped(
         judgements,
         key=lambda j: (id(j.demand), j.controller, j.scenario),

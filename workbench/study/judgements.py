@@ -29,12 +29,6 @@ class Judgement:
         value: Its metric, in the unit of the limit; NaN if there is none.
         score: Value over limit (or limit over value), a ratio: at most 1 means met.
         reason: Why there is no value.
-
-    Example:
-        >>> from workbench.verification import Requirement
-        >>> demand = Demand(Requirement("rmse", 1.0, "deg"))
-        >>> print(Judgement(demand, "pid", "nominal", "step", 1, 1.5, 1.5))
-        pid, step, nominal: rmse is 1.5°, 50 % over the limit of 1°
     """
 
     demand: Demand
@@ -89,10 +83,6 @@ class Score:
             met.
         mean: Weighted mean over all requirements of their worst scores, ratios of at most 10.
         judgement: The requirement, scenario and variation that the worst score comes from, or None.
-
-    Example:
-        >>> Score("pid", 0.8, 0.5, None).met
-        True
     """
 
     controller: str
@@ -111,9 +101,6 @@ def judge_records(study: Study, records: Iterable[Record]) -> tuple[Judgement, .
 
     Args:
         records: Runs; a failed one meets no requirement.
-
-    Returns:
-        One judgement per requirement, controller, variation and scenario.
 
     Raises:
         WorkbenchError: If a unit does not fit.

@@ -12,9 +12,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from workbench.checked_json import TableShape, number, optional, text
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.study.execution import Progress
+from workbench.study.execution import Progress, finished
 from workbench.study.plants import PlantRecipe
 from workbench.study.store import Store
 from workbench.study.study import Study, Variation
@@ -22,7 +23,6 @@ from workbench.study.tasks import Record
 from workbench.verification import Scenario
 from workbench.verification.physical_limit import physical_limit, velocity_of
 from workbench.verification.responses import Value
-from workbench.work.processes import parallel
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,6 @@ class StepDistance:
         begin: Time of the step, in s.
         settling: Settling time of the run, in s, or NaN with a reason.
         limit: Shortest time the plant allows, in s, or NaN with a reason.
-
-    Example:
-        >>> step = Move(PlantRecipe(), "angle", 0.2, 0.5)
-        >>> StepDistance("pid", "up", 1, 0.5, step, Value(0.4), Value(0.2)).ratio.value
-        2.0
     """
 
     controller: str
@@ -164,13 +159,6 @@ def no_limit(scenario: Scenario, plant: Model) -> str:
 
     Returns:
         The reason; empty if they have one.
-
-    Example:
-        >>> from workbench.plants.arm import arm
-        >>> from workbench.verification import Change, Steps
-        >>> steps = {"angle": Steps((0.0, 0.5), (0.2, 0.5))}
-        >>> no_limit(Scenario("up", steps, 2.0, changes=(Change(1.0, "load", 2.0),)), arm(3))
-        'the load changes during the run'
     """
     if not any(signal.changes for signal in scenario.references.values()):
         return "the reference has no step"
@@ -209,14 +197,6 @@ def find_limits(
 
     Raises:
         WorkbenchError: If the number of processes is outside its range or there is no cluster.
-
-    Example:
-        >>> from workbench.study.schema import load_study
-        >>> from workbench.study.shipped import shipped_study
-        >>> from pathlib import Path
-        >>> study = load_study(shipped_study("arm")).with_limit(False)
-        >>> find_limits(study, Store(Path("nowhere"), "0"))
-        {}
     """
     if not study.report.physical_limit:
         return {}
@@ -230,23 +210,26 @@ def find_limits(
         for _, initial, final in signal.changes
         if _is_compared(study, initial, final)
     )
-    found: dict[Move, Value] = {}
-    for move in asked:
-        stored = store.get(store.key(move))
-        if stored is not None and "limit_s" in stored:
-            seconds = stored["limit_s"]
-            value = math.nan if seconds is None else float(seconds)
-            found[move] = Value(value, str(stored.get("reason", "")))
-    if progress and found:
-        progress(len(found), len(asked), "found before")
-    calls = [(_found, (move,)) for move in asked if move not in found]
-    for move, limit in parallel(calls, jobs=jobs, dask=dask):
-        found[move] = limit
-        seconds = None if math.isnan(limit.value) else limit.value
-        store.put(store.key(move), {"limit_s": seconds, "reason": limit.reason})
-        if progress:
-            progress(len(found), len(asked), f"{move.output} {move.initial:g} to {move.final:g}")
-    return found
+    tables = finished(
+        list(asked),
+        _limit,
+        store,
+        _LIMIT,
+        name=lambda move: f"{move.output} {move.initial:g} to {move.final:g}",
+        jobs=jobs,
+        dask=dask,
+        progress=progress,
+    )
+    values = (Value(t["limit_s"] or math.nan, t["reason"]) for t in tables)
+    return dict(zip(asked, values, strict=True))
+
+
+_LIMIT = TableShape({"limit_s": optional(number), "reason": text})
+
+
+def _limit(move: Move) -> dict[str, Any]:
+    found = limit_of(move)
+    return {"limit_s": None if math.isnan(found.value) else found.value, "reason": found.reason}
 
 
 def _is_compared(study: Study, initial: float, final: float) -> bool:
@@ -257,19 +240,11 @@ def _is_compared(study: Study, initial: float, final: float) -> bool:
     )
 
 
-def _found(move: Move) -> tuple[Move, Value]:
-    return move, limit_of(move)
-
-
 def limit_of(move: Move) -> Value:
     """Find the physical limit of one move; whatever goes wrong becomes the reason.
 
     Returns:
         Time until the plant is within the band for good, in s, or NaN with a reason.
-
-    Example:
-        >>> limit_of(Move(PlantRecipe(), "angle", 0.2, 0.2)).reason
-        'the move from 0.2 to 0.2 goes nowhere'
     """
     try:
         model = move.plant.build()

@@ -247,11 +247,7 @@ def _between(
 
 
 def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
-    """Open the loops of every controller of a study at its operating points.
-
-    Returns:
-        Two analyses per controller and point; one with a reason where there is none.
-    """
+    """Open the loops of every controller of a study at its operating points."""
     found: list[LoopAnalysis] = []
     for recipe in study.controllers.values():
         for point in study.points:
@@ -267,11 +263,7 @@ def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
 
 
 def by_controller(found: tuple[LoopAnalysis, ...]) -> Mapping[str, list[LoopAnalysis]]:
-    """Group analyses by their controller.
-
-    Returns:
-        Analyses by the name of the controller, in their order.
-    """
+    """Group analyses by their controller."""
     groups: dict[str, list[LoopAnalysis]] = {}
     for one in found:
         groups.setdefault(one.controller, []).append(one)

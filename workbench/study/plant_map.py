@@ -43,13 +43,6 @@ def plant_map(study: Study) -> PlantMap | None:
 
     Returns:
         The map; None if that is no output, the plant has several inputs, or it rests nowhere.
-
-    Example:
-        >>> from workbench.study.schema import load_study
-        >>> from workbench.study.shipped import shipped_study
-        >>> found = plant_map(load_study(shipped_study("arm")))
-        >>> found is not None and len(found.values)
-        30
     """
     model = study.plant.build()
     output, grid = next(iter(study.plant.plant().design_map.items()), ("", ()))

@@ -31,10 +31,6 @@ class PlantRecipe:
         scaled: Parameters multiplied by a factor (dimensionless), whatever their bounds: evidence
             of what a part would do that does not exist.
         folder: Where a plant of one's own is found.
-
-    Example:
-        >>> PlantRecipe("arm", (("load", 3.0),)).build().parameter("load").value
-        3.0
     """
 
     kind: str = DEFAULT_PLANT

@@ -271,11 +271,7 @@ class StudyResult(Drawn):
 
 
 def installed_version() -> str:
-    """Return the version of the package.
-
-    Returns:
-        The version, or ``unknown`` in a checkout that is not installed.
-    """
+    """Return the version of the package."""
     try:
         return version("muscle-arm-workbench")
     except PackageNotFoundError:
@@ -320,9 +316,6 @@ def run_study(
         verify_cache: Whether a sample of the finished runs is done again and must agree.
         progress: Told the part of the study, finished and all runs of it, and what was finished;
             by default a notebook shows a bar.
-
-    Returns:
-        The outcome.
 
     Raises:
         WorkbenchError: If the baseline or the cluster is not there, or the folder not writable.

@@ -18,16 +18,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from workbench.checked_json import TableShape, listed, number
 from workbench.study.designs import ControllerRecipe
 from workbench.study.draws import interval, scaled, straight_line, unit_draws
-from workbench.study.execution import Progress, run_tasks
-from workbench.study.inputs import Seen, seen
+from workbench.study.execution import Progress, finished, run_tasks
 from workbench.study.judgements import LARGEST, Judgement, judge_records, worst_score
 from workbench.study.store import Store
-from workbench.study.study import Study, Variation
-from workbench.study.tasks import Record, Task, execute, record_from_table
-from workbench.work.counted import Work, done, since
-from workbench.work.processes import parallel
+from workbench.study.study import Box, Demand, Study, Variation
+from workbench.study.tasks import RECORD, Record, Task, execute, record_from_table
 
 Vector = npt.NDArray[np.float64]
 
@@ -43,10 +41,6 @@ class Probability:
         high: Upper end of the interval (a ratio).
         worst: Worst value of the metric over draws and search, in the unit of the limit; NaN if a
             run had none.
-
-    Example:
-        >>> Probability("rmse at most 1°", True, 3, 4, 0.19, 0.99, 1.2).share
-        0.75
     """
 
     requirement: str
@@ -156,9 +150,6 @@ def robustness(
     Args:
         store: Where finished runs are kept.
         dask: Address of a Dask scheduler, or None.
-
-    Returns:
-        One result per controller of the box; none if the study has no box.
     """
     box = study.box
     if box is None:
@@ -176,8 +167,21 @@ def robustness(
         ]
         for k, c in enumerate(chosen)
     }
-    found = _searches(study, store, chosen, unit, groups, jobs, dask, progress)
-    results = [_result(study, c.name, unit, groups[c.name], found[c.name]) for c in chosen]
+    searches = [_search(study, c, unit, groups[c.name]) for c in chosen]
+    tables = finished(
+        searches,
+        search,
+        store,
+        _TRIED,
+        name=lambda asked: f"{asked.controller.name} / worst plant",
+        jobs=jobs,
+        dask=dask,
+        progress=progress,
+    )
+    results = [
+        _result(study, c.name, unit, groups[c.name], table["tried"])
+        for c, table in zip(chosen, tables, strict=True)
+    ]
     shown = []
     for c, result in zip(chosen, results, strict=True):
         worst = np.array(list(result.worst.values()))
@@ -226,36 +230,58 @@ class Search:
 
     Args:
         tasks: Runs at the point where it begins: one per scenario.
-        study: The study, for its box and requirements.
         start: Point of the unit cube where it begins.
         corner: Point of the unit cube that is tried first.
         start_score: Score at the start, a ratio.
     """
 
     tasks: tuple[Task, ...]
-    study: Study
+    box: Box
+    demands: tuple[Demand, ...]
     start: tuple[float, ...]
     corner: tuple[float, ...]
     start_score: float
+    study: Study = field(repr=False)
+
+    @property
+    def controller(self) -> ControllerRecipe:
+        """The controller for which bad plants are searched."""
+        return self.tasks[0].controller
 
 
-def search(asked: Search) -> list[tuple[tuple[float, ...], list[Any]]]:
-    """Move from a bad point of the box to a worse one.
+_TRIED = TableShape(
+    {"tried": listed(TableShape({"point": listed(number), "runs": listed(RECORD)}))}
+)
 
-    Args:
-        asked: Where to begin.
 
-    Returns:
-        Points of the unit cube that were tried, with the tables of their records.
-    """
-    study, box = asked.study, asked.study.box
-    assert box is not None
-    controller = asked.tasks[0].controller
+def _search(
+    study: Study, controller: ControllerRecipe, unit: Vector, groups: Sequence[Sequence[Record]]
+) -> Search:
+    """Return the search that begins at the worst draw."""
+    assert study.box is not None
+    values = np.array([_score(study, records) for records in groups])
+    worst = int(np.argmax(values))
+    _, slopes, _ = straight_line(unit, values)
+    return Search(
+        tuple(_tasks(study, controller, scaled(study.box, unit)[worst], worst)),
+        study.box,
+        study.demands,
+        tuple(float(v) for v in unit[worst]),
+        tuple(1.0 if s > 0 else 0.0 for s in slopes),
+        float(values[worst]),
+        study,
+    )
+
+
+def search(asked: Search) -> dict[str, Any]:
+    """Move from a bad point of the box to a worse one."""
+    study, box = asked.study, asked.box
     tried: dict[tuple[float, ...], list[Any]] = {}
 
     def at(point: tuple[float, ...]) -> float:
         values = scaled(box, np.array([point]))[0]
-        records = [execute(t) for t in _tasks(study, controller, values, box.draws + len(tried))]
+        number = box.draws + len(tried)
+        records = [execute(t) for t in _tasks(study, asked.controller, values, number)]
         tried[point] = [r.table() for r in records]
         return _score(study, records)
 
@@ -280,61 +306,7 @@ def search(asked: Search) -> list[tuple[tuple[float, ...], list[Any]]]:
                     break
         if not moved:
             step /= 2.0
-    return list(tried.items())
-
-
-def _searches(
-    study: Study,
-    store: Store,
-    chosen: Sequence[ControllerRecipe],
-    unit: Vector,
-    groups: Mapping[str, Sequence[Sequence[Record]]],
-    jobs: int,
-    dask: str | None,
-    progress: Progress | None,
-) -> dict[str, list[tuple[tuple[float, ...], list[Record]]]]:
-    assert study.box is not None
-    tables: dict[str, Any] = {}
-    open_searches: list[tuple[str, str, Search]] = []
-    for c in chosen:
-        values = np.array([_score(study, r) for r in groups[c.name]])
-        worst = int(np.argmax(values))
-        _, slopes, _ = straight_line(unit, values)
-        asked = Search(
-            tuple(_tasks(study, c, scaled(study.box, unit)[worst], worst)),
-            study,
-            tuple(float(v) for v in unit[worst]),
-            tuple(1.0 if s > 0 else 0.0 for s in slopes),
-            float(values[worst]),
-        )
-        key = store.key(
-            ("search", asked.tasks, study.box, study.demands, asked.start, asked.corner)
-        )
-        stored = store.get(key)
-        if stored is None:
-            open_searches.append((c.name, key, asked))
-        else:
-            tables[c.name] = stored["tried"]
-    calls = [(_named_search, (name, key, w)) for name, key, w in open_searches]
-    done = len(tables)
-    for name, key, tried, read, work in parallel(calls, jobs=jobs, dask=dask):
-        tables[name] = tried
-        store.put(key, {"tried": tried}, read, work)
-        done += 1
-        if progress:
-            progress(done, len(chosen), f"{name} / worst plant")
-    return {
-        name: [(tuple(point), [record_from_table(r) for r in rows]) for point, rows in tried]
-        for name, tried in tables.items()
-    }
-
-
-def _named_search(
-    name: str, key: str, asked: Search
-) -> tuple[str, str, list[tuple[tuple[float, ...], list[Any]]], Seen, Work]:
-    before = done()
-    tried = search(asked)
-    return name, key, tried, seen(), since(before)
+    return {"tried": [{"point": list(p), "runs": tables} for p, tables in tried.items()]}
 
 
 def _result(
@@ -342,11 +314,11 @@ def _result(
     name: str,
     unit: Vector,
     drawn: Sequence[Sequence[Record]],
-    searched: Sequence[tuple[tuple[float, ...], list[Record]]],
+    searched: Sequence[Mapping[str, Any]],
 ) -> Robustness:
     assert study.box is not None
-    groups = [*drawn, *(records for _, records in searched)]
-    everywhere = np.vstack([unit, *(np.array([p]) for p, _ in searched)])
+    groups = [*drawn, *([record_from_table(row) for row in one["runs"]] for one in searched)]
+    everywhere = np.vstack([unit, *(np.array([one["point"]]) for one in searched)])
     judged = [_judgements(study, records) for records in groups]
     values = np.array([min(worst_score(j), LARGEST) for j in judged])
     _, slopes, explained = straight_line(unit, values[: len(unit)])

@@ -11,11 +11,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from workbench.checked_json import TableShape, named, read_json, text, whole
+from workbench.checked_json import Shape, TableShape, anything, named, read_json, text, whole
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 from workbench.study.inputs import Seen, digest, installed, seen, versions
-from workbench.study.tasks import RECORD, Record, Task, record_from_table
 from workbench.work.counted import Work, add
 
 _OWN = (".py", ".json", ".csv", ".npz", ".npy", ".mat", ".parquet", ".yaml", ".toml", ".txt")
@@ -54,8 +53,11 @@ class Store:
         """
         return hashlib.sha256(f"{self.code}\0{task!r}".encode()).hexdigest()[:32]
 
-    def get(self, key: str) -> dict[str, Any] | None:
+    def get(self, key: str, shape: Shape = anything) -> dict[str, Any] | None:
         """Return what was kept under a key, or None.
+
+        Args:
+            shape: What it must be.
 
         Returns:
             The table, whose work now counts as done; None if there is none, only a damaged one, or
@@ -65,6 +67,7 @@ class Store:
         self.touched.add(f"{key}.json")
         try:
             found = read_json(self.folder / f"{key}.json", "run", _KEPT)
+            shape(found, ())
         except WorkbenchError:
             return None
         if not self._current(found["inputs"]):
@@ -115,35 +118,6 @@ class Store:
             if not path.startswith(results) and not path.endswith(_RESULTS)
         }
         return {"files": named, "packages": versions(packages)}
-
-    def record(self, task: Task) -> Record | None:
-        """Return the finished run of a task, or None.
-
-        Returns:
-            The record, if it was kept whole.
-        """
-        table = self.get(self.key(task))
-        if table is None:
-            return None
-        try:
-            record = record_from_table(RECORD(table, ()))
-        except WorkbenchError:
-            return None
-        return record if record.key == task.key else None
-
-    def keep(
-        self, task: Task, record: Record, read: Seen | None = None, work: Work | None = None
-    ) -> None:
-        """Keep a finished run.
-
-        Args:
-            read: What the process that did it has read.
-            work: What it took.
-
-        Raises:
-            WorkbenchError: If the folder cannot be written.
-        """
-        self.put(self.key(task), {**record.table(), "traces": dict(record.traces)}, read, work)
 
     def prune(self) -> None:
         """Remove the files of runs that the finished study no longer has, and no other files."""

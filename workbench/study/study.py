@@ -116,11 +116,6 @@ class Demand:
         variations: Names of the variations it applies to, with or without their case; all if empty.
         plants: Names of the cases it applies to; all if empty.
         step: Size of the steps that are judged, in SI; all if None. For metrics of steps only.
-
-    Example:
-        >>> nominal = Variation("nominal", PlantRecipe())
-        >>> Demand(Requirement("rmse", 1.0, "deg")).applies("pid", nominal, "step")
-        True
     """
 
     requirement: Requirement

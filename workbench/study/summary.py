@@ -40,13 +40,7 @@ LONGEST = 60_000
 
 
 def summary(outcome: StudyResult) -> str:
-    """Write the outcome as Markdown.
-
-    Returns:
-        A headline, what is missed or worse, one table of metrics per scenario with the change
-        against the baseline, the distance to the physical limit where asked for, and the
-        robustness.
-    """
+    """Write the outcome as Markdown."""
     study = outcome.study
     mark = "✅" if outcome.passed else "❌"
     headline = escaped(f"{study.name} {outcome.verdict()}: {outcome.headline()}")
@@ -97,21 +91,12 @@ def summary(outcome: StudyResult) -> str:
 
 
 def mark_of(study: str) -> str:
-    """Return the invisible mark by which the comment of a study is found again.
-
-    Example:
-        >>> mark_of("three arms")
-        '<!-- workbench study three-arms -->'
-    """
+    """Return the invisible mark by which the comment of a study is found again."""
     return f"<!-- workbench study {re.sub(r'[^A-Za-z0-9]+', '-', study).strip('-')} -->"
 
 
 def plain_summary(outcome: StudyResult) -> str:
-    """Write the outcome as a few lines for a terminal.
-
-    Returns:
-        A score per controller, then what is missed, failed or worse.
-    """
+    """Write the outcome as a few lines for a terminal."""
     lines = []
     worse = [c for c in outcome.worse if not c.failed]
     for s in outcome.scores:
@@ -252,13 +237,6 @@ def score_text(value: float, *, capped: bool = False) -> str:
     Args:
         value: The score, a ratio.
         capped: Whether 10 stands for 10 and above.
-
-    Returns:
-        Two digits behind the point, or words where there is no number.
-
-    Example:
-        >>> score_text(0.8123), score_text(float("inf")), score_text(10.0, capped=True)
-        ('0.81', 'no value', '≥ 10')
     """
     if math.isinf(value) or math.isnan(value):
         return "no value"
@@ -271,10 +249,6 @@ def parameter_text(value: float, unit: str) -> str:
     Args:
         value: The value, in ``unit``.
         unit: Its SI unit.
-
-    Example:
-        >>> parameter_text(4.5e5, "Pa"), parameter_text(0.25, "1")
-        ('4.5 bar', '0.25')
     """
     shown = "bar" if unit == "Pa" else unit
     number = float(from_si(value, shown))
@@ -482,14 +456,6 @@ def limit_text(distance: Distance | None) -> str:
 
     Args:
         distance: The distance, or None.
-
-    Returns:
-        Ratio, settling time and limit, or why there is none.
-
-    Example:
-        >>> from workbench.verification.responses import Value
-        >>> limit_text(Distance("pid", "sine", Value(math.nan, "the reference has no step")))
-        'none (the reference has no step)'
     """
     if distance is None or distance.worst is None or math.isnan(distance.ratio.value):
         return f"none ({distance.ratio.reason})" if distance is not None else "–"

@@ -183,11 +183,6 @@ def record_from_table(table: Mapping[str, Any]) -> Record:
 
     Raises:
         KeyError: If the table is incomplete.
-
-    Example:
-        >>> first = Record("pid", "nominal", "step", 1, "diverged")
-        >>> record_from_table(first.table()) == first
-        True
     """
     own = {key: table[key] for key in ("controller", "variation", "scenario", "seed", "reason")}
     metrics = None
@@ -220,12 +215,7 @@ def _event(row: Mapping[str, Any]) -> EventResponse:
 
 
 def tasks(study: Study) -> tuple[Task, ...]:
-    """List every run of a study, without those of its parameter box.
-
-    Returns:
-        Controller x variation x scenario x seed; plant by plant, so that a process that took one
-        run has what the next needs.
-    """
+    """List every run of a study, without those of its parameter box."""
     return tuple(
         Task(
             study.cases[variation.case].controllers[controller],
@@ -241,16 +231,7 @@ def tasks(study: Study) -> tuple[Task, ...]:
 
 
 def execute(task: Task) -> Record:
-    """Do one run; whatever goes wrong becomes the record's reason.
-
-    Example:
-        >>> from workbench.study.plants import PlantRecipe
-        >>> from workbench.verification import step_scenario
-        >>> pid = ControllerRecipe("pid", "pid", PlantRecipe(), (("angle", 0.5),))
-        >>> step = step_scenario("angle", 25, 30, unit="deg", hold=0.5)
-        >>> execute(Task(pid, Variation("nominal", PlantRecipe()), step, 1)).failed
-        False
-    """
+    """Do one run; whatever goes wrong becomes the record's reason."""
     begin = time.perf_counter()
     # A run of a study never ends the study: what one's own code raises is a reason like any other.
     try:

@@ -21,13 +21,6 @@ class TomlTables:
     Args:
         table: What the file holds.
         lines: Line by path of the entry.
-
-    Example:
-        >>> with TomlTables(Path("study.toml"), {}, {("plant",): 3}).at("plant", "load"):
-        ...     raise WorkbenchError("load is 12 kg")
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: study.toml, line 3: load is 12 kg
     """
 
     def __init__(self, path: Path, table: dict[str, Any], lines: Mapping[Place, int]) -> None:

@@ -88,11 +88,6 @@ def each_step(time: Vector, changes: Sequence[tuple[float, float, float]]) -> tu
 
     Returns:
         One part per step that begins within the trajectory; the last one ends with it.
-
-    Example:
-        >>> time = np.arange(10) * 0.1
-        >>> [step.part for step in each_step(time, [(0.2, 0.0, 1.0), (0.5, 1.0, 0.0)])]
-        [slice(2, 5, None), slice(5, 10, None)]
     """
     own = [change for change in changes if change[0] < time[-1]]
     begins = [int(np.searchsorted(time, change[0] - _ROUNDING)) for change in own]

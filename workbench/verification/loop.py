@@ -57,9 +57,6 @@ def verify(
         method: ``"erk"``, ``"rosenbrock"`` for stiff plants, or ``"auto"``: the first, and the
             second where the first gives up.
 
-    Returns:
-        The record of the run.
-
     Raises:
         WorkbenchError: If sensors, actuators or sample times do not fit, or the scenario changes
             parameters of a linear model.

@@ -111,10 +111,6 @@ class MetricValue:
         unit: SI unit.
         reason: Why there is no number; empty if there is one.
         display_unit: Unit in which people read it.
-
-    Example:
-        >>> print(MetricValue("settling_time", 0.45, "s"))
-        settling_time                  0.45 s
     """
 
     name: str
@@ -137,13 +133,7 @@ class MetricValue:
 
 @dataclass(frozen=True, repr=False)
 class Metrics(Shown, Mapping[str, MetricValue]):
-    """All metrics of a run, by name.
-
-    Example:
-        >>> print(Metrics("pid", "arm", "step", (MetricValue("settling_time", 0.45, "s"),)))
-        pid on arm, step
-          settling_time                  0.45 s
-    """
+    """All metrics of a run, by name."""
 
     controller: str
     plant: str
@@ -207,17 +197,6 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
 
     Args:
         own: Metrics of a user's own, beside those of `METRICS`.
-
-    Example:
-        >>> from controllers.open_loop import ConstantCommand
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> from workbench.verification.loop import verify
-        >>> from workbench.verification.scenario import Scenario
-        >>> from workbench.verification.signals import Steps
-        >>> scenario = Scenario("rest", {"position": Steps((0.0,), (0.0,))}, 0.1, settle=0.0)
-        >>> held = ConstantCommand((0.0,), actuators=("force",), controlled=("position",))
-        >>> metrics(verify(held, servo_axis(), scenario))["rmse"].value
-        0.0
     """
     found: list[MetricValue] = []
     told = run.infos[0] if run.infos else {}
@@ -253,13 +232,7 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
 def metric_units(
     plant: Model, controlled: tuple[str, ...], own: Iterable[Metric] = ()
 ) -> dict[str, str]:
-    """Return the SI unit of every metric that a run on a plant can have, by its label.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> metric_units(servo_axis(), ("position",))["rmse"]
-        'm'
-    """
+    """Return the SI unit of every metric that a run on a plant can have, by its label."""
     units = {q.name: q.unit for q in (*plant.outputs, *plant.inputs)}
     signals = {q.name for q in plant.outputs} | set(plant.exact.signal_names)
     return {

@@ -142,23 +142,12 @@ def physical_limit(
             that is a state by default.
         cached: Whether a result on disk may be taken.
 
-    Returns:
-        The limit, the trajectory, and how well the exact plant follows it.
-
     Raises:
         WorkbenchError: If an argument is outside its range or the plant cannot rest there.
         NumericalError: If the solver does not converge.
 
     Source:
         Betts 2010, chapter 4.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> limit = physical_limit(
-        ...     servo_axis(), 0.0, 0.1, intervals=12, degree=2
-        ... )
-        >>> limit.status
-        'Solve_Succeeded'
     """
     names = [q.name for q in model.states]
     coordinate = coordinate or next((q.name for q in model.outputs if q.name in names), names[0])

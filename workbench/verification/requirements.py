@@ -55,10 +55,6 @@ class RequirementResult:
         score: Value over limit (or limit over value), a ratio: at most 1 means met, infinite that
             there is no value.
         reason: Why there is no value.
-
-    Example:
-        >>> RequirementResult(Requirement("rmse", 1.0), "pid", "step", 0.5, 0.5).met
-        True
     """
 
     requirement: Requirement
@@ -130,12 +126,6 @@ def score(
 
     Raises:
         WorkbenchError: If a requirement applies to no run.
-
-    Example:
-        >>> from workbench.verification.metrics import MetricValue
-        >>> run = Metrics("pid", "arm", "step", (MetricValue("settling_time", 0.4, "s"),))
-        >>> score([Requirement("settling_time", 0.5)], [run])[0]
-        0.8
     """
     runs = list(measured)
     verdicts: list[RequirementResult] = []

@@ -35,14 +35,6 @@ class FullPlant:
         tolerance: Local error allowed in a step, relative to the scales of the states.
         method: ``"erk"``, or ``"rosenbrock"`` for stiff models.
         form: Exact or regularised equations.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> plant = FullPlant(axis, 0.002, axis.initial_state())
-        >>> plant.hold((1.0,))
-        >>> len(plant.outputs)
-        1
     """
 
     def __init__(

@@ -59,10 +59,6 @@ class Disturbance:
 
     Raises:
         WorkbenchError: If the times are not in order or a number is not finite.
-
-    Example:
-        >>> Disturbance(1.0, "joint.torque", 3.0, until=2.0).level
-        3.0
     """
 
     time: float
@@ -99,10 +95,6 @@ class SignalFault:
 
     Raises:
         WorkbenchError: If the times are not in order or the kind is unknown.
-
-    Example:
-        >>> SignalFault(1.0, "angle", "offset", 0.1, until=1.5).of(0.5, 0.4)
-        0.6
     """
 
     time: float
@@ -158,10 +150,6 @@ class Scenario:
 
     Raises:
         WorkbenchError: If a number is outside its range or there is no reference.
-
-    Example:
-        >>> step_scenario("angle", 15, 30, unit="deg").duration
-        3.0
     """
 
     name: str

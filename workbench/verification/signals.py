@@ -34,10 +34,6 @@ class Steps:
 
     Raises:
         WorkbenchError: If the times do not increase from 0 or the lengths differ.
-
-    Example:
-        >>> Steps((0.0, 1.0), (0.2, 0.5)).sample(np.array([0.0, 0.9, 1.0]))
-        array([0.2, 0.2, 0.5])
     """
 
     times: tuple[float, ...]
@@ -83,10 +79,6 @@ class Sine:
 
     Raises:
         WorkbenchError: If a number is not finite or the frequency not positive.
-
-    Example:
-        >>> Sine(0.5, 0.2, 1.0).sample(np.array([0.0, 0.25])).round(3)
-        array([0.5, 0.7])
     """
 
     mean: float
@@ -122,10 +114,6 @@ class Ramps:
 
     Raises:
         WorkbenchError: If the times do not increase or the lengths differ.
-
-    Example:
-        >>> Ramps((0.0, 2.0), (0.0, 1.0)).sample(np.array([1.0, 5.0]))
-        array([0.5, 1. ])
     """
 
     times: tuple[float, ...]
@@ -165,10 +153,6 @@ class Recorded:
 
     Raises:
         WorkbenchError: If the times do not increase or the lengths differ.
-
-    Example:
-        >>> Recorded((0.0, 0.01), (0.2, 0.3)).sample(np.array([0.0, 0.009, 5.0]))
-        array([0.2, 0.2, 0.3])
     """
 
     times: tuple[float, ...]
@@ -275,10 +259,6 @@ def signal_from_table(table: Mapping[str, Any], *, folder: Path | None = None) -
 
     Raises:
         WorkbenchError: If the kind, the unit or a key is unknown, or a key is missing.
-
-    Example:
-        >>> signal_from_table({"kind": "steps", "unit": "deg", "times": [0], "values": [180]})
-        Steps(times=(0.0,), values=(3.14...,))
     """
     entries = dict(table)
     kind = SIGNALS.get(str(entries.pop("kind", "steps")), folder=folder)

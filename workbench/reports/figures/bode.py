@@ -38,9 +38,6 @@ def bode(
         unit: Unit of the magnitude, such as ``°/V``.
         quantity: What the magnitude is.
         margins: Whether they are loop gains, so that gain and phase margins are marked.
-
-    Returns:
-        The figure: magnitude in ``unit`` and phase in ° over frequency in Hz.
     """
     figure, (magnitude, phase) = new_figure([2.2, 1.7])
     hertz = np.asarray(frequency, dtype=float)

@@ -29,9 +29,6 @@ def diagnosis_answer(
         after: Free run of the extended model on it; None if nothing was found.
         noise: Noise of each output, in its SI unit.
         located: The signal that is missing; None leaves its panel out.
-
-    Returns:
-        The figure: output over time, error over time, located signal over its argument.
     """
     heights = [1.7, 1.3] if located is None else [1.5, 1.2, 1.7]
     figure, panels = new_figure(heights, share_x=False)

@@ -21,12 +21,7 @@ _SHOWN_S = 8.0
 
 
 def diagnosis_law(located: MissingSignal) -> Figure:
-    """Draw the located signal against the quantity that the effect depends on most.
-
-    Returns:
-        The figure: a dot per time at which the measurements determine the signal, and what the
-        effect adds at the same times.
-    """
+    """Draw the located signal against the quantity that the effect depends on most."""
     figure, (axes,) = new_figure([2.7])
     draw_law(axes, located)
     return figure
@@ -79,11 +74,7 @@ def draw_law(axes: Axes, located: MissingSignal) -> None:
 
 
 def diagnosis_signal(located: MissingSignal) -> Figure:
-    """Draw the located signal over time with its band.
-
-    Returns:
-        The figure: the first seconds of the first held-out recording.
-    """
+    """Draw the located signal over time with its band."""
     figure, (axes,) = new_figure([2.7])
     last = max(_SHOWN_S, 400 * float(located.time[1] - located.time[0]))
     rows = located.time <= located.time[0] + last

@@ -22,9 +22,6 @@ def diagnosis_location(
     Args:
         before: Log likelihood gained by group in the refitted nominal model, dimensionless.
         after: The same in the extended model, dimensionless; None if nothing was found.
-
-    Returns:
-        The figure: bars on an axis that is linear up to ten and logarithmic beyond.
     """
     groups = sorted(before, key=before.__getitem__)
     figure, (axes,) = new_figure([0.35 + 0.42 * len(groups)])

@@ -112,11 +112,7 @@ def _command(own: list[LoopAnalysis]) -> str:
 
 
 def plant_picture(study: Study) -> list[Picture]:
-    """Draw the plant's own frequency response at the operating points of a study.
-
-    Returns:
-        One picture; none if the plant has several inputs or cannot be drawn.
-    """
+    """Draw the plant's own frequency response at the operating points of a study."""
     recipe = next(iter(study.controllers.values()))
     controlled = next(iter(next(iter(study.scenarios.values())).references))
     quantity = output_of(study, controlled)

@@ -27,9 +27,6 @@ def other_outputs(trajectories: Mapping[str, tuple[Vector, Mapping[str, Vector]]
 
     Args:
         trajectories: Times in s, and outputs by what their axis says, shape (n,), by controller.
-
-    Returns:
-        The figure: outputs in the unit of their axis over time in s.
     """
     names = list(dict.fromkeys(n for _, own in trajectories.values() for n in own))
     figure, panels = new_figure([1.6] * len(names))

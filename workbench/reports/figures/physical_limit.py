@@ -28,9 +28,6 @@ def limit_ratios(ratios: Mapping[str, Mapping[str, float]]) -> Drawing:
     Args:
         ratios: Settling time over the limit, dimensionless, NaN where a step did not settle, by
             step and controller.
-
-    Returns:
-        The figure: bars from 0, with the limit at 1 and each ratio at the end of its bar.
     """
     names = list(dict.fromkeys(name for own in ratios.values() for name in own))
     shades = colours(names)

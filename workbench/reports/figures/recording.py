@@ -31,9 +31,6 @@ def recorded_signals(
         values: Values of each signal, shape (n,), in those units.
         held: Whether a signal keeps its value between samples, as commands do.
         excluded: Spans not to be used: place of the signal, start and stop in s.
-
-    Returns:
-        The figure: one panel per signal over time in s.
     """
     t = np.asarray(time, dtype=float)
     thin = slice(None, None, max(1, len(t) // _MOST_POINTS))

@@ -29,9 +29,6 @@ def box_scores(scores: Mapping[str, tuple[Vector, int]]) -> Drawing:
 
     Args:
         scores: Scores, shape (n,), dimensionless, and how many of them were drawn, by controller.
-
-    Returns:
-        The figure: score on a logarithmic axis, with the limit at 1.
     """
     from matplotlib.ticker import FixedLocator, NullLocator
 

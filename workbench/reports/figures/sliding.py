@@ -62,9 +62,6 @@ def surface(time: npt.ArrayLike, value: npt.ArrayLike, *, shade: Colour) -> Draw
     Args:
         time: Times, shape (n,), in s.
         value: s over the half width of the layer, shape (n,), dimensionless.
-
-    Returns:
-        The figure: s over layer, over time in s, with the layer at ±1.
     """
     figure, (axes,) = new_figure([2.2])
     axes.plot(time, value, color=shade.light, linewidth=1.1)

@@ -31,9 +31,6 @@ def solver(
         trajectories: Times in s, solve times in s and iterations, shape (n,) each, by controller;
             iterations that no solver tells are NaN and not drawn.
         deadline: Sample time, in s.
-
-    Returns:
-        The figure: solve time in ms with the deadline, and iterations, over time in s.
     """
     counted = any(
         np.isfinite(np.asarray(count, dtype=float)).any() for _, _, count in trajectories.values()

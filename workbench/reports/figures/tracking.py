@@ -71,9 +71,6 @@ def tracking(
         unit: Its unit as written.
         command: The command and its unit.
         error_limit: Steady error allowed, in ``unit``, drawn as lines about zero error.
-
-    Returns:
-        The figure: output, error and command over time in s.
     """
     figure, (position, error, actuator) = new_figure([2.2, 1.1, 1.0])
     t, reference = np.asarray(time, dtype=float), np.asarray(reference, dtype=float)
