@@ -100,4 +100,4 @@ def test_each_table_of_a_shipped_study_is_on_the_page() -> None:
     import tomllib
 
     for path in (shipped_folder() / "studies").glob("*.toml"):
-        assert set(tomllib.loads(path.read_text())) <= set(STUDY.entries)
+        assert set(tomllib.loads(path.read_text())) <= set(STUDY.fields)

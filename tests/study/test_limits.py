@@ -127,7 +127,7 @@ def test_found_once_it_is_kept(tmp_path: Path, calls: list[tuple[float, float]])
         store = store_of(study, tmp_path / "out")
         found = find_limits(study, store, progress=lambda *a: said.append(a))
     assert len(calls) == 1 and list(found.values()) == [Value(0.1)]
-    assert said[-1] == (1, 1, "found before")
+    assert said[-1] == (1, 1, "finished before")
 
 
 def test_the_same_move_is_solved_once(tmp_path: Path, calls: list[tuple[float, float]]) -> None:

@@ -136,18 +136,18 @@ def test_a_killed_study_goes_on_where_it_was(tmp_path: Path) -> None:
             time.sleep(0.02)
         os.killpg(child.pid, signal.SIGKILL)
         child.wait()
-    kept = {p.name: p.stat().st_mtime_ns for p in out.glob("runs/*.json")}
-    assert 3 <= len(kept) < 120 and not (out / "results.json").exists()
+    files = {p.name: p.stat().st_mtime_ns for p in out.glob("runs/*.json")}
+    assert 3 <= len(files) < 120 and not (out / "results.json").exists()
     store = store_of(study, out)
     wanted = tasks(study)
     finished = [kept(store, task) for task in wanted]
-    assert sum(r is not None for r in finished) == len(kept)
+    assert sum(r is not None for r in finished) == len(files)
     # What was finished is taken as it is; the rest would be done now.
     said: list[int] = []
     run_tasks([t for t, r in zip(wanted, finished, strict=True) if r], store,
               progress=lambda done, total, what: said.append(done))  # fmt: skip
-    assert said == [len(kept)]
-    assert {p.name: p.stat().st_mtime_ns for p in out.glob("runs/*.json")} == kept
+    assert said == [len(files)]
+    assert {p.name: p.stat().st_mtime_ns for p in out.glob("runs/*.json")} == files
 
 
 def test_a_guard_answers_the_faults_of_a_scenario(tmp_path: Path) -> None:

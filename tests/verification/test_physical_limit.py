@@ -34,46 +34,34 @@ def double_integrator() -> Model:
 
 
 def test_double_integrator_takes_the_time_of_bang_bang() -> None:
-    # 2 sqrt(distance / acceleration) to the near edge of the band; the lag of 5 ms and inputs held
-    # over an interval cost about two intervals.
-    ideal = 2 * math.sqrt(0.98)
+    # From rest to the far edge of the band with bang-bang, seen when it passes the near edge: the
+    # last 0.04 take sqrt(2 * 0.04). The lag of 5 ms and inputs held over an interval cost about two
+    # intervals.
+    ideal = 2 * math.sqrt(1.02) - math.sqrt(2 * 0.04)
     for intervals in (20, 50):
         limit = physical_limit(double_integrator(), 0.0, 1.0, intervals=intervals, degree=2)
-        assert ideal < limit.seconds < ideal * (1 + 2.5 / intervals)
+        assert ideal - 1e-3 < limit.seconds < ideal * (1 + 2.5 / intervals)
         assert limit.end_error < 1e-4
+        inside = np.abs(limit.states[intervals:, 0] - 1.0)
+        assert inside.max() <= 0.02 + 1e-6
 
 
-def test_entering_the_band_for_good_is_earlier_than_resting_in_it() -> None:
-    rest = physical_limit(double_integrator(), 0.0, 1.0, intervals=32, degree=2)
-    band = physical_limit(double_integrator(), 0.0, 1.0, intervals=32, degree=2, until="band")
-    # From rest to the far edge with bang-bang, seen when it passes the near edge: the last 0.04
-    # take sqrt(2 * 0.04).
-    ideal = 2 * math.sqrt(1.02) - math.sqrt(2 * 0.04)
-    assert ideal - 1e-3 < band.seconds < ideal + 0.03
-    assert band.seconds < rest.seconds
-    inside = np.abs(band.states[32:, 0] - 1.0)
-    assert inside.max() <= 0.02 + 1e-6
-
-
-@pytest.mark.parametrize("load_kg", [3.0, 8.0])
-def test_the_arm_is_slower_than_its_torque_allows_and_the_exact_plant_follows(
-    load_kg: float,
-) -> None:
-    plant = arm(load_kg)
+def test_the_arm_is_slower_than_its_torque_allows_and_the_exact_plant_follows() -> None:
+    plant = arm(8.0)
     start, end = math.radians(15.0), math.radians(45.0)
-    limit = physical_limit(plant, start, end, intervals=24, degree=2)
+    limit = physical_limit(plant, start, end, intervals=48, degree=2)
     assert limit.status == "Solve_Succeeded"
-    bound = torque_limited_time(plant, start, end - limit.band)
+    bound = torque_limited_time(plant, start, end + limit.band, until=end - limit.band)
     # Muscles cannot be filled at once, so the bound is missed by some 10 ms at least.
     assert bound + 0.005 < limit.seconds < 1.4 * bound
-    # 24 intervals of some 8 ms; regularised, flow next to equal pressures is up to 16 % less.
+    # 48 intervals of some 4 ms; regularised, flow next to equal pressures is up to 16 % less.
     assert limit.position_error < math.radians(0.5)
     assert limit.end_speed < math.radians(5.0)
     assert np.all((limit.inputs >= -1e-6) & (limit.inputs <= 10.0 + 1e-6))
 
 
-def torque_limited_time(plant: Model, start: float, end: float) -> float:
-    """Time of the move if each muscle could be at supply pressure or empty at any moment."""
+def torque_limited_time(plant: Model, start: float, end: float, *, until: float) -> float:
+    """Time until an angle is passed if each muscle could be full or empty at any moment."""
     values = {q.name: q.value for q in plant.parameters}
     low = values["ambient_pressure"]
     high = low + values["supply_pressure"]
@@ -90,7 +78,7 @@ def torque_limited_time(plant: Model, start: float, end: float) -> float:
     lost = np.cumsum([-2 * step * acceleration(a, low, high) for a in angles[:0:-1]])[::-1]
     speed = np.sqrt(np.minimum(gained, lost))
     ends = np.concatenate([[0.0], speed])
-    return float(np.sum(2 * step / (ends[1:] + ends[:-1])))
+    return float(np.sum((2 * step / (ends[1:] + ends[:-1]))[angles[1:] <= until]))
 
 
 def test_a_found_limit_is_kept_and_a_damaged_file_is_not_believed(own_cache: Path) -> None:

@@ -98,7 +98,7 @@ def test_a_recorded_reference_is_played_as_it_is(tmp_path: Path) -> None:
     for text, told in (
         ("time,angle\n0,here\n", "cannot be read"),
         ("time,speed\n0,1\n", "column of .*'angle'"),
-        ("time,angle\n1,1\n0,2\n", "times that increase"),
+        ("time,angle\n1,1\n0,2\n", "times must increase"),
     ):
         (tmp_path / "held.csv").write_text(text)
         with pytest.raises(WorkbenchError, match=told):

@@ -160,8 +160,6 @@ class Chosen:
         at: Values at rest that were given, by name, in SI.
         inputs: Steps of inputs by name: times, in s, and values, in SI.
         effects: Effects that were attached, by the word that was given.
-        without: Effects that were left out.
-        parameters: Changed parameters, as they were given.
         design: Words ``--design-NAME VALUE``, as ``NAME=VALUE``.
     """
 

@@ -60,7 +60,6 @@ class DiagnosedCase:
     """A recording beside the models before and after its diagnosis, and what designs gain by it.
 
     Args:
-        verdict: Content of the shipped ``verdict.json``.
         before: Free run of the refitted nominal model along a held-out recording.
         after: Free run of the improved model along it.
         time: Times of the tracking errors, shape (n,), in s.
@@ -207,7 +206,6 @@ def diagnosed(
 
     Args:
         before: Free run of the refitted nominal model; its first output is the angle.
-        after: Free run of the model with what was found.
         time: Times of the tracking errors, shape (n,), in s.
         errors: Tracking error, shape (n,), in rad, by the name of the design.
     """

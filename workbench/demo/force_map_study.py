@@ -70,10 +70,8 @@ class Family:
     """A force law with numbers to be fitted.
 
     Args:
-        title: Name as people read it.
         build: Makes the law from its numbers.
         start: Numbers to start from, in the law's own units.
-        published: The law with its published or printed numbers.
     """
 
     title: str
@@ -129,7 +127,6 @@ class LawOnMap:
     """A force law fitted to a map, and what it is worth.
 
     Args:
-        title: Name as people read it.
         values: Fitted numbers, in the law's own units.
         std: Their standard deviations, in the law's own units.
         fitted_rms: Error on the points fitted on, rms in N.
@@ -155,11 +152,7 @@ class LawOnMap:
 
 @dataclass(frozen=True)
 class MapStudy:
-    """Force laws compared on one map.
-
-    Args:
-        laws: The laws, in the order of the paper.
-    """
+    """Force laws compared on one map."""
 
     name: str
     points: ForceMap
@@ -267,6 +260,10 @@ def study_map(
 
     Raises:
         WorkbenchError: If the muscle pulls at fewer than four lengths, or a fit does not end.
+
+    Example:
+        >>> study_map(made_up_map(), "made up").best.name.startswith("paper")
+        True
     """
     check_units(points)
     levels = np.unique(points.length[points.force > _BLOCKED_FORCE])

@@ -35,7 +35,6 @@ def moving_arm(run: Trajectory, *, start: float, stop: float, caption: str) -> M
     reduced motion, on paper, and without scripts.
 
     Args:
-        run: Run of the arm.
         start: First time shown, in s.
         stop: Last time shown, in s.
     """

@@ -39,7 +39,6 @@ class IsometricRecord:
         pressure: Gauge pressures, shape (n,), in Pa.
         contraction: Contractions, shape (n,), in m.
         force: Forces of the muscle, shape (n,), in N.
-        source: Where the record comes from.
     """
 
     ramp: npt.NDArray[np.int_]

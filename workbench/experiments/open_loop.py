@@ -18,11 +18,7 @@ Vector = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class OpenLoopExperiment:
-    """A simulated open-loop experiment with the figures measured from it.
-
-    Args:
-        figures: Transit time, ripple, stop touch speed.
-    """
+    """A simulated open-loop experiment with the figures measured from it."""
 
     trajectory: Trajectory
     figures: TransitFigures

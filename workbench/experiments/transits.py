@@ -62,12 +62,10 @@ class TransitFigures:
     """What the transits of an experiment have in common: the figures of the paper's Figure 8.
 
     Args:
-        transits: Every full transit, in the order of time.
         transit_time: Median time between the marks, in s; NaN without a transit.
         ripple_frequency: Median ripple frequency, in Hz; NaN without ripple.
         dips: Median number of dips in a transit; 0 without a transit.
         touch_speed: Largest speed at the contact with a stop, in rad/s; NaN if none is touched.
-        reason: Why a figure is NaN; empty if none is.
     """
 
     transits: tuple[Transit, ...]

@@ -26,10 +26,7 @@ class Beginning:
 
     Args:
         reference: Name of the plant, ``module:object`` or file.
-        options: Options that were given, by name.
         effects: Effects to attach; no design knows them.
-        without: Effects to leave out.
-        parameters: Changed parameters as ``NAME=VALUE``.
         model: The plant's model with the options alone, for which designs are made.
         at: Values at rest by name, in SI; empty for the nominal inputs.
     """

@@ -20,9 +20,6 @@ def what_would_be_possible(problem: Problem, failed: Solution) -> str:
     """Say which values of each given quantity and each chosen parameter would have a solution.
 
     Changes one of them at a time, over its range, and keeps the others as asked.
-
-    Args:
-        failed: Where its search ended.
     """
     clauses = []
     for name, unit, lower, upper, changed in _alternatives(problem):

@@ -30,7 +30,6 @@ class Condition:
     """One value that the trim has to meet: a weighted sum of measurements, states and inputs.
 
     Args:
-        label: How it is called in messages.
         weights: Weights of measurements, states and inputs, in this order, shape (n_y + n_x +
             n_u,), in SI units of the condition per unit of each.
         value: What the sum has to be, in SI.
@@ -48,7 +47,6 @@ class Problem:
     """What a trim has to solve.
 
     Args:
-        conditions: Values to be met.
         drift_direction: Direction in which the rates may differ from zero, shape (n_x,), in SI
             per unit of drift; zero for none.
         lower: Smallest states and inputs, shape (n_x + n_u,), in SI.
@@ -270,7 +268,6 @@ def conditions_of(
 
     Args:
         given: Names and values, in SI.
-        label: Label instead of the name.
     """
     everything = [*model.outputs, *model.states, *model.inputs]
     names = [q.name for q in everything]

@@ -50,6 +50,13 @@ def diagnosis_page(
 
     Raises:
         ValueError: If the diagnosis has no verdict.
+
+    Example:
+        >>> from workbench.diagnosis.comparison import proof_of
+        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
+        >>> found, _ = example_diagnosis()
+        >>> [section.name for section in diagnosis_page(found, proof_of(found), name="axis").sections]
+        ['held-out', 'where', 'parameters', 'alternatives', 'limits', 'recordings']
     """
     verdict = diagnosis.verdict
     if verdict is None:

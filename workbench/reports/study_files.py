@@ -21,9 +21,6 @@ def write_study_files(
 ) -> tuple[Path, ...]:
     """Write what a study found.
 
-    Args:
-        command: Command that makes the page again.
-
     Raises:
         WorkbenchError: If a file cannot be written.
     """
@@ -39,11 +36,7 @@ def write_study_files(
 
 
 def linear_page(study: Study, loops: tuple[LoopAnalysis, ...], *, command: str = "") -> Page:
-    """Build the page of the linear analysis alone.
-
-    Args:
-        command: Command that makes it again.
-    """
+    """Build the page of the linear analysis alone."""
     worst = min((a.disk_margin for a in loops if a.stable), default=float("nan"))
     lead = (
         f"{len(study.controllers)} controllers at {len(study.points)} operating points; the "

@@ -57,11 +57,7 @@ STUDY_METHODS: tuple[tuple[str, str], ...] = (
 
 
 def study_page(outcome: StudyResult, *, command: str = "") -> Page:
-    """Build the page of a study.
-
-    Args:
-        command: Command that makes it again.
-    """
+    """Build the page of a study."""
     study = outcome.study
     own, failed = _own_figures(outcome)
     figures = [*figures_of("study"), *(f for f in own if f.takes == "study")]

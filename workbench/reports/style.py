@@ -192,7 +192,6 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str 
     Args:
         x: Quantity and unit of the horizontal axis; None leaves it to the panel below.
         y: Quantity and unit of the vertical axis.
-        title: What the panel shows, in a few words.
     """
     if x is not None:
         axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)

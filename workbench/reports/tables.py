@@ -18,7 +18,6 @@ class Cell:
     """One entry of a table.
 
     Args:
-        text: What stands there.
         mark: Whether a requirement is met or missed, or ``"open"`` where it could not be judged.
         reason: Why, shown beside the mark.
     """
@@ -37,7 +36,6 @@ class Table:
     """Rows under headings.
 
     Args:
-        title: What the table lists.
         headings: Heading of each column, with the unit where all its numbers share one.
         rows: Rows of entries; plain words are entries without a mark.
         note: What to know when reading it, in a sentence.

@@ -102,7 +102,6 @@ class Baseline:
     """Stored runs.
 
     Args:
-        records: Records by controller, variation, scenario and seed.
         conditions: What was required, and under which conditions; None in a baseline of the first
             schema.
         box: What the parameter box did to each controller, as `BOX` has it; empty if it was not
@@ -238,10 +237,6 @@ def baseline_text(
 ) -> str:
     """Return a baseline as text that changes only where numbers do.
 
-    Args:
-        conditions: What was required, as `workbench.study.conditions` tells it.
-        box: What the parameter box did, as `BOX` has it.
-
     Returns:
         JSON with one run per entry, sorted, numbers to 9 digits, nothing that differs from machine
         to machine.
@@ -335,11 +330,7 @@ def changes(
 
 
 def box_changes(rows: Iterable[Mapping[str, Any]], baseline: Baseline) -> tuple[Change, ...]:
-    """Compare how many plants of the parameter box meet each requirement.
-
-    Args:
-        rows: What the box does now, as `BOX` has it.
-    """
+    """Compare how many plants of the parameter box meet each requirement."""
     before = {
         (row["controller"], own["requirement"]): own
         for row in baseline.box

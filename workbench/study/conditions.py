@@ -34,7 +34,6 @@ class ConditionChange:
 
     Args:
         name: What changed: ``"requirement on rmse in sine"``.
-        text: How.
         fails: Whether it must be accepted: all but what only makes the study stricter.
     """
 

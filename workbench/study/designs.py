@@ -31,14 +31,10 @@ class Fastest:
     """Search of the fastest design within limits on the peaks of the sensitivities.
 
     Args:
-        key: Key of the specification that sets the speed.
         speeds: First speed, last speed, in rad/s, and how many are tried between them.
-        at: Operating points at which the limits hold.
-        plants: Plants on which the limits hold.
         maximum_sensitivity: Limit on Ms, a ratio.
         maximum_complementary: Limit on Mt, a ratio.
         late_sensitivity: Limit on Ms with every command one sample late, a ratio.
-        reduced: Key of the specification that is reduced where no speed is within the limits.
         factors: What it is reduced by, ratios, in the order in which they are tried.
     """
 
@@ -58,17 +54,11 @@ class ControllerRecipe:
     """How to design a controller.
 
     Args:
-        name: Name in the study.
         design: Name of a design, or ``module:function`` of one's own, called with the linear model
             and the specification as a mapping.
-        plant: Plant of the design model.
         at: Given values of the operating point by name, in SI.
-        specification: Fields of the design's specification.
         inertia_margin: What is added to parameters, in SI, for the inertia that the feedback is
             designed for; the plant at rest stays as it is.
-        plan: Options of the planned move of a design on the plant's model; none without a plan.
-        fastest: How the fastest design is searched; None for the specification as it is.
-        guard: Whether it runs inside a guard with the limits of the design's plant.
     """
 
     name: str

@@ -43,7 +43,6 @@ def finished(
     Args:
         asked: Frozen data whose representation says all that a result depends on.
         do: Returns the result as a table that JSON can hold; called in any process.
-        store: Where results are kept.
         shape: What a kept result must be; another one is done again.
         name: What progress is told of one that is finished.
         dask: Address of a Dask scheduler that does the work, instead of local processes.

@@ -22,11 +22,6 @@ def check_demand(
 ) -> None:
     """Check that a requirement can be judged and met.
 
-    Args:
-        units: SI unit of each metric by name.
-        scenarios: Scenarios by name.
-        controllers: Controllers by name.
-
     Raises:
         WorkbenchError: If its unit does not fit, or nothing can meet it.
     """
@@ -104,11 +99,7 @@ def check_demands(demands: Sequence[Demand]) -> None:
 
 
 def can_have(metric: str, scenario: Scenario, own: Sequence[Metric] = ()) -> bool:
-    """Tell whether a scenario can give a metric a value.
-
-    Args:
-        metric: Name of the metric, with or without its output.
-    """
+    """Tell whether a scenario can give a metric a value."""
     found = metric_of(metric, own)
     signals = scenario.references.values()
     if found is not None and found.needs == "step":

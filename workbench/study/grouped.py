@@ -15,11 +15,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Group(Generic[T]):
-    """Findings on several plants.
-
-    Args:
-        others: Names of the other plants, in their order.
-    """
+    """Findings on several plants."""
 
     worst: T
     others: tuple[str, ...] = ()

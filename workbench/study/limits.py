@@ -75,8 +75,6 @@ class Distance:
 
     Args:
         ratio: Settling over limit of the worst step, dimensionless, or NaN with a reason.
-        worst: The worst step, or None if no step could be compared.
-        case: Name of the case; empty if the study has one plant.
     """
 
     controller: str
@@ -91,9 +89,6 @@ class Distances:
     """Distance to the physical limit of every controller in every scenario.
 
     Args:
-        asked: Whether the study asked for it.
-        steps: Every step on the nominal plant that was compared.
-        worst: One entry per controller and scenario.
         limits: Physical limits: name of the variation, move, and time in s.
     """
 
@@ -188,10 +183,6 @@ def find_limits(
 ) -> dict[Move, Value]:
     """Find the physical limit of every step of a study on its nominal plant.
 
-    Args:
-        store: Where finished results are kept.
-        dask: Address of a Dask scheduler, or None.
-
     Returns:
         Limit by move, in s, or NaN with a reason; none if the study does not ask.
 
@@ -254,13 +245,7 @@ def limit_of(move: Move) -> Value:
     plain = {e.name for e in replace(move.plant, effects=(), parameters=()).build().effects}
     model = model.without(*(e for e in model.dry_effects if e not in plain))
     try:
-        found = physical_limit(
-            model,
-            move.initial,
-            move.final,
-            until="band",
-            coordinate=move.output,
-        )
+        found = physical_limit(model, move.initial, move.final, coordinate=move.output)
     except WorkbenchError as error:
         # Behind the semicolon stands what a caller of the function may change, not a reader.
         return Value(math.nan, str(error).split(";")[0])
@@ -271,9 +256,6 @@ def limit_of(move: Move) -> Value:
 
 def distances(study: Study, records: Sequence[Record], limits: Mapping[Move, Value]) -> Distances:
     """Compare every step on the nominal plant with its limit.
-
-    Args:
-        limits: What `find_limits` found, in s.
 
     Returns:
         Steps, and the worst per controller and scenario; of several seeds the worst counts.

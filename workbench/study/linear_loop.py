@@ -42,7 +42,6 @@ class LoopAnalysis:
         opened: Where the loop is opened: at the first sensor, or at the command.
         frequency_Hz: Frequencies, shape (n,), in Hz.
         response: Loop gain L, shape (n,), dimensionless; negative feedback is L / (1 + L).
-        stable: Whether the closed loop is stable.
         gain_margin: Smallest factor above 1 that makes it unstable; infinite if none does.
         gain_margin_down: Largest factor below 1 that makes it unstable; 0 if none does.
         phase_margin: In rad; infinite if the gain never crosses 1.
@@ -51,7 +50,6 @@ class LoopAnalysis:
         sensitivity: Ms, the peak of ``1 / (1 + L)``, dimensionless.
         complementary: Mt, the peak of ``L / (1 + L)``, dimensionless.
         disk_margin: Disk margin alpha, dimensionless.
-        reason: Why there is no analysis.
     """
 
     controller: str
@@ -110,7 +108,6 @@ def analyse_loop(
     """Open the loop at the first sensor and at the command, and compute its margins.
 
     Args:
-        linear: Linear model with its sensors and actuator.
         point: Given values of the operating point, by name, in SI, for the record.
         points: Number of frequencies between 0.05 Hz and 0.98 of the Nyquist frequency.
 

@@ -9,7 +9,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import check_range
 from workbench.model import Model
 from workbench.plants import DEFAULT_PLANT
 from workbench.plants.plant import Plant
@@ -25,12 +24,10 @@ class PlantRecipe:
         options: Options of the plant by name, numbers in the option's unit.
         effects: Effects that are attached; those of the library at zero size until a parameter says
             more.
-        without: Effects that are left out.
         parameters: Changed parameters by name, in SI.
         noise: Factor on the noise of every sensor, dimensionless.
         scaled: Parameters multiplied by a factor (dimensionless), whatever their bounds: evidence
             of what a part would do that does not exist.
-        folder: Where a plant of one's own is found.
     """
 
     kind: str = DEFAULT_PLANT
@@ -106,8 +103,3 @@ def _structure(
 ) -> Model:
     plant = PLANTS.get(kind, folder=folder)
     return plant.model(dict(options), effects=effects, without=without, folder=folder)
-
-
-def checked_noise(value: float) -> float:
-    """Return a factor on the sensors' noise (dimensionless) if it is within 0 to 100."""
-    return check_range("noise factor", value, 0.0, 100.0)

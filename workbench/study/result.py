@@ -40,14 +40,8 @@ class StudyResult(Drawn):
     """Everything a study found.
 
     Args:
-        scores: One score per controller.
-        robustness: Results of the parameter box.
-        loops: Opened loops on linear models.
-        baseline: What was compared with, or None.
-        changes: Differences from the baseline.
         seconds: Time the study took, in s.
         work: What its runs took, in units that no machine changes; also those finished before.
-        distances: Distance to the physical limit, where the study asks for it.
     """
 
     study: Study
@@ -310,9 +304,6 @@ def run_study(
     goes on where it was.
 
     Args:
-        baseline: File to compare with, or None.
-        dask: Address of a Dask scheduler that does the runs instead, or None.
-        fresh: Whether finished runs are done again.
         verify_cache: Whether a sample of the finished runs is done again and must agree.
         progress: Told the part of the study, finished and all runs of it, and what was finished;
             by default a notebook shows a bar.

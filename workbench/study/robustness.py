@@ -35,8 +35,6 @@ class Probability:
     """How often a requirement was met over the box.
 
     Args:
-        hard: Whether missing it fails a study.
-        met: Number of draws that met it.
         low: Lower end of the 95 % interval of the probability (a ratio).
         high: Upper end of the interval (a ratio).
         worst: Worst value of the metric over draws and search, in the unit of the limit; NaN if a
@@ -65,13 +63,11 @@ class Robustness:
         points: Drawn plants and those of the search, shape (n, n_parameters), in SI.
         scores: Worst score of the hard requirements at each point, shape (n,), at most 10.
         drawn: Number of leading points that were drawn; the rest were searched.
-        probabilities: One per requirement.
         effects: Change of the score (a ratio) from lowest to highest value by parameter, hardest
             first.
         explained: R squared, the ratio of the scores' variance that the straight line explains.
         worst: Values of the worst plant by parameter, in SI.
         judgement: The requirement that gives the worst score there, or None.
-        failed: Reasons of failed runs.
         worst_runs: Runs at the worst plant, one per scenario, with their trajectories.
     """
 
@@ -145,12 +141,7 @@ def robustness(
     dask: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[Robustness, ...]:
-    """Search the parameter box of a study.
-
-    Args:
-        store: Where finished runs are kept.
-        dask: Address of a Dask scheduler, or None.
-    """
+    """Search the parameter box of a study."""
     box = study.box
     if box is None:
         return ()

@@ -74,7 +74,6 @@ class StudyFile:
     """A study as it was written.
 
     Args:
-        table: What it holds.
         lines: Line by path of each entry.
     """
 
@@ -131,9 +130,6 @@ def resolve(file: StudyFile, *, optional: bool = False) -> Study:
 
 def load_study(path: str | Path, *, optional: bool = False) -> Study:
     """Read and resolve a study file.
-
-    Args:
-        optional: Whether parts that are marked as optional count.
 
     Raises:
         WorkbenchError: With file and line of the first mistake.
@@ -487,6 +483,8 @@ class _Resolver(TomlTables):
         case: str,
         *path: str | int,
     ) -> Fastest:
+        with self.at(*path):
+            shapes.FASTEST.check_needed(given, path)
         table, model = dict(given), recipe.plant.build()
         kinds = {v.kind: v for v in self.variations_.values() if v.case == case}
         nominal = dict(kinds[NOMINAL].plant.parameters)

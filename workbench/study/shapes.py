@@ -212,7 +212,8 @@ VARIATION = FieldTable(
 )
 _SPEED = "unit of the key"
 FASTEST = FieldTable(
-    {
+    partial=True,
+    fields={
         "key": Field(
             text, "key of the specification that sets the speed", '"bandwidth"', needed=True
         ),

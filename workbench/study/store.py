@@ -56,9 +56,6 @@ class Store:
     def get(self, key: str, shape: Shape = anything) -> dict[str, Any] | None:
         """Return what was kept under a key, or None.
 
-        Args:
-            shape: What it must be.
-
         Returns:
             The table, whose work now counts as done; None if there is none, only a damaged one, or
             something that it was made from has changed since.
@@ -97,7 +94,6 @@ class Store:
 
         Args:
             read: What the process that made it has read, beside what this one has.
-            work: What it took.
 
         Raises:
             WorkbenchError: If the folder cannot be written.

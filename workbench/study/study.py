@@ -1,4 +1,8 @@
-"""A study: controllers, plants and their variations, scenarios and what is required, as data."""
+"""A study: controllers, plants and their variations, scenarios and what is required, as data.
+
+What an entry of a study file means stands in `workbench.study.shapes`, once for the file's check,
+for the page of fields and for the entries here that have its name.
+"""
 
 from __future__ import annotations
 
@@ -26,11 +30,6 @@ class Variation:
         name: Name in results; with several cases it begins with the case.
         case: Name of the case; empty if the study has one plant.
         kind: Name without the case: ``"nominal"``, ``"1 kg"``.
-        scenarios: Names of the scenarios that it runs; all if empty.
-        controllers: Names of the controllers that it runs; all if empty.
-        disturbances: Disturbances that every scenario has with it.
-        ideal: Whether sensors and converters are ideal.
-        late_samples: Samples by which every command is late.
         plan_duration: Duration of the planned moves relative to those of the design, a ratio.
         lead: What is added to the lead of the feedforward, in s.
         judged: Whether requirements apply; a variation that only shows what a part costs is
@@ -77,9 +76,6 @@ class Case:
 
     Args:
         name: Name; empty if the study has one plant.
-        plant: The plant that runs when nothing varies.
-        controllers: Controllers by name, as designed for it.
-        scenarios: Scenarios by name, as it runs them.
     """
 
     name: str
@@ -90,14 +86,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Selection:
-    """Which runs a controller does, where it does not do all.
-
-    Args:
-        seeds: Number of seeds; all if None.
-        scenarios: Names of scenarios; all if empty.
-        variations: Names of variations without their case; all if empty.
-        judged: Whether requirements apply to it; it is evidence if not.
-    """
+    """Which runs a controller does, where it does not do all."""
 
     seeds: int | None = None
     scenarios: tuple[str, ...] = ()
@@ -110,11 +99,8 @@ class Demand:
     """A requirement of a study.
 
     Args:
-        requirement: Metric, limit, hard or soft, scenario.
         weight: Weight in the mean score, dimensionless.
-        controllers: Names of the controllers it applies to; all if empty.
         variations: Names of the variations it applies to, with or without their case; all if empty.
-        plants: Names of the cases it applies to; all if empty.
         step: Size of the steps that are judged, in SI; all if None. For metrics of steps only.
     """
 
@@ -149,10 +135,6 @@ class Box:
 
     Args:
         ranges: Lowest and highest value by parameter, in SI; draws are uniform.
-        scenarios: Names of the scenarios that every draw runs.
-        controllers: Names of the controllers; all if empty.
-        search: Number of further plants that the local search may try.
-        hard: Whether a hard requirement missed at the worst point fails the study.
     """
 
     ranges: Mapping[str, tuple[float, float]]
@@ -169,12 +151,7 @@ class Report:
     """What a study reports beside its runs.
 
     Args:
-        physical_limit: Whether steps are compared with the fastest that the plant can do.
         limit_steps: Steps that are compared, as pairs of references in SI; all if empty.
-        limit_variations: Variations whose physical limit is found too.
-        limitations: How the section on performance limitations reads the evidence.
-        figures: Figures of one's own on the page, each as ``module:object``.
-        traced: Variations whose trajectories are kept for pictures, beside the nominal one.
     """
 
     physical_limit: bool = False
@@ -187,13 +164,7 @@ class Report:
 
 @dataclass(frozen=True)
 class Cause:
-    """What keeps controllers from a goal.
-
-    Args:
-        name: Name under which misses are listed.
-        text: What it is, for the page.
-        variation: Variation that shows it, if one does.
-    """
+    """What keeps controllers from a goal."""
 
     name: str
     text: str = ""
@@ -205,16 +176,8 @@ class Limitations:
     """How the section on performance limitations reads the evidence.
 
     Args:
-        scenario: Scenario whose steps are compared with the physical limit.
-        unknown: What no design knows and a plan must bear; its ``variation`` has it.
-        neglected: What the design models leave out; its ``variation`` is without it.
-        loop: What a loop of finite bandwidth adds.
-        design: Where another controller reaches the goal on the same plants.
-        ladder: Variations with one limitation less at a time, and what the plant lacks there.
-        controllers: Controllers whose steps are shown along the ladder.
         ratio: Wanted settling over physical limit, a ratio.
         overshoot: Overshoot that a faster plan may have, a fraction of the step.
-        notes: Further paragraphs.
     """
 
     scenario: str
@@ -242,14 +205,8 @@ class Study:
         cases: Plants that are known to the designs, by name, the first of which leads.
         variations: Plants that run, by name, the nominal one of each case first.
         controllers: Controllers by name, as designed for the first case that has them.
-        scenarios: Scenarios by name.
-        seeds: Seeds of the sensors' noise.
         selections: Which runs controllers and scenarios have that do not have all, by name.
         points: Operating points of the linear analysis: given values by name, in SI.
-        box: Parameter box, or None.
-        tolerances: Rules of comparison that differ from the usual ones, by metric.
-        description: What the study is about, in a sentence.
-        report: What is reported beside the runs.
         own_metrics: Metrics of the study's own, as ``module:object``.
     """
 

@@ -452,11 +452,7 @@ def _limits(outcome: StudyResult) -> list[str]:
 
 
 def limit_text(distance: Distance | None) -> str:
-    """Write the distance to the physical limit in a scenario.
-
-    Args:
-        distance: The distance, or None.
-    """
+    """Write the distance to the physical limit in a scenario."""
     if distance is None or distance.worst is None or math.isnan(distance.ratio.value):
         return f"none ({distance.ratio.reason})" if distance is not None else "–"
     step = distance.worst

@@ -43,7 +43,6 @@ class Task:
 
     Args:
         variation: The plant, and what else differs.
-        scenario: What is asked.
         own_metrics: Metrics of the study's own, as ``module:object``.
         traces: Whether the trajectories are kept for pictures.
     """
@@ -67,11 +66,9 @@ class Record:
 
     Args:
         reason: Why the run failed; empty if it did not.
-        metrics: Its metrics; none if it failed.
         seconds: Time it took, in s.
         traces: Trajectories for pictures by name, in SI.
         steps: How each step of the reference was followed; none if the run failed.
-        events: What each change and disturbance did.
         margins: Speed in rad/s and peaks of the sensitivities (ratios) of a design that was
             searched, by name.
     """

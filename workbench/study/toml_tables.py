@@ -16,12 +16,7 @@ from workbench.errors import WorkbenchError
 
 
 class TomlTables:
-    """A table of a file, with the line of each entry.
-
-    Args:
-        table: What the file holds.
-        lines: Line by path of the entry.
-    """
+    """A table of a file, with the line of each entry."""
 
     def __init__(self, path: Path, table: dict[str, Any], lines: Mapping[Place, int]) -> None:
         self.path, self.table, self.lines = path, table, lines

@@ -29,7 +29,6 @@ class Run(Drawn):
     h.
 
     Args:
-        scenario: What was asked.
         time: Sample times, shape (n,), in s.
         references: Reference of each controlled output, shape (n,) each, in SI.
         states: States, shape (n, n_states), in SI.
@@ -37,17 +36,12 @@ class Run(Drawn):
         measured: What the controller's sensors read, shape (n, n_sensors), in SI.
         inputs: Commands that reached the plant, shape (n, n_inputs), in SI.
         parameters: Plant parameters, shape (n, n_parameters), in SI; no columns for a linear model.
-        infos: What each step told about itself.
-        output_quantities: Outputs, in the order of the columns.
-        input_quantities: Inputs, in the order of the columns.
         sensors: Names of the columns of ``measured``.
         controlled: Names of the outputs that had a reference.
-        model: The full plant, None for a linear model.
         integrator: How the plant was advanced.
         tolerance: Tolerance of the integrator, relative to the scales of the states.
         state_names: Names of the columns of ``states``.
         surface_layer: Boundary layer of a sliding controller, in the unit of its surface.
-        guarded: Whether the controller came with limits of a guard.
     """
 
     controller: str

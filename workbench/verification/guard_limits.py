@@ -61,7 +61,6 @@ def guarded(
     """Put a controller into a guard with the limits that its plant declares.
 
     Args:
-        plant: The plant, or a linear model of it.
         at: Where the plant rests, values by name in SI; by default where its nominal inputs hold
             it, or the operating point of the linear model.
         hold: How long the last command is held, in samples; more than a slow sensor repeats itself,

@@ -10,13 +10,11 @@ import numpy.typing as npt
 
 from workbench.errors import check_choice
 from workbench.verification.closed_loop_run import Run
-from workbench.verification.metrics import Metric, Tolerance
+from workbench.verification.metrics import Metric, Tolerance, extremes
 
 Vector = npt.NDArray[np.float64]
 
 _STOP = "_stop.torque"
-_PRESSURE = Tolerance("neither", 1e3, 0.02)
-_STIFFNESS = Tolerance("neither", 0.1, 0.02)
 
 
 def joint_stiffness(run: Run) -> Vector:
@@ -42,14 +40,6 @@ def joint_stiffness(run: Run) -> Vector:
     return np.asarray(values, dtype=float).ravel()
 
 
-def _stiffness(run: Run) -> Vector:
-    return run.derived("stiffness", joint_stiffness)
-
-
-def _mean_pressure(run: Run) -> Vector:
-    return 0.5 * (run["pressure_1"] + run["pressure_2"])
-
-
 def _stops(run: Run) -> list[Vector]:
     return [run[name] for name in run.signal_names if name.endswith(_STOP)]
 
@@ -57,10 +47,6 @@ def _stops(run: Run) -> list[Vector]:
 def _impacts(run: Run) -> float:
     touching = [torque > 0.0 for torque in _stops(run)]
     return float(sum(int(np.sum(t[1:] & ~t[:-1])) + int(t[0]) for t in touching))
-
-
-def _has_pressures(signals: Set[str]) -> bool:
-    return {"pressure_1", "pressure_2"} <= signals
 
 
 def _has_stops(signals: Set[str]) -> bool:
@@ -77,39 +63,22 @@ AIR = Metric(
     tolerance=Tolerance(absolute=1e-6, relative=0.05),
     table="summary",
 )
-MEAN_PRESSURE_LOWEST = Metric(
-    "mean_pressure_lowest",
-    lambda run: float(_mean_pressure(run).min()),
-    "lowest mean of the two pressures",
+MEAN_PRESSURE_LOWEST, MEAN_PRESSURE_HIGHEST = extremes(
+    "mean_pressure_",
+    lambda run: 0.5 * (run["pressure_1"] + run["pressure_2"]),
+    "mean of the two pressures",
     unit="Pa",
     display_unit="bar",
-    fits=_has_pressures,
-    tolerance=_PRESSURE,
+    fits=lambda signals: {"pressure_1", "pressure_2"} <= signals,
+    tolerance=Tolerance("neither", 1e3, 0.02),
 )
-MEAN_PRESSURE_HIGHEST = Metric(
-    "mean_pressure_highest",
-    lambda run: float(_mean_pressure(run).max()),
-    "highest mean of the two pressures",
-    unit="Pa",
-    display_unit="bar",
-    fits=_has_pressures,
-    tolerance=_PRESSURE,
-)
-STIFFNESS_LOWEST = Metric(
-    "stiffness_lowest",
-    lambda run: float(_stiffness(run).min()),
-    "lowest stiffness of the joint at constant pressures",
+STIFFNESS_LOWEST, STIFFNESS_HIGHEST = extremes(
+    "stiffness_",
+    lambda run: run.derived("stiffness", joint_stiffness),
+    "stiffness of the joint at constant pressures",
     unit="N m/rad",
     fits=lambda signals: "joint.torque" in signals,
-    tolerance=_STIFFNESS,
-)
-STIFFNESS_HIGHEST = Metric(
-    "stiffness_highest",
-    lambda run: float(_stiffness(run).max()),
-    "highest stiffness of the joint at constant pressures",
-    unit="N m/rad",
-    fits=lambda signals: "joint.torque" in signals,
-    tolerance=_STIFFNESS,
+    tolerance=Tolerance("neither", 0.1, 0.02),
 )
 STOP_IMPACTS = Metric(
     "stop_impacts",

@@ -60,7 +60,7 @@ class Metric:
         measure: Called with the run, and with the name of the output or command it is ``of``.
         help: How it is computed, in the words of a table.
         unit: SI unit; ``{unit}`` stands for that of the output or command.
-        display_unit: Unit in which people read it, ``{unit}`` for the display unit of the output.
+        display_unit: Unit in which people read it; one of an output follows that of the output.
         of: Whether there is one per run, per controlled output or per command.
         needs: What a run must have: a ``"step"`` of the reference, a reference that comes to
             ``"rest"``, a controller that is a ``"solver"`` or has a sliding ``"surface"``, or a
@@ -109,8 +109,6 @@ class MetricValue:
         name: Name of the metric, with its output or command where there are several.
         value: The number in ``unit``, NaN if there is none.
         unit: SI unit.
-        reason: Why there is no number; empty if there is one.
-        display_unit: Unit in which people read it.
     """
 
     name: str
@@ -215,6 +213,7 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
             continue
         for label, name in _labels(metric, run.controlled, tuple(commands)):
             unit, shown = (outputs if metric.of == "output" else commands).get(name, ("1", ""))
+            follows = metric.unit if metric.of == "output" and "{unit}" in metric.unit else ""
             value = metric.measure(run, name) if name else metric.measure(run)
             value = value if isinstance(value, Value) else Value(float(value))
             found.append(
@@ -223,7 +222,7 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
                     value.value,
                     _unit(metric.unit, unit),
                     value.reason,
-                    _unit(metric.display_unit, shown or unit),
+                    _unit(metric.display_unit or follows, shown or unit),
                 )
             )
     return Metrics(run.controller, run.plant, run.scenario.name, tuple(found))
@@ -308,13 +307,45 @@ def _counted(run: Run) -> slice:
     return slice(int(np.searchsorted(run.time, run.scenario.count_from - 1e-9)), None)
 
 
+def extremes(
+    name: str,
+    signal: Callable[..., Vector],
+    what: str,
+    *,
+    unit: str,
+    tolerance: Tolerance,
+    display_unit: str = "",
+    of: Literal["run", "output", "command"] = "run",
+    fits: Callable[[Set[str]], bool] = lambda signals: True,
+) -> tuple[Metric, Metric]:
+    """Return lowest and highest value of a signal as metrics.
+
+    Args:
+        name: What stands before ``lowest`` and ``highest`` in their names.
+        signal: Returns the signal over time, called as `Metric.measure` is.
+    """
+
+    def metric(end: str, pick: Callable[[Vector], float]) -> Metric:
+        return Metric(
+            f"{name}{end}",
+            lambda run, *owner: float(pick(signal(run, *owner))),
+            f"{end} {what}",
+            unit=unit,
+            display_unit=display_unit,
+            of=of,
+            fits=fits,
+            tolerance=tolerance,
+        )
+
+    return metric("lowest", np.min), metric("highest", np.max)
+
+
 # Two samples of 2 ms: entry into a band is counted in whole samples.
 _TIMES = Tolerance(absolute=0.004, relative=0.02)
 # 0.01 deg: some steps of an encoder.
 _REST = Tolerance(absolute=1.7e-4, relative=0.1)
 _ERROR = Tolerance(absolute=1e-5, relative=0.02)
-_RANGE = Tolerance("neither", 1e-3, 0.02)
-_COMMAND = Tolerance("neither", 0.05, 0.05)
+_NEVER = Tolerance(relative=0.0)
 _COMPUTING = Tolerance(gates=False, repeats=False)
 
 SETTLING_TIME = Metric(
@@ -356,7 +387,6 @@ STEADY_ERROR = Metric(
     ),
     "mean error of the last second of each step, as a magnitude; worst step",
     unit="{unit}",
-    display_unit="{unit}",
     of="output",
     needs="rest",
     tolerance=_REST,
@@ -372,7 +402,6 @@ OSCILLATION = Metric(
     "what still moves: half of highest minus lowest output in the last second of each step, its"
     " straight line taken away, the amplitude of a limit cycle; worst step",
     unit="{unit}",
-    display_unit="{unit}",
     of="output",
     needs="rest",
     tolerance=_REST,
@@ -384,7 +413,6 @@ RMSE = Metric(
     "root mean square of reference minus output over the whole run, or from where the scenario"
     " counts it",
     unit="{unit}",
-    display_unit="{unit}",
     of="output",
     tolerance=_ERROR,
     table="summary",
@@ -396,27 +424,16 @@ IAE = Metric(
     ),
     "integral of the magnitude of reference minus output",
     unit="{unit} s",
-    display_unit="{unit} s",
     of="output",
     tolerance=_ERROR,
 )
-LOWEST = Metric(
-    "lowest",
-    lambda run, name: float(run[name].min()),
-    "lowest value of the output",
+LOWEST, HIGHEST = extremes(
+    "",
+    lambda run, name: run[name],
+    "value of the output",
     unit="{unit}",
-    display_unit="{unit}",
     of="output",
-    tolerance=_RANGE,
-)
-HIGHEST = Metric(
-    "highest",
-    lambda run, name: float(run[name].max()),
-    "highest value of the output",
-    unit="{unit}",
-    display_unit="{unit}",
-    of="output",
-    tolerance=_RANGE,
+    tolerance=Tolerance("neither", 1e-3, 0.02),
 )
 CHATTER = Metric(
     "chatter",
@@ -427,21 +444,13 @@ CHATTER = Metric(
     tolerance=Tolerance(absolute=0.1, relative=0.05),
     table="summary",
 )
-COMMAND_LOWEST = Metric(
-    "command_lowest",
-    lambda run, name: float(run[name].min()),
-    "lowest command",
+COMMAND_LOWEST, COMMAND_HIGHEST = extremes(
+    "command_",
+    lambda run, name: run[name],
+    "command",
     unit="{unit}",
     of="command",
-    tolerance=_COMMAND,
-)
-COMMAND_HIGHEST = Metric(
-    "command_highest",
-    lambda run, name: float(run[name].max()),
-    "highest command",
-    unit="{unit}",
-    of="command",
-    tolerance=_COMMAND,
+    tolerance=Tolerance("neither", 0.05, 0.05),
 )
 SOLVE_TIME_MEDIAN = Metric(
     "solve_time_median",
@@ -469,7 +478,7 @@ FALLBACKS = Metric(
     lambda run: float(np.nansum(run.info("fallback"))),
     "how often the optimisation failed and its named fallback was used",
     needs="solver",
-    tolerance=Tolerance(relative=0.0),
+    tolerance=_NEVER,
     zero=True,
     table="page",
 )
@@ -488,30 +497,16 @@ def _guard(*actions: str) -> Callable[[Run], float]:
     return lambda run: float(sum(info.get("guard_action") in actions for info in run.infos))
 
 
-GUARD_CLAMPED = Metric(
-    "guard_clamped",
-    _guard("clamp"),
-    "samples whose reference was out of its range or no number, and was replaced",
-    needs="guard",
-    tolerance=Tolerance(relative=0.0),
-    zero=True,
-)
-GUARD_HELD = Metric(
-    "guard_held",
-    _guard("hold"),
-    "samples at which the guard held the command, because a measurement could not be believed",
-    needs="guard",
-    tolerance=Tolerance(relative=0.0),
-    zero=True,
-)
-GUARD_SAFE = Metric(
-    "guard_safe",
-    _guard("safe"),
-    "samples at which the guard gave the safe command",
-    needs="guard",
-    tolerance=Tolerance(relative=0.0),
-    zero=True,
-)
+GUARD_CLAMPED, GUARD_HELD, GUARD_SAFE = (
+    Metric(name, _guard(action), text, needs="guard", tolerance=_NEVER, zero=True)
+    for name, action, text in (
+        ("guard_clamped", "clamp", "samples whose reference was out of its range or no number, and"
+         " was replaced"),
+        ("guard_held", "hold", "samples at which the guard held the command, because a measurement"
+         " could not be believed"),
+        ("guard_safe", "safe", "samples at which the guard gave the safe command"),
+    )
+)  # fmt: skip
 
 
 def _surface(run: Run) -> Vector:

@@ -1,19 +1,18 @@
 """The physical limit: the time-optimal move of a plant, which no controller can beat.
 
 No controller settles faster than the plant allows. The limit is the time-optimal move between two
-positions at rest, of the full plant, found by direct collocation on the regularised equations with
-a free duration T:
+positions of the full plant, found by direct collocation on the regularised equations with free
+durations T of the move and S of the stay after it:
 
     minimise T   subject to   dx/dt = f(x, u),  u in its range, held over each interval
                               x(0) = rest at the first position
                               lower stop <= position <= upper stop
-                              |position - target| <= band                   at T
-                              speed = 0, acceleration = 0, |jerk| <= 1/s^3 of the move at T
+                              |position - target| <= band                   from T to T + S
+                              speed = 0, acceleration = 0, jerk <= 1/s^3 of the move at T + S
 
-At T the plant rests within the band of a settling time, its forces balance and no longer change, so
-that it can stay. The stops may not be used as brakes. ``until="band"`` asks for less: it only
-enters the band at T, and comes to rest in a second phase of free duration, without leaving the band
-again. That is the lower bound of the settling time itself, which no controller can beat.
+From T on the plant is within the band of a settling time for good, for it comes to rest there and
+its forces balance. The stops may not be used as brakes. T is the lower bound of the settling time
+itself.
 
 Each interval is a polynomial through Radau points; states are counted in their scales. Inputs are
 held over an interval, which makes the time found too long, by about two intervals.
@@ -30,7 +29,7 @@ import io
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -45,7 +44,6 @@ from workbench.simulation.compiled import cache_folder
 from workbench.simulation.stepper import Stepper
 
 Vector = npt.NDArray[np.float64]
-Until = Literal["rest", "band"]
 
 _FORMULATION = "1"
 _SHORTEST, _LONGEST = 5e-3, 5.0
@@ -61,9 +59,8 @@ class PhysicalLimit:
     """The fastest move of a plant between two resting positions.
 
     Args:
-        seconds: The limit: time to rest within the band, or to its entry for good, in s.
-        until: Which of the two, ``"rest"`` or ``"band"``.
-        durations: Durations of the phases, in s: the move, and the stay of ``until="band"``.
+        seconds: The limit: time until the plant is within the band for good, in s.
+        durations: Durations of the move and of the stay after it, in s.
         begin: Position at the start, in ``unit``.
         end: Position at the end, in ``unit``.
         band: Half-width of the band about the final position, in ``unit``.
@@ -80,7 +77,6 @@ class PhysicalLimit:
     """
 
     seconds: float
-    until: Until
     durations: tuple[float, ...]
     begin: float
     end: float
@@ -102,9 +98,8 @@ class PhysicalLimit:
         def shown(value: float) -> float:
             return float(from_si(value, unit))
 
-        end = "at rest" if self.until == "rest" else "inside for good"
         rows = [
-            (end, f"{self.seconds:.4f} s"),
+            ("inside for good", f"{self.seconds:.4f} s"),
             ("band", f"+-{shown(self.band):.3g} {unit}"),
             ("solver", f"{self.status}, {self.iterations} iterations"),
             ("exact plant, off the path by", f"{shown(self.position_error):.2g} {unit}"),
@@ -120,7 +115,6 @@ def physical_limit(
     begin: float,
     end: float,
     *,
-    until: Until = "rest",
     band: float | None = None,
     intervals: int = 64,
     degree: int = 3,
@@ -134,9 +128,8 @@ def physical_limit(
     Args:
         begin: Position at rest before the move, in SI.
         end: Position after it, in SI.
-        until: ``"rest"``, at rest within the band, or ``"band"``, within the band for good.
         band: Half-width of the band that counts as settled, in SI; 2 % of the move by default.
-        intervals: Number of intervals of the move; the stay of ``"band"`` has a quarter as many.
+        intervals: Number of intervals of the move; the stay has a quarter as many.
         degree: Radau points per interval, 2 to 5.
         coordinate: Name of the state that moves, the rate of which is a state; the first output
             that is a state by default.
@@ -158,7 +151,6 @@ def physical_limit(
             f"the rate of {coordinate!r} is no state of the plant, so there is no move between"
             " positions at rest; name a coordinate that has a speed"
         )
-    check_choice("end of the move", until, ("rest", "band"))
     check_range("number of intervals", intervals, 8, 1000)
     check_range("number of Radau points", degree, 2, 5)
     distance = abs(float(end) - float(begin))
@@ -173,7 +165,7 @@ def physical_limit(
         start,
         float(end),
         width,
-        (int(intervals),) if until == "rest" else (int(intervals), int(intervals) // 4),
+        (int(intervals), int(intervals) // 4),
         int(degree),
         names.index(coordinate),
         names.index(velocity),
@@ -207,7 +199,7 @@ class _Problem:
     start: OperatingPoint
     target: float
     band: float
-    intervals: tuple[int, ...]
+    intervals: tuple[int, int]
     degree: int
     coordinate: int
     velocity: int
@@ -279,7 +271,7 @@ class _Problem:
         )
         variables = ca.vertcat(times, ca.vec(Z), ca.vec(P), ca.vec(U))
         # A little of the stay, so that its length is determined.
-        weights = ca.DM([1.0, 1e-3][: len(self.intervals)])
+        weights = ca.DM([1.0, 1e-3])
         program = {"x": variables, "f": ca.dot(weights, times), "g": g}
         guess, lower, upper = self._guess_and_bounds()
         # The jerk of a plant whose input is a force rests with the acceleration: as an equation it
@@ -340,7 +332,7 @@ class _Problem:
         nodes_low[0] = nodes_high[0] = x0 / size
         nodes_low[move:, c], nodes_high[move:, c] = band
         points_low[d * move :, c], points_high[d * move :, c] = band
-        times = np.array([0.4, 0.1])[: len(self.intervals)]
+        times = np.array([0.4, 0.1])
         s = np.minimum(np.arange(total + 1) / move, 1.0)
         path = s**3 * (10 - 15 * s + 6 * s**2)
         reach = self.target - x0[c]
@@ -356,7 +348,7 @@ class _Problem:
         wave[:move] = np.where(np.arange(move) < 0.5 * move, 1.0, -1.0) * np.sign(reach)
         span = np.where(np.isfinite(u_high - u_low), 0.25 * (u_high - u_low), 1.0)
         u = rest + wave[:, None] * span
-        t_low, t_high = np.full(len(times), _SHORTEST), np.full(len(times), _LONGEST)
+        t_low, t_high = np.full(2, _SHORTEST), np.full(2, _LONGEST)
         guess = np.concatenate([times, nodes.ravel(), points.ravel(), u.ravel()])
         lower = np.concatenate(
             [t_low, nodes_low.ravel(), points_low.ravel(), np.tile(u_low, total)]
@@ -379,7 +371,6 @@ class _Problem:
         stray = np.abs(driven[:, c] - found["states"][:, c])
         return PhysicalLimit(
             seconds=float(found["times"][0]),
-            until="rest" if len(self.intervals) == 1 else "band",
             durations=tuple(float(t) for t in found["times"]),
             begin=float(self.start.x[c]),
             end=self.target,

@@ -19,9 +19,6 @@ class Requirement:
     Args:
         limit: The limit, in ``unit``; positive, so that scores can be compared.
         unit: Unit of the limit; the metric's SI unit if empty.
-        kind: ``"at_most"`` or ``"at_least"``.
-        hard: Whether missing it fails the study.
-        scenario: Name of the scenario it applies to; every scenario if empty.
 
     Raises:
         WorkbenchError: If the kind is unknown or the limit is not a positive number.
@@ -54,7 +51,6 @@ class RequirementResult:
         value: The metric, in the requirement's unit; NaN if there is none.
         score: Value over limit (or limit over value), a ratio: at most 1 means met, infinite that
             there is no value.
-        reason: Why there is no value.
     """
 
     requirement: Requirement

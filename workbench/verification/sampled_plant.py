@@ -33,8 +33,6 @@ class FullPlant:
         sample_time: Time between samples, in s.
         start: States at the start, shape (n_states,), in SI.
         tolerance: Local error allowed in a step, relative to the scales of the states.
-        method: ``"erk"``, or ``"rosenbrock"`` for stiff models.
-        form: Exact or regularised equations.
     """
 
     def __init__(

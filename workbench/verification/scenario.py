@@ -130,18 +130,12 @@ class Scenario:
     """What a closed loop has to do.
 
     Args:
-        name: Name under which results are reported.
         references: Reference of each controlled output, by name, in SI.
         duration: Length of the run, in s.
         sample_time: Time between samples, in s.
         start: Given values of the operating point at which the run starts, in SI, by name; the
             references at t = 0 by default.
         settle: Time for which the loop holds the start before t = 0, in s. It is not recorded.
-        changes: Parameters that change during the run.
-        disturbances: Loads on ports of the plant during the run.
-        faults: Measurements and references that are wrong for a time.
-        noise: Whether sensors are noisy.
-        quantise: Whether sensors and commands have the resolution of their converters.
         late_samples: Samples by which every command is late, as from a slow computer.
         rest_window: Length of the end of a step at which steady error and oscillation are taken,
             in s.

@@ -24,8 +24,45 @@ BEGINS_S = (0.0, 1e5)
 """Earliest and latest begin of a sine, in s."""
 
 
+class Signal(Protocol):
+    """A reference over time."""
+
+    def sample(self, time: npt.ArrayLike) -> Vector:
+        """Return the signal at some times, shape (n,), in s; values in SI."""
+
+    @property
+    def changes(self) -> tuple[tuple[float, float, float], ...]:
+        """Time in s, value before and value after of every step; none unless it has steps."""
+        return ()
+
+
 @dataclass(frozen=True)
-class Steps:
+class _Points(Signal):
+    """Values at increasing times."""
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check that the times increase."""
+        word = type(self).__name__.lower()
+        times = check_finite(f"times of the {word} reference", self.times)
+        check_finite(f"values of the {word} reference", self.values)
+        if len(times) != len(self.values) or not len(times) or np.any(np.diff(times) <= 0):
+            raise WorkbenchError(
+                f"the {word} reference has {len(self.values)} values at the times"
+                f" {list(self.times)[:8]} s; give one value per time, and times must increase"
+            )
+
+    def sample(self, time: npt.ArrayLike) -> Vector:
+        # A time computed as k h may fall short of its decimal value by one rounding.
+        instants = np.asarray(time, dtype=float) + 1e-9
+        index = np.searchsorted(self.times, instants, side="right") - 1
+        return np.asarray(self.values, dtype=float)[np.maximum(index, 0)]
+
+
+@dataclass(frozen=True)
+class Steps(_Points):
     """A staircase: each value holds from its time to the next.
 
     Args:
@@ -36,29 +73,11 @@ class Steps:
         WorkbenchError: If the times do not increase from 0 or the lengths differ.
     """
 
-    times: tuple[float, ...]
-    values: tuple[float, ...]
-
     def __post_init__(self) -> None:
         """Check that the times increase from 0."""
-        times = check_finite("times of the steps", self.times)
-        check_finite("values of the steps", self.values)
-        if len(times) != len(self.values) or not len(times) or times[0] != 0.0:
-            raise WorkbenchError(
-                f"steps have {len(self.values)} values for the times {list(self.times)}; give one"
-                " value per time and start at 0 s"
-            )
-        if np.any(np.diff(times) <= 0):
-            raise WorkbenchError(
-                f"the times of the steps are {list(self.times)} s; they must increase"
-            )
-
-    def sample(self, time: npt.ArrayLike) -> Vector:
-        """Return the signal at some times, shape (n,), in s; values in SI."""
-        # A time computed as k h may fall short of its decimal value by one rounding.
-        instants = np.asarray(time, dtype=float) + 1e-9
-        index = np.searchsorted(self.times, instants, side="right") - 1
-        return np.asarray(self.values, dtype=float)[np.maximum(index, 0)]
+        if self.times and self.times[0] != 0.0:
+            raise WorkbenchError(f"steps have the times {list(self.times)}; start at 0 s")
+        super().__post_init__()
 
     @property
     def changes(self) -> tuple[tuple[float, float, float], ...]:
@@ -68,7 +87,7 @@ class Steps:
 
 
 @dataclass(frozen=True)
-class Sine:
+class Sine(Signal):
     """A sine that starts at its mean.
 
     Args:
@@ -98,14 +117,9 @@ class Sine:
         wave = np.sin(2.0 * math.pi * self.frequency_Hz * elapsed)
         return np.asarray(self.mean + self.amplitude * wave, dtype=float)
 
-    @property
-    def changes(self) -> tuple[tuple[float, float, float], ...]:
-        """No steps: no times in s, no values in SI."""
-        return ()
-
 
 @dataclass(frozen=True)
-class Ramps:
+class Ramps(_Points):
     """Straight lines between points, constant before the first and after the last.
 
     Args:
@@ -116,32 +130,14 @@ class Ramps:
         WorkbenchError: If the times do not increase or the lengths differ.
     """
 
-    times: tuple[float, ...]
-    values: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        """Check that the times increase."""
-        times = check_finite("times of the ramps", self.times)
-        check_finite("values of the ramps", self.values)
-        if len(times) != len(self.values) or not len(times) or np.any(np.diff(times) <= 0):
-            raise WorkbenchError(
-                f"ramps have {len(self.values)} values for the times {list(self.times)} s; give one"
-                " value per time, with times that increase"
-            )
-
     def sample(self, time: npt.ArrayLike) -> Vector:
         """Return the signal at some times, shape (n,), in s; values in SI."""
         instants = np.asarray(time, dtype=float)
         return np.asarray(np.interp(instants, self.times, self.values), dtype=float)
 
-    @property
-    def changes(self) -> tuple[tuple[float, float, float], ...]:
-        """No steps: no times in s, no values in SI."""
-        return ()
-
 
 @dataclass(frozen=True)
-class Recorded:
+class Recorded(_Points):
     """A reference as it was recorded: each sample holds until the next, the last one for ever.
 
     Unlike `Steps` it has no steps whose responses are measured: quantised, held and noisy
@@ -154,19 +150,6 @@ class Recorded:
     Raises:
         WorkbenchError: If the times do not increase or the lengths differ.
     """
-
-    times: tuple[float, ...]
-    values: tuple[float, ...]
-
-    def __post_init__(self) -> None:
-        """Check that the times increase."""
-        times = check_finite("times of the recorded reference", self.times)
-        check_finite("values of the recorded reference", self.values)
-        if len(times) != len(self.values) or not len(times) or np.any(np.diff(times) <= 0):
-            raise WorkbenchError(
-                f"the recorded reference has {len(self.values)} values at {len(self.times)} times;"
-                " give one value per time, with times that increase"
-            )
 
     @classmethod
     def read(cls, path: str | Path, column: str, *, unit: str = "1") -> Recorded:
@@ -191,36 +174,12 @@ class Recorded:
             ) from None
         return cls(tuple(times.tolist()), tuple(np.asarray(to_si(values, unit)).tolist()))
 
-    def sample(self, time: npt.ArrayLike) -> Vector:
-        """Return the signal at some times, shape (n,), in s; values in SI."""
-        instants = np.asarray(time, dtype=float) + 1e-9
-        index = np.searchsorted(self.times, instants, side="right") - 1
-        return np.asarray(self.values, dtype=float)[np.maximum(index, 0)]
-
-    @property
-    def changes(self) -> tuple[tuple[float, float, float], ...]:
-        """No steps: no times in s, no values in SI."""
-        return ()
-
-
-class Signal(Protocol):
-    """A reference over time."""
-
-    def sample(self, time: npt.ArrayLike) -> Vector:
-        """Return the signal at some times, shape (n,), in s; values in SI."""
-
-    @property
-    def changes(self) -> tuple[tuple[float, float, float], ...]:
-        """Time in s, value before and value after of every step."""
-
 
 @dataclass(frozen=True)
 class SignalKind:
     """A kind of reference that a study file can hold.
 
     Args:
-        name: Its ``kind`` in the file.
-        build: Makes the signal from its keys.
         valued: Keys in the unit of the signal; they are converted to SI.
         others: Keys in SI.
         optional: Keys that may be left out.

@@ -7,7 +7,7 @@ planned moves that are made shorter and longer.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,13 +23,12 @@ from workbench.study.result import StudyResult
 from workbench.study.study import NOMINAL, Case, Limitations, Variation
 from workbench.study.tasks import Record
 from workbench.verification import Metrics
+from workbench.verification.each_step import StepResponse
 from workbench.verification.metrics import worst
 from workbench.verification.responses import Value
 
 Step = tuple[float, float]
 Rows = list[tuple[Cell | str, ...]]
-
-NONE = Value(math.nan, "not run")
 
 
 @dataclass(frozen=True)
@@ -55,6 +54,11 @@ class Evidence:
         scenario = self.result.study.scenarios[self.want.scenario]
         return output_of(self.result.study, next(iter(scenario.references)))
 
+    @property
+    def unit(self) -> str:
+        """Its unit as written."""
+        return written(self.output.display_unit)
+
     def shown(self, value: float) -> float:
         """Return an SI value of the output in its display unit."""
         return round(float(from_si(value, self.output.display_unit)), 6)
@@ -73,23 +77,28 @@ class Evidence:
         every = self.result.study.variations.values()
         return [v for v in every if v.case == self.case.name]
 
-    @property
-    def judged(self) -> list[str]:
-        """Kinds of the variations that are judged."""
-        return [v.kind for v in self.variations if v.judged]
+    def judged(self, controller: str) -> list[str]:
+        """Kinds of the variations that are judged and that a controller ran."""
+        return [v.kind for v in self.variations if v.judged and self.has(controller, v.kind)]
 
     @property
     def controllers(self) -> list[str]:
         """Controllers that ran and are judged."""
-        return [
-            c
-            for c in self.case.controllers
-            if self.result.study.selection(c).judged and self.has(c, NOMINAL)
-        ]
+        judged = self.result.study.selection
+        return [c for c in self.case.controllers if judged(c).judged and self.has(c, NOMINAL)]
 
     def has(self, controller: str, kind: str) -> bool:
         """Tell whether a controller ran a variation."""
         return bool(self._records(controller, kind))
+
+    def judgements(self, controller: str) -> list[Judgement]:
+        """Return how the requirements judge a controller here."""
+        known = self.result.study.variations
+        return [
+            j
+            for j in self.result.judgements
+            if j.controller == controller and known[j.variation].case == self.case.name
+        ]
 
     def limit(self, step: Step, kind: str = NOMINAL) -> float:
         """Return the physical limit of a step, in s; NaN if there is none."""
@@ -101,37 +110,33 @@ class Evidence:
 
     def settling(self, controller: str, kind: str, step: Step) -> Value:
         """Return the settling time of a step, in s, the worst seed."""
-        return self._worst(controller, kind, step, "settling")
+        return _most(s.settling for s in self._steps(controller, kind, step))
 
     def planned(self, controller: str, step: Step) -> float:
         """Return when the plan itself stays within the band of a step, in s."""
-        return self._worst(controller, NOMINAL, step, "planned").value
+        return _most(Value(s.planned) for s in self._steps(controller, NOMINAL, step)).value
 
-    def metric(self, controller: str, kind: str, name: str) -> Value:
-        """Return a metric of the steps, in its SI unit, the worst seed."""
-        found = [
-            Value(r.metrics[name].value, r.metrics[name].reason)
-            for r in self._records(controller, kind)
-            if r.metrics is not None and name in r.metrics
-        ]
-        return worst(found) if found else NONE
+    def metric(
+        self, controller: str, kinds: Sequence[str], name: str, size: float | None = None
+    ) -> Value:
+        """Return a metric, in its SI unit, the worst of some variations and all seeds.
 
-    def of_size(self, controller: str, kind: str, name: str, size: float) -> Value:
-        """Return settling time (s) or overshoot (a fraction) of the steps of a size (SI), worst."""
-        found = [v for r in self._records(controller, kind) for v in r.values_of_steps(name, size)]
-        return worst(found) if found else NONE
+        Args:
+            size: Size of the steps that count, in SI; all if None.
+        """
+        records = [r for kind in kinds for r in self._records(controller, kind)]
+        if size is not None:
+            return _most(v for r in records for v in r.values_of_steps(name, size))
+        found = [r.metrics[name] for r in records if r.metrics is not None and name in r.metrics]
+        return _most(Value(m.value, m.reason) for m in found)
 
-    def ratio(self, controller: str, kind: str, step: Step) -> Value:
-        """Return settling over the limit of the nominal plant, a ratio."""
-        settling, limit = self.settling(controller, kind, step), self.limit(step)
+    def ratio(self, controller: str, kinds: Sequence[str], step: Step) -> Value:
+        """Return settling over the limit of the nominal plant, a ratio, the worst variation."""
+        limit = self.limit(step)
         if math.isnan(limit):
             return Value(math.nan, "there is no physical limit")
-        return Value(settling.value / limit, settling.reason)
-
-    def worst_ratio(self, controller: str, step: Step) -> Value:
-        """Return settling over the limit, the worst of the variations that are judged."""
-        kinds = [k for k in self.judged if self.has(controller, k)]
-        return worst([self.ratio(controller, k, step) for k in kinds] or [NONE])
+        found = [self.settling(controller, kind, step) for kind in kinds]
+        return _most(Value(v.value / limit, v.reason) for v in found)
 
     def _records(self, controller: str, kind: str) -> list[Record]:
         names = [v.name for v in self.variations if v.kind == kind]
@@ -143,14 +148,18 @@ class Evidence:
             and r.scenario == self.want.scenario
         ]
 
-    def _worst(self, controller: str, kind: str, step: Step, what: str) -> Value:
-        found = []
-        for record in self._records(controller, kind):
-            for s in record.steps:
-                if math.isclose(s.initial, step[0]) and math.isclose(s.final, step[1]):
-                    value = getattr(s, what)
-                    found.append(value if isinstance(value, Value) else Value(value))
-        return worst(found) if found else NONE
+    def _steps(self, controller: str, kind: str, step: Step) -> list[StepResponse]:
+        return [
+            s
+            for r in self._records(controller, kind)
+            for s in r.steps
+            if math.isclose(s.initial, step[0]) and math.isclose(s.final, step[1])
+        ]
+
+
+def _most(values: Iterable[Value]) -> Value:
+    found = list(values)
+    return worst(found) if found else Value(math.nan, "not run")
 
 
 def evidence(result: StudyResult) -> list[Evidence]:
@@ -163,23 +172,23 @@ def evidence(result: StudyResult) -> list[Evidence]:
 
 def margins_table(result: StudyResult) -> Table | None:
     """Return the margins of designs that were searched: linear models, and late on the plant."""
-    rows: Rows = []
-    seen = set()
+    rows: dict[tuple[str, str], tuple[str, ...]] = {}
     late = {v.case: v.name for v in result.study.variations.values() if v.late_samples}
     for record in result.records:
         case = result.study.variations[record.variation].case
         key = (case, record.controller)
-        if not record.margins or key in seen:
+        if not record.margins or key in rows:
             continue
-        seen.add(key)
-        own = [
-            r for r in result.records if r.controller == key[1] and r.variation == late.get(case)
-        ]
-        oscillation = _shown(own[0].metrics, "oscillation") if own and own[0].metrics else "–"
-        over = _shown(own[0].metrics, "overshoot") if own and own[0].metrics else "–"
-        rows.append(
-            (case, key[1], *(number(v) for v in record.margins.values()), over, oscillation)
+        found = next(
+            (
+                r.metrics
+                for r in result.records
+                if r.metrics and (r.variation, r.controller) == (late.get(case), key[1])
+            ),
+            None,
         )
+        beside = [_shown(found, n) if found else "–" for n in ("overshoot", "oscillation")]
+        rows[key] = (*key, *map(number, record.margins.values()), *beside)
     if not rows:
         return None
     head = ("speed rad/s", "Ms", "Mt", "late: Ms", "late: overshoot", "late: oscillation")
@@ -187,7 +196,7 @@ def margins_table(result: StudyResult) -> Table | None:
         "The fastest design within the limits on Ms and Mt, the largest over the models on which"
         " they hold. Late: every command one sample late, as from a slow computer."
     )
-    return Table("Margins", ("plant", "controller", *head), tuple(rows), note)
+    return Table("Margins", ("plant", "controller", *head), tuple(rows.values()), note)
 
 
 def _shown(metrics: Metrics, name: str) -> str:
@@ -206,18 +215,20 @@ def _limitations(result: StudyResult) -> list[Block]:
         steps_table(result, nominal=False),
         missed_table(result),
         Words(f"{want.unknown.name}. {want.unknown.text}{_unknown_words(found)}"),
-        *(t for t in (plan_table(result),) if t.rows),
+        plan_table(result),
         *(Words(text) for e in found for text in plan_words(e)),
         limits_table(result),
-        *(t for t in (known_table(result),) if t.rows),
+        known_table(result),
         Words(f"{want.neglected.name}. {want.neglected.text}"),
-        *(t for t in (ladder_table(result),) if t.rows),
+        ladder_table(result),
         *(Words(text) for e in found for text in ladder_words(e)),
         Words(f"{want.loop.name}. {want.loop.text}"),
         time_table(result),
         *(Words(text) for text in want.notes),
     ]
-    return blocks
+    # Without such runs there is nothing to tell of them.
+    optional = {plan_table(result).title, known_table(result).title, ladder_table(result).title}
+    return [b for b in blocks if not isinstance(b, Table) or b.rows or b.title not in optional]
 
 
 def limitation_tables(result: StudyResult) -> list[Table]:
@@ -241,10 +252,10 @@ def _size(step: Step) -> float:
     return abs(step[1] - step[0])
 
 
-def _mark(value: float, limit: float) -> Mark:
-    if math.isnan(value):
-        return "open"
-    return "met" if value <= limit else "missed"
+def _cell(value: float, limit: float, text: str = "", reason: str = "") -> Cell:
+    """Write a number with its mark: met up to a limit."""
+    mark: Mark = "open" if math.isnan(value) else "met" if value <= limit else "missed"
+    return Cell(text or number(value), mark, reason)
 
 
 def reached_table(result: StudyResult) -> Table:
@@ -256,24 +267,16 @@ def reached_table(result: StudyResult) -> Table:
             continue
         cells: list[Cell | str] = []
         for e in cases:
-            own = [
-                j
-                for j in result.judgements
-                if j.controller == controller
-                and result.study.variations[j.variation].case == e.case.name
-            ]
-            if not own:
-                cells.append(Cell("–", reason="not run"))
-                continue
-            met = [
-                all(j.met for j in own if j.demand is demand)
-                for demand in result.study.demands
-                if any(j.demand is demand for j in own)
-            ]
-            ratios = [e.worst_ratio(controller, step).value for step in e.steps]
-            limited = not math.isnan(e.limit(e.steps[0])) if e.steps else False
-            met += [r <= e.want.ratio for r in ratios] if limited else []
-            cells.append(Cell(f"{sum(met)} of {len(met)}", "met" if all(met) else "missed"))
+            own = e.judgements(controller)
+            by_demand: dict[int, bool] = {}
+            for j in own:
+                by_demand[id(j.demand)] = by_demand.get(id(j.demand), True) and j.met
+            met = list(by_demand.values())
+            if e.steps and not math.isnan(e.limit(e.steps[0])):
+                kinds = e.judged(controller)
+                met += [e.ratio(controller, kinds, s).value <= e.want.ratio for s in e.steps]
+            text = f"{sum(met)} of {len(met)}"
+            cells.append(_cell(not all(met), 0, text) if own else Cell("–", reason="not run"))
         rows.append((controller, *cells))
     head = ("controller", *(e.case.name for e in cases))
     return Table("Requirements met in all variations", head, tuple(rows))
@@ -282,59 +285,46 @@ def reached_table(result: StudyResult) -> Table:
 def steps_table(result: StudyResult, *, nominal: bool) -> Table:
     """Return settling, overshoot and rest of every controller, nominal or the worst variation."""
     rows: Rows = []
-    cases = evidence(result)
-    steps = cases[0].steps
-    names = ("overshoot", "steady_error", "oscillation")
-    for e in cases:
+    for e in evidence(result):
         for controller in e.controllers:
-            kinds = [NOMINAL] if nominal else [k for k in e.judged if e.has(controller, k)]
-            settling = [
-                worst([e.of_size(controller, k, "settling_time", _size(s)) for k in kinds])
-                for s in steps
-            ]
-            ratios = [worst([e.ratio(controller, k, s) for k in kinds]) for s in steps]
-            rest = [worst([e.metric(controller, k, n) for k in kinds]).value for n in names]
-            limits = [_limit_of(result, e, controller, n) for n in names]
+            kinds = [NOMINAL] if nominal else e.judged(controller)
+            settling = [e.metric(controller, kinds, "settling_time", _size(s)) for s in e.steps]
+            ratios = [e.ratio(controller, kinds, s) for s in e.steps]
+            over, error, oscillation = (
+                (e.metric(controller, kinds, n).value, _limit_of(e, controller, n))
+                for n in ("overshoot", "steady_error", "oscillation")
+            )
             rows.append(
                 (
                     e.case.name,
                     controller,
                     *(Cell(number(v.value), "", v.reason) for v in settling),
-                    *(
-                        Cell(number(r.value), _mark(r.value, e.want.ratio), r.reason)
-                        for r in ratios
-                    ),
-                    *(
-                        Cell(number(100 * v if n == "overshoot" else e.shown(v)), _mark(v, limit))
-                        for n, v, limit in zip(names, rest, limits, strict=True)
-                    ),
+                    *(_cell(r.value, e.want.ratio, reason=r.reason) for r in ratios),
+                    _cell(*over, number(100 * over[0])),
+                    *(_cell(*rest, number(e.shown(rest[0]))) for rest in (error, oscillation)),
                 )
             )
-    sizes = [cases[0].size(s) for s in steps]
-    unit = written(cases[0].output.display_unit)
-    which = "nominal" if nominal else "worst of all variations"
+    first = evidence(result)[0]
+    sizes = [first.size(s) for s in first.steps]
     head = (
         "plant",
         "controller",
         *(f"settling {s} s" for s in sizes),
         *(f"{s} / limit" for s in sizes),
         "overshoot %",
-        f"steady error {unit}",
-        f"oscillation {unit}",
+        f"steady error {first.unit}",
+        f"oscillation {first.unit}",
     )
+    which = "nominal" if nominal else "worst of all variations"
     return Table(f"Steps, {which}", head, tuple(rows))
 
 
-def _limit_of(result: StudyResult, e: Evidence, controller: str, metric: str) -> float:
+def _limit_of(e: Evidence, controller: str, metric: str) -> float:
     """Return the limit of a metric of the steps, in SI; infinite without one."""
-    for j in result.judgements:
+    for j in e.result.judgements:
         required = j.demand.requirement
-        if (
-            required.metric == metric
-            and j.controller == controller
-            and j.scenario == e.want.scenario
-            and j.demand.step is None
-        ):
+        own = (required.metric, j.controller, j.scenario, j.demand.step)
+        if own == (metric, controller, e.want.scenario, None):
             return float(to_si(required.limit, required.unit))
     return math.inf
 
@@ -344,9 +334,9 @@ def missed_table(result: StudyResult) -> Table:
     rows: Rows = []
     for e in evidence(result):
         for controller in e.controllers:
-            rows += _missed_requirements(result, e, controller)
+            rows += _missed_requirements(e, controller)
             for step in e.steps:
-                nominal, most = e.ratio(controller, NOMINAL, step), e.worst_ratio(controller, step)
+                most = e.ratio(controller, e.judged(controller), step)
                 if math.isnan(e.limit(step)) or most.value <= e.want.ratio:
                     continue
                 rows.append(
@@ -354,7 +344,7 @@ def missed_table(result: StudyResult) -> Table:
                         e.case.name,
                         controller,
                         f"settling {e.size(step)} / limit",
-                        number(nominal.value),
+                        number(e.ratio(controller, [NOMINAL], step).value),
                         number(most.value),
                         f"{e.want.ratio:g}",
                         cause_of_ratio(e, controller, step),
@@ -369,17 +359,12 @@ def missed_table(result: StudyResult) -> Table:
     return Table("Requirements that are missed", head, tuple(rows), note)
 
 
-def _missed_requirements(result: StudyResult, e: Evidence, controller: str) -> Rows:
+def _missed_requirements(e: Evidence, controller: str) -> Rows:
     rows: Rows = []
-    cases = result.study.variations
-    for demand in result.study.demands:
-        own = {
-            cases[j.variation].kind: j
-            for j in result.judgements
-            if j.demand is demand
-            and j.controller == controller
-            and cases[j.variation].case == e.case.name
-        }
+    known = e.result.study.variations
+    for demand in e.result.study.demands:
+        every = e.judgements(controller)
+        own = {known[j.variation].kind: j for j in every if j.demand is demand}
         if all(j.met for j in own.values()):
             continue
         most = max(own.values(), key=lambda j: j.score)
@@ -393,72 +378,59 @@ def _missed_requirements(result: StudyResult, e: Evidence, controller: str) -> R
                 number(own[NOMINAL].value) if NOMINAL in own else "–",
                 number(most.value),
                 f"{required.limit:g} {written(required.unit)}".strip(),
-                cause_of_miss(result, e, controller, own),
+                _cause_of_miss(e, controller, own),
             )
         )
     return rows
 
 
-def cause_of_miss(
-    result: StudyResult, e: Evidence, controller: str, own: dict[str, Judgement]
-) -> str:
-    """Say what keeps a metric from its limit, with the numbers that show it.
+def _better(e: Evidence, reached: Mapping[str, float], own: float) -> str:
+    """Say which other controller reaches the goal, the best of those that do; empty if none."""
+    if not reached:
+        return ""
+    best = min(reached, key=lambda name: reached[name])
+    return (
+        f"{e.want.design.name}: {best} reaches {number(reached[best])} at worst; this one"
+        f" {number(own)}."
+    )
 
-    Args:
-        own: How the requirement is met, by variation.
-    """
+
+def _cause_of_miss(e: Evidence, controller: str, own: Mapping[str, Judgement]) -> str:
+    """Say what keeps a metric from its limit, with the numbers that show it."""
     demand = next(iter(own.values())).demand
     most = max(own.values(), key=lambda j: j.score)
-    better: dict[str, float] = {}
+    reached = {}
     for other in e.controllers:
-        judged = [
-            j
-            for j in result.judgements
-            if j.demand is demand
-            and j.controller == other
-            and result.study.variations[j.variation].case == e.case.name
-        ]
+        judged = [j for j in e.judgements(other) if j.demand is demand]
         if other != controller and judged and all(j.met for j in judged):
-            better[other] = max(j.value for j in judged)
-    if better:
-        best = min(better, key=lambda name: better[name])
-        return (
-            f"{e.want.design.name}: {best} reaches {number(better[best])} at worst; this one"
-            f" {number(most.value)}."
-        )
+            reached[other] = max(j.value for j in judged)
+    if reached:
+        return _better(e, reached, most.value)
     bad = [kind for kind, j in own.items() if not j.met]
     said = [f"{number(own[NOMINAL].value)} nominal"] if NOMINAL in own else []
     listed = ", ".join(f"{number(own[k].value)} with {k}" for k in bad if k != NOMINAL)
     both = "; ".join(part for part in (*said, listed) if part)
     if bad == [e.want.unknown.variation]:
         return f"{e.want.unknown.name}: {both}."
-    if NOMINAL in bad:
-        name = demand.requirement.metric
-        without = e.metric(controller, e.want.neglected.variation, name).value
-        if demand.step is not None:
-            without = e.of_size(controller, e.want.neglected.variation, name, demand.step).value
-        limit = float(to_si(demand.requirement.limit, demand.requirement.unit))
-        if without <= limit and demand.requirement.scenario == e.want.scenario:
-            shown = from_si(without, demand.requirement.unit)
-            return f"{e.want.neglected.name}: {both}; {number(shown)} without it."
+    required = demand.requirement
+    if NOMINAL in bad and required.scenario == e.want.scenario:
+        kinds = [e.want.neglected.variation]
+        without = e.metric(controller, kinds, required.metric, demand.step).value
+        if without <= float(to_si(required.limit, required.unit)):
+            shown = number(float(from_si(without, required.unit)))
+            return f"{e.want.neglected.name}: {both}; {shown} without it."
     return f"{e.want.loop.name}: {both}."
 
 
 def cause_of_ratio(e: Evidence, controller: str, step: Step) -> str:
     """Say what keeps a step from its required ratio to the limit, with the numbers that show it."""
-    want, limit = e.want, e.limit(step)
-    allowed = want.ratio * limit
-    better = {
-        other: e.worst_ratio(other, step).value for other in e.controllers if other != controller
-    }
-    better = {other: r for other, r in better.items() if r <= want.ratio}
-    if better:
-        best = min(better, key=lambda name: better[name])
-        own = e.worst_ratio(controller, step).value
-        return (
-            f"{want.design.name}: {best} reaches {number(better[best])} at worst; this one"
-            f" {number(own)}."
-        )
+    want = e.want
+    allowed = want.ratio * e.limit(step)
+    ratios = {c: e.ratio(c, e.judged(c), step).value for c in e.controllers}
+    own = ratios.pop(controller)
+    reached = {other: r for other, r in ratios.items() if r <= want.ratio}
+    if reached:
+        return _better(e, reached, own)
     plan = e.planned(controller, step)
     if plan > allowed:
         return (
@@ -479,11 +451,8 @@ def cause_of_ratio(e: Evidence, controller: str, step: Step) -> str:
             f"{want.loop.name}: {planned}the output {number(nominal)} s{bare} of"
             f" {number(allowed)} s that are allowed."
         )
-    late = {
-        kind: e.settling(controller, kind, step).value
-        for kind in e.judged
-        if e.has(controller, kind) and not e.settling(controller, kind, step).value <= allowed
-    }
+    times = {kind: e.settling(controller, kind, step).value for kind in e.judged(controller)}
+    late = {kind: seconds for kind, seconds in times.items() if not seconds <= allowed}
     words = ", ".join(f"{number(t)} s with {kind}" for kind, t in late.items())
     name = want.unknown.name if list(late) == [want.unknown.variation] else want.loop.name
     return f"{name}: {number(nominal)} s nominal of {number(allowed)} s; {words}."
@@ -523,71 +492,77 @@ def _base(v: Variation) -> str:
     return v.kind.rpartition(", plan x ")[0] or NOMINAL
 
 
-def _paced_by(e: Evidence, v: Variation) -> list[str]:
-    return [c for c in (v.controllers or e.controllers) if c in e.case.controllers]
+@dataclass(frozen=True)
+class _Paced:
+    """A controller with its planned moves made shorter or longer.
+
+    Args:
+        pace: Duration of the moves, a ratio to the design's own.
+        known: Kind of the plant that the design knows, with these moves.
+        kinds: Kinds of all plants that it ran with them.
+    """
+
+    controller: str
+    pace: float
+    known: str
+    kinds: list[str]
+
+
+def _paced(e: Evidence) -> list[_Paced]:
+    """Return what ran with moves of every duration, by controller and duration."""
+    paces = _paces(e)
+    asked = next(iter(paces.values()))[0].controllers if paces else ()
+    found = []
+    for pace, own in paces.items():
+        known = next(v.kind for v in own if _base(v) == NOMINAL)
+        found += [
+            _Paced(c, pace, known, [v.kind for v in own if e.has(c, v.kind)])
+            for c in asked or e.controllers
+            if c in e.case.controllers and e.has(c, known)
+        ]
+    return found
 
 
 def plan_table(result: StudyResult) -> Table:
     """Return what planned moves cost that are made shorter and longer."""
     rows: Rows = []
-    steps = result.study.report.limit_steps
-    names = ""
-    for e in evidence(result):
-        paces = _paces(e)
-        for pace, own in paces.items():
-            first = next(v for v in own if _base(v) == NOMINAL)
-            for controller in _paced_by(e, next(iter(paces.values()))[0]):
-                if not e.has(controller, first.kind):
-                    continue
-                names = names or controller
-                ratios = [e.ratio(controller, first.kind, s).value for s in steps]
-                kinds = [v.kind for v in own if e.has(controller, v.kind)]
-                overs = [
-                    worst([e.of_size(controller, k, "overshoot", _size(s)) for k in kinds]).value
-                    for s in steps
-                ]
-                oscillation = worst([e.metric(controller, k, "oscillation") for k in kinds]).value
-                limit = _limit_of(result, e, controller, "oscillation")
-                rows.append(
-                    (
-                        e.case.name,
-                        f"× {pace:g}",
-                        *(Cell(number(r), _mark(r, e.want.ratio)) for r in ratios),
-                        *(Cell(number(100 * o), _mark(o, e.want.overshoot)) for o in overs),
-                        Cell(number(e.shown(oscillation)), _mark(oscillation, limit)),
-                    )
+    cases = evidence(result)
+    for e in cases:
+        for p in _paced(e):
+            ratios = [e.ratio(p.controller, [p.known], s).value for s in e.steps]
+            overs = [e.metric(p.controller, p.kinds, "overshoot", _size(s)).value for s in e.steps]
+            oscillation = e.metric(p.controller, p.kinds, "oscillation").value
+            limit = _limit_of(e, p.controller, "oscillation")
+            rows.append(
+                (
+                    e.case.name,
+                    f"× {p.pace:g}",
+                    *(_cell(r, e.want.ratio) for r in ratios),
+                    *(_cell(o, e.want.overshoot, number(100 * o)) for o in overs),
+                    _cell(oscillation, limit, number(e.shown(oscillation))),
                 )
-    one = evidence(result)[0]
-    sizes = [one.size(s) for s in steps]
+            )
+    sizes = [cases[0].size(s) for s in cases[0].steps]
     head = (
         "plant",
         "duration of the plan",
         *(f"as known: {s} / limit" for s in sizes),
         *(f"worst: overshoot {s}, %" for s in sizes),
-        f"worst: oscillation {written(one.output.display_unit)}",
+        f"worst: oscillation {cases[0].unit}",
     )
-    note = "The feedback is the same in all rows of a plant."
-    return Table(f"{names} with its planned moves made shorter and longer", head, tuple(rows), note)
+    name = next((p.controller for e in cases for p in _paced(e)), "")
+    title = f"{name} with its planned moves made shorter and longer"
+    return Table(title, head, tuple(rows), "The feedback is the same in all rows of a plant.")
 
 
 def plan_words(e: Evidence) -> list[str]:
     """Say what a faster plan costs, where the plan is longer than required."""
-    paces = _paces(e)
-    if not paces or not e.steps:
+    found = _paced(e)
+    own = [p for p in found if p.controller == found[0].controller]
+    ratios = {p.pace: max(e.ratio(p.controller, [p.known], s).value for s in e.steps) for p in own}
+    if not e.steps or set(ratios) != set(_paces(e)) or not ratios.get(1.0, 0.0) > e.want.ratio:
         return []
-    controller = next(
-        (c for c in _paced_by(e, next(iter(paces.values()))[0]) if e.has(c, NOMINAL)), ""
-    )
-    ratios, overs = {}, {}
-    for pace, own in paces.items():
-        first = next(v for v in own if _base(v) == NOMINAL)
-        kinds = [v.kind for v in own if e.has(controller, v.kind)]
-        if not kinds:
-            return []
-        ratios[pace] = max(e.ratio(controller, first.kind, s).value for s in e.steps)
-        overs[pace] = worst([e.metric(controller, k, "overshoot") for k in kinds]).value
-    if not ratios[1.0] > e.want.ratio:
-        return []
+    overs = {p.pace: e.metric(p.controller, p.kinds, "overshoot").value for p in own}
     bearable = [pace for pace in ratios if overs[pace] <= e.want.overshoot]
     required = [pace for pace in ratios if ratios[pace] <= e.want.ratio]
     most = f"{100 * e.want.overshoot:g} %"
@@ -612,14 +587,16 @@ def plan_words(e: Evidence) -> list[str]:
 
 def limits_table(result: StudyResult) -> Table:
     """Return the physical limits of every plant."""
-    rows: Rows = []
-    steps = result.study.report.limit_steps
-    for e in evidence(result):
-        for kind in (NOMINAL, *result.study.report.limit_variations):
-            values = [e.limit(step, kind) for step in steps]
-            name = e.case.name if kind == NOMINAL else f"{e.case.name}, {kind}"
-            rows.append((name, *(number(v) for v in values)))
-    head = ("plant", *(f"{evidence(result)[0].words(s)}, s" for s in steps))
+    cases = evidence(result)
+    rows = [
+        (
+            e.case.name if kind == NOMINAL else f"{e.case.name}, {kind}",
+            *(number(e.limit(step, kind)) for step in e.steps),
+        )
+        for e in cases
+        for kind in (NOMINAL, *result.study.report.limit_variations)
+    ]
+    head = ("plant", *(f"{cases[0].words(s)}, s" for s in cases[0].steps))
     note = (
         "Full command one way, then the other, known to the last parameter, without noise and"
         " without what the design models leave out."
@@ -631,64 +608,59 @@ def limits_table(result: StudyResult) -> Table:
 def known_table(result: StudyResult) -> Table:
     """Return what tolerance costs: designs that are not judged beside those that are."""
     rows: Rows = []
-    steps = result.study.report.limit_steps
-    for e in evidence(result):
+    cases = evidence(result)
+    for e in cases:
         shown = [c for c in e.want.controllers if c in e.case.controllers]
-        if not any(c not in e.controllers for c in shown):
+        if set(shown) <= set(e.controllers):
             continue
         for controller in shown:
             for kind in (NOMINAL, e.want.unknown.variation):
-                if not e.has(controller, kind):
-                    continue
-                over = e.metric(controller, kind, "overshoot").value
-                oscillation = e.metric(controller, kind, "oscillation").value
-                ratios = [e.ratio(controller, kind, s).value for s in steps]
-                rows.append(
-                    (
-                        e.case.name,
-                        controller,
-                        "as known" if kind == NOMINAL else kind,
-                        *(number(r) for r in ratios),
-                        number(100 * over),
-                        number(e.shown(oscillation)),
+                if e.has(controller, kind):
+                    over = e.metric(controller, [kind], "overshoot").value
+                    oscillation = e.metric(controller, [kind], "oscillation").value
+                    rows.append(
+                        (
+                            e.case.name,
+                            controller,
+                            "as known" if kind == NOMINAL else kind,
+                            *(number(e.ratio(controller, [kind], s).value) for s in e.steps),
+                            number(100 * over),
+                            number(e.shown(oscillation)),
+                        )
                     )
-                )
-    first = evidence(result)[0]
-    sizes = [f"{first.size(s)} / limit" for s in steps]
-    unit = written(first.output.display_unit)
-    head = ("plant", "controller", "varied", *sizes, "overshoot %", f"oscillation {unit}")
+    sizes = [f"{cases[0].size(s)} / limit" for s in cases[0].steps]
+    last = ("overshoot %", f"oscillation {cases[0].unit}")
+    head = ("plant", "controller", "varied", *sizes, *last)
     return Table("Speed against tolerance of what nobody announced", head, tuple(rows))
 
 
 def ladder_table(result: StudyResult) -> Table:
     """Return settling with one limitation less at a time."""
     rows: Rows = []
-    steps = result.study.report.limit_steps
-    for e in evidence(result):
+    cases = evidence(result)
+    for e in cases:
         for controller in e.want.controllers:
             for kind, what in ((NOMINAL, "everything"), *e.want.ladder):
                 if controller not in e.case.controllers or not e.has(controller, kind):
                     continue
                 cells = []
-                for step in steps:
-                    settled, ratio = (
-                        e.settling(controller, kind, step),
-                        e.ratio(controller, kind, step),
-                    )
+                for step in e.steps:
+                    settled = e.settling(controller, kind, step)
+                    ratio = e.ratio(controller, [kind], step).value
                     text = number(settled.value)
-                    if math.isnan(ratio.value):
-                        cells.append(Cell(text, reason=settled.reason))
-                    else:
-                        mark = _mark(ratio.value, e.want.ratio)
-                        cells.append(Cell(f"{text} ({number(ratio.value)})", mark))
+                    cells.append(
+                        Cell(text, reason=settled.reason)
+                        if math.isnan(ratio)
+                        else _cell(ratio, e.want.ratio, f"{text} ({number(ratio)})")
+                    )
                 rows.append((e.case.name, controller, what, *cells))
-    head = ("plant", "controller", "the plant has", *(evidence(result)[0].words(s) for s in steps))
+    steps = [cases[0].words(s) for s in cases[0].steps]
     note = (
         "Each row has what the row above has, less what it names. What is left in the last row is"
         " the smooth plan, the sample time and the margins of the loop."
     )
     title = "One limitation less at a time: settling in s, and over the limit"
-    return Table(title, head, tuple(rows), note)
+    return Table(title, ("plant", "controller", "the plant has", *steps), tuple(rows), note)
 
 
 def ladder_words(e: Evidence) -> list[str]:
@@ -721,22 +693,14 @@ def ladder_words(e: Evidence) -> list[str]:
 def time_table(result: StudyResult) -> Table:
     """Return where the time of a step goes, nominal runs."""
     rows: Rows = []
-    steps = result.study.report.limit_steps
-    for e in evidence(result):
-        for controller in e.controllers:
-            cells = [
-                " / ".join(
-                    number(v)
-                    for v in (
-                        e.limit(step),
-                        e.planned(controller, step),
-                        e.settling(controller, NOMINAL, step).value,
-                    )
-                )
-                for step in steps
+    cases = evidence(result)
+    for e in cases:
+        for c in e.controllers:
+            times = [
+                (e.limit(s), e.planned(c, s), e.settling(c, NOMINAL, s).value) for s in e.steps
             ]
-            rows.append((e.case.name, controller, *cells))
-    head = ("plant", "controller", *(evidence(result)[0].words(s) for s in steps))
+            rows.append((e.case.name, c, *(" / ".join(map(number, t)) for t in times)))
+    head = ("plant", "controller", *(cases[0].words(s) for s in cases[0].steps))
     title = "Time into the 2 % band: limit / planned move / output, in s"
     return Table(title, head, tuple(rows))
 
