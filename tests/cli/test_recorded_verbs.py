@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.demo.made_up_map import made_up_map
 from workbench.cli.main import run
 from workbench.data_folder import shipped_data
-from workbench.demo.force_map_study import made_up_map
 from workbench.evaluation.rig.cases import make_case
 
 

@@ -12,8 +12,9 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
+from tests.demo.made_up_map import made_up_map
 from workbench.demo.diagnosed_case import diagnosed
-from workbench.demo.force_map_study import made_up_map, study_map
+from workbench.demo.force_map_study import study_map
 from workbench.demo.force_maps import force_map_page
 from workbench.demo.identification import force_lines
 from workbench.demo.open_loop import open_loop

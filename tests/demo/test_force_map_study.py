@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from workbench.demo.force_map_study import ForceMap, made_up_map, study_map
+from tests.demo.made_up_map import made_up_map
+from workbench.demo.force_map_study import ForceMap, study_map
 from workbench.errors import WorkbenchError
 from workbench.physics.force_laws import PaperLaw
 from workbench.recordings import read_table

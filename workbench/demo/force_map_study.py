@@ -260,10 +260,6 @@ def study_map(
 
     Raises:
         WorkbenchError: If the muscle pulls at fewer than four lengths, or a fit does not end.
-
-    Example:
-        >>> study_map(made_up_map(), "made up").best.name.startswith("paper")
-        True
     """
     check_units(points)
     levels = np.unique(points.length[points.force > _BLOCKED_FORCE])
@@ -331,13 +327,6 @@ def families_for(largest_force: float) -> dict[str, Family]:
             title = f"equation (4), phi of order {order}"
             found[f"paper_{order}"] = replace(family, title=title, start=numbers)
     return found
-
-
-def made_up_map() -> ForceMap:
-    """Compute a force map of a 200 mm muscle that obeys equation (4), without noise."""
-    q, p = np.meshgrid(np.linspace(0.0, 0.03, 7), np.linspace(1e5, 6e5, 10))
-    force = np.asarray(PaperLaw().force(q, p))
-    return ForceMap(p.ravel(), LAW_LENGTH - q.ravel(), force.ravel())
 
 
 def fit_law(family: Family, points: ForceMap) -> tuple[Vector, Vector, ForceLaw]:

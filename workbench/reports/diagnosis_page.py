@@ -55,7 +55,8 @@ def diagnosis_page(
         >>> from workbench.diagnosis.comparison import proof_of
         >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
         >>> found, _ = example_diagnosis()
-        >>> [section.name for section in diagnosis_page(found, proof_of(found), name="axis").sections]
+        >>> page = diagnosis_page(found, proof_of(found), name="axis")
+        >>> [section.name for section in page.sections]
         ['held-out', 'where', 'parameters', 'alternatives', 'limits', 'recordings']
     """
     verdict = diagnosis.verdict
