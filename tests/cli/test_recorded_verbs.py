@@ -29,7 +29,7 @@ def test_refit_writes_a_page_with_the_estimates(
     assert low < results["parameters"]["force_gain"]["value"] < high
     page = (tmp_path / "report.html").read_text()
     assert "valve_conductance" in page
-    assert page.count("<svg") == 2
+    assert page.count("<svg") == 4
     (picture,) = tmp_path.glob("held-out-*-validate-open.png")
     assert picture.stat().st_size > 10_000
 

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import re
 
-from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.diagnosis.estimation.refit_report import RefitReport
-from workbench.model.model import index_of
-from workbench.model.units import parse_unit
-from workbench.reports.figures.held_out import held_out
+from workbench.model.units import to_si
+from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
 from workbench.reports.figures.study_traces import written
 from workbench.reports.page import Answers, Block, Method, Page, Section, Words, again
 from workbench.reports.pictures import Picture
@@ -77,45 +75,36 @@ def _answers(report: RefitReport) -> Answers:
 
 
 def pictures(report: RefitReport) -> tuple[Picture, ...]:
-    """Draw the free runs of a refit on its held-out recordings."""
-    drawn = []
+    """Draw free runs on each held-out recording that the refitted model runs to its end."""
+    drawn, names = [], ("nominal", "refitted")
     for before, after in zip(report.nominal, report.refitted, strict=True):
         if not after.finite:
             continue
-        sizes = [_display(report, name) for name in after.used]
-        factors = [parse_unit(unit).factor for unit in sizes]
-        names = [
-            f"{name.replace('_', ' ')} in {written(unit)}"
-            for name, unit in zip(after.used, sizes, strict=True)
-        ]
-        drawn.append(
-            Picture(
-                "held-out-" + re.sub(r"[^a-z0-9]+", "-", after.name.lower()).strip("-"),
-                held_out(
-                    after.time,
-                    names,
-                    after.measured / factors,
-                    before.simulated / factors,
-                    after.simulated / factors,
-                ),
-                f"{after.name}: measurements, and free runs of the nominal and the refitted model.",
-                _alternative(after, before),
-            )
+        file = re.sub(r"[^a-z0-9]+", "-", after.name.lower()).strip("-")
+        noise = {
+            r.output: float(to_si(r.noise, r.unit))
+            for r in report.rows
+            if r.recording == after.name
+        }
+        told = "; ".join(
+            f"{name}: rms error {before.rmse[name]:.3g} {unit} before, {after.rmse[name]:.3g} after"
+            for name, unit in zip(after.used, after.units, strict=True)
         )
+        drawn += [
+            Picture(
+                f"held-out-{file}",
+                diagnosis_runs(before, after, names),
+                f"{after.name}: measurements, and free runs of the nominal and the refitted model.",
+                told,
+            ),
+            Picture(
+                f"errors-{file}",
+                diagnosis_residuals(before, noise, after, names),
+                f"{after.name}: error of both free runs, root mean square over 0.2 s.",
+                told,
+            ),
+        ]
     return tuple(drawn)
-
-
-def _alternative(after: FreeRun, before: FreeRun) -> str:
-    texts = [
-        f"{name}: rms error {before.rmse[name]:.3g} {unit} before, {after.rmse[name]:.3g} after"
-        for name, unit in zip(after.used, after.units, strict=True)
-    ]
-    return "; ".join(texts)
-
-
-def _display(report: RefitReport, name: str) -> str:
-    outputs = report.task.model.outputs
-    return outputs[index_of("output", name, outputs)].display_unit
 
 
 def _estimates(report: RefitReport) -> Table:

@@ -257,11 +257,3 @@ def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:
                 nothing = (np.zeros(0), np.zeros(0, dtype=complex), False)
                 found.append(LoopAnalysis(recipe.name, point, "", *nothing, reason=reason))
     return tuple(found)
-
-
-def by_controller(found: tuple[LoopAnalysis, ...]) -> Mapping[str, list[LoopAnalysis]]:
-    """Group analyses by their controller."""
-    groups: dict[str, list[LoopAnalysis]] = {}
-    for one in found:
-        groups.setdefault(one.controller, []).append(one)
-    return groups

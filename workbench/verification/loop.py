@@ -90,40 +90,17 @@ def verify(
     events: list[tuple[int, str, float]] = []
     sampled: FullPlant | LinearPlant
     if isinstance(plant, Model):
-        model: Model | None = _with_disturbances(plant, scenario, events)
-        assert model is not None
+        model = _with_disturbances(plant, scenario, events)
         rest = operating_point(model, scenario.start_values())
         sampled = FullPlant(model, h, rest.x, tolerance=tolerance, method=method)
-        inputs, outputs, name = model.inputs, model.outputs, model.name
-        state_names = tuple(q.name for q in model.states)
+    elif scenario.changes or scenario.disturbances:
+        raise WorkbenchError(
+            f"scenario {scenario.name!r} changes the plant during the run, which a linear model"
+            " cannot; use the full plant"
+        )
     else:
-        if scenario.changes or scenario.disturbances:
-            raise WorkbenchError(
-                f"scenario {scenario.name!r} changes the plant during the run, which a linear model"
-                " cannot; use the full plant"
-            )
-        model = None
         sampled = LinearPlant(plant, h, scenario.start_values())
-        described = plant.operating_point.model
-        own = plant.inverse is None
-        inputs = _named(described.inputs, plant.input_names) if own else described.inputs
-        outputs = _named(described.outputs, plant.output_names)
-        name = f"linear model of {described.name}"
-        state_names = tuple(plant.state_names)
-    straight = not isinstance(plant, Model) and plant.inverse is None
-    return _loop(
-        controller,
-        sampled,
-        scenario,
-        seed,
-        model,
-        name,
-        inputs,
-        outputs,
-        state_names,
-        events,
-        straight=straight,
-    )
+    return _loop(controller, sampled, scenario, seed, events)
 
 
 def _loop(
@@ -131,15 +108,10 @@ def _loop(
     plant: FullPlant | LinearPlant,
     scenario: Scenario,
     seed: int,
-    model: Model | None,
-    name: str,
-    inputs: tuple[Input, ...],
-    outputs: tuple[Output, ...],
-    state_names: tuple[str, ...],
     events: list[tuple[int, str, float]],
-    *,
-    straight: bool,
 ) -> Run:
+    name, straight = plant.name, plant.straight
+    inputs, outputs = plant.commanded, plant.measured
     law = controller
     controller = law if isinstance(law, Guarded) else Guarded(law)
     h, n = scenario.sample_time, scenario.samples
@@ -213,10 +185,10 @@ def _loop(
         input_quantities=inputs,
         sensors=controller.sensors,
         controlled=controller.controlled,
-        model=model,
+        model=plant.model,
         integrator=plant.integrator,
         tolerance=plant.tolerance,
-        state_names=state_names,
+        state_names=plant.state_names,
         surface_layer=float(getattr(unguarded(controller), "layer", 1.0)),
         guarded=isinstance(law, Guarded),
     )
@@ -240,11 +212,6 @@ def _check_step(law: Controller, seen: Any, asked: Any) -> None:
             f" command as {len(law.actuators)} number(s), one per actuator, the next state, and a"
             " mapping with information, which may be empty"
         )
-
-
-def _named(quantities: Sequence[Any], names: Sequence[str]) -> tuple[Any, ...]:
-    by_name = {q.name: q for q in quantities}
-    return tuple(by_name[name] for name in names)
 
 
 def _with_disturbances(

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation.zero_order_hold import zero_order_hold
-from workbench.model import EXACT, Form, Model
+from workbench.model import EXACT, Form, Model, Quantity
 from workbench.model.model import check_vector, index_of
 from workbench.simulation.integrators import Method, integrator_of, name_of
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
 
 Vector = npt.NDArray[np.float64]
+Q = TypeVar("Q", bound=Quantity)
 
 TOLERANCE = 1e-6
 """Local error allowed in a step of the plant, relative to the scales of its states."""
@@ -45,7 +46,11 @@ class FullPlant:
         method: Method = "erk",
         form: Form = EXACT,
     ) -> None:
-        self.model = model
+        self.model: Model | None = model
+        self.name, self.straight = model.name, False
+        self.commanded, self.measured = model.inputs, model.outputs
+        self.state_names = tuple(q.name for q in model.states)
+        self._parameters = model.parameters
         self.tolerance = tolerance
         self._scale = np.array([q.scale for q in model.states])
         traced = model.form(form)
@@ -66,8 +71,8 @@ class FullPlant:
         Raises:
             WorkbenchError: If there is no such parameter or the value is outside its bounds.
         """
-        i = index_of("parameter", name, self.model.parameters)
-        self._p[i] = self.model.parameters[i].with_value(value).value
+        i = index_of("parameter", name, self._parameters)
+        self._p[i] = self._parameters[i].with_value(value).value
 
     @property
     def parameters(self) -> Vector:
@@ -106,7 +111,7 @@ class FullPlant:
         # the end of the run.
         if not held or not -1e300 < sum(self.outputs) < 1e300:
             raise NumericalError(
-                f"the integrator of {self.model.name!r} gave up in a closed loop: the states or"
+                f"the integrator of {self.name!r} gave up in a closed loop: the states or"
                 " the parameters have left the range of the model, or the model is stiff (use"
                 " method='rosenbrock')"
             )
@@ -139,7 +144,16 @@ class LinearPlant:
         sample_time: float,
         start: Mapping[str, float] | None = None,
     ) -> None:
-        self.linear = linear
+        described = linear.operating_point.model
+        self.model: Model | None = None
+        self.name = f"linear model of {described.name}"
+        # A model by the valve's opening meets the same command as the plant.
+        self.straight = linear.inverse is None
+        self.commanded = described.inputs
+        if self.straight:
+            self.commanded = _named(described.inputs, linear.input_names)
+        self.measured = _named(described.outputs, linear.output_names)
+        self.state_names = tuple(linear.state_names)
         self.integrator = "exact discretisation"
         self.tolerance = 0.0
         self._A, self._B, self._C, self._D = (
@@ -186,6 +200,11 @@ class LinearPlant:
         du = u - self._u0
         self._x = self._A @ self._x + self._B @ du + self._drift
         self.outputs = (self._y0 + self._C @ self._x + self._D @ du).tolist()
+
+
+def _named(quantities: Sequence[Q], names: Sequence[str]) -> tuple[Q, ...]:
+    by_name = {q.name: q for q in quantities}
+    return tuple(by_name[name] for name in names)
 
 
 def _rest(linear: LinearModel, outputs: Mapping[str, float]) -> tuple[Vector, Vector]:

@@ -36,21 +36,27 @@ BEFORE = FURTHER[1]
 AFTER = SIMULATED
 """Colour of the extended model."""
 
+NAMES = ("refitted", "extended")
+"""What the two models of a diagnosis are called."""
+
 _POINTS = 1200
 _DASHES = (0, (4, 2))
 _WINDOW_S = 0.2
 
 
-def diagnosis_runs(before: FreeRun, after: FreeRun | None = None) -> Figure:
+def diagnosis_runs(
+    before: FreeRun, after: FreeRun | None = None, names: tuple[str, str] = NAMES
+) -> Figure:
     """Draw what was measured and what both models say to the same input, on the same axes.
 
     Args:
-        before: Free run of the refitted nominal model.
-        after: Free run of the extended model on the same recording; None if nothing was found.
+        before: Free run of the first model, such as the refitted nominal one.
+        after: Free run of the second on the same recording; None if there is none.
+        names: What both models are called.
 
     Returns:
         The figure: one panel per output over time in s; the last repeats the first output where
-        the refitted model is farthest off, measured by what moves there.
+        the first model is farthest off, measured by what moves there.
     """
     count = len(before.used)
     figure, panels = new_figure([1.6] + [1.4] * (count - 1) + [1.7], share_x=False)
@@ -60,19 +66,19 @@ def diagnosis_runs(before: FreeRun, after: FreeRun | None = None) -> Figure:
             axes.tick_params(labelbottom=False)
     label(panels[count - 1], x="time in s")
     draw_run(panels[-1], before, after, 0, farthest_off(before))
-    label(panels[-1], x="time in s, where the refitted model is farthest off")
-    key(panels[0], columns=3, handles=run_key(after))
+    label(panels[-1], x=f"time in s, where the {names[0]} model is farthest off")
+    key(panels[0], columns=3, handles=run_key(after, names))
     figure.align_ylabels()
     return figure
 
 
-def run_key(after: FreeRun | None) -> list[Line2D]:
+def run_key(after: FreeRun | None, names: tuple[str, str] = NAMES) -> list[Line2D]:
     """Return the legend of measured and simulated curves."""
     handles = [
         named_line("measured", MEASURED, width=3.0, alpha=0.45),
-        named_line("refitted", BEFORE, width=1.2),
+        named_line(names[0], BEFORE, width=1.2),
     ]
-    return handles + ([named_line("extended", AFTER, width=1.2, style=_DASHES)] if after else [])
+    return handles + ([named_line(names[1], AFTER, width=1.2, style=_DASHES)] if after else [])
 
 
 def farthest_off(run: FreeRun) -> npt.NDArray[np.bool_]:
@@ -124,14 +130,16 @@ def draw_run(
 
 
 def diagnosis_residuals(
-    before: FreeRun, noise: Mapping[str, float], after: FreeRun | None = None
+    before: FreeRun,
+    noise: Mapping[str, float],
+    after: FreeRun | None = None,
+    names: tuple[str, str] = NAMES,
 ) -> Figure:
     """Draw how far both free runs are measured, against the noise of the sensors.
 
     Args:
-        before: Free run of the refitted nominal model.
         noise: Noise of each output, in its SI unit.
-        after: Free run of the extended model; None if nothing was found.
+        names: What both models are called.
 
     Returns:
         The figure: root mean square of the error over windows of 0.2 s on a logarithmic axis, one
@@ -145,9 +153,9 @@ def diagnosis_residuals(
     for i, axes in enumerate(panels):
         draw_error(axes, before, noise, after, i)
     label(panels[-1], x="time in s")
-    handles: list[Line2D | Patch] = [named_line("refitted", BEFORE, width=1.3)]
+    handles: list[Line2D | Patch] = [named_line(names[0], BEFORE, width=1.3)]
     if after is not None:
-        handles.append(named_line("extended", AFTER, width=1.3))
+        handles.append(named_line(names[1], AFTER, width=1.3))
     handles.append(Patch(color=BAND.light, label="twice the sensor's noise"))
     key(panels[0], columns=3, handles=handles)  # type: ignore[arg-type]
     figure.align_ylabels()

@@ -11,12 +11,12 @@ from workbench.model.units import parse_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.bode import bode
 from workbench.reports.figures.nyquist import nyquist
-from workbench.reports.figures.plant_map import draw_plant_map
 from workbench.reports.figures.study_traces import output_of, point_text, written
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
+from workbench.reports.style import REFERENCE, SIMULATED, label, new_figure
 from workbench.reports.tables import Cell, Table, number
-from workbench.study.linear_loop import LoopAnalysis, by_controller
+from workbench.study.linear_loop import LoopAnalysis
 from workbench.study.plant_map import GAIN_HZ, plant_map
 from workbench.study.study import Study
 
@@ -60,7 +60,8 @@ def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
         *plant_picture(study),
         *map_picture(study),
     ]
-    for index, (name, own) in enumerate(by_controller(loops).items(), start=1):
+    for index, name in enumerate(dict.fromkeys(a.controller for a in loops), start=1):
+        own = [a for a in loops if a.controller == name]
         outer = [a for a in own if a.opened and a.opened != _command(own)]
         # A loop that nothing passes has no magnitude that a logarithm could show.
         if not any(np.any(np.abs(a.response) > 0.0) for a in outer):
@@ -142,16 +143,23 @@ def map_picture(study: Study) -> list[Picture]:
         return []
     display = output_of(study, found.output).display_unit
     factor, unit = parse_unit(display).factor, written(display)
-    figure = draw_plant_map(
-        found.values / factor,
-        found.frequency_hz,
-        found.damping,
-        found.gain / factor,
-        name=found.output,
-        unit=unit,
-        gain_unit=f"{unit}/{study.plant.build().inputs[0].unit}",
-        marked=[v / factor for point in study.points for n, v in point if n == found.output],
-    )
+    gain_unit = f"{unit}/{study.plant.build().inputs[0].unit}"
+    marked = [v / factor for point in study.points for n, v in point if n == found.output]
+    figure, panels = new_figure([1.15, 1.15, 1.15])
+    for axes, curve, title in (
+        (panels[0], found.frequency_hz, "frequency in Hz"),
+        (panels[1], found.damping, "damping ratio"),
+        (panels[2], found.gain / factor, f"gain in {gain_unit}"),
+    ):
+        # Points, for a line would make a slope of every jump at a corner of a law.
+        axes.plot(found.values / factor, curve, "o", color=SIMULATED.light, markersize=3.5)
+        for value in marked:
+            axes.axvline(value, color=REFERENCE.light, linewidth=1.0, linestyle=":")
+        # From zero, so that a change of one per cent does not look like a doubling.
+        axes.set_ylim(0.0, 1.15 * float(np.nanmax(curve)))
+        label(axes, y=title)
+    label(panels[-1], x=f"{found.output.replace('_', ' ')} in {unit}")
+    figure.align_ylabels()
     name = found.output.replace("_", " ")
     caption = (
         f"The plant alone over its {name}: frequency and damping of its oscillation, and the gain "
