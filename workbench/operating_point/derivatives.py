@@ -1,4 +1,7 @@
-"""Rates, measurements and all their derivatives at a point, in one call without conversions."""
+"""Rates, measurements and all their derivatives at a point, in one call without conversions.
+
+Units: SI; states x, shape (n_x,), inputs u, shape (n_u,), and parameters p, shape (n_p,).
+"""
 
 from __future__ import annotations
 
@@ -36,11 +39,6 @@ class Derivatives:
     def values(self, x: Vector, u: Vector, p: Vector) -> Vector:
         """Compute rates, then measurements.
 
-        Args:
-            x: States, shape (n_x,), in SI.
-            u: Inputs, shape (n_u,), in SI.
-            p: Parameters, shape (n_p,), in SI.
-
         Returns:
             Rates and measurements, shape (n_x + n_y,), in SI.
         """
@@ -48,11 +46,6 @@ class Derivatives:
 
     def __call__(self, x: Vector, u: Vector, p: Vector) -> tuple[Vector, Vector]:
         """Compute rates and measurements, and their derivatives by states and inputs.
-
-        Args:
-            x: States, shape (n_x,), in SI.
-            u: Inputs, shape (n_u,), in SI.
-            p: Parameters, shape (n_p,), in SI.
 
         Returns:
             Values, shape (n_x + n_y,), and derivatives, shape (n_x + n_y, n_x + n_u), in SI.

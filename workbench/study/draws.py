@@ -63,12 +63,10 @@ def interval(met: int, draws: int, confidence: float = CONFIDENCE) -> tuple[floa
         >>> [round(end, 3) for end in interval(20, 20)]
         [0.832, 1.0]
     """
-    from scipy.stats import beta
+    from scipy.stats import binomtest
 
-    tail = (1.0 - confidence) / 2.0
-    low = float(beta.ppf(tail, met, draws - met + 1)) if met else 0.0
-    high = float(beta.ppf(1.0 - tail, met + 1, draws - met)) if met < draws else 1.0
-    return low, high
+    low, high = binomtest(met, draws).proportion_ci(confidence)
+    return float(low), float(high)
 
 
 def straight_line(unit: Vector, values: Vector) -> tuple[float, Vector, float]:

@@ -198,24 +198,11 @@ def _margins(
         return LoopAnalysis(name, point, opened, frequency, loop, False, reason=reason)
     s = 1.0 / (1.0 + loop)
     t = loop * s
-    size = np.abs(loop)
-    cross = [i for i in range(len(loop) - 1) if (size[i] - 1) * (size[i + 1] - 1) < 0]
-    phase, at, late = math.inf, math.nan, math.inf
-    for i in cross:
-        f, value = _between(np.log(size), 0.0, i, frequency, loop)
-        own = abs(math.remainder(float(np.angle(value)) - math.pi, 2 * math.pi))
-        if own < phase:
-            phase, at = own, f
-        # A delay turns backwards: what it needs is the angle down to -180 degrees.
-        late = min(late, float((np.angle(value) + math.pi) % (2 * math.pi)) / (2 * math.pi * f))
-    up, down = math.inf, 0.0
-    for i in range(len(loop) - 1):
-        if loop[i].imag * loop[i + 1].imag < 0 and loop[i].real + loop[i + 1].real < 0:
-            share = loop[i].imag / (loop[i].imag - loop[i + 1].imag)
-            real = float(loop[i].real + share * (loop[i + 1].real - loop[i].real))
-            factor = -1.0 / real
-            up = min(up, factor) if factor > 1 else up
-            down = max(down, factor) if factor < 1 else down
+    circle, at, axis, _ = crossings(frequency, loop)
+    lag = np.mod(np.angle(circle) + math.pi, 2 * math.pi)
+    phases = np.minimum(lag, 2 * math.pi - lag)
+    least = int(np.argmin(phases)) if len(phases) else -1
+    factors = -1.0 / axis.real
     return LoopAnalysis(
         name,
         point,
@@ -223,24 +210,46 @@ def _margins(
         frequency,
         loop,
         True,
-        gain_margin=up,
-        gain_margin_down=down,
-        phase_margin=phase,
-        crossover_Hz=at,
-        delay_margin=late,
+        gain_margin=float(np.min(factors[factors > 1.0], initial=math.inf)),
+        gain_margin_down=float(np.max(factors[factors < 1.0], initial=0.0)),
+        phase_margin=float(phases[least]) if len(phases) else math.inf,
+        crossover_Hz=float(at[least]) if len(phases) else math.nan,
+        # A delay turns backwards: what it needs is the angle down to -180 degrees.
+        delay_margin=float(np.min(lag / (2 * math.pi * at), initial=math.inf)),
         sensitivity=float(np.max(np.abs(s))),
         complementary=float(np.max(np.abs(t))),
         disk_margin=float(1.0 / np.max(np.abs((s - t) / 2.0))),
     )
 
 
-def _between(
-    levels: Vector, level: float, i: int, frequency: Vector, loop: Complex
-) -> tuple[float, complex]:
-    """Interpolate frequency and response where a level is crossed between two samples."""
-    share = float((level - levels[i]) / (levels[i + 1] - levels[i]))
-    f = float(np.exp(np.log(frequency[i]) + share * np.log(frequency[i + 1] / frequency[i])))
-    return f, complex(loop[i] + share * (loop[i + 1] - loop[i]))
+def crossings(frequency: Vector, response: Complex) -> tuple[Complex, Vector, Complex, Vector]:
+    """Find where a loop gain crosses the unit circle and the negative real axis.
+
+    Args:
+        frequency: Frequencies, shape (n,), in Hz, above 0.
+        response: Loop gain, shape (n,), dimensionless.
+
+    Returns:
+        Loop gains on the unit circle and their frequencies in Hz, then those on the negative real
+        axis and theirs.
+
+    Example:
+        >>> hertz = np.geomspace(0.01, 10.0, 400)
+        >>> circle, _, axis, at = crossings(hertz, 4 / (1 + 2j * np.pi * hertz) ** 3)
+        >>> round(float(-1 / axis[0].real), 1), round(float(2 * np.pi * at[0]), 2)
+        (2.0, 1.73)
+    """
+
+    def where(level: Vector) -> tuple[Complex, Vector]:
+        at = np.flatnonzero(level[:-1] * level[1:] < 0.0)
+        part = level[at] / (level[at] - level[at + 1])
+        found = response[at] + part * (response[at + 1] - response[at])
+        return found, frequency[at] * (frequency[at + 1] / frequency[at]) ** part
+
+    circle, at_circle = where(np.log(np.maximum(np.abs(response), 1e-300)))
+    axis, at_axis = where(response.imag)
+    left = axis.real < 0.0
+    return circle, at_circle, axis[left], at_axis[left]
 
 
 def analyse_study(study: Study) -> tuple[LoopAnalysis, ...]:

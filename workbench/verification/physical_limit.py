@@ -26,7 +26,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,6 +35,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_range
+from workbench.files import write_whole
 from workbench.model import Model
 from workbench.model.traits import bound_value
 from workbench.model.units import from_si
@@ -248,7 +248,7 @@ class _Problem:
         rates, motion = self._functions()
         n_x, n_u, d = len(self.scale), len(self.model.inputs), self.degree
         total = sum(self.intervals)
-        derivative, end = _radau(d)
+        derivative, end, _ = ca.collocation_coeff(ca.collocation_points(d, "radau"))
         # One interval: the collocation equations of states at its points.
         z0, points = ca.SX.sym("z0", n_x), ca.SX.sym("points", n_x, d)
         u, h = ca.SX.sym("u", n_u), ca.SX.sym("h")
@@ -401,21 +401,6 @@ def _options(strategy: str) -> dict[str, Any]:
     }
 
 
-def _radau(degree: int) -> tuple[ca.DM, ca.DM]:
-    """Return the matrices that give slopes at the points, and the value at the end."""
-    points = [0.0, *ca.collocation_points(degree, "radau")]
-    count = degree + 1
-    slopes, end = np.zeros((count, degree)), np.zeros(count)
-    for j in range(count):
-        polynomial = np.poly1d([1.0])
-        for r in range(count):
-            if r != j:
-                polynomial *= np.poly1d([1.0, -points[r]]) / (points[j] - points[r])
-        end[j] = polynomial(1.0)
-        slopes[j] = [np.polyder(polynomial)(t) for t in points[1:]]
-    return ca.DM(slopes), ca.DM(end)
-
-
 def _read(path: Path) -> dict[str, Any] | None:
     try:
         with np.load(path, allow_pickle=False) as stored:
@@ -434,7 +419,4 @@ def _read(path: Path) -> dict[str, Any] | None:
 def _write(path: Path, found: dict[str, Any]) -> None:
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **found)
-    # Written beside and moved, so that a parallel run never reads half a file.
-    with tempfile.NamedTemporaryFile(dir=path.parent, delete=False) as file:
-        file.write(buffer.getvalue())
-    Path(file.name).replace(path)
+    write_whole(path, buffer.getvalue())

@@ -2,6 +2,9 @@
 
 A metric that a trajectory does not have (the settling time of one that never settles) is NaN and
 says why, so that no later sum or comparison can take it for a number.
+
+Units: times from the step on, shape (n,), in s; trajectories, references before and after the step,
+errors and commands, shape (n,), in any unit, and results in it unless they say another.
 """
 
 from __future__ import annotations
@@ -36,10 +39,6 @@ def settling_time(
     """Return the time after which a step response stays within the band.
 
     Args:
-        time: Times from the step on, shape (n,), in s.
-        trajectory: Output, shape (n,), in any unit.
-        initial: Reference before the step, in the unit of the trajectory.
-        final: Reference after the step, in the unit of the trajectory.
         band: Half width of the band, as a fraction of the step.
 
     Returns:
@@ -69,12 +68,6 @@ def settling_time(
 def rise_time(time: Vector, trajectory: Vector, *, initial: float, final: float) -> Value:
     """Return the time from 10 % to 90 % of a step.
 
-    Args:
-        time: Times from the step on, shape (n,), in s.
-        trajectory: Output, shape (n,), in any unit.
-        initial: Reference before the step, in the unit of the trajectory.
-        final: Reference after the step, in the unit of the trajectory.
-
     Returns:
         Time in s; NaN if 90 % is not reached.
 
@@ -98,11 +91,6 @@ def rise_time(time: Vector, trajectory: Vector, *, initial: float, final: float)
 def overshoot(trajectory: Vector, *, initial: float, final: float) -> Value:
     """Return how far a step response goes beyond the reference.
 
-    Args:
-        trajectory: Output from the step on, shape (n,), in any unit.
-        initial: Reference before the step, in the unit of the trajectory.
-        final: Reference after the step, in the unit of the trajectory.
-
     Returns:
         Fraction of the step, 0 if it is not passed; NaN without a step.
 
@@ -122,8 +110,7 @@ def steady_error(time: Vector, error: Vector, *, window: float = 1.0) -> Value:
     """Return the mean error at the end of a record, as a magnitude.
 
     Args:
-        time: Times, shape (n,), in s.
-        error: Reference minus output, shape (n,), in any unit; the reference is constant.
+        error: Reference minus output; the reference is constant.
         window: Length of the end that is averaged, in s; at most the last half is used.
 
     Example:
@@ -143,8 +130,6 @@ def oscillation(time: Vector, trajectory: Vector, *, window: float = 1.0) -> Val
     The straight line through the end is taken away first, so that a slow drift does not count.
 
     Args:
-        time: Times, shape (n,), in s.
-        trajectory: Output, shape (n,), in any unit.
         window: Length of the end, in s; at most the last half is used.
 
     Returns:
@@ -168,9 +153,6 @@ def oscillation(time: Vector, trajectory: Vector, *, window: float = 1.0) -> Val
 def rms(error: Vector) -> Value:
     """Return the root mean square.
 
-    Args:
-        error: Values, shape (n,), in any unit.
-
     Example:
         >>> rms(np.array([3.0, -3.0])).value
         3.0
@@ -181,10 +163,6 @@ def rms(error: Vector) -> Value:
 def integral_absolute_error(time: Vector, error: Vector) -> Value:
     """Return the integral of the magnitude of an error that is held between samples.
 
-    Args:
-        time: Equidistant times, shape (n,), in s.
-        error: Values, shape (n,), in any unit.
-
     Example:
         >>> integral_absolute_error(np.array([0.0, 0.5]), np.array([1.0, -2.0])).value
         1.5
@@ -194,10 +172,6 @@ def integral_absolute_error(time: Vector, error: Vector) -> Value:
 
 def variation_rate(time: Vector, command: Vector) -> Value:
     """Return the total variation of a command per time: how much it chatters.
-
-    Args:
-        time: Equidistant times, shape (n,), in s.
-        command: Command, shape (n,), in any unit.
 
     Source:
         Total variation as a measure of input usage; Skogestad, Journal of Process Control 13, 2003.

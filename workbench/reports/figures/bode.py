@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.reports.style import REFERENCE, key, label, new_figure, ramp
+from workbench.study.linear_loop import crossings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,36 +86,6 @@ def distinct(responses: Mapping[str, npt.ArrayLike]) -> dict[str, Complex]:
         else:
             groups.append(([name], values))
     return {" and ".join(names): values for names, values in groups}
-
-
-def crossings(frequency: Vector, response: Complex) -> tuple[Complex, Vector, Complex, Vector]:
-    """Find where a loop gain crosses the unit circle and the negative real axis.
-
-    Args:
-        frequency: Frequencies, shape (n,), in Hz.
-        response: Loop gain, shape (n,), dimensionless.
-
-    Returns:
-        Loop gains on the unit circle and their frequencies in Hz, then those on the negative real
-        axis and theirs.
-
-    Example:
-        >>> hertz = np.geomspace(0.01, 10.0, 400)
-        >>> circle, _, axis, at = crossings(hertz, 4 / (1 + 2j * np.pi * hertz) ** 3)
-        >>> round(float(-1 / axis[0].real), 1), round(float(2 * np.pi * at[0]), 2)
-        (2.0, 1.73)
-    """
-
-    def where(level: Vector) -> tuple[Complex, Vector]:
-        at = np.flatnonzero(level[:-1] * level[1:] < 0.0)
-        part = level[at] / (level[at] - level[at + 1])
-        found = response[at] + part * (response[at + 1] - response[at])
-        return found, frequency[at] + part * (frequency[at + 1] - frequency[at])
-
-    circle, at_circle = where(np.log(np.maximum(np.abs(response), 1e-300)))
-    axis, at_axis = where(response.imag)
-    left = axis.real < 0.0
-    return circle, at_circle, axis[left], at_axis[left]
 
 
 def _mark_margins(

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from workbench.reports.figures.bode import crossings, distinct
+from workbench.reports.figures.bode import distinct
 from workbench.reports.style import BAND, FAINT, INK, key, label, new_figure, ramp
+from workbench.study.linear_loop import crossings
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +49,7 @@ def nyquist(responses: Mapping[str, npt.ArrayLike], *, disk_margin: float | None
     drawn = distinct(responses)
     for (name, values), shade in zip(drawn.items(), ramp(len(drawn)), strict=True):
         axes.plot(values.real, values.imag, color=shade.light, linewidth=1.4, label=name)
-        circle, _, axis, _ = crossings(np.arange(float(len(values))), values)
+        circle, _, axis, _ = crossings(np.arange(1.0, len(values) + 1.0), values)
         marked = np.concatenate([circle, axis])
         axes.plot(marked.real, marked.imag, "o", color=shade.light, markersize=4.0)
     axes.plot([-1.0], [0.0], marker="+", color=INK.light, markersize=9, linestyle="none")
