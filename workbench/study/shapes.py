@@ -47,7 +47,8 @@ class FieldTable:
 
     Args:
         partial: Whether needed fields may be missing, because another table may have them.
-        others: Whether there may be other fields, such as the options of a plant.
+        others: Whether there may be other fields, such as the options of a plant or the keys of a
+            reference of one's own.
     """
 
     fields: Mapping[str, Field]
@@ -235,20 +236,10 @@ FASTEST = FieldTable(
             NAMES, "variations on which the limits hold", '["4 kg"]', usual="nominal"
         ),
         "maximum_sensitivity": Field(
-            number,
-            "limit on Ms",
-            "2.0",
-            "1",
-            (1, 1e3),
-            Fastest.maximum_sensitivity,
+            number, "limit on Ms", "2.0", "1", (1, 1e3), Fastest.maximum_sensitivity
         ),
         "maximum_complementary": Field(
-            number,
-            "limit on Mt",
-            "1.9",
-            "1",
-            (1, 1e3),
-            Fastest.maximum_complementary,
+            number, "limit on Mt", "1.9", "1", (1, 1e3), Fastest.maximum_complementary
         ),
         "late_sensitivity": Field(
             number, "limit on Ms with commands one sample late", "3.0", "1", (1, 1e3), "none"
@@ -293,7 +284,8 @@ CONTROLLER = FieldTable(
     },
 )
 REFERENCE = FieldTable(
-    {
+    others=True,
+    fields={
         "kind": Field(
             text, "steps, ramps, sine, recorded, or `module:object`", '"steps"', usual="steps"
         ),

@@ -60,7 +60,6 @@ class PhysicalLimit:
 
     Args:
         seconds: The limit: time until the plant is within the band for good, in s.
-        durations: Durations of the move and of the stay after it, in s.
         begin: Position at the start, in ``unit``.
         end: Position at the end, in ``unit``.
         band: Half-width of the band about the final position, in ``unit``.
@@ -77,7 +76,6 @@ class PhysicalLimit:
     """
 
     seconds: float
-    durations: tuple[float, ...]
     begin: float
     end: float
     band: float
@@ -371,7 +369,6 @@ class _Problem:
         stray = np.abs(driven[:, c] - found["states"][:, c])
         return PhysicalLimit(
             seconds=float(found["times"][0]),
-            durations=tuple(float(t) for t in found["times"]),
             begin=float(self.start.x[c]),
             end=self.target,
             band=self.band,
