@@ -28,6 +28,7 @@ from workbench.evaluation.answer_key import (
     words_of,
 )
 from workbench.evaluation.claims import Answer, read_answer
+from workbench.recordings.aligned_table import aligned_table
 
 RIGHT, CLASS, GROUP, SIDE, NONE, WRONG = 6, 3, 2, 1, 0, -6
 """Points."""
@@ -152,11 +153,6 @@ class RoundScore:
             )
             for line in self.lines
         ]
-        widths = [max(len(row[i]) for row in (heading, *rows)) for i in range(len(heading))]
-        text = [
-            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-            for row in (heading, *rows)
-        ]
         data = self.as_data()
         silent, nothing = self.false_alarms
 
@@ -170,7 +166,7 @@ class RoundScore:
         )
         return "\n".join(
             [
-                *text,
+                aligned_table(heading, rows, width=None),
                 f"{self.points} of {self.most} points; random answers {self.chance:.1f},"
                 f" p = {self.p_value:.2g}",
                 f"right group {rate('right_group_rate')}, right name or class"

@@ -18,7 +18,7 @@ from workbench.diagnosis.experiment.play import (
     with_experiment,
 )
 from workbench.errors import WorkbenchError
-from workbench.evaluation.rig.machine import RigMachine
+from workbench.evaluation.own_cases.rig_machine import RigMachine
 from workbench.evaluation.rig.parameters import nominal
 from workbench.physics.friction import viscous_friction
 from workbench.plants.servo_axis import servo_axis

@@ -14,6 +14,7 @@ from workbench.evaluation.kept import keep
 from workbench.evaluation.left_out.plan import PLAN, LeftOut, recordings
 from workbench.files import write_whole
 from workbench.physics.library import Hypothesis, library
+from workbench.recordings.aligned_table import aligned_table
 
 SHOWN = {"rad": ("deg", 180.0 / math.pi), "N": ("N", 1.0)}
 """Unit and factor in which the held-out error of the first output is shown."""
@@ -146,7 +147,7 @@ def _moved(diagnosis: Diagnosis, most: int = 2) -> str:
 def table(rows: Sequence[Row]) -> str:
     """Return the rows as an aligned table."""
     head = ("left out", "data", "verdict", "found", "held out: refitted", "extended", "absorbed")
-    cells = [head] + [
+    cells = [
         (
             r.left_out,
             r.trial,
@@ -158,8 +159,7 @@ def table(rows: Sequence[Row]) -> str:
         )
         for r in rows
     ]
-    widths = [max(len(row[i]) for row in cells) for i in range(len(head))]
-    lines = ["  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)) for row in cells]
+    lines = [aligned_table(head, cells, width=None)]
     for r in rows:
         lines += [f"{r.left_out}, {r.trial}:"]
         lines += [f"  size {r.size}"] if r.size else []

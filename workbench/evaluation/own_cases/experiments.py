@@ -23,9 +23,9 @@ from workbench.evaluation.blind_round import Line, score_case
 from workbench.evaluation.claims import answer_of
 from workbench.evaluation.kept import keep, silent, version
 from workbench.evaluation.own_cases.plan import Planned, names, plan
+from workbench.evaluation.own_cases.rig_machine import rig_of
+from workbench.evaluation.own_cases.run import made
 from workbench.evaluation.rates import Rate
-from workbench.evaluation.rig.cases import make_case
-from workbench.evaluation.rig.machine import rig_of
 from workbench.recordings import read_case
 
 SCHEMA = "experiment_case/1"
@@ -92,22 +92,10 @@ def run(case: Planned, out: Path, *, jobs: int = 1) -> dict[str, Any]:
     if kept.exists():
         return dict(json.loads(kept.read_text()))
     with tempfile.TemporaryDirectory() as place:
-        folder = make_case(
-            case.seed,
-            list(case.effects),
-            case.load,
-            Path(place) / case.name,
-            sizes=case.changes,
-            load_error=case.load_error,
-            seconds=SECONDS,
-            recorded=case.recorded,
-        )
+        folder = made(case, Path(place) / case.name, seconds=SECONDS)
         found = read_case(folder)
-        plant, fit, hold_out = (
-            found.model(),
-            tuple(found.fit.values()),
-            tuple(found.hold_out.values()),
-        )
+        plant = found.model()
+        fit, hold_out = tuple(found.fit.values()), tuple(found.hold_out.values())
         row: dict[str, Any] = {
             "schema": SCHEMA,
             "case": case.name,

@@ -20,7 +20,7 @@ from workbench.evaluation.own_cases.greedy import greedy
 from workbench.evaluation.own_cases.limit import limited_errors
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
 from workbench.evaluation.own_cases.sindy import sindy
-from workbench.evaluation.rig.cases import make_case
+from workbench.evaluation.rig.cases import SPREAD, make_case
 from workbench.evaluation.rig.parameters import nominal
 from workbench.model import Model
 from workbench.recordings import read_case
@@ -28,8 +28,8 @@ from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
 
 
-def made(case: Planned, folder: Path) -> Path:
-    """Write the recordings of a planned case; returns the folder."""
+def made(case: Planned, folder: Path, *, seconds: float = 20.0) -> Path:
+    """Write the recordings of a planned case, of this length in s; returns the folder."""
     return make_case(
         case.seed,
         list(case.effects),
@@ -37,6 +37,7 @@ def made(case: Planned, folder: Path) -> Path:
         folder,
         sizes=case.changes,
         load_error=case.load_error,
+        seconds=seconds,
         spread=case.spread,
         recorded=case.recorded,
     )
@@ -90,7 +91,7 @@ def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> d
             "recorded": case.recorded,
             "spread": case.spread,
             "true": _changed(truth["parameters"]) | {"load_error": truth["load_error"]},
-            "background": {k: v for k, v in truth["parameters"].items() if k in BACKGROUND},
+            "background": {k: v for k, v in truth["parameters"].items() if k in SPREAD},
             "limit": limited_errors(folder),
             "version": version(),
         }
@@ -117,13 +118,6 @@ def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> d
         row["scores"], row["rounds"] = _scores(diagnosis), _rounds(diagnosis)
         row["baselines"] = _baselines(diagnosis, plant, fit_on, hold_out) if baselines else {}
     return keep(kept, row)
-
-
-BACKGROUND = (
-    "arm_inertia", "force_gain", "conductance", "centre_leakage", "volume_gain", "dead_volume",
-    "viscous", "coulomb", "heat_transfer",
-)  # fmt: skip
-"""Parameters of the rig that are not nominal in most cases."""
 
 
 def _changed(parameters: Mapping[str, float]) -> dict[str, float]:
