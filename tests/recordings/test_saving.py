@@ -66,10 +66,10 @@ def test_round_trip_of_a_file_that_was_read(tmp_path: Path) -> None:
 
 def test_nothing_is_left_of_a_failed_write(tmp_path: Path) -> None:
     recording = example_recording(seconds=2.0)
-    with pytest.raises(WorkbenchError, match="cannot be written"):
-        write_recording(recording, tmp_path / "none" / "a.csv")
     target = tmp_path / "a.csv"
     target.write_text("earlier")
+    with pytest.raises(WorkbenchError, match="cannot be written"):
+        write_recording(recording, target / "b.csv")
     with pytest.raises(WorkbenchError, match="metadata"):
         write_recording(replace(recording, metadata={"x": float("nan")}), target)
     assert target.read_text() == "earlier"

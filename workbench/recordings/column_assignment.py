@@ -244,20 +244,19 @@ def assign(
     rows = [] if time_row is None else [time_row]
     unused: list[tuple[str, str]] = []
     taken = set() if time_index is None else {time_index}
-    for rule in rules.signals:
-        index = find_column(headers, rule)
+
+    def take(index: int, rule: ColumnRule, how: str) -> None:
         request = by_name.get(rule.signal, Requested(rule.signal))
-        signal, row = _signal(columns, index, headers[index], rule, request, "mapping file")
+        signal, row = _signal(columns, index, headers[index], rule, request, how)
         signals.append(signal)
         rows.append(row)
         taken.add(index)
+
+    for rule in rules.signals:
+        take(find_column(headers, rule), rule, "mapping file")
     missing = [w for w in requested if w.name not in {s.name for s in signals}]
     for name, (index, how) in match_requested(missing, headers, taken).items():
-        rule = ColumnRule(name, headers[index].column)
-        signal, row = _signal(columns, index, headers[index], rule, by_name[name], how)
-        signals.append(signal)
-        rows.append(row)
-        taken.add(index)
+        take(index, ColumnRule(name, headers[index].column), how)
     order = {w.name: i for i, w in enumerate(requested)}
     signals.sort(key=lambda s: order.get(s.name, len(order)))
     for index, header in enumerate(headers):
@@ -271,10 +270,7 @@ def assign(
         if why:
             unused.append((header.column, why))
             continue
-        rule = ColumnRule(header.name, header.column)
-        signal, row = _signal(columns, index, header, rule, Requested(header.name), "header")
-        signals.append(signal)
-        rows.append(row)
+        take(index, ColumnRule(header.name, header.column), "header")
     notes = list(columns.notes)
     for index in sorted(
         taken | {i for i, h in enumerate(headers) if h.column in {r.column for r in rows}}

@@ -5,8 +5,6 @@ from __future__ import annotations
 import gzip
 import io
 import json
-import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -16,12 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
+from workbench.files import write_whole
 from workbench.model.units import from_si
 from workbench.recordings.columns import Columns, without_giants
 from workbench.recordings.formats.text_layout import SAVED_MARK
 from workbench.recordings.recording import ColumnMapping, MappedColumn, Recording, Signal, Span
 
 _VERSION = 1
+_SIGNAL = ("name", "unit", "kind", "role", "display_unit")
 
 
 def _description(recording: Recording, columns: list[str]) -> str:
@@ -40,14 +40,7 @@ def _description(recording: Recording, columns: list[str]) -> str:
         "excluded": [asdict(span) for span in recording.excluded],
         "mapping": mapping,
         "signals": [
-            {
-                "column": column,
-                "name": s.name,
-                "unit": s.unit,
-                "kind": s.kind,
-                "role": s.role,
-                "display_unit": s.display_unit,
-            }
+            {"column": column, **{key: getattr(s, key) for key in _SIGNAL}}
             for column, s in zip(columns, recording.signals, strict=True)
         ],
     }
@@ -114,24 +107,10 @@ def write_recording(recording: Recording, path: str | Path) -> Path:
             "and finite numbers"
         ) from None
     table = np.column_stack([recording.time, *(s.values for s in recording.signals)])
-    opener: Any = gzip.open if target.suffix == ".gz" else open
-    partial = ""
-    try:
-        handle, partial = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.")
-        os.close(handle)
-        with opener(partial, "wt", encoding="utf-8", newline="\n") as stream:
-            stream.write(f"{SAVED_MARK}{description}\n")
-            stream.write(",".join(["time_s", *columns]) + "\n")
-            for row in table.tolist():
-                stream.write(",".join("" if v != v else repr(v) for v in row) + "\n")
-        Path(partial).chmod(0o644)
-        Path(partial).replace(target)
-    except OSError as error:
-        raise WorkbenchError(f"{target} cannot be written: {error.strerror or error}") from None
-    finally:
-        if partial:
-            Path(partial).unlink(missing_ok=True)
-    return target
+    lines = [SAVED_MARK + description, ",".join(["time_s", *columns])]
+    lines += [",".join("" if v != v else repr(v) for v in row) for row in table.tolist()]
+    content = "\n".join([*lines, ""]).encode()
+    return write_whole(target, gzip.compress(content) if target.suffix == ".gz" else content)
 
 
 def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
@@ -154,12 +133,8 @@ def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
             columns.values[:, index["time_s"]],
             tuple(
                 Signal(
-                    s["name"],
-                    columns.values[:, index[s["column"]]],
-                    s["unit"],
-                    s["kind"],
-                    s["role"],
-                    s["display_unit"],
+                    values=columns.values[:, index[s["column"]]],
+                    **{key: s[key] for key in _SIGNAL},
                 )
                 for s in saved["signals"]
             ),

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
 from workbench.recordings.recording import Recording
@@ -42,6 +43,12 @@ class Expected:
     reach: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
 
+def _at_start(model: Model) -> tuple[npt.NDArray[np.float64], ...]:
+    """Return A, B, C and D of a model at its start."""
+    x, u = model.initial_state(), model.nominal_input
+    return tuple(np.asarray(m) for m in model.exact.jacobian_function(x, u, model.values))
+
+
 def response_signs(model: Model) -> dict[tuple[str, str], int]:
     """Return the signs of responses that follow from the structure of a model.
 
@@ -50,8 +57,7 @@ def response_signs(model: Model) -> dict[tuple[str, str], int]:
     because all others answer to them. A measured state accelerates a measured position (a
     state whose rate is another state) if it stands in its second derivative.
     """
-    x, u = model.initial_state(), model.nominal_input
-    A, B, C, D = (np.asarray(m) for m in model.exact.jacobian_function(x, u, model.values))
+    A, B, C, D = _at_start(model)
     n = len(model.states)
     signs: dict[tuple[str, str], int] = {}
     for j, cause in enumerate(model.inputs):
@@ -74,8 +80,7 @@ def acceleration_slopes(model: Model) -> dict[tuple[str, str], float]:
     Returns:
         Acceleration over cause at the start, in SI, by (cause, motion).
     """
-    x, u = model.initial_state(), model.nominal_input
-    A, B, C, _ = (np.asarray(m) for m in model.exact.jacobian_function(x, u, model.values))
+    A, B, C, _ = _at_start(model)
     found: dict[tuple[str, str], float] = {}
     # Outputs that read one state as it is, by the index of that state.
     read = {int(np.flatnonzero(row)[0]): i for i, row in enumerate(C) if np.count_nonzero(row) == 1}
@@ -93,12 +98,7 @@ def middle_speed(model: Model) -> float:
 
     Integrators have none and do not count; NaN if there is nothing else.
     """
-    A, *_ = (
-        np.asarray(m)
-        for m in model.exact.jacobian_function(
-            model.initial_state(), model.nominal_input, model.values
-        )
-    )
+    A, *_ = _at_start(model)
     if not A.size or not np.isfinite(A).all():
         return math.nan
     sizes = np.abs(np.linalg.eigvals(A))
