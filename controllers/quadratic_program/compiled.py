@@ -7,16 +7,11 @@ that what is verified is what goes to the rig; it is built once and kept. The en
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
-import hashlib
-import os
-import shutil
-import subprocess
-import sys
-import tempfile
 from functools import lru_cache
 from pathlib import Path
+
+from workbench.work.machine_code import built
 
 TEXT = Path(__file__).with_name("solver.c")
 """The solver, for sizes that are defined before it."""
@@ -45,19 +40,9 @@ def solver_bytes(variables: int, rows: int, *, factor: bool = True) -> int:
 @lru_cache(maxsize=32)
 def solver_library(variables: int, rows: int, limit: int) -> ctypes.PyDLL | None:
     """Return the built solver for problems of one size, or None without a compiler."""
-    cc = _compiler()
-    if cc is None:
-        return None
     source = solver_source(variables, rows, limit=limit) + _ENTRIES
-    key = hashlib.sha256("\0".join((cc, *FLAGS, source)).encode()).hexdigest()[:24]
-    folder = _folder()
-    library = folder / f"quadratic_program-{key}.so"
-    try:
-        if not library.exists():
-            _build(cc, source, library)
-        return ctypes.PyDLL(str(library))
-    except (OSError, subprocess.CalledProcessError):
-        return None
+    library = built("quadratic_program", source, FLAGS)
+    return None if library is None else ctypes.PyDLL(str(library))
 
 
 _ENTRIES = """
@@ -70,29 +55,3 @@ int solve(const double *inverse, const double *rows, const double *sizes, const 
   return qp_solve(inverse, rows, sizes, g, lower, upper, x, iterations);
 }
 """
-
-
-def _compiler() -> str | None:
-    wanted = os.environ.get("WORKBENCH_CC", "")
-    if wanted == "none" or sys.platform == "win32":
-        return None
-    names = (wanted,) if wanted else ("gcc", "clang", "cc")
-    return next((path for name in names if (path := shutil.which(name))), None)
-
-
-def _folder() -> Path:
-    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    base = Path(os.environ.get("WORKBENCH_CACHE") or home) / "workbench"
-    with contextlib.suppress(OSError):
-        base.mkdir(parents=True, exist_ok=True)
-    return base if os.access(base, os.W_OK) else Path(tempfile.mkdtemp(prefix="workbench-"))
-
-
-def _build(cc: str, source: str, library: Path) -> None:
-    # Built under another name and moved, so that a parallel run never loads a half-written file.
-    with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-        code, built = Path(folder) / "solver.c", Path(folder) / "solver.so"
-        code.write_text(source)
-        command = [cc, *FLAGS, "-o", str(built), str(code), "-lm"]
-        subprocess.run(command, capture_output=True, check=True)
-        built.replace(library)

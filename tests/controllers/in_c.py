@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from controllers.c_export import ExportedC, export_c
-from workbench.simulation.compiled import compiler
+from workbench.work.machine_code import compiler
 
 STRICT = ("-std=c99", "-pedantic", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 PLAIN = ("-std=c99", "-Wall", "-Wextra", "-Werror")

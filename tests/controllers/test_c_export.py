@@ -35,8 +35,8 @@ from tests.controllers.families import CLOSED_FORM, MPCS, family
 from tests.controllers.in_c import STRICT, InC, built
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
-from workbench.simulation.compiled import compiler
 from workbench.verification import guarded
+from workbench.work.machine_code import compiler
 
 STEPS = 10_000
 

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.simulation.compiled import compiled, compiler
+from workbench.simulation.compiled import compiled
+from workbench.work.counted import done, since
+from workbench.work.machine_code import SOON, built, compiler
 
 SCRIPT = """
 import sys
@@ -64,6 +66,21 @@ def test_a_function_is_built_once_per_content(
     assert [p for p in (tmp_path / "workbench").iterdir() if p.is_dir()] == []
 
 
+def test_a_damaged_library_is_built_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("WORKBENCH_CACHE", str(tmp_path))
+    library = built("f", "double f(void) { return 2.0; }", SOON)
+    assert library is not None
+    whole = library.read_bytes()
+    for damaged in (b"", whole[: len(whole) // 2], whole[:-1] + b"x"):
+        library.write_bytes(damaged)
+        assert built("f", "double f(void) { return 2.0; }", SOON) == library
+        assert library.read_bytes() == whole
+    # What is whole is not built again.
+    before = done()
+    assert built("f", "double f(void) { return 2.0; }", SOON) == library
+    assert since(before)["compilations"] == 0
+
+
 def test_a_compiler_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("WORKBENCH_CC", "no-such-compiler")
     compiler.cache_clear()
@@ -86,7 +103,7 @@ def test_a_compiler_that_fails_leaves_the_interpreter(
     compiler.cache_clear()
     x = ca.SX.sym("x")
     try:
-        with pytest.warns(RuntimeWarning, match="interpreted instead"):
+        with pytest.warns(RuntimeWarning, match="could not build it: broken"):
             function = compiled(ca.Function("f", [x], [x + 1.0]))
         assert float(function(1.0)) == 2.0
     finally:

@@ -11,7 +11,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from workbench.simulation.compiled import FAST, SOON, built, compiler, generated
+from workbench.simulation.compiled import generated
+from workbench.work.machine_code import FAST, SOON, built, compiler
 
 Vector = npt.NDArray[np.float64]
 

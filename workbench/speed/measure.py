@@ -61,7 +61,8 @@ class Way:
 
     Args:
         times: Time per unit of work; None if it could not be done here.
-        error: How far its result is from the reference; NaN if that means nothing.
+        error: How far its result is from the reference, in the unit that the comparison says;
+            NaN if that means nothing.
         remark: What to know of it, or why it could not be done.
     """
 
@@ -93,7 +94,7 @@ class Comparison:
         """Return how many times longer a way took than the first: least, median, most; ratios.
 
         Returns:
-            NaN where it could not be done.
+            The three ratios; NaN where it could not be done.
         """
         ours, theirs = self.ways[0].times, next(w.times for w in self.ways if w.name == name)
         if ours is None or theirs is None:
@@ -176,7 +177,7 @@ class Curve:
 
     Args:
         x: What grows, in words with its unit.
-        at: Its values.
+        at: Its values, in the unit that ``x`` says.
         seconds: Wall-clock time at each, in s; several tries.
         work: Counted work at each; empty where it does not matter.
     """

@@ -77,7 +77,7 @@ class Ran:
     Args:
         wall: Wall-clock time, in s.
         processor: Processor time of all its processes, in s.
-        memory: Largest resident size of one of its processes, in bytes.
+        memory: Largest resident size of one of its processes, in B.
         said: What it printed.
     """
 

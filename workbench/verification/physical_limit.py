@@ -40,8 +40,8 @@ from workbench.model import Model
 from workbench.model.traits import bound_value
 from workbench.model.units import from_si
 from workbench.operating_point import OperatingPoint, operating_point
-from workbench.simulation.compiled import cache_folder
 from workbench.simulation.stepper import Stepper
+from workbench.work.machine_code import cache_folder
 
 Vector = npt.NDArray[np.float64]
 

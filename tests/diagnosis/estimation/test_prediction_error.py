@@ -11,8 +11,8 @@ from workbench.diagnosis.estimation.made_up import made_up_axis
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, stack
 from workbench.errors import WorkbenchError
 from workbench.plants.servo_axis import servo_axis
-from workbench.simulation.compiled import compiler
 from workbench.simulation.equations import _library as built_before
+from workbench.work.machine_code import compiler
 
 AXIS = servo_axis()
 FREE = ("mass", "offset", "viscous_friction.coefficient", "coulomb_friction.level")
