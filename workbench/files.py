@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from workbench.errors import WorkbenchError
@@ -87,6 +87,69 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
     except OSError as error:
         raise _sentence("folder", target, error) from None
     return target
+
+
+@contextmanager
+def claimed(path: str | os.PathLike[str] | None) -> Iterator[None]:
+    """Keep a folder of results to one run: a second one is refused until the first has ended.
+
+    The claim ends with the process, also with one that is killed; what a killed run left half
+    written is removed first.
+
+    Args:
+        path: The folder, made if it is not there; None claims nothing.
+
+    Raises:
+        WorkbenchError: If another run has the folder, or it cannot be written.
+
+    Example:
+        >>> with tempfile.TemporaryDirectory() as place, claimed(place):
+        ...     with claimed(place):
+        ...         pass
+        Traceback (most recent call last):
+            ...
+        workbench.errors.WorkbenchError: folder ... is in use by another run ...
+    """
+    if path is None:
+        yield
+        return
+    target, made = Path(path), not Path(path).exists()
+    check_folder(target)
+    try:
+        import fcntl
+    except ImportError:
+        # A platform without such locks.
+        yield
+        return
+    lock = target / ".lock"
+    with lock.open("a", encoding="ascii") as held:
+        try:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise WorkbenchError(
+                f"folder {str(target)!r} is in use by another run; wait until it has ended, or"
+                " give another folder"
+            ) from None
+        try:
+            _remove_leftovers(target.absolute())
+            yield
+        finally:
+            lock.unlink(missing_ok=True)
+            if made:
+                # A run that wrote nothing leaves nothing.
+                with suppress(OSError):
+                    target.rmdir()
+
+
+def _remove_leftovers(folder: Path) -> None:
+    """Remove what runs that were killed had begun to write."""
+    for place in (folder, *(p for p in folder.rglob("*") if p.is_dir())):
+        for item in place.glob(".*-????????"):
+            if item.is_file():
+                item.unlink(missing_ok=True)
+    for item in folder.parent.glob(f".{folder.name}-????????"):
+        if item.is_dir():
+            shutil.rmtree(item, ignore_errors=True)
 
 
 @contextmanager

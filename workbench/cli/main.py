@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from workbench.cli.bless import bless
+from workbench.cli.claim import claiming
 from workbench.cli.compare import compare
 from workbench.cli.controllers import controllers
 from workbench.cli.demo import demo
@@ -57,11 +58,11 @@ for _verb in (
     notebook,
     verify,
     recording,
-    refit,
+    claiming(refit),
     force_map,
-    diagnose,
-    compare,
-    controllers,
+    claiming(diagnose),
+    claiming(compare),
+    claiming(controllers),
     bless,
     report,
     new_study,
