@@ -10,6 +10,7 @@ import os
 import subprocess
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -87,7 +88,7 @@ def test_kills_at_random_times_lose_nothing(
             assert status in (0, 1), said
         assert command.answer(out) == answer
         # What a killed run had begun is gone.
-        assert [p for p in out.rglob(".*")] == []
+        assert not list(out.rglob(".*"))
 
 
 def test_a_second_run_in_the_same_folder_is_refused(
@@ -165,9 +166,11 @@ def test_without_a_compiler_it_is_slower_and_the_same(
     _close(given[name].answer(tmp_path / "out"), undisturbed[name][0])
 
 
-@pytest.mark.parametrize(
-    "how", ["exit 1", "true", 'while [ "$1" != -o ]; do shift; done; echo x > "$2"']
-)
+BROKEN = ("exit 1", "true", 'while [ "$1" != -o ]; do shift; done; echo x > "$2"')
+"""Programs in place of a compiler: one that fails, that makes nothing, that makes rubbish."""
+
+
+@pytest.mark.parametrize("how", BROKEN)
 def test_a_compiler_that_fails_is_the_slower_path(
     how: str,
     given: dict[str, Command],
@@ -208,11 +211,8 @@ def test_a_full_cache_is_the_slower_path(
     tmp_path: Path,
 ) -> None:
     (small_disk / "workbench").mkdir()
-    with (small_disk / "rest").open("wb") as stream:
-        try:
-            stream.write(b"0" * 100_000)
-        except OSError:
-            pass
+    with suppress(OSError), (small_disk / "rest").open("wb") as stream:
+        stream.write(b"0" * 100_000)
     command = _elsewhere(given["refit"], WORKBENCH_CACHE=str(small_disk))
     status, said = command.finished(tmp_path / "out")
     assert status == 0, said

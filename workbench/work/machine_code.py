@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import functools
 import hashlib
 import os
@@ -135,6 +136,15 @@ def _undamaged(library: Path) -> bool:
     return hashlib.sha256(content[:-_DIGEST]).digest() == content[-_DIGEST:]
 
 
+def _loads(library: Path) -> bool:
+    """Whether a library is one: a program that is no compiler may have made anything."""
+    try:
+        ctypes.CDLL(str(library))
+    except OSError:
+        return False
+    return True
+
+
 def _warn(reason: str) -> None:
     warnings.warn(
         f"a model is interpreted, which is slower: {reason}", RuntimeWarning, stacklevel=4
@@ -158,7 +168,7 @@ def _build(cc: str, flags: tuple[str, ...], source: str, library: Path) -> None:
             count("compilations")
             if done.returncode == 0:
                 break
-        if done.returncode == 0 and built.exists():
+        if done.returncode == 0 and _loads(built):
             content = built.read_bytes()
             with built.open("ab") as stream:
                 stream.write(hashlib.sha256(content).digest())
