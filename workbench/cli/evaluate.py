@@ -17,6 +17,14 @@ Answers = Annotated[Path, typer.Argument(help="Folder of the answers.", metavar=
 Seeds = Annotated[int | None, typer.Option(help="Seed of the first case.")]
 Part = Annotated[str, typer.Option(help="K/N: every Nth case from the Kth on.")]
 Jobs = Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)]
+Side = Annotated[int, typer.Option(help="Cases that are diagnosed side by side.", min=1)]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        help="Let a Dask cluster diagnose: address of its scheduler, such as tcp://host:8786.",
+        metavar="ADDRESS",
+    ),
+]
 
 
 def blind(
@@ -59,20 +67,29 @@ def own_cases(
     only: Annotated[
         list[str] | None, typer.Option(help="Name of a case, such as own-2003; several times.")
     ] = None,
-    jobs: Jobs = 1,
+    jobs: Side = 1,
+    dask: Cluster = None,
     baselines: Annotated[bool, typer.Option(help="Whether the baselines answer too.")] = True,
 ) -> int:
     """Make cases of the arm on a second simulator, diagnose them and keep the answers.
 
     Finished cases are kept in OUT, one JSON file each: an interrupted run goes on where it stopped,
-    and several processes share the work. 'workbench evaluate report OUT' makes the tables.
+    and several processes, or a cluster, share the work. 'workbench evaluate report OUT' makes the
+    tables.
     """
     _one_thread()
     from workbench.evaluation.own_cases.run import run_plan
 
     share = part_of(part)
     for line in run_plan(
-        out, count, seeds, part=share, only=only or (), jobs=jobs, baselines=baselines
+        out,
+        count,
+        seeds,
+        part=share,
+        only=only or (),
+        jobs=jobs,
+        baselines=baselines,
+        dask=dask,
     ):
         typer.echo(line)
     return 0
@@ -109,7 +126,8 @@ def foreign(
     only: Annotated[
         list[str] | None, typer.Option(help="Name of a case, such as foreign-7003; several times.")
     ] = None,
-    jobs: Jobs = 1,
+    jobs: Side = 1,
+    dask: Cluster = None,
 ) -> int:
     """Diagnose machines that the workbench does not know, on first models of a newcomer.
 
@@ -120,7 +138,7 @@ def foreign(
     from workbench.evaluation.foreign.run import run_plan
 
     share = part_of(part)
-    for line in run_plan(out, count, seeds, part=share, only=only or (), jobs=jobs):
+    for line in run_plan(out, count, seeds, part=share, only=only or (), jobs=jobs, dask=dask):
         typer.echo(line)
     return 0
 

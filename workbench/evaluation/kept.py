@@ -6,13 +6,57 @@ import json
 import math
 import subprocess
 import traceback
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from workbench.diagnosis.verdict import SCHEMA
 from workbench.errors import WorkbenchError
-from workbench.files import write_whole
+from workbench.files import check_folder, write_whole
+from workbench.work.processes import parallel
+
+
+class Case(Protocol):
+    """A case that has a name."""
+
+    @property
+    def name(self) -> str:
+        """Its name, by which its answer is kept."""
+
+
+Answer = Callable[[Any, int], dict[str, Any]]
+"""Answers a case with a number of processes; a function that other processes find by its name."""
+
+
+def answered(
+    cases: Sequence[Case], out: Path, answer: Answer, *, jobs: int = 1, dask: str | None = None
+) -> Iterator[dict[str, Any]]:
+    """Answer cases side by side, each kept as soon as it is there; those kept before come first.
+
+    Args:
+        out: Where answers are kept, one JSON file each; those found there are not asked for again.
+        jobs: Number of processes; one case alone has all of them.
+        dask: Address of a Dask scheduler that answers, instead of local processes.
+
+    Raises:
+        WorkbenchError: If there is no cluster, or the folder cannot be written.
+    """
+    check_folder(out)
+    left = []
+    for case in cases:
+        kept = out / f"{case.name}.json"
+        if kept.exists():
+            yield dict(json.loads(kept.read_text(encoding="utf-8")))
+        else:
+            left.append(case)
+    own = jobs if dask is None and len(left) == 1 else 1
+    calls = [(_named, (case.name, answer, case, own)) for case in left]
+    for name, row in parallel(calls, jobs=jobs, dask=dask):
+        yield keep(out / f"{name}.json", row)
+
+
+def _named(name: str, answer: Answer, case: Case, jobs: int) -> tuple[str, dict[str, Any]]:
+    return name, answer(case, jobs)
 
 
 def keep(path: Path, row: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +13,7 @@ from workbench.evaluation.answer_key import Names, Truth
 from workbench.evaluation.blind_round import Line, score_case
 from workbench.evaluation.claims import answer_of, error_ratio
 from workbench.evaluation.foreign.plan import FIRST_SEED, Case, plan
-from workbench.evaluation.kept import keep, silent, version
+from workbench.evaluation.kept import answered, silent, version
 from workbench.evaluation.rates import Rate
 
 SCHEMA = "foreign_case/1"
@@ -31,6 +30,7 @@ def run_plan(
     part: tuple[int, int] = (1, 1),
     only: Sequence[str] = (),
     jobs: int = 1,
+    dask: str | None = None,
 ) -> Iterator[str]:
     """Diagnose a part of the plan; yields one line per case.
 
@@ -39,18 +39,16 @@ def run_plan(
         first_seed: Seed of the first case; None for that of the plan.
         part: Part K of N, counted from 1: every Nth case.
         only: Names of cases; all of them without a name.
+        dask: Address of a Dask scheduler that diagnoses, instead of local processes.
     """
     cases = plan(count, FIRST_SEED if first_seed is None else first_seed)
     k, n = part
-    for case in [c for c in cases if not only or c.name in only][k - 1 :: n]:
-        yield line_of(run(case, out, jobs=jobs))
+    chosen = [c for c in cases if not only or c.name in only][k - 1 :: n]
+    yield from map(line_of, answered(chosen, out, answer, jobs=jobs, dask=dask))
 
 
-def run(case: Case, out: Path, *, jobs: int = 1) -> dict[str, Any]:
-    """Diagnose one case, or return what is kept of it."""
-    path = out / f"{case.name}.json"
-    if path.exists():
-        return dict(json.loads(path.read_text()))
+def answer(case: Case, jobs: int) -> dict[str, Any]:
+    """Diagnose one case; returns what is kept of it."""
     made = case.recordings()
     held_out = [r for name, r in made.items() if name.startswith("hold")]
     row: dict[str, Any] = {
@@ -79,7 +77,7 @@ def run(case: Case, out: Path, *, jobs: int = 1) -> dict[str, Any]:
         row["verdict"] = silent("failed", error)
     row["seconds"] = time.perf_counter() - wall
     row["processor_seconds"] = time.process_time() - processor
-    return keep(path, row)
+    return row
 
 
 def judge(row: Mapping[str, Any]) -> Line:

@@ -15,7 +15,7 @@ from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import SCHEMA
-from workbench.evaluation.kept import keep, silent, version
+from workbench.evaluation.kept import answered, silent, version
 from workbench.evaluation.own_cases.greedy import greedy
 from workbench.evaluation.own_cases.limit import limited_errors
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
@@ -52,6 +52,7 @@ def run_plan(
     only: Sequence[str] = (),
     jobs: int = 1,
     baselines: bool = True,
+    dask: str | None = None,
 ) -> Iterator[str]:
     """Run a part of the plan; yields one line per case.
 
@@ -61,22 +62,25 @@ def run_plan(
         part: Part K of N, counted from 1: every Nth case.
         only: Names of cases; all of them without a name.
         baselines: Whether the baselines answer too.
+        dask: Address of a Dask scheduler that diagnoses, instead of local processes.
     """
     cases = plan(FIRST_SEED if first_seed is None else first_seed)
     chosen = [c for c in cases if c.name in only] if only else cases[:count]
     k, n = part
-    for case in chosen[k - 1 :: n]:
-        row = run(case, out, baselines=baselines, jobs=jobs)
+    ask = answer if baselines else answer_alone
+    for row in answered(chosen[k - 1 :: n], out, ask, jobs=jobs, dask=dask):
         found = ", ".join(f["effect"] or "?" for f in row["verdict"]["findings"]) or "-"
         said = row["verdict"]["verdict"]
-        yield f"{case.name} {case.title:<38} -> {said:<16} {found}  ({row['seconds']:.0f} s)"
+        yield f"{row['case']} {row['title']:<38} -> {said:<16} {found}  ({row['seconds']:.0f} s)"
 
 
-def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> dict[str, Any]:
-    """Diagnose one case, or return what is kept of it; it is the content of its file."""
-    kept = out / f"{case.name}.json"
-    if kept.exists():
-        return dict(json.loads(kept.read_text()))
+def answer_alone(case: Planned, jobs: int) -> dict[str, Any]:
+    """Diagnose one case without asking the baselines; returns what is kept of it."""
+    return answer(case, jobs, baselines=False)
+
+
+def answer(case: Planned, jobs: int, *, baselines: bool = True) -> dict[str, Any]:
+    """Diagnose one case and let the baselines answer too; returns what is kept of it."""
     with tempfile.TemporaryDirectory() as place:
         folder = made(case, Path(place) / case.name)
         truth = json.loads((folder / "truth.json").read_text())
@@ -106,7 +110,7 @@ def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> d
             row["verdict"] = silent("failed", error)
             row["failure"] = row["verdict"]["failure"]
             row |= {"seconds": time.perf_counter() - wall, "baselines": {}}
-            return keep(kept, row)
+            return row
         row["seconds"] = time.perf_counter() - wall
         row["processor_seconds"] = time.process_time() - processor
         assert diagnosis.verdict is not None
@@ -117,7 +121,7 @@ def run(case: Planned, out: Path, *, baselines: bool = True, jobs: int = 1) -> d
         row["withdrawn"] = [c.entry.name for c, _ in diagnosis.withdrawn]
         row["scores"], row["rounds"] = _scores(diagnosis), _rounds(diagnosis)
         row["baselines"] = _baselines(diagnosis, plant, fit_on, hold_out) if baselines else {}
-    return keep(kept, row)
+    return row
 
 
 def _changed(parameters: Mapping[str, float]) -> dict[str, float]:
