@@ -70,7 +70,9 @@ def _differentiated(
         restored(example, ca.vertsplit(z)), tuple(ca.vertsplit(m)), reference, SYMBOLS, measurement
     )
     u, after = ca.vcat(command), ca.vcat(flat(following))
-    moved = _reached(z, m, after)
+    # By the structure of the law.
+    link, first = (ca.DM(ca.jacobian_sparsity(after, source), 1.0).full() > 0 for source in (z, m))
+    moved = _reached(first.any(axis=1), link)
     by = ca.vertcat(z[moved], m)
     slopes = ca.Function("slopes", [z, m], [ca.jacobian(ca.vertcat(after[moved], u), by)])
     # Tables have corners: there the mean of the slopes on both sides.
@@ -80,12 +82,10 @@ def _differentiated(
     return LinearLaw(table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:])
 
 
-def _reached(z: ca.SX, m: ca.SX, after: ca.SX) -> list[int]:
-    """Return the entries of the state that measurements reach, by the structure of the law."""
-    n = z.numel()
-    link = ca.DM(ca.jacobian_sparsity(after, z), 1.0).full() > 0
-    found = ca.DM(ca.jacobian_sparsity(after, m), 1.0).full().any(axis=1)
-    for _ in range(n):
+def _reached(first: npt.NDArray[np.bool_], link: npt.NDArray[np.bool_]) -> list[int]:
+    """Return the entries of the state that measurements reach, at once or over other entries."""
+    found = first
+    for _ in range(len(link)):
         found = found | (link @ found)
     return np.flatnonzero(found).tolist()
 
@@ -111,9 +111,5 @@ def _differenced(
     table = np.array(columns).T
     F, G, H, J = table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:]
     size = np.maximum(np.max(np.abs(np.hstack([F, G])), axis=1, keepdims=True), 1e-300)
-    link = np.abs(F) / size > 1e-9
-    reached = np.any(np.abs(G) / size > 1e-9, axis=1)
-    for _ in range(n):
-        reached |= link @ reached
-    moved = np.flatnonzero(reached)
+    moved = _reached(np.any(np.abs(G) / size > 1e-9, axis=1), np.abs(F) / size > 1e-9)
     return LinearLaw(F[np.ix_(moved, moved)], G[moved], H[:, moved], J)

@@ -39,7 +39,7 @@ def linearise(
         input: ``"plant"`` for the plant's own inputs, or the name of an actuator's curve that the
             plant declares and a controller inverts, such as ``"opening"`` of the arm's valve,
             -1..1: the model's ``inverse``. The state behind the curve is then straight in it.
-        amplitude: DescribingFunction of states by name over which slopes are taken, in SI; by
+        amplitude: Amplitudes of states by name over which slopes are taken, in SI; by
             default every state that is the rate of another oscillates over its scale. ``{}`` for
             the slopes at the point.
         form: Exact equations, or regularised ones, whose slope at a kink is one from both sides.
