@@ -99,6 +99,7 @@ def experiments(
     out: Answers,
     count: Annotated[int, typer.Option(help="Cases that are to end as classes.", min=1)] = 10,
     seeds: Seeds = None,
+    part: Part = "1/1",
     only: Annotated[
         list[str] | None, typer.Option(help="Name of a case, such as own-40003; several times.")
     ] = None,
@@ -113,7 +114,8 @@ def experiments(
     _one_thread()
     from workbench.evaluation.own_cases.experiments import run_experiments
 
-    for line in run_experiments(out, count, seeds, only=only or (), jobs=jobs):
+    share = part_of(part)
+    for line in run_experiments(out, count, seeds, part=share, only=only or (), jobs=jobs):
         typer.echo(line)
     return 0
 
@@ -183,6 +185,68 @@ def left_out(
     return 0
 
 
+def cases(
+    out: Annotated[Path, typer.Argument(help="Folder of the benchmark.", metavar="OUT")],
+    count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 20,
+    seeds: Seeds = None,
+) -> int:
+    """Write cases of the arm as folders that any method can read, with the answers beside them.
+
+    Each folder has case.toml and its recordings; OUT/key.json says what they hide.
+    """
+    from workbench.evaluation.benchmark.cases import write_cases
+
+    for line in write_cases(out, count, seeds):
+        typer.echo(line)
+    return 0
+
+
+def baselines(
+    cases: Annotated[Path, typer.Argument(help="Folder of case folders.", metavar="CASES")],
+    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
+    only: Annotated[
+        list[str] | None, typer.Option(help="Name of a method, such as greedy; several times.")
+    ] = None,
+) -> int:
+    """Let simple methods answer cases: OUT receives one folder of verdicts per method.
+
+    Refit only, greedy selection, SINDy on the residual, a Kalman filter with states that walk at
+    random, and a neural network in the equations.
+    """
+    _one_thread()
+    from workbench.evaluation.benchmark.baselines import run_baselines
+
+    for line in run_baselines(cases, out, only or ()):
+        typer.echo(line)
+    return 0
+
+
+def benchmark(
+    cases: Annotated[
+        Path, typer.Argument(help="Folder with key.json, and names.toml if it needs one.")
+    ],
+    verdicts: Annotated[
+        list[Path],
+        typer.Argument(
+            help="Folder with CASE.json or CASE/verdict.json for each case; one per method.",
+            metavar="VERDICTS...",
+        ),
+    ],
+    out: Annotated[Path | None, typer.Option(help="JSON file for the scores.")] = None,
+) -> int:
+    """Score the verdicts of one method or several on the same cases, a line per method.
+
+    Example: 'workbench evaluate benchmark cases my_method answers/greedy answers/sindy'.
+    """
+    from workbench.evaluation.benchmark.compare import compared, table
+
+    scores = compared(cases, verdicts)
+    typer.echo(table(scores))
+    if out is not None:
+        tell({"methods": [score.as_data() for score in scores]}, as_json=False, file=out)
+    return 0
+
+
 def report(
     out: Answers,
     figure: Annotated[Path | None, typer.Option(help="PNG file to draw, of own cases.")] = None,
@@ -213,5 +277,16 @@ def _one_thread() -> None:
         os.environ.setdefault(name, "1")
 
 
-for _verb in (blind, own_cases, experiments, foreign, machines, left_out, report):
+for _verb in (
+    blind,
+    own_cases,
+    experiments,
+    foreign,
+    machines,
+    left_out,
+    cases,
+    baselines,
+    benchmark,
+    report,
+):
     evaluate.command()(_verb)

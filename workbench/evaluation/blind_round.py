@@ -200,7 +200,7 @@ def score_verdicts(
     table = read_names(names)
     committed = None if commitments is None else check_commitments(answers, commitments)
     truths = {case: table.truths(case, words_of(answer)) for case, answer in answers.items()}
-    given = [read_answer(_find(Path(verdicts), case), case, table) for case in truths]
+    given = [read_answer(verdict_file(Path(verdicts), case), case, table) for case in truths]
     return score_round(given, list(truths.values()), committed=committed, seed=seed)
 
 
@@ -317,7 +317,12 @@ def _said(answer: Answer) -> str:
     )
 
 
-def _find(folder: Path, case: str) -> Path:
+def verdict_file(folder: Path, case: str) -> Path:
+    """Return the file of a verdict, ``CASE/verdict.json`` or ``CASE.json``.
+
+    Raises:
+        WorkbenchError: If there is none.
+    """
     if not folder.is_dir():
         raise WorkbenchError(f"there is no folder {str(folder)!r} with verdicts")
     for path in (folder / case / "verdict.json", folder / f"{case}.json"):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tests.evaluation.own_cases.made_up import found, row, verdict
+from workbench.evaluation.benchmark.sindy import thresholded
 from workbench.evaluation.own_cases.report import figure, summary, tables
-from workbench.evaluation.own_cases.sindy import thresholded
 from workbench.evaluation.own_cases.statistics import by_effect, by_size, score_of, scores
 from workbench.evaluation.rates import wilson
 from workbench.evaluation.report import report

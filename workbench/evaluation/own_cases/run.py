@@ -10,22 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.estimation.observe import observe
-from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.stages import Diagnosis
-from workbench.diagnosis.verdict import SCHEMA
+from workbench.evaluation.benchmark.baselines import answers
 from workbench.evaluation.kept import answered, silent, version
-from workbench.evaluation.own_cases.greedy import greedy
 from workbench.evaluation.own_cases.limit import limited_errors
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
-from workbench.evaluation.own_cases.sindy import sindy
 from workbench.evaluation.rig.cases import SPREAD, make_case
 from workbench.evaluation.rig.parameters import nominal
-from workbench.model import Model
 from workbench.recordings import read_case
-from workbench.recordings.checks import check_recording
-from workbench.recordings.recording import Recording
+
+ASKED = ("refit only", "greedy", "sindy")
+"""Baselines that answer beside the tool."""
 
 
 def made(case: Planned, folder: Path, *, seconds: float = 20.0) -> Path:
@@ -120,7 +115,7 @@ def answer(case: Planned, jobs: int, *, baselines: bool = True) -> dict[str, Any
         row["excess"] = diagnosis.excess
         row["withdrawn"] = [c.entry.name for c, _ in diagnosis.withdrawn]
         row["scores"], row["rounds"] = _scores(diagnosis), _rounds(diagnosis)
-        row["baselines"] = _baselines(diagnosis, plant, fit_on, hold_out) if baselines else {}
+        row["baselines"] = answers(diagnosis, ASKED) if diagnosis.runs and baselines else {}
     return row
 
 
@@ -176,63 +171,3 @@ def _rounds(diagnosis: Diagnosis) -> list[list[dict[str, Any]]]:
         ]
         for _, candidates in diagnosis.rounds
     ]
-
-
-def _baselines(
-    diagnosis: Diagnosis, plant: Model, fit_on: Sequence[Recording], hold_out: Sequence[Recording]
-) -> dict[str, Any]:
-    if not diagnosis.runs or diagnosis.verdict is None:
-        return {}
-    fitting = [_observed(plant, r) for r in fit_on]
-    judging = [_observed(plant, r) for r in hold_out]
-    held_out = {k: dict(v) for k, v in diagnosis.verdict.fit.items()}
-    refitted, floor = held_out.get("refitted", {}), held_out.get("noise_floor", {})
-    answers: dict[str, Any] = {"refit only": _answer([], refitted, refitted, floor)}
-
-    began = time.process_time()
-    # A baseline that fails must not end the run either; it is counted as no answer.
-    try:
-        findings, errors, stopped = greedy(diagnosis, fitting, judging, default_priors(plant))
-        answers["greedy"] = _answer(findings, refitted, errors, floor) | {"stopped": stopped}
-    except Exception as error:  # noqa: BLE001
-        answers["greedy"] = silent("failed", error)
-    answers["greedy"]["processor_seconds"] = time.process_time() - began
-
-    began = time.process_time()
-    try:
-        findings = sindy(diagnosis.base.model, fitting, diagnosis.base.noise_scale)
-        answers["sindy"] = _answer(findings, refitted, {}, floor)
-    except Exception as error:  # noqa: BLE001
-        answers["sindy"] = silent("failed", error)
-    answers["sindy"]["processor_seconds"] = time.process_time() - began
-    return answers
-
-
-def _answer(
-    findings: list[dict[str, Any]],
-    refitted: Mapping[str, float],
-    extended: Mapping[str, float],
-    floor: Mapping[str, float],
-) -> dict[str, Any]:
-    return {
-        "schema": SCHEMA,
-        "verdict": "named" if findings else "nothing_missing",
-        "findings": findings,
-        "fit": {
-            "held_out": {
-                "refitted": dict(refitted),
-                "extended": dict(extended),
-                "noise_floor": dict(floor),
-            }
-        },
-    }
-
-
-def _observed(model: Model, recording: Recording) -> Observed:
-    """Bring a recording into the shape in which the diagnosis judges it."""
-    recording = recording.with_roles({q.name: "command" for q in model.inputs})
-    needed = [*(q.name for q in model.inputs), *(q.name for q in model.outputs)]
-    report = check_recording(
-        recording, model=model, required=[name for name in needed if name in recording]
-    )
-    return observe(model, report.recording)

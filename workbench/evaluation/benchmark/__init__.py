@@ -1,0 +1,1 @@
+"""A benchmark of diagnoses: cases, answers, baselines and one table."""

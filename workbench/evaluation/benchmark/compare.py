@@ -1,0 +1,114 @@
+"""The table of the benchmark: methods by their answers to the same cases."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from workbench.evaluation.benchmark.baselines import read_limits
+from workbench.evaluation.benchmark.cases import KEY, NAMES
+from workbench.evaluation.blind_round import RoundScore, score_verdicts, verdict_file
+from workbench.evaluation.claims import error_ratio
+from workbench.evaluation.rates import Rate
+from workbench.recordings.aligned_table import aligned_table
+
+
+@dataclass(frozen=True)
+class Scored:
+    """One method's score on the cases.
+
+    Args:
+        method: Name of the folder of its answers.
+        over_limit: Median of the held-out error over that of the true model, or over the noise of
+            the sensors where the key does not give it, dimensionless; NaN if no answer gives it.
+    """
+
+    method: str
+    score: RoundScore
+    over_limit: float
+
+    @property
+    def rates(self) -> dict[str, Rate]:
+        """Shares of hidden effects, of cases, and of cases that hide nothing."""
+        lines = self.score.lines
+        located = [right for line in lines for right in line.located]
+        named = [right for line in lines for right in line.named]
+        silent = self.score.false_alarms
+        return {
+            "right group": Rate(sum(located), len(located)),
+            "right name or class": Rate(sum(named), len(named)),
+            "wrong name": Rate(self.score.wrong, len(lines)),
+            "false alarm": Rate(silent[0], silent[1]),
+        }
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the score as plain data."""
+        over = self.over_limit if math.isfinite(self.over_limit) else None
+        return self.score.as_data() | {
+            "method": self.method,
+            "over_limit": over,
+            "rates": {name: rate.as_data() for name, rate in self.rates.items()},
+        }
+
+
+def compared(cases: Path, verdicts: Sequence[Path]) -> tuple[Scored, ...]:
+    """Score the answers of several methods to the cases of a benchmark.
+
+    Args:
+        cases: Folder with ``key.json`` and, if its words need one, ``names.toml``.
+        verdicts: One folder per method with ``CASE.json`` or ``CASE/verdict.json``.
+
+    Returns:
+        Scores in the order of the methods.
+
+    Raises:
+        WorkbenchError: If a file cannot be read, or an answer is missing.
+    """
+    key, table = cases / KEY, cases / NAMES
+    names = table if table.exists() else None
+    scores = [score_verdicts(folder, key, names=names) for folder in verdicts]
+    limits = read_limits(key)
+    return tuple(
+        Scored(_name(folder), score, _over(folder, score, limits))
+        for folder, score in zip(verdicts, scores, strict=True)
+    )
+
+
+def _name(folder: Path) -> str:
+    return folder.resolve().name
+
+
+def _over(folder: Path, score: RoundScore, limits: dict[str, Any]) -> float:
+    ratios = []
+    for line in score.lines:
+        verdict = json.loads(verdict_file(folder, line.case).read_text(encoding="utf-8"))
+        held_out = (verdict.get("fit") or {}).get("held_out") or {}
+        below = limits.get(line.case) or held_out.get("noise_floor") or {}
+        ratios.append(error_ratio(held_out.get("extended") or {}, below))
+    known = [ratio for ratio in ratios if math.isfinite(ratio)]
+    return float(np.median(known)) if known else math.nan
+
+
+def table(scores: Sequence[Scored]) -> str:
+    """Return the table as text, one line per method."""
+    titles = (
+        "method", "points", "by chance", "right group", "right name or class", "wrong name",
+        "false alarm", "held-out error",
+    )  # fmt: skip
+    rows = [
+        (
+            s.method,
+            f"{s.score.points} of {s.score.most}",
+            f"{s.score.chance:.1f}",
+            *(str(rate) for rate in s.rates.values()),
+            "–" if math.isnan(s.over_limit) else f"{s.over_limit:.3g}",
+        )
+        for s in scores
+    ]
+    return aligned_table(titles, rows)
