@@ -35,19 +35,21 @@ class Command:
     Args:
         result: Name of its file of results.
         parts: Folder of its finished parts within that of the results; empty if it has none.
+        program: What Python runs.
     """
 
     name: str
     words: tuple[str, ...]
     result: str
     parts: str = ""
+    program: tuple[str, ...] = ("-m", "workbench")
     environment: dict[str, str] = field(default_factory=dict)
 
     def start(self, out: Path) -> Running:
         """Begin it in a process of its own."""
         token = uuid.uuid4().hex
         process = subprocess.Popen(
-            [sys.executable, "-m", "workbench", *self.words, "--out", str(out)],
+            [sys.executable, *self.program, *self.words, "--out", str(out)],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -145,10 +147,21 @@ def half_files(out: Path) -> list[str]:
 def recordings(folder: Path) -> tuple[str, ...]:
     """Write two recordings of a servo axis and return the options that name them."""
     for seed, name in ((1, "a"), (2, "b")):
-        force = pushes(300, largest=200.0, seed=seed)
+        force = pushes(200, largest=200.0, seed=seed)
         made = made_up_recording(servo_axis(), force, sample_time=0.01, name=name)
         write_recording(made, folder / f"{name}.csv")
     return ("--fit", str(folder / "a.csv"), "--hold-out", str(folder / "b.csv"))
+
+
+_SMALLER = """
+import sys
+from pathlib import Path
+from workbench.study import shipped
+shipped.shipped_study = lambda name: Path({study!r})
+from workbench.cli.main import main
+main()
+"""
+"""The program with a small study in place of each that is shipped."""
 
 
 def commands(folder: Path) -> dict[str, Command]:
@@ -170,9 +183,10 @@ def commands(folder: Path) -> dict[str, Command]:
         ),
         Command(
             "controllers",
-            ("controllers", "--family", "cascade PID", "--no-limits", "--jobs", "2"),
+            ("controllers", "--no-limits", "--jobs", "2"),
             "results.json",
             "runs",
+            ("-c", _SMALLER.format(study=str(study))),
         ),
     )
     return {command.name: command for command in found}
