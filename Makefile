@@ -1,6 +1,6 @@
 # `make demo` and `make test` need git, make and Python 3.11 to 3.13; they set up the rest in .venv.
 
-.PHONY: help demo docs test test-long lint typecheck benchmark campaign notebooks clean
+.PHONY: help demo docs test test-long test-kernel lint typecheck benchmark campaign notebooks clean
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -37,6 +37,15 @@ test: lint typecheck
 # Whole diagnoses and redesigns, minutes each.
 test-long: $(VENV)/installed-test
 	$(BIN)/python -m pytest -n $(JOBS) --dist worksteal -m long
+
+# What rests on linear algebra, again with the instructions of an old processor: no answer may turn
+# on how a kernel rounds.
+KERNEL ?= Nehalem
+NUMERIC := $(addprefix tests/,controllers/mpc controllers/plain controllers/joint \
+    controllers/quadratic_program linearisation operating_point diagnosis/location/test_isolability.py)
+
+test-kernel: $(VENV)/installed-test
+	OPENBLAS_CORETYPE=$(KERNEL) $(BIN)/python -m pytest -q -n $(JOBS) --dist worksteal $(NUMERIC)
 
 lint: $(VENV)/installed-test
 	$(BIN)/ruff check .

@@ -86,10 +86,11 @@ class Running:
     def kill(self, after: float) -> bool:
         """Kill it after a time, in s; returns whether it was still at work."""
         try:
-            self.process.wait(after)
+            self.process.communicate(timeout=after)
         except subprocess.TimeoutExpired:
             self.process.kill()
-            self.process.wait()
+            # Ends when the last worker has closed the pipe.
+            self.process.communicate(timeout=ENDS_S)
             return True
         return False
 

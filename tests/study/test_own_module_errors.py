@@ -211,9 +211,8 @@ def test_a_process_that_ends_in_the_middle_is_a_sentence() -> None:
 
 def test_children_end_when_their_parent_is_killed(tmp_path: Path) -> None:
     child = (
-        "import os, time\nfrom workbench.work.children import call_within\n"
-        "call_within(os.getppid(), print, (os.getpid(),))\nprint(end='', flush=True)\n"
-        "time.sleep(60)\n"
+        "import os, time\nfrom workbench.work.children import end_with\n"
+        "end_with(os.getppid())\nprint(os.getpid(), flush=True)\ntime.sleep(60)\n"
     )
     parent = f"import subprocess, sys\nsubprocess.run([sys.executable, '-uc', {child!r}])\n"
     with subprocess.Popen([sys.executable, "-c", parent], stdout=subprocess.PIPE) as process:

@@ -77,7 +77,7 @@ class Ran:
     Args:
         wall: Wall-clock time, in s.
         processor: Processor time of all its processes, in s.
-        memory: Largest resident size of one of its processes, in B.
+        memory: Largest resident size of one of its processes, in MB.
         said: What it printed.
     """
 
@@ -124,7 +124,7 @@ def run(
         text = said.read().decode(errors="replace").strip()
         if process.returncode not in (0, 1):
             raise WorkbenchError(f"{' '.join(arguments)} failed: {text[-200:]}")
-    return Ran(wall, used.ru_utime + used.ru_stime, used.ru_maxrss * 1024.0, text)
+    return Ran(wall, used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0, text)
 
 
 def start_up() -> list[Figure]:
@@ -222,7 +222,7 @@ def diagnoses(place: Path) -> Wholes:
         ),
         Figure(
             "diagnosis, memory of its three processes",
-            3 * max(d.ran.memory for d in (cold, warm, three)) / 1e9,
+            3 * max(d.ran.memory for d in (cold, warm, three)) / 1e3,
             "GB",
             2,
             False,

@@ -6,7 +6,6 @@ import os
 import threading
 import time
 from collections.abc import Callable
-from functools import lru_cache
 from secrets import token_hex
 from typing import Any, NamedTuple
 
@@ -31,21 +30,19 @@ class Returned(NamedTuple):
     process: str
 
 
-def call_within(parent: int, function: Callable[..., Any], arguments: tuple[Any, ...]) -> Returned:
-    """Call a function in a process that must not outlive another.
-
-    Args:
-        parent: Number of the process that asked for it.
-    """
-    # On a machine of a cluster the process has another parent, and lives by its own rules.
-    if os.getpid() != parent and os.getppid() == parent:
-        _end_with(parent)
+def call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Returned:
+    """Call a function and tell what it took."""
     before = done()
     return Returned(function(*arguments), since(before), THIS_PROCESS)
 
 
-@lru_cache(maxsize=1)
-def _end_with(parent: int) -> None:
+def end_with(parent: int) -> None:
+    """Let this process end when the one that started it has ended.
+
+    Args:
+        parent: Number of the process that started it; it may be gone already.
+    """
+
     def watch() -> None:
         while os.getppid() == parent:
             time.sleep(PAUSE)

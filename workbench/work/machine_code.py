@@ -32,7 +32,7 @@ FAST = (
 """The same numbers about twice as fast: products of matrices become part of the code around them,
 in the instructions of this very processor."""
 
-SOON = ("-Og", *_FLAGS[1:])
+SOON = ("-Og", "-fno-math-errno", "-fno-trapping-math", *_FLAGS[1:])
 """For the equations of a model, which have no loops: built in a sixth of the time, and a fifth
 slower than ``FAST``."""
 

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from typing import Any, TypeVar
 
 from workbench.errors import WorkbenchError, check_range
-from workbench.work.children import THIS_PROCESS, call_within
+from workbench.work.children import THIS_PROCESS, call, end_with
 from workbench.work.counted import add
 
 T = TypeVar("T")
@@ -54,6 +54,8 @@ def parallel(
         if dask is None:
             # Threads inside a process would only compete with the other processes.
             settings: dict[str, Any] = {"backend": "loky", "inner_max_num_threads": 1}
+            # From its first moment on a process knows whose it is.
+            settings |= {"initializer": end_with, "initargs": (os.getpid(),)}
         else:
             client = stack.enter_context(_client(dask))
             workers = sum(client.nthreads().values())
@@ -65,8 +67,7 @@ def parallel(
         )
         try:
             for returned in workers_pool(
-                joblib.delayed(call_within)(os.getpid(), function, given)
-                for function, given in calls
+                joblib.delayed(call)(function, given) for function, given in calls
             ):
                 if returned.process != THIS_PROCESS:
                     add(returned.work)
