@@ -1,7 +1,7 @@
 """State feedback with integral action (LQI) over the whole range, with a Kalman filter.
 
-Along the plan, with the feedforward dp_r and o_r of `joint_tracking`, the errors of angle x, speed
-v, pressure difference y and the integral q obey, at every angle of the schedule,
+Along the plan, with the feedforward dp_r and o_r of `controllers.joint.tracking`, the errors of
+angle x, speed v, pressure difference y and the integral q obey, at every angle of the schedule,
 
     dx/dt = v,   dv/dt = -a0 x - a1 v + b y,   dy/dt = -g (o - o_r) - e v - d y,   dq/dt = x
 

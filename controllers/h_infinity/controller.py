@@ -1,7 +1,8 @@
 """H-infinity control over the whole range: one synthesis at 30°, what varies with the angle on top.
 
-Along the plan, with the feedforward dp_r and o_r of `joint_tracking`, the error x = theta_r - theta
-and the sampled controller (A, B, C, D) of `controllers.h_infinity.synthesis`, sample k:
+Along the plan, with the feedforward dp_r and o_r of `controllers.joint.tracking`, the error
+x = theta_r - theta and the sampled controller (A, B, C, D) of `controllers.h_infinity.synthesis`,
+sample k:
 
     a[k]  = C z[k] + D x[k]
     dp_w  = dp_r + (a - (a0(theta) - a0(30°)) x) / b(theta)

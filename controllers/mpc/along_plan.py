@@ -1,9 +1,10 @@
 """Linear MPC over the whole range: one small quadratic program, its matrices on a schedule.
 
-Along the plan, with the feedforward dp_r and o_r of `joint_tracking`, the errors of angle x, speed
-v, acceleration-valued pressure difference y = b (dp_r - dp) and the integral q of x obey the linear
-model of `scheduled_state_feedback`. At each sample, over N prediction samples of time T, the
-controller minimises over blocked moves u (deviations of the opening from o_r) and a slack eps
+Along the plan, with the feedforward dp_r and o_r of `controllers.joint.tracking`, the errors of
+angle x, speed v, acceleration-valued pressure difference y = b (dp_r - dp) and the integral q of x
+obey the linear model of `controllers.state_feedback`. At each sample, over N prediction samples of
+time T, the controller minimises over blocked moves u (deviations of the opening from o_r) and a
+slack eps
 
     sum_j w^6 (x_j + w_i q_j)^2 + (b g u_j)^2 + S (u_j - u_{j-1})^2 + |z_N|^2_P
         + softness (eps + eps^2)

@@ -13,7 +13,7 @@ computed afresh for every active set and no rounding collects. H is positive def
 minimiser is unique: two correct solvers agree to rounding, whatever path they take. Every call
 starts anew: the result depends on the data alone.
 
-`quadratic_program_c` has the same method in C; it is what a controller takes to the rig.
+`solver.c` has the same method in C; it is what a controller takes to the rig.
 
 Source: Goldfarb and Idnani, A numerically stable dual method for solving strictly convex quadratic
 programs, Mathematical Programming 27, 1983, section 3; Giraud et al., The loss of orthogonality in

@@ -1,0 +1,39 @@
+"""Factors of the units that data sheets and files use, from the definitions of the SI."""
+
+import pytest
+
+from workbench.errors import WorkbenchError
+from workbench.model.units import convert, same_dimension, to_si
+
+
+@pytest.mark.parametrize(
+    ("unit", "si", "size"),
+    [
+        ("cm", "m", 1e-2),
+        ("mm", "m", 1e-3),
+        ("um", "m", 1e-6),
+        ("µs", "s", 1e-6),
+        ("ns", "s", 1e-9),
+        ("kHz", "Hz", 1e3),
+        ("mA", "A", 1e-3),
+        ("mrad", "rad", 1e-3),
+        ("kN", "N", 1e3),
+        ("mg", "kg", 1e-6),
+        ("hPa", "Pa", 1e2),
+        ("mbar", "Pa", 1e2),
+        ("bar", "Pa", 1e5),
+        ("MPa", "Pa", 1e6),
+        ("kW", "J/s", 1e3),
+        ("l/min", "m3/s", 1e-3 / 60.0),
+        ("km/h", "m/s", 1.0 / 3.6),
+    ],
+)
+def test_one_of_a_unit_in_si(unit: str, si: str, size: float) -> None:
+    assert same_dimension(unit, si)
+    assert float(to_si(1.0, unit)) == pytest.approx(size, rel=1e-12)
+    assert float(convert(size, si, unit)) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_units_of_other_dimensions_are_refused() -> None:
+    with pytest.raises(WorkbenchError, match="bar"):
+        convert(1.0, "bar", "m")
