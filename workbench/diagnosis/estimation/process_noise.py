@@ -343,8 +343,13 @@ def gain_interval(
 def start_values(fit: Refit, priors: Sequence[Prior]) -> dict[str, float]:
     """Return where to start the next refit: estimates, but priors for those on a bound.
 
+    All of a whole is no bound that a value was driven to.
+
     Returns:
         Values in SI, by name.
     """
     means = {p.name: p.mean for p in priors}
-    return {e.name: means.get(e.name, e.value) if e.on_bound else e.value for e in fit.estimates}
+    driven = (e for e in fit.estimates if e.on_bound and not (e.unit == "1" and e.value >= 1.0))
+    return {e.name: e.value for e in fit.estimates} | {
+        e.name: means.get(e.name, e.value) for e in driven
+    }

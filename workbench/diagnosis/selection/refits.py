@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -453,7 +453,7 @@ def _first(
             ways.append(_Way(means, (base.noise_scale,), shapes=True))
     fits: list[tuple[Score, ProcessNoiseFit]] = []
     failed: Exception | None = None
-    for way in ways:
+    for way in _and_from_nothing(base, cost, score, ways, fits):
         try:
             fits.append(_refitted(base, score, priors, fit_on, way, enough))
         except Exception as error:  # noqa: BLE001
@@ -465,6 +465,26 @@ def _first(
     found, fit = min(fits, key=lambda pair: pair[1].cost)
     unknown = (0.0, -math.inf, math.inf)
     return Candidate(found.entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
+
+
+def _and_from_nothing(
+    base: ProcessNoiseFit,
+    cost: float,
+    score: Score,
+    ways: Sequence[_Way],
+    fits: Sequence[tuple[Score, ProcessNoiseFit]],
+) -> Iterator[_Way]:
+    """Yield ways; where all lead to what is worse than no effect at all, begin from there too.
+
+    Args:
+        fits: What the ways have led to, filled while they are gone.
+    """
+    yield from ways
+    if score.entry.replaces or (fits and min(fit.cost for _, fit in fits) <= cost):
+        return
+    own = entry_priors(score)[1] | {e.name: e.value for e in base.refit.estimates}
+    size = f"{score.entry.name}.{score.entry.size_parameter}"
+    yield _Way({}, (base.noise_scale,), (own, own | {size: 0.0}))
 
 
 def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[dict[str, float]]:
