@@ -9,7 +9,7 @@ from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.model.scope import Names
 from workbench.physics.law import Fit, Law, Own, by_port, drives, each, floor, sensors, size
-from workbench.physics.place import EFFORTS, Place, Survey
+from workbench.physics.place import DRIVES, EFFORTS, Place, Survey
 
 
 def _spare(p: Names) -> Expression:
@@ -82,7 +82,7 @@ sensor_delay = Law(
 
 
 def _commands(survey: Survey) -> tuple[Place, ...]:
-    return survey.fitting("command", "valve_command")
+    return tuple(q for q in survey.places if q.role in ("command", "valve_command") or q.commanded)
 
 
 def _common_clock(survey: Survey) -> Iterator[Fit]:
@@ -91,13 +91,22 @@ def _common_clock(survey: Survey) -> Iterator[Fit]:
         yield "", tuple((q,) for q in found)
 
 
-def _late_command(survey: Survey) -> tuple[str, ...]:
-    """Name the delay of the only command: whatever moves is late by it, or is read late by it."""
+def _only_command(survey: Survey) -> Place | None:
     found = _commands(survey)
-    if len(survey.model.inputs) != 1 or len(found) != 1:
+    return found[0] if len(survey.model.inputs) == len(found) == 1 else None
+
+
+def _late_command(survey: Survey, _: Place) -> tuple[str, ...]:
+    """Name the delay of the only command: whatever moves is late by it, or is read late by it."""
+    only = _only_command(survey)
+    if only is None:
         return ()
-    own = found[0].role == "valve_command"
-    return ("valve_delay",) if own else (f"delay_{by_port(found[0])}",)
+    return ("valve_delay" if only.role == "valve_command" else f"delay_{by_port(only)}",)
+
+
+def _late_readings(survey: Survey, at: Place) -> tuple[str, ...]:
+    only = _only_command(survey)
+    return ("clock_shift",) if only is not None and only.name == at.name else ()
 
 
 clock_shift = replace(
@@ -140,7 +149,7 @@ delay = Law(
     rates=_command_rates,
     start=lambda e: {"late": e.here.value},
     far=True,
-    same_as=lambda survey: ("clock_shift",) if _late_command(survey) else (),
+    same_as=_late_readings,
     source="H. Pade 1892",
     look_alikes=("clock_shift", "sensor_delay"),
     separated_by="steps of the command beside a fast sensor of what it moves",
@@ -158,9 +167,9 @@ valve_delay = replace(
 drive_delay = replace(
     delay,
     name="drive_delay",
-    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.driven),
+    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.driven and at.role not in DRIVES),
     parameters=_times(2.5, 0.25, 50),
-    same_as=lambda survey: (),
+    same_as=lambda *_: (),
     look_alikes=("clock_shift", "sensor_delay"),
     separated_by="steps of the command beside a force sensor",
 )

@@ -226,7 +226,8 @@ class Law:
         stiff: Whether it brings rates well beyond 1000 1/s.
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
         whole: Whether the largest size is all that there can be.
-        same_as: Names of hypotheses that give the very same measurements, of a model.
+        same_as: Names of hypotheses that give the very same measurements, of a model and the
+            place where the law acts.
         family: Name that it shares with laws of the same kind; its own by default.
         source: Book, paper or manufacturer that the law comes from.
         look_alikes: Names of laws that the same data may not separate.
@@ -259,7 +260,7 @@ class Law:
     stiff: bool = False
     far: bool = False
     whole: bool = False
-    same_as: Callable[[Survey], tuple[str, ...]] = lambda survey: ()
+    same_as: Callable[[Survey, Place], tuple[str, ...]] = lambda *_: ()
     family: str = ""
     source: str = ""
     look_alikes: tuple[str, ...] = ()
@@ -335,7 +336,7 @@ class Law:
                 self.stiff,
                 self.whole,
                 self.far,
-                self.same_as(survey),
+                self.same_as(survey, first),
             )
 
     def _size(self, at: Place) -> Own:

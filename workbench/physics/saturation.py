@@ -12,7 +12,7 @@ from dataclasses import replace
 from workbench.model import PortView
 from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, Own, drives, each, sensors, shape, share, size
-from workbench.physics.place import EFFORTS, Place
+from workbench.physics.place import DRIVES, EFFORTS, Place
 
 
 def _above(at: PortView) -> Expression:
@@ -71,7 +71,7 @@ def _lower_limits(at: Place) -> list[dict[str, float]]:
 drive_saturation = replace(
     saturation,
     name="drive_saturation",
-    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.driven),
+    where=each(*EFFORTS, needs=("speed",), only=lambda at: at.driven and at.role not in DRIVES),
     look_alikes=("quadratic_drag",),
 )
 

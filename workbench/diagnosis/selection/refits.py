@@ -202,46 +202,6 @@ def _outrun(candidate: Candidate, by: Candidate) -> Candidate:
     return replace(candidate, refused=why, rule="free run")
 
 
-def refit_instead(
-    base: ProcessNoiseFit,
-    rivals: Sequence[tuple[Candidate, Score]],
-    priors: Sequence[Prior],
-    fit_on: Sequence[Observed],
-    hold_out: Sequence[Observed],
-    *,
-    limits: Limits,
-    jobs: int = 2,
-) -> tuple[Candidate, ...]:
-    """Refit hypotheses of an earlier round with what has been found since.
-
-    Args:
-        base: The fitted model with everything found but the one effect that they compete for.
-        rivals: The hypotheses, refitted and followed to the end once, each with its score.
-        priors: Priors of the free parameters of ``base``.
-        fit_on: Fitting recordings, with a start for the model of ``base``.
-        limits: What an effect must gain.
-
-    Returns:
-        Candidates as `refit_candidates` returns them.
-    """
-    begun = []
-    for candidate, _ in rivals:
-        assert candidate.fit is not None
-        own = [e for e in candidate.fit.refit.estimates if e.name.startswith(f"{candidate.name}.")]
-        estimates = (*base.refit.estimates, *own)
-        fit = replace(
-            candidate.fit,
-            refit=replace(candidate.fit.refit, estimates=estimates),
-            noise_scale=max(base.noise_scale, candidate.fit.noise_scale),
-        )
-        begun.append(replace(candidate, fit=fit, refused="", rule="", doubts=()))
-    before = blocks_of_cost(base, hold_out) if hold_out else None
-    known = tuple(priors), tuple(fit_on), tuple(hold_out), before
-    pairs = zip(begun, (score for _, score in rivals), strict=True)
-    found = in_order([(_followed, (base, *pair, *known)) for pair in pairs], jobs=jobs)
-    return decided(base, found, hold_out, limits)
-
-
 def _first_refits(
     base: ProcessNoiseFit,
     field: Sequence[Score],

@@ -42,7 +42,6 @@ from workbench.diagnosis.selection.held_out import (
 from workbench.diagnosis.selection.refits import (
     entry_priors,
     refit_candidates,
-    refit_instead,
     untried,
 )
 from workbench.diagnosis.selection.rules import (
@@ -57,7 +56,7 @@ from workbench.diagnosis.selection.rules import (
     Limits,
     selection_penalty,
 )
-from workbench.diagnosis.selection.score import Score, Scores, score_library
+from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
 from workbench.diagnosis.selection.selected import (
     Accepted,
     Aside,
@@ -438,7 +437,7 @@ def _set_aside(state: Selected, why: str) -> Selected:
 
 
 def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
-    """Choose again among the rivals of earlier effects, with what was found since.
+    """Choose each effect again, beside all others that were found.
 
     Two effects that hide each other are found with the wrong one first, or as a class that only
     the second resolves.
@@ -448,46 +447,45 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         if found is state.accepted[-1] and not changed:
             # It has been chosen beside all others just now.
             break
-        scores, candidates = state.rounds[number]
-        known = {s.entry.name: s for s in scores.scores}
-        taken = {a.candidate.name for a in state.accepted}
-        rivals = [
-            c for c in candidates if c.followed and c.fit is not None and c.name not in taken
-        ][:_RIVALS]
-        if not rivals:
-            continue
-        task.say(f"choosing again between {found.candidate.name} and its rivals")
         without = _without(task, state, found)
         if without is None:
             continue
         base, free = without
-        chosen = refit_instead(
+        task.say(f"choosing again beside what was found since {found.candidate.name}")
+        begun = task.started(task.fitting, base.model)
+        scores = score_library(
+            base.model, begun, free, task.tried(base.model), noise_scale=base.noise_scale
+        )
+        known = by_name(scores)
+        earlier = [c for c in state.rounds[number].candidates if c.followed and c.fit is not None]
+        again = [found.candidate.name, *(c.name for c in earlier[:_RIVALS])]
+        tried = [known[name] for name in again if name in known]
+        if found is not state.accepted[-1]:
+            tried += shortlist(scores, most=_RIVALS)
+        candidates = refit_candidates(
             base,
-            [(c, known[c.name]) for c in (found.candidate, *rivals) if c.name in known],
+            tuple({s.entry.name: s for s in tried}.values()),
             free,
-            task.started(task.fitting, base.model),
+            begun,
             task.started(task.judging, base.model),
             limits=Limits(
-                state.penalty,
-                _least(scored, base, number),
-                scored.near_noise(task.base),
+                state.penalty, _least(scored, base, number), scored.near_noise(task.base)
             ),
             jobs=task.jobs,
+            progress=task.say,
         )
-        best = next((c for c in chosen if not c.refused), None)
-        if best is None or best.fit is None or best.fit.cost >= state.extended.cost:
-            # No rival does better; what still does as well is the class.
-            same = next((c for c in chosen if c.name == found.candidate.name), None)
-            if same is None or not same.followed or same.fit is None:
-                continue
-            best = replace(same, refused="", doubts=found.candidate.doubts)
-        else:
+        best = next((c for c in candidates if not c.refused), None)
+        if best is None or best.fit is None:
+            continue
+        if best.name != found.candidate.name:
             own = entry_priors(replace(known[best.name], entry=best.entry))[0]
             free = (*free, *own)
-            fits = (*state.fits[: number + 1], *[best.fit] * (len(state.fits) - number - 1))
-            state = replace(state, free=free, extended=best.fit, fits=fits)
-            changed = True
-        renewed = Accepted(best, _alike(best, chosen, scores))
+            extended = _polished(best.fit, task.started(task.fitting, best.fit.model), free)
+            if extended.cost >= state.extended.cost:
+                continue
+            fits = (*state.fits[: number + 1], *[extended] * (len(state.fits) - number - 1))
+            state, changed = replace(state, free=free, extended=extended, fits=fits), True
+        renewed = Accepted(best, _alike(best, candidates, scores))
         accepted = tuple(renewed if a is found else a for a in state.accepted)
         state = replace(state, accepted=accepted)
     return state
