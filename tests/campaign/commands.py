@@ -86,12 +86,13 @@ class Running:
     def kill(self, after: float) -> bool:
         """Kill it after a time, in s; returns whether it was still at work."""
         try:
-            self.process.communicate(timeout=after)
+            said = self.process.communicate(timeout=after)[0]
         except subprocess.TimeoutExpired:
             self.process.kill()
             # Ends when the last worker has closed the pipe.
             self.process.communicate(timeout=ENDS_S)
             return True
+        assert self.process.returncode in (0, 1), said
         return False
 
     def left(self) -> list[int]:
