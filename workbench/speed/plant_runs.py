@@ -296,7 +296,7 @@ def _numba(numba: Any, plant: _Plant, voltage: Vector, exact: Vector) -> Way:
 
 
 def accuracy(model: Model) -> tuple[float, str]:
-    """Return the largest error on pulses, over the states' scales, and what it consists of."""
+    """Return the largest error on pulses, scaled by the states, and what it consists of."""
     plant, voltage = _plant(model), pulses(4.2)
     start = model.initial_state() / plant.scale
     exact = _run(_with_scipy(plant.rates, "DOP853", 1e-12), start, voltage)
