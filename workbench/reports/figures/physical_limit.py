@@ -22,13 +22,8 @@ MOST = 8
 """Steps that a picture shows; of more, each scenario shows its worst."""
 
 
-def limit_ratios(ratios: Mapping[str, Mapping[str, float]]) -> Drawing:
-    """Draw one bar per controller and step.
-
-    Args:
-        ratios: Settling time over the limit, dimensionless, NaN where a step did not settle, by
-            step and controller.
-    """
+def _draw_ratios(ratios: Mapping[str, Mapping[str, float]]) -> Drawing:
+    """Draw settling over the limit as a bar per controller and step, the limit at 1."""
     names = list(dict.fromkeys(name for own in ratios.values() for name in own))
     shades = colours(names)
     rows = len(ratios) * (len(names) + 0.8)
@@ -74,7 +69,7 @@ def _draw(result: StudyResult) -> list[Block]:
         return []
     blocks: list[Block] = [Words(_lead(result))]
     if any(not math.isnan(s.limit.value) for s in found.steps):
-        figure = limit_ratios(_bars(result))
+        figure = _draw_ratios(_bars(result))
         caption = (
             "Settling time of each step over the shortest time that the nominal plant allows; "
             "a controller whose bar ends at the dashed line could not be faster."

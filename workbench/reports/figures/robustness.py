@@ -24,12 +24,8 @@ if TYPE_CHECKING:
 Vector = npt.NDArray[np.float64]
 
 
-def box_scores(scores: Mapping[str, tuple[Vector, int]]) -> Drawing:
-    """Draw the score at every drawn and searched plant, one line of dots per controller.
-
-    Args:
-        scores: Scores, shape (n,), dimensionless, and how many of them were drawn, by controller.
-    """
+def _draw_scores(scores: Mapping[str, tuple[Vector, int]]) -> Drawing:
+    """Draw the score at every plant and how many were drawn, a line of dots per controller."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
     figure, (axes,) = new_figure([0.6 + 0.5 * len(scores)])
@@ -123,7 +119,7 @@ def _draw(result: StudyResult) -> list[Block]:
     drawn = {r.controller: (r.scores, r.drawn) for r in result.robustness}
     picture = Picture(
         "box-scores",
-        box_scores(drawn),
+        _draw_scores(drawn),
         "Score of each controller at every plant of the box; right of the dashed line a hard "
         "requirement is missed.",
         "scores of the controllers over drawn plants",

@@ -5,10 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from workbench.reports.figure import Figure
-from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
+from workbench.reports.figures.study_traces import (
+    Vector,
+    nominal_runs,
+    output_of,
+    shown,
+    vector,
+    written,
+)
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.style import INK, REFERENCE, Colour, colours, key, label, new_figure
@@ -18,51 +24,26 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
 
-def phase_portrait(
-    error: npt.ArrayLike,
-    rate: npt.ArrayLike,
-    *,
-    slope: float,
-    shade: Colour,
-    name: str,
-    unit: str = "°",
+def _portrait(
+    name: str, error: Vector, rate: Vector, slope: float, shade: Colour, unit: str
 ) -> Drawing:
-    """Draw error against its rate, with the direction in which errors decay on the surface.
-
-    Args:
-        error: Reference minus output, shape (n,), in ``unit``.
-        rate: Its rate where the reference rests, minus the speed, shape (n,), in ``unit`` per s.
-        slope: Slope lambda of the surface, in 1/s.
-        unit: Unit of the output as written.
-    """
+    """Draw error against its rate, with the direction in which errors decay on the surface."""
     figure, (axes,) = new_figure([3.0])
-    x, v = np.asarray(error, dtype=float), np.asarray(rate, dtype=float)
-    reach = 1.1 * float(np.max(np.abs(v)) or 1.0)
-    ends = np.array([-reach / slope, reach / slope])
-    axes.plot(
-        ends,
-        -slope * ends,
-        color=REFERENCE.light,
-        linewidth=1.0,
-        linestyle="--",
-        label="rate = -slope x error",
-    )
-    axes.plot(x, v, color=shade.light, linewidth=1.1, label=name)
+    far, fast = (1.05 * float(np.max(np.abs(v)) or 1.0) for v in (error, rate))
+    ends = 1.05 * np.array([-fast / slope, fast / slope])
+    dashes = {"color": REFERENCE.light, "linewidth": 1.0, "linestyle": "--"}
+    axes.plot(ends, -slope * ends, label="rate = -slope x error", **dashes)  # type: ignore[arg-type]
+    axes.plot(error, rate, color=shade.light, linewidth=1.1, label=name)
     axes.plot([0.0], [0.0], marker="+", color=INK.light, markersize=9, linestyle="none")
-    axes.set_ylim(-reach, reach)
-    axes.set_xlim(-1.05 * float(np.max(np.abs(x)) or 1.0), 1.05 * float(np.max(np.abs(x)) or 1.0))
+    axes.set_ylim(-1.05 * fast, 1.05 * fast)
+    axes.set_xlim(-far, far)
     label(axes, x=f"error in {unit}", y=f"rate of the error in {unit}/s")
     key(axes, columns=2)
     return figure
 
 
-def surface(time: npt.ArrayLike, value: npt.ArrayLike, *, shade: Colour) -> Drawing:
-    """Draw the surface over its boundary layer.
-
-    Args:
-        time: Times, shape (n,), in s.
-        value: s over the half width of the layer, shape (n,), dimensionless.
-    """
+def _surface(time: Vector, value: Vector, shade: Colour) -> Drawing:
+    """Draw the surface over the half width of its boundary layer."""
     figure, (axes,) = new_figure([2.2])
     axes.plot(time, value, color=shade.light, linewidth=1.1)
     for limit in (-1.0, 1.0):
@@ -82,15 +63,10 @@ def _draw(result: StudyResult) -> list[Block]:
         output = next(n.removeprefix("reference.") for n in t if n.startswith("reference."))
         quantity = output_of(result.study, output)
         error = shown(t[f"reference.{output}"], quantity) - shown(t[f"output.{output}"], quantity)
-        portrait = phase_portrait(
-            error,
-            -shown(t["speed"], quantity),
-            slope=float(t["slope"]),
-            shade=shades[name],
-            name=name,
-            unit=written(quantity.display_unit),
-        )
-        layer = float(t.get("layer", 1.0))
+        rate, shade = -shown(t["speed"], quantity), shades[name]
+        unit = written(quantity.display_unit)
+        portrait = _portrait(name, error, rate, float(t["slope"]), shade, unit)
+        surface = vector(t["surface"]) / float(t.get("layer", 1.0))
         found += [
             Picture(
                 f"portrait-{number}",
@@ -102,7 +78,7 @@ def _draw(result: StudyResult) -> list[Block]:
             ),
             Picture(
                 f"surface-{number}",
-                surface(t["time"], vector(t["surface"]) / layer, shade=shades[name]),
+                _surface(vector(t["time"]), surface, shade),
                 f"{name} in {scenario}: s over the half width of its boundary layer (dotted: ± 1).",
                 "sliding variable over time",
             ),
