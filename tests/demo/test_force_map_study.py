@@ -26,7 +26,7 @@ def test_the_law_that_made_a_map_is_the_best_on_it() -> None:
     assert study.need_for_phi > 3.0
     law = study.law("paper_3")
     # Noise of 1 N: the fit leaves it, a length held out is extrapolated a little.
-    assert 0.7 < law.fitted_rms < 1.3
+    assert 0.7 < law.fitted_rms_N < 1.3
     numbers = (*truth.gain_bar_mm, *truth.phi_mm)
     for value, std, true in zip(law.values, law.std, numbers, strict=True):
         assert abs(value - true) < 4 * std
@@ -44,10 +44,10 @@ def test_measured_maps_need_phi(
     percent = 100 / study.largest_force
     for best in (study.law("paper_3"), study.law("sarosi")):
         # The best published model of these muscles stays below this at its worst point.
-        assert percent * best.largest < published_percent
-        assert percent * best.length_largest < 3.0
+        assert percent * best.fitted_largest_N < published_percent
+        assert percent * best.lengths_held_out_largest_N < 3.0
     assert study.need_for_phi > 5.0
-    orders = [study.law(f"paper_{n}").pressure_rms for n in range(4)]
+    orders = [study.law(f"paper_{n}").pressures_held_out_rms_N for n in range(4)]
     assert orders == sorted(orders, reverse=True)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -124,17 +124,11 @@ FAMILIES: dict[str, Family] = {
 
 @dataclass(frozen=True)
 class LawOnMap:
-    """A force law fitted to a map, and what it is worth.
+    """A force law fitted to a map, and its errors there, on what was held out, and as published.
 
     Args:
         values: Fitted numbers, in the law's own units.
         std: Their standard deviations, in the law's own units.
-        fitted_rms: Error on the points fitted on, rms in N.
-        largest: Largest error on the points fitted on, in N.
-        length_rms: Error on lengths held out, rms in N.
-        length_largest: Largest error on lengths held out, in N.
-        pressure_rms: Error on pressures held out, rms in N.
-        published_rms: Error of the published law within its range, rms in N.
     """
 
     name: str
@@ -142,12 +136,12 @@ class LawOnMap:
     law: ForceLaw
     values: Vector
     std: Vector
-    fitted_rms: float
-    largest: float
-    length_rms: float
-    length_largest: float
-    pressure_rms: float
-    published_rms: float
+    fitted_rms_N: float
+    fitted_largest_N: float
+    lengths_held_out_rms_N: float
+    lengths_held_out_largest_N: float
+    pressures_held_out_rms_N: float
+    published_rms_N: float
 
 
 @dataclass(frozen=True)
@@ -166,7 +160,7 @@ class MapStudy:
     @property
     def best(self) -> LawOnMap:
         """The law with the smallest error on lengths held out."""
-        return min(self.laws, key=lambda law: law.length_rms)
+        return min(self.laws, key=lambda law: law.lengths_held_out_rms_N)
 
     def law(self, name: str) -> LawOnMap:
         """Return a law by its short name.
@@ -180,18 +174,21 @@ class MapStudy:
     @property
     def need_for_phi(self) -> float:
         """Error of (3) over that of the best (4), on lengths held out, dimensionless."""
-        with_phi = min(law.length_rms for law in self.laws if law.name.startswith("paper"))
-        return self.law("petrovic").length_rms / with_phi
+        with_phi = min(
+            law.lengths_held_out_rms_N for law in self.laws if law.name.startswith("paper")
+        )
+        return self.law("petrovic").lengths_held_out_rms_N / with_phi
 
     @property
     def headline(self) -> str:
         """The best law, and whether a part of the force does not depend on pressure, in words."""
-        best, percent = self.best, 100 / self.largest_force
+        best = self.best
+        percent = 100 * best.lengths_held_out_largest_N / self.largest_force
         return (
-            f"Best on lengths left out: {best.title}, {best.length_rms:.1f} N rms, at most"
-            f" {percent * best.length_largest:.1f} % of the largest force. Without phi, equation"
-            f" (3) errs {self.need_for_phi:.1f} times as much as equation (4): the force of the"
-            " tube that does not depend on pressure is really there."
+            f"Best on lengths left out: {best.title}, {best.lengths_held_out_rms_N:.1f} N rms, at"
+            f" most {percent:.1f} % of the largest force. Without phi, equation (3) errs"
+            f" {self.need_for_phi:.1f} times as much as equation (4): the force of the tube that"
+            " does not depend on pressure is really there."
         )
 
     def table(self) -> dict[str, Any]:
@@ -202,15 +199,9 @@ class MapStudy:
             "need_for_phi": self.need_for_phi,
             "laws": {
                 law.name: {
-                    "title": law.title,
-                    "values": law.values.tolist(),
-                    "std": law.std.tolist(),
-                    "published_rms_N": law.published_rms,
-                    "fitted_rms_N": law.fitted_rms,
-                    "fitted_largest_N": law.largest,
-                    "lengths_held_out_rms_N": law.length_rms,
-                    "lengths_held_out_largest_N": law.length_largest,
-                    "pressures_held_out_rms_N": law.pressure_rms,
+                    f.name: getattr(law, f.name)
+                    for f in fields(law)
+                    if f.name not in ("name", "law")
                 }
                 for law in self.laws
             },

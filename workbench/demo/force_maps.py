@@ -159,12 +159,12 @@ def errors_table(study: MapStudy, *, published: bool = False) -> Table:
             (
                 law.title,
                 str(len(law.values)),
-                *(number(law.published_rms) for _ in extra),
-                number(law.fitted_rms),
-                number(percent * law.largest),
-                number(law.length_rms),
-                number(percent * law.length_largest),
-                number(law.pressure_rms),
+                *(number(law.published_rms_N) for _ in extra),
+                number(law.fitted_rms_N),
+                number(percent * law.fitted_largest_N),
+                number(law.lengths_held_out_rms_N),
+                number(percent * law.lengths_held_out_largest_N),
+                number(law.pressures_held_out_rms_N),
             )
             for law in study.laws
         ),
@@ -208,9 +208,9 @@ def _draw_errors(study: MapStudy, *, published: bool) -> Figure:
     rows = np.arange(len(laws), dtype=float)
     axes.hlines(rows, 1.0, 1e3, color=FAINT.light, linewidth=0.8, linestyle=":")
     for values, colour, text, mark in (
-        ([w.published_rms for w in laws], REFERENCE, "published coefficients", "s"),
-        ([w.fitted_rms for w in laws], FURTHER[0], "fitted, points fitted on", "o"),
-        ([w.length_rms for w in laws], FURTHER[5], "fitted, lengths held out", "D"),
+        ([w.published_rms_N for w in laws], REFERENCE, "published coefficients", "s"),
+        ([w.fitted_rms_N for w in laws], FURTHER[0], "fitted, points fitted on", "o"),
+        ([w.lengths_held_out_rms_N for w in laws], FURTHER[5], "fitted, lengths held out", "D"),
     )[0 if published else 1 :]:
         axes.plot(values, rows, mark, color=colour.light, markersize=6, label=text)
     axes.set_xscale("log")
