@@ -127,9 +127,9 @@ def made(study: Study, times: dict[str, float], *, overshoot: dict[str, float] |
         metrics = Metrics(family, name, "steps", own)
         records.append(Record(family, name, "steps", 0, metrics=metrics, steps=steps))
     plant = study.variations[CASE].plant
-    limits = tuple(
-        (CASE, Move(plant, "angle", a, b), Value(limit)) for a, b in study.report.limit_steps
-    )
+    # Moves go between the references of the scenario, which have more digits than a study's text.
+    exact = [[math.radians(round(math.degrees(v))) for v in s] for s in study.report.limit_steps]
+    limits = tuple((CASE, Move(plant, "angle", a, b), Value(limit)) for a, b in exact)
     judged = judge_records(study, records)
     return StudyResult(
         study, tuple(records), judged, scores(study, judged), (), (), None, (), 0.0,

@@ -104,7 +104,7 @@ class Evidence:
         """Return the physical limit of a step, in s; NaN if there is none."""
         names = [v.name for v in self.variations if v.kind == kind]
         for name, move, limit in self.result.distances.limits:
-            if name in names and (move.initial, move.final) == step:
+            if name in names and all(map(_same, (move.initial, move.final), step)):
                 return limit.value
         return math.nan
 
@@ -153,8 +153,13 @@ class Evidence:
             s
             for r in self._records(controller, kind)
             for s in r.steps
-            if math.isclose(s.initial, step[0]) and math.isclose(s.final, step[1])
+            if all(map(_same, (s.initial, s.final), step))
         ]
+
+
+def _same(a: float, b: float) -> bool:
+    """Tell whether two references are one: text such as ``"35 deg"`` has 12 digits."""
+    return math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-12)
 
 
 def _most(values: Iterable[Value]) -> Value:
