@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -125,7 +126,7 @@ def _scenario(
     sample_time: str,
 ) -> Scenario:
     from workbench.model.units import from_si, quantity
-    from workbench.verification import Scenario, Steps
+    from workbench.verification import Steps, step_scenario
 
     name = chosen.plant.controlled_outputs(chosen.model)[0]
     y0 = {n: float(y) for n, y in zip(linear.output_names, linear.y0, strict=True)}
@@ -140,19 +141,14 @@ def _scenario(
     ]
     held = check_range("time between the steps", quantity("time", hold, "s"), 1e-6, 1e5, "s")
     step = check_range("sample time", quantity("sample time", sample_time, "s"), 1e-6, held, "s")
-    # Other controlled outputs stay as they are at the design point.
-    references = {
-        n: Steps((0.0,), (y0[n],)) for n in chosen.plant.controlled_outputs(chosen.model)[1:]
-    }
-    lead = 0.25 * held
-    references[name] = Steps((0.0, lead, lead + held), (levels[0], levels[1], levels[0]))
-    shown = " to ".join(f"{from_si(v, about.display_unit):g}" for v in levels)
-    return Scenario(
-        f"step {shown} {about.display_unit} and back",
-        dict(sorted(references.items())),
-        duration=lead + 2.0 * held,
-        sample_time=step,
+    unit = about.display_unit
+    begin, end_ = (float(from_si(v, unit)) for v in levels)
+    asked = step_scenario(
+        name, begin, end_, unit=unit, back=True, lead=0.25 * held, hold=held, sample_time=step
     )
+    # Other controlled outputs stay as they are at the design point.
+    others = {n: Steps((0.0,), (y0[n],)) for n in chosen.plant.controlled_outputs(chosen.model)[1:]}
+    return replace(asked, references=dict(sorted({**asked.references, **others}.items())))
 
 
 def _level(model: Model, text: str, what: str) -> float:

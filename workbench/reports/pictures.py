@@ -6,6 +6,7 @@ import io
 import re
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -87,18 +88,13 @@ def _settings(name: str) -> dict[str, object]:
     }
 
 
-def svg(picture: Picture) -> str:
-    """Draw a picture as SVG."""
-    return picture.document
-
-
 def inline_svg(picture: Picture) -> str:
     """Draw a picture as an SVG element that takes its colours from the page around it.
 
     Each colour of the palette becomes a CSS variable with its light value as fall-back, and all
     identifiers carry the picture's name, so that several pictures stand on one page.
     """
-    text = svg(picture)
+    text = picture.document
     text = text[text.index("<svg") :]
     text = re.sub(r"<(metadata|style)\b.*?</\1>", "", text, flags=re.DOTALL)
     text = re.sub(r'\bid="', f'id="{picture.name}-', text)
@@ -109,19 +105,13 @@ def inline_svg(picture: Picture) -> str:
     head, rest = text.split(">", 1)
     head = re.sub(r'\s(?:width|height)="[^"]*"', "", head)
     title = picture.alternative or picture.caption
-    head += f' role="img" aria-label="{_escaped(title)}"'
+    head += f' role="img" aria-label="{escape(title)}"'
     for colour in palette():
         rest = rest.replace(f": {colour.light}", f": var(--{colour.name}, {colour.light})")
     rest = rest.replace("'DejaVu Sans'", FONTS.replace('"', "'"))
     # Text without a colour of its own is black, which a dark page would swallow.
     rest = rest.replace("<text ", '<text fill="currentColor" ')
     return f"{head}>{rest}"
-
-
-def _escaped(text: str) -> str:
-    import html
-
-    return html.escape(text, quote=True)
 
 
 def save(picture: Picture, folder: Path) -> tuple[Path, Path]:

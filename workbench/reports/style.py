@@ -117,7 +117,8 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
         if name in known:
             given[name] = known[name]
             continue
-        check_family(1 + sum(n not in known for n in given))
+        further = 1 + sum(n not in known for n in given)
+        check_range("number of curves to tell apart", further, 0, len(FURTHER))
         first = crc32(name.encode()) % len(FURTHER)
         order = (*FURTHER[first:], *FURTHER[:first])
         given[name] = next(c for c in order if c not in given.values())
@@ -133,15 +134,6 @@ def ramp(count: int) -> tuple[Colour, ...]:
     check_range("number of curves in a family", count, 1, len(RAMP))
     last = len(RAMP) - 1
     return tuple(RAMP[round(i * last / max(count - 1, 1))] for i in range(count))
-
-
-def check_family(count: int) -> None:
-    """Check that a picture can tell so many unordered curves apart.
-
-    Raises:
-        WorkbenchError: If there are more than the palette has colours for.
-    """
-    check_range("number of curves to tell apart", count, 0, len(FURTHER))
 
 
 def colour(name: str) -> Colour:

@@ -198,16 +198,18 @@ def step_scenario(
     *,
     unit: str = "1",
     back: bool = False,
+    lead: float = 0.5,
     hold: float = 2.5,
     sample_time: float = 0.002,
 ) -> Scenario:
-    """Build a step of an output's reference, which rests for 0.5 s before it.
+    """Build a step of an output's reference.
 
     Args:
         begin: Reference before the step, in ``unit``.
         end: Reference after the step, in ``unit``.
         unit: Unit of both, such as ``"deg"``; by default they are in SI.
         back: Whether a step back follows.
+        lead: Time for which the reference rests before the first step, in s.
         hold: Time that each step is held, in s.
         sample_time: Time between samples, in s.
 
@@ -221,11 +223,11 @@ def step_scenario(
     """
     levels = check_finite("step", (begin, end, begin) if back else (begin, end))
     values = tuple(float(to_si(level, unit)) for level in levels)
-    times = (0.0, *(0.5 + hold * i for i in range(len(values) - 1)))
+    times = (0.0, *(lead + hold * i for i in range(len(values) - 1)))
     shown = "" if unit == "1" else f" {unit}"
     return Scenario(
         f"step {begin:g} to {end:g}{shown}" + (" and back" if back else ""),
         {output: Steps(times, values)},
-        duration=0.5 + hold * (len(values) - 1),
+        duration=lead + hold * (len(values) - 1),
         sample_time=sample_time,
     )
