@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import threading
 from functools import lru_cache
-from typing import Any, cast
+from typing import cast
 from weakref import WeakKeyDictionary
 
 import casadi as ca
@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.model import Form, Model, Trace
+from workbench.simulation.equations import Buffered
 
 Vector = npt.NDArray[np.float64]
 
@@ -33,8 +34,8 @@ class Derivatives:
         """Build the functions, or take those built for the same equations before."""
         traced = model.form(form)
         self.n_x, self.n_u, self.n_p = traced.x.numel(), traced.u.numel(), traced.p.numel()
-        self._values = _Buffer(_values_function(traced))
-        self._both = _Buffer(_both_function(traced))
+        self._values = Buffered(_values_function(traced))
+        self._both = Buffered(_both_function(traced))
 
     def values(self, x: Vector, u: Vector, p: Vector) -> Vector:
         """Compute rates, then measurements.
@@ -42,7 +43,7 @@ class Derivatives:
         Returns:
             Rates and measurements, shape (n_x + n_y,), in SI.
         """
-        return self._values(x, u, p)[:, 0]
+        return self._values(x, u, p)[0].copy()
 
     def __call__(self, x: Vector, u: Vector, p: Vector) -> tuple[Vector, Vector]:
         """Compute rates and measurements, and their derivatives by states and inputs.
@@ -50,7 +51,7 @@ class Derivatives:
         Returns:
             Values, shape (n_x + n_y,), and derivatives, shape (n_x + n_y, n_x + n_u), in SI.
         """
-        table = self._both(x, u, p)
+        table = self._both(x, u, p)[0].copy().reshape(-1, 1 + self.n_x + self.n_u)
         return table[:, 0], table[:, 1:]
 
 
@@ -63,31 +64,6 @@ def derivatives_of(model: Model, form: Form | str) -> Derivatives:
     if traced not in _LOCAL.known:
         _LOCAL.known[traced] = Derivatives(model, form)
     return cast(Derivatives, _LOCAL.known[traced])
-
-
-class _Buffer:
-    """A CasADi function of three vectors, called through its buffer interface."""
-
-    def __init__(self, function: ca.Function) -> None:
-        self._buffer, self._call = function.buffer()
-        # An empty buffer has no address; a spare number stands in for no inputs or parameters.
-        self._arguments = [np.zeros(max(1, function.numel_in(i))) for i in range(3)]
-        self._sizes = [function.numel_in(i) for i in range(3)]
-        for i, array in enumerate(self._arguments):
-            self._buffer.set_arg(i, _memory(array))
-        self._result = np.zeros(function.size_out(0), order="F")
-        self._buffer.set_res(0, _memory(self._result.reshape(-1, order="F")))
-
-    def __call__(self, *vectors: Vector) -> Vector:
-        for array, size, vector in zip(self._arguments, self._sizes, vectors, strict=True):
-            array[:size] = vector
-        self._call()
-        return self._result.copy()
-
-
-def _memory(array: Any) -> memoryview:
-    # NumPy's annotations do not say that an array is a buffer before Python 3.12.
-    return memoryview(array)
 
 
 @lru_cache(maxsize=64)

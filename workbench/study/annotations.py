@@ -16,25 +16,25 @@ MOST = 10
 
 def github_annotations(outcome: StudyResult) -> tuple[str, ...]:
     """Return workflow commands of GitHub: errors for what fails the study, else warnings."""
-    lines = read_study(outcome.study.path).lines
+    text = read_study(outcome.study.path).text
     errors: list[tuple[int, str]] = []
     warnings: list[tuple[int, str]] = []
     for hard, found in ((True, outcome.missed), (False, outcome.missed_softly)):
         for group in missed_by_plant(found):
             j = group.worst
-            line = line_of(lines, ("requirements", outcome.study.demands.index(j.demand)))
+            line = line_of(text, ("requirements", outcome.study.demands.index(j.demand)))
             (errors if hard else warnings).append((line, f"{j} {group.also}".strip()))
     for r in outcome.box_missed:
-        text = f"{r.controller}, worst plant of the box: {r.why()}"
+        said = f"{r.controller}, worst plant of the box: {r.why()}"
         where = errors if outcome.fragile else warnings
-        where.append((line_of(lines, ("robustness",)), text))
+        where.append((line_of(text, ("robustness",)), said))
     errors += [(1, str(change)) for change in outcome.weakened]
     errors += [
-        (line_of(lines, ("controllers", r.controller)), f"{', '.join(r.key[:3])}: {r.reason}")
+        (line_of(text, ("controllers", r.controller)), f"{', '.join(r.key[:3])}: {r.reason}")
         for r in outcome.failed
     ]
     for change in changes_by_plant(outcome.worse, outcome.required):
-        place = line_of(lines, ("controllers", change.worst.key[0]))
+        place = line_of(text, ("controllers", change.worst.key[0]))
         errors.append((place, f"worse than the baseline: {change.worst} {change.also}".strip()))
     file = os.path.relpath(outcome.study.path)
     return tuple(

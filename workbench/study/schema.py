@@ -42,7 +42,7 @@ from workbench.study.study import (
     Study,
     Variation,
 )
-from workbench.study.toml_tables import TomlTables, toml_lines
+from workbench.study.toml_tables import TomlTables
 from workbench.verification import (
     METRICS,
     Change,
@@ -71,15 +71,11 @@ _MERGED = ("specification", "inertia_margin", "plan", "fastest", "parameters")
 
 @dataclass(frozen=True)
 class StudyFile:
-    """A study as it was written.
-
-    Args:
-        lines: Line by path of each entry.
-    """
+    """A study as it was written, and the text that says it."""
 
     path: Path
     table: dict[str, Any]
-    lines: Mapping[tuple[str | int, ...], int]
+    text: str
 
 
 def read_study(path: str | Path) -> StudyFile:
@@ -99,7 +95,7 @@ def read_study(path: str | Path) -> StudyFile:
         raise WorkbenchError(f"study {str(place)!r} is not UTF-8 text") from None
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise WorkbenchError(f"{place}: {str(error)[:1].lower()}{str(error)[1:]}") from None
-    return StudyFile(place, table, toml_lines(text))
+    return StudyFile(place, table, text)
 
 
 def resolve(file: StudyFile, *, optional: bool = False) -> Study:
@@ -125,7 +121,7 @@ def resolve(file: StudyFile, *, optional: bool = False) -> Study:
             }
     new_study(file.path.parent)
     with watched():
-        return _Resolver(file.path, table, file.lines).study()
+        return _Resolver(file.path, table, file.text).study()
 
 
 def load_study(path: str | Path, *, optional: bool = False) -> Study:
