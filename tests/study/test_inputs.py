@@ -82,7 +82,8 @@ def test_a_damaged_result_is_none(tmp_path: Path, damage: str) -> None:
     assert not kept(tmp_path)
 
 
-def test_gains_that_a_design_reads_from_elsewhere_are_seen(tmp_path: Path) -> None:
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_gains_that_a_design_reads_from_elsewhere_are_seen(tmp_path: Path, jobs: int) -> None:
     gains = tmp_path / "tuning" / "gains.txt"
     gains.parent.mkdir()
     gains.write_text("30")
@@ -100,8 +101,10 @@ def test_gains_that_a_design_reads_from_elsewhere_are_seen(tmp_path: Path) -> No
     )
     study = load_study(small_study(place, own))
     task = tasks(study)[0]
-    run_tasks([task], store_of(study, tmp_path / "out"))
+    run_tasks(tasks(study), store_of(study, tmp_path / "out"), jobs=jobs)
     assert kept_run(store_of(study, tmp_path / "out"), task) is not None
+    for path in (tmp_path / "out" / "runs").glob("*.json"):
+        assert json.loads(path.read_text())["work"], "what a run has cost is kept with it"
     gains.write_text("12")
     assert kept_run(store_of(study, tmp_path / "out"), task) is None
 
