@@ -6,10 +6,20 @@ import argparse
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from workbench.speed.benchmark import Benchmark
 
 
-def _say(name: str) -> None:
-    sys.stderr.write(f"{name} ...\n")
+def _write(found: Benchmark, out: Path) -> None:
+    from workbench.files import write_whole
+    from workbench.reports.page import write_page
+    from workbench.reports.results import json_text
+    from workbench.speed.page import benchmark_page
+
+    write_whole(out / "benchmark.json", json_text(found.table()))
+    write_page(benchmark_page(found, command="make benchmark"), out / "benchmark.html")
 
 
 def main() -> None:
@@ -17,20 +27,21 @@ def main() -> None:
     # Threads of linear algebra compete with what is timed; they begin when NumPy is imported.
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")
-    from workbench.files import write_whole
-    from workbench.reports.page import write_page
-    from workbench.reports.results import json_text
     from workbench.speed.benchmark import PARTS, run_benchmark
-    from workbench.speed.page import benchmark_page
 
     parser = argparse.ArgumentParser(prog="python -m workbench.speed", description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("build/benchmark"))
     parser.add_argument("--only", action="append", choices=list(PARTS), default=[])
     asked = parser.parse_args()
-    found = run_benchmark(asked.only, progress=_say)
-    write_whole(asked.out / "benchmark.json", json_text(found.table()))
-    page = benchmark_page(found, command="make benchmark")
-    write_page(page, asked.out / "benchmark.html")
+
+    def say(name: str, found: Benchmark) -> None:
+        sys.stderr.write(f"{name} ...\n")
+        if found.figures:
+            # What is measured is not lost if the rest is interrupted.
+            _write(found, asked.out)
+
+    found = run_benchmark(asked.only, progress=say)
+    _write(found, asked.out)
     sys.stdout.write(f"{found}\nopen {asked.out / 'benchmark.html'}\n")
 
 
