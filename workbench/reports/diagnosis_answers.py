@@ -62,21 +62,38 @@ def _named(finding: Finding) -> str:
 
 
 def _where(verdict: Verdict) -> str:
-    places = dict.fromkeys(port for finding in verdict.findings for port in finding.where)
-    seen = _occurrence(verdict)
-    return plain(", ".join(places)) + (f", {plain(seen.where)}" if seen else "")
+    said = []
+    for name, ports, seen in _occurrences(verdict):
+        words = [name + ", ".join(ports), *([seen.where] if seen else [])]
+        said.append(", ".join(word for word in words if word))
+    return plain("; ".join(said))
 
 
-def _occurrence(verdict: Verdict) -> Occurrence | None:
-    """Return when and where the first finding acts, or what could not be located."""
-    return verdict.findings[0].occurrence if verdict.findings else verdict.occurrence
+def _occurrences(
+    verdict: Verdict,
+) -> list[tuple[str, tuple[str, ...], Occurrence | None]]:
+    """Return name, ports and occurrence of every finding, or of what could not be located.
+
+    A single finding needs no name before its place.
+    """
+    if not verdict.findings:
+        return [("", (), verdict.occurrence)]
+    several = len(verdict.findings) > 1
+    return [
+        (f"{f.effect}: " if several and f.effect else "", f.where, f.occurrence)
+        for f in verdict.findings
+    ]
 
 
 def _when(diagnosis: Diagnosis, verdict: Verdict) -> str:
     """Say when what is missing acts; else when the refitted model is farthest off, and where."""
-    seen = _occurrence(verdict)
-    if seen is not None:
-        return plain(f"{seen.when}, up to {seen.how_large} rms")
+    told = [
+        f"{name}{seen.when}, up to {seen.how_large} rms"
+        for name, _, seen in _occurrences(verdict)
+        if seen is not None
+    ]
+    if told:
+        return plain("; ".join(told))
     runs = {name: run for name, run in diagnosis.runs.get("refitted", {}).items() if run.finite}
     if not runs or verdict.kind in ("nothing_missing", "parameter"):
         return ""
