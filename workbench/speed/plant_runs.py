@@ -166,7 +166,7 @@ def _open_loop(plant: _Plant, name: str, what: str, voltage: Vector) -> Comparis
             _apart(found["ours"][1:], exact),
         )
     ]
-    for name, method, rates, part in (
+    for way, method, rates, part in (
         (LSODA, "LSODA", plant.plain, 0.5),
         (LSODA_FAST, "LSODA", plant.rates, 1.0),
         ("SciPy Radau per sample, compiled equations", "Radau", plant.rates, 0.25),
@@ -175,11 +175,11 @@ def _open_loop(plant: _Plant, name: str, what: str, voltage: Vector) -> Comparis
         samples = round(part * min(len(voltage), 1000))
         step = _with_scipy(rates, method)
 
-        def one(name: str = name, step: Step = step, samples: int = samples) -> None:
-            found[name] = _run(step, start, voltage[:samples])
+        def one(way: str = way, step: Step = step, samples: int = samples) -> None:
+            found[way] = _run(step, start, voltage[:samples])
 
         times = timed(one, per=samples * SAMPLE_TIME, repeats=2)
-        ways.append(Way(name, times, _apart(found[name], exact)))
+        ways.append(Way(way, times, _apart(found[way], exact)))
     ways += [
         tried(CVODES, "casadi", lambda _: _cvodes(plant, voltage, exact)),
         tried(_CONTROL, "control", lambda ct: _control(ct, plant, voltage, exact)),
