@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from workbench.cli.main import WRONG_USE, run
-from workbench.diagnosis import problem
+from workbench.diagnosis import diagnose as stages
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
+from workbench.diagnosis.selection import search
 from workbench.physics.library import library
 from workbench.physics.stiffness import linear_spring
 from workbench.plants.servo_axis import servo_axis
@@ -49,7 +50,7 @@ def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
     def few(model: Any, *_: Any, **__: Any) -> Any:
         return [e for e in library(model) if e.law in ("coulomb_friction", "linear_spring")]
 
-    monkeypatch.setattr(problem, "own_hypotheses", few)
+    monkeypatch.setattr(stages, "library", few)
     plant = ["--plant", "servo-axis", "--without", "coulomb_friction", "--jobs", "1"]
     return ["diagnose", *plant, "--fit", "1.csv", "--hold-out", "2.csv"]
 
@@ -106,13 +107,13 @@ def test_a_law_without_a_name_becomes_a_law_of_the_user(
         push = pushes(400, largest=200.0, seed=seed)
         made = made_up_recording(sprung, push, sample_time=0.01, name=f"axis {seed}")
         write_recording(made, tmp_path / f"{seed}.csv")
-    every = problem.own_hypotheses
 
-    def without_springs(model: Any, references: Any, **options: Any) -> Any:
-        own = every(model, references, **options) or library(model)
-        return [h for h in own if h.name in ("stribeck_friction", "found")]
+    def without_springs(model: Any, **options: Any) -> Any:
+        every = library(model, **options)
+        return [h for h in every if h.name in ("stribeck_friction", "found")]
 
-    monkeypatch.setattr(problem, "own_hypotheses", without_springs)
+    for place in (stages, search):
+        monkeypatch.setattr(place, "library", without_springs)
     asked = ["diagnose", "--plant", "servo-axis", "--jobs", "1"]
     asked += ["--fit", "1.csv", "--hold-out", "2.csv"]
     assert run([*asked, "--out", "out"]) == 0

@@ -13,10 +13,11 @@ from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.nonparametric.law_file import NAME, law_file
 from workbench.diagnosis.nonparametric.result import Likeness, NonparametricTerm
 from workbench.diagnosis.nonparametric.shapes import SHAPES, shape_effect
-from workbench.diagnosis.problem import own_hypotheses
+from workbench.diagnosis.problem import own_laws
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import WorkbenchError
 from workbench.physics.law import Law
+from workbench.physics.library import library
 from workbench.physics.place import Survey
 from workbench.plants.cascaded_tanks import cascaded_tanks
 from workbench.plants.servo_axis import servo_axis
@@ -51,9 +52,8 @@ def test_the_curve_has_the_shape_of_the_spring_that_is_hidden() -> None:
 def test_the_law_of_a_file_is_found_and_named(tmp_path: Path) -> None:
     axis, fit_on, hold_out, options = sprung_runs()
     (tmp_path / "law_of_spring.py").write_text(law_file(_term(), "axis"))
-    own = own_hypotheses(axis, [f"law_of_spring:{NAME}"], folder=tmp_path)
-    assert own is not None
-    entries = [*options["entries"], *(h for h in own if h.name == NAME)]
+    every = library(axis, extra=own_laws(axis, [f"law_of_spring:{NAME}"], folder=tmp_path))
+    entries = [*options["entries"], *(h for h in every if h.name == NAME)]
     found = diagnose(axis, fit_on, hold_out, **{**options, "entries": entries})
     assert found.verdict is not None and found.verdict.kind == "named"
     (finding,) = found.verdict.findings
