@@ -146,14 +146,8 @@ def decided(
         the reason.
     """
     found = sorted((judged(c, limits) for c in candidates), key=lambda c: -c.gain)
-    # What a sensor does between process and reading colours the noise, and so predicts the next
-    # sample of anything: it has to show in free runs too.
-    idle = [] if limits.near_noise else [c for c in found if _is_sensor(c) and not c.refused]
-    for candidate in idle:
-        if candidate.fit is not None and not runs_closer(base, candidate.fit, hold_out):
-            i = found.index(candidate)
-            why = "with it the model does not run closer to the held-out recordings"
-            found[i] = replace(candidate, refused=why, rule="free run")
+    if not limits.near_noise:
+        found = [_run_freely(base, c, hold_out) for c in found]
     for i, candidate in enumerate(found):
         if not candidate.refused or limits.near_noise:
             # Near the noise free runs cannot be closer but by chance.
@@ -188,6 +182,25 @@ def decided(
         same = [c for c in same if c is best or not told_apart(best.blocks, c.blocks)]
         best = min(same, key=lambda c: (c.own_parameters, -c.gain))
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
+
+
+def _run_freely(
+    base: ProcessNoiseFit, candidate: Candidate, hold_out: Sequence[Observed]
+) -> Candidate:
+    """Refuse what predicts the next sample better and not what comes after it.
+
+    What a sensor does between process and reading colours the noise, and so predicts the next
+    sample of anything: it has to show in free runs. A law of the process must not spoil them.
+    """
+    if candidate.refused or candidate.fit is None:
+        return candidate
+    why = ""
+    if _is_sensor(candidate):
+        if not runs_closer(base, candidate.fit, hold_out):
+            why = "with it the model does not run closer to the held-out recordings"
+    elif runs_closer(base, base, hold_out, than=candidate.fit):
+        why = "without it the model runs closer to the held-out recordings"
+    return replace(candidate, refused=why, rule="free run") if why else candidate
 
 
 def _is_sensor(candidate: Candidate) -> bool:

@@ -232,27 +232,29 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     if len(state.accepted) > 1:
         task.say("leaving out one effect at a time")
         state = _left_out(task, state, max(state.penalty, LEAST_OF_ALL.value * scored.excess))
-    if state.accepted:
+    while state.accepted:
         task.say("running the improved model freely on the held-out recordings")
-        fits = {"refitted": task.base, "extended": state.extended}
-        least, share = LEAST_EXPLAINED.value, math.nan
-        try:
-            runs = {
-                label: {r.name: judged_run(fit, task.nominal, r) for r in task.judging}
-                for label, fit in fits.items()
-            }
-            share = explained(held_out_errors(runs, task.judging))
-            if not drifts(task.nominal, task.judging[0]):
-                state = replace(state, runs=runs)
-        except (NumericalError, np.linalg.LinAlgError) as error:
-            task.say(f"the improved model could not be run: {error}")
-        if share < least:
-            state = _all_withdrawn(
-                task,
-                state,
-                f"what was found takes away {100 * share:.0f} % of the error of the free run on"
-                f" held-out recordings, {100 * least:.0f} % is asked for",
-            )
+        state, share = _run_freely(task, state)
+        least = LEAST_EXPLAINED.value
+        if not share < least:
+            break
+        why = (
+            f"what was found takes away {100 * share:.0f} % of the error of the free run on"
+            f" held-out recordings, {100 * least:.0f} % is asked for"
+        )
+        last = state.accepted[-1]
+        without = _without(task, state, last) if len(state.accepted) > 1 else None
+        if without is None:
+            state = _all_withdrawn(task, state, why)
+            break
+        # One that spoils the run must not take those before it along.
+        state = replace(
+            state,
+            accepted=state.accepted[:-1],
+            withdrawn=(*state.withdrawn, Withdrawn(last.candidate, why)),
+            extended=without[0],
+            free=without[1],
+        )
     if state.accepted or not state.began:
         return replace(state, finished=True)
     failed = (*state.failed, state.began)
@@ -260,6 +262,22 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
         return replace(state, failed=failed, finished=True)
     # The next search begins with the next best of the first round.
     return replace(state, failed=failed, began="", rounds=state.rounds[:1], free=task.priors)
+
+
+def _run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
+    """Run the models along the held-out recordings; returns the share of the error that goes."""
+    fits = {"refitted": task.base, "extended": state.extended}
+    try:
+        runs = {
+            label: {r.name: judged_run(fit, task.nominal, r) for r in task.judging}
+            for label, fit in fits.items()
+        }
+    except (NumericalError, np.linalg.LinAlgError) as error:
+        task.say(f"the improved model could not be run: {error}")
+        return state, math.nan
+    if not drifts(task.nominal, task.judging[0]):
+        state = replace(state, runs=runs)
+    return state, explained(held_out_errors(runs, task.judging))
 
 
 def likely(state: Selected) -> Selected:
@@ -483,12 +501,23 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
             extended = _polished(best.fit, task.started(task.fitting, best.fit.model), free)
             if extended.cost >= state.extended.cost:
                 continue
-            fits = (*state.fits[: number + 1], *[extended] * (len(state.fits) - number - 1))
-            state, changed = replace(state, free=free, extended=extended, fits=fits), True
+            state, changed = replace(state, free=free, extended=extended), True
         renewed = Accepted(best, _alike(best, candidates, scores))
         accepted = tuple(renewed if a is found else a for a in state.accepted)
         state = replace(state, accepted=accepted)
-    return state
+    return _with_fits(task, state) if changed else state
+
+
+def _with_fits(task: Task, state: Selected) -> Selected:
+    """Refit the models with the first of what was found, after some of it was exchanged."""
+    fits, shorter = [state.extended], state
+    for found in reversed(state.accepted[1:]):
+        without = _without(task, shorter, found)
+        if without is None:
+            return replace(state, fits=(state.fits[0], *[state.extended] * len(state.accepted)))
+        shorter = replace(shorter, extended=without[0], free=without[1])
+        fits.append(without[0])
+    return replace(state, fits=(state.fits[0], *reversed(fits)))
 
 
 def _left_out(task: Task, state: Selected, least: float) -> Selected:
