@@ -229,14 +229,16 @@ def runs_closer(
         by: Part of the error that has to go, dimensionless.
 
     Returns:
-        Whether it does; not if a run fails.
+        Whether it does; what can be run is closer than what cannot.
     """
     pairs = [
         [judged_run(one, base.model, observed) for one in (than or base, fit)]
         for observed in hold_out
     ]
-    if not all(run.finite for pair in pairs for run in pair):
+    if not all(run.finite for _, run in pairs):
         return False
+    if not all(run.finite for run, _ in pairs):
+        return True
     scale = np.nanmean(np.concatenate([first.error**2 for first, _ in pairs]), axis=0)
     before, after = (np.concatenate([_blocks(pair[i], scale) for pair in pairs]) for i in range(2))
     left = math.sqrt(float(after.sum()) / max(float(before.sum()), 1e-300))
