@@ -120,6 +120,7 @@ def free_runs(monkeypatch: pytest.MonkeyPatch) -> Closer:
         return errors[fit.name] < (1.0 - by) * (errors[than.name] if than else 1.0)
 
     monkeypatch.setattr(refits, "runs_closer", closer)
+    monkeypatch.setattr(refits, "spoils_runs", lambda base, fit, _: errors[fit.name] > 1.25)
     return errors
 
 
@@ -134,6 +135,16 @@ def _candidate(entry: Hypothesis, gain: float, refused: str = "", rule: str = ""
 
 def _taken(candidates: tuple[Candidate, ...]) -> list[str]:
     return [c.entry.name for c in candidates if not c.refused]
+
+
+def test_a_law_of_the_process_must_not_spoil_free_runs(
+    entries: dict[str, Hypothesis], free_runs: Closer
+) -> None:
+    creep, offset = entries["stribeck_friction"], entries["valve_offset"]
+    pair = [_candidate(creep, 900.0), _candidate(offset, 500.0)]
+    free_runs |= {creep.name: 7.0, offset.name: 0.5}
+    found = refits.decided(cast(Any, None), pair, (), Limits(20.0, 100.0))
+    assert _taken(found) == [offset.name] and found[0].rule == "free run"
 
 
 def test_a_sensor_has_to_show_in_free_runs(

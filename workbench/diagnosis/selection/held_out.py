@@ -30,6 +30,7 @@ Runs = Mapping[str, FreeRun]
 
 _START_S = 0.5
 _START_SAMPLES = 10
+_SPOILT = 1.25
 _BLOCK_S = 0.5
 _BLOCK_SAMPLES = 20
 
@@ -231,18 +232,43 @@ def runs_closer(
     Returns:
         Whether it does; what can be run is closer than what cannot.
     """
+    left, gain = _run_change(base, than or base, fit, hold_out)
+    return gain > 0.0 and left <= 1.0 - by
+
+
+def spoils_runs(base: ProcessNoiseFit, fit: ProcessNoiseFit, hold_out: Sequence[Observed]) -> bool:
+    """Say whether a model runs clearly farther from held-out recordings than without an effect.
+
+    Args:
+        base: The model without the effect, fitted.
+        fit: The model with it, fitted.
+        hold_out: Held-out recordings, with a start for the model without it.
+
+    Returns:
+        Whether the error grows by more than a quarter, in few places or in many.
+    """
+    return _run_change(base, base, fit, hold_out)[0] > _SPOILT
+
+
+def _run_change(
+    base: ProcessNoiseFit,
+    one: ProcessNoiseFit,
+    other: ProcessNoiseFit,
+    hold_out: Sequence[Observed],
+) -> tuple[float, float]:
+    """Return the error of the other's runs over that of the one's, and the least gain by it."""
     pairs = [
-        [judged_run(one, base.model, observed) for one in (than or base, fit)]
-        for observed in hold_out
+        [judged_run(fit, base.model, observed) for fit in (one, other)] for observed in hold_out
     ]
     if not all(run.finite for _, run in pairs):
-        return False
+        return math.inf, -math.inf
     if not all(run.finite for run, _ in pairs):
-        return True
+        # What can be run is closer than what cannot.
+        return 0.0, math.inf
     scale = np.nanmean(np.concatenate([first.error**2 for first, _ in pairs]), axis=0)
     before, after = (np.concatenate([_blocks(pair[i], scale) for pair in pairs]) for i in range(2))
     left = math.sqrt(float(after.sum()) / max(float(before.sum()), 1e-300))
-    return gain_interval(before, after)[1] > 0.0 and left <= 1.0 - by
+    return left, gain_interval(before, after)[1]
 
 
 def _blocks(run: FreeRun, scale: Vector) -> Vector:

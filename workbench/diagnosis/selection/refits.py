@@ -21,7 +21,12 @@ from workbench.diagnosis.estimation.process_noise import (
     start_values,
 )
 from workbench.diagnosis.selection.candidate import Candidate
-from workbench.diagnosis.selection.held_out import held_out_gain, runs_closer, told_apart
+from workbench.diagnosis.selection.held_out import (
+    held_out_gain,
+    runs_closer,
+    spoils_runs,
+    told_apart,
+)
 from workbench.diagnosis.selection.rules import (
     HELD_OUT,
     LEAST_EXPLAINED,
@@ -198,7 +203,7 @@ def _run_freely(
     if _is_sensor(candidate):
         if not runs_closer(base, candidate.fit, hold_out):
             why = "with it the model does not run closer to the held-out recordings"
-    elif runs_closer(base, base, hold_out, than=candidate.fit):
+    elif spoils_runs(base, candidate.fit, hold_out):
         why = "without it the model runs closer to the held-out recordings"
     return replace(candidate, refused=why, rule="free run") if why else candidate
 
