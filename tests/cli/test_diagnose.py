@@ -73,6 +73,7 @@ def test_diagnose_writes_verdict_page_and_pictures(
 
 @pytest.mark.parametrize(("found", "end"), [(False, "Ctrl-C"), (True, "SIGTERM")])
 def test_an_interruption_keeps_what_was_found(
+    request: pytest.FixtureRequest,
     axis_options: list[str],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -84,6 +85,9 @@ def test_an_interruption_keeps_what_was_found(
         signal.raise_signal(signal.SIGTERM if end == "SIGTERM" else signal.SIGINT)
 
     monkeypatch.setattr(engine, "settled_run" if found else "locate", stop)
+    # A shell in the background lets its children ignore Ctrl-C.
+    usual = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, usual))
     out = tmp_path / "out"
     monkeypatch.setattr(sys, "argv", ["workbench", "diagnose", *axis_options, "--out", str(out)])
     with pytest.raises(SystemExit) as left:

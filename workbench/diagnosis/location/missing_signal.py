@@ -239,7 +239,7 @@ def occurrence(
         >>> late = np.where(t > 6.0, 2.0, 0.0)
         >>> found = occurrence("axis.force", "N", [("run", t)], late, 0 * t, [("force", "N", -t)])
         >>> found.when, found.where
-        ('from 6 to 10 s of run', 'with force (98 % of its variance), most at -10 to -5.83 N')
+        ('from 6.01 to 10 s of run', 'with force (96 % of its variance), most at -10 to -5.84 N')
     """
     rows = known_rows(signal, std)
     square = np.where(rows, np.maximum(signal**2 - std**2, 0.0), 0.0)

@@ -42,8 +42,14 @@ def _portrait(
     return figure
 
 
-def _surface(time: Vector, value: Vector, shade: Colour) -> Drawing:
-    """Draw the surface over the half width of its boundary layer."""
+def surface(time: Vector, value: Vector, shade: Colour) -> Drawing:
+    """Draw the surface over the half width of its boundary layer.
+
+    Args:
+        time: Times, shape (n,), in s.
+        value: Surface over the half width of its layer, shape (n,), dimensionless.
+        shade: Colour of the controller.
+    """
     figure, (axes,) = new_figure([2.2])
     axes.plot(time, value, color=shade.light, linewidth=1.1)
     for limit in (-1.0, 1.0):
@@ -66,7 +72,7 @@ def _draw(result: StudyResult) -> list[Block]:
         rate, shade = -shown(t["speed"], quantity), shades[name]
         unit = written(quantity.display_unit)
         portrait = _portrait(name, error, rate, float(t["slope"]), shade, unit)
-        surface = vector(t["surface"]) / float(t.get("layer", 1.0))
+        value = vector(t["surface"]) / float(t.get("layer", 1.0))
         found += [
             Picture(
                 f"portrait-{number}",
@@ -78,7 +84,7 @@ def _draw(result: StudyResult) -> list[Block]:
             ),
             Picture(
                 f"surface-{number}",
-                _surface(vector(t["time"]), surface, shade),
+                surface(vector(t["time"]), value, shade),
                 f"{name} in {scenario}: s over the half width of its boundary layer (dotted: ± 1).",
                 "sliding variable over time",
             ),
