@@ -130,8 +130,10 @@ def _finished(
     as_json: bool,
 ) -> Diagnosis:
     """Diagnose, print the verdict and write verdict and page."""
+    from workbench.work.counted import in_words
+
     found = _run(loaded, own, jobs, out, begin, limit)
-    typer.echo(str(found.verdict), err=as_json)
+    typer.echo(f"{found.verdict}\nwork: {in_words(found.work)}", err=as_json)
     if out is not None and not (found.verdict and found.verdict.interrupted):
         _write(found, loaded, out)
         typer.echo(f"open {out / 'report.html'}", err=as_json)
