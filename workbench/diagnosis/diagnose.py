@@ -34,6 +34,7 @@ from workbench.physics.library import Hypothesis, Law, library
 from workbench.recordings.checks import check_recording
 from workbench.recordings.recording import Recording
 from workbench.work.counted import Work, add, done, since
+from workbench.work.processes import Call, in_order
 
 Progress = Callable[[str], None]
 Stage = TypeVar("Stage")
@@ -191,7 +192,9 @@ def stages(
 
     files.add(f"advise {advise}")
     finished = found
-    validated = files.reached(Validated, lambda: validate(finished, advise=advise, say=say))
+    validated = files.reached(
+        Validated, lambda: validate(finished, advise=advise, jobs=jobs, say=say)
+    )
     found = replace(found, validated=validated, **files.spent)
     yield replace(found, verdict=conclude(found))
 
@@ -302,7 +305,7 @@ def _without_name(found: Diagnosis, selected: Selected, say: Progress) -> Select
     return likely(replace(selected, nonparametric=term))
 
 
-def validate(found: Diagnosis, *, advise: bool = True, say: Progress) -> Validated:
+def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progress) -> Validated:
     """Judge what was found on the held-out recordings, and work out what to record next."""
     selected, prepared = found.selected, found.prepared
     assert selected is not None
@@ -321,16 +324,22 @@ def validate(found: Diagnosis, *, advise: bool = True, say: Progress) -> Validat
         or {r.name: settled_run(model, found.nominal, r) for r in prepared.judging}
         for label, model in models.items()
     }
-    say("telling when and where it acts")
-    missing, why = missing_signals(found)
-    validated = Validated(extended, runs, location, missing=missing, not_shown=why)
+    validated = Validated(extended, runs, location)
+    found = replace(found, validated=validated)
+    questions: list[Call[Any]] = [(missing_signals, (found,))]
     if advise:
-        say("choosing what to record next")
-        found = replace(found, validated=validated)
-        try:
-            advice = next_experiment(found, prepared.fitting)
-        except Exception as error:  # noqa: BLE001
-            # Advice that fails must not cost the verdict.
-            advice = Advice({"reason": f"it could not be worked out, because {error}"})
+        questions.append((_advice, (found,)))
+    say("telling when and where it acts" + (", choosing what to record next" if advise else ""))
+    (missing, why), *advices = in_order(questions, jobs=jobs)
+    validated = replace(validated, missing=missing, not_shown=why)
+    for advice in advices:
         validated = replace(validated, advice=advice.said, plan=advice.plan)
     return validated
+
+
+def _advice(found: Diagnosis) -> Advice:
+    try:
+        return next_experiment(found, found.prepared.fitting)
+    except Exception as error:  # noqa: BLE001
+        # Advice that fails must not cost the verdict.
+        return Advice({"reason": f"it could not be worked out, because {error}"})

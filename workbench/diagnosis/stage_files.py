@@ -44,6 +44,7 @@ from workbench.diagnosis.nonparametric.result import (
     NonparametricTerm,
 )
 from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.held_out import RunErrors
 from workbench.diagnosis.selection.score import Score, Scores
 from workbench.diagnosis.selection.selected import (
     Accepted,
@@ -83,7 +84,7 @@ _CLASSES: dict[str, Any] = {
             Withdrawn,
         ),
         *(Observed, Prior, Estimate, Refit, ProcessNoiseFit, FreeRun, Location, Score, Scores),
-        *(Candidate, NonparametricTerm, Law, Argument, Bins, Term, Curve, Likeness),
+        *(Candidate, RunErrors, NonparametricTerm, Law, Argument, Bins, Term, Curve, Likeness),
         *(MissingSignal, Occurrence, Place, Span, Experiment),
     )
 }

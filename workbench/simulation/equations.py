@@ -12,11 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.simulation.compiled import generated
-from workbench.work.machine_code import FAST, SOON, built, compiler
+from workbench.work.machine_code import FAST, SOON, USUAL, built, compiler
 
 Vector = npt.NDArray[np.float64]
 
 _HERE = Path(__file__).parent
+
+_SHORT = 40_000
+"""Characters of C code that take a quarter of a second to build."""
 
 
 class CFunction(ctypes.Structure):
@@ -137,5 +140,8 @@ def address(array: Vector) -> int:
 def _library(functions: tuple[ca.Function, ...]) -> ctypes.CDLL | None:
     if compiler() is None:
         return None
-    library = built("_".join(f.name() for f in functions), generated(functions), SOON)
+    source = generated(functions)
+    # What is short is built soon anyway.
+    flags = USUAL if len(source) < _SHORT else SOON
+    library = built("_".join(f.name() for f in functions), source, flags)
     return None if library is None else ctypes.CDLL(str(library))

@@ -237,7 +237,7 @@ def filter_times(model: Model, free: int = 8) -> tuple[float, dict[str, float]]:
     runs, seen, substeps = filter_of(model, free)
     runs.run(seen, model.values)
     whole = min(timed(lambda: runs.run(seen, model.values), per=len(seen.outputs)).seconds)
-    equations: Equations = runs._filter._equations  # noqa: SLF001
+    equations: Equations = runs._filter(0)._equations  # noqa: SLF001
     library = integrator_library()
     if library is None or not equations.compiled:
         return whole, {}

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from workbench.diagnosis.stage_files import FOLDER
 from workbench.errors import WorkbenchError
 from workbench.evaluation.rig.cases import make_case
 from workbench.speed.measure import Figure
@@ -162,15 +163,25 @@ class Diagnosed:
     Args:
         work: What it took, from its verdict.
         found: Names that the verdict gives.
+        stages: Time until each stage was reached, in s, by name.
     """
 
     ran: Ran
     work: Work
     found: tuple[str, ...]
+    stages: Mapping[str, float]
 
     def words(self, limit_s: float) -> str:
         """Say what it found and what it took."""
-        return f"{self.ran.words(limit_s)}; {in_words(self.work)}; found {', '.join(self.found)}"
+        reached = [0.0, *self.stages.values()]
+        parts = [
+            f"{name} {end - begin:.0f}"
+            for name, begin, end in zip(self.stages, reached, reached[1:], strict=False)
+        ]
+        return (
+            f"{self.ran.words(limit_s)}; {', '.join(parts)} s; {in_words(self.work)}; found"
+            f" {', '.join(self.found)}"
+        )
 
 
 def diagnosed(place: Path, name: str, hidden: tuple[str, ...], cache: Path, seed: int) -> Diagnosed:
@@ -185,7 +196,13 @@ def diagnosed(place: Path, name: str, hidden: tuple[str, ...], cache: Path, seed
     ran = run(["-m", "workbench", "diagnose", str(case), "--out", str(out)], cache=cache)
     verdict = json.loads((out / "verdict.json").read_text(encoding="utf-8"))
     names = tuple(str(f["effect"]) for f in verdict["findings"])
-    return Diagnosed(ran, verdict["work"], names)
+    return Diagnosed(ran, verdict["work"], names, _stages(out))
+
+
+def _stages(out: Path) -> dict[str, float]:
+    """Return when each stage was reached, in s."""
+    files = [json.loads(f.read_text(encoding="utf-8")) for f in (out / FOLDER).glob("*.json")]
+    return {f["stage"].lower(): f["seconds"] for f in sorted(files, key=lambda f: f["seconds"])}
 
 
 @dataclass(frozen=True)
@@ -237,7 +254,8 @@ def diagnoses(place: Path) -> Wholes:
 
 def _plain(found: Diagnosed) -> dict[str, Any]:
     timed = {k: v for k, v in vars(found.ran).items() if k != "said"}
-    return {**timed, "work": dict(found.work), "found": list(found.found)}
+    stages = {"stages": dict(found.stages)}
+    return {**timed, **stages, "work": dict(found.work), "found": list(found.found)}
 
 
 def demonstration(place: Path) -> Figure:

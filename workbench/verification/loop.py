@@ -154,7 +154,7 @@ def _loop(
                 command = late.popleft()
             command = convert(straighten(command) if straight else command)
             if k >= 0:
-                states[k] = plant.scaled_state
+                states[k] = plant.state
                 measurements.append(plant.outputs)
                 measured.append(seen)
                 commands.append(command)
@@ -166,7 +166,6 @@ def _loop(
         ) from None
     if infos and "iterations" in infos[0]:
         count("solver_iterations", int(np.nansum([info.get("iterations", 0.0) for info in infos])))
-    states *= plant.scale
     check_finite(f"states of {name} with {controller.name}", states)
     return Run(
         controller=controller.name,

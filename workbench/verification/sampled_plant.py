@@ -85,11 +85,6 @@ class FullPlant:
         return self._scale
 
     @property
-    def scaled_state(self) -> Vector:
-        """States of now over their scales (dimensionless), shape (n_states,)."""
-        return np.asarray(self._x / self._scale)
-
-    @property
     def state(self) -> Vector:
         """States of now, shape (n_states,), in SI."""
         return self._x.copy()
@@ -179,14 +174,9 @@ class LinearPlant:
         return np.ones(len(self._x0))
 
     @property
-    def scaled_state(self) -> Vector:
-        """States of now with their operating point, shape (n_states,), in SI."""
-        return self._x0 + self._x
-
-    @property
     def state(self) -> Vector:
         """States of now with their operating point, shape (n_states,), in SI."""
-        return self.scaled_state
+        return self._x0 + self._x
 
     def hold(self, command: tuple[float, ...]) -> None:
         """Hold a command for one sample and read the outputs at its end.

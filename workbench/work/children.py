@@ -30,6 +30,14 @@ class Returned(NamedTuple):
     process: str
 
 
+_worker = False
+
+
+def is_worker() -> bool:
+    """Whether this process is one of several that share the work of another."""
+    return _worker
+
+
 def call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Returned:
     """Call a function and tell what it took."""
     before = done()
@@ -42,6 +50,8 @@ def end_with(parent: int) -> None:
     Args:
         parent: Number of the process that started it; it may be gone already.
     """
+    global _worker  # noqa: PLW0603
+    _worker = True
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -6,6 +6,7 @@ Each process has one counter for each unit. Python adds to it with `count`, C co
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Mapping
 
 import numpy as np
@@ -25,6 +26,7 @@ had to repeat, and of the filter; iterations are those of the solvers in predict
 
 _PLACES = {unit: i for i, unit in enumerate(UNITS)}
 _DONE = np.zeros(len(UNITS), dtype=np.int64)
+_COUNTING = threading.Lock()
 
 
 def count(unit: str, amount: int = 1) -> None:
@@ -33,7 +35,8 @@ def count(unit: str, amount: int = 1) -> None:
     Args:
         unit: One of `UNITS`.
     """
-    _DONE[_PLACES[unit]] += amount
+    with _COUNTING:
+        _DONE[_PLACES[unit]] += amount
 
 
 def place(unit: str) -> int:

@@ -36,6 +36,8 @@ SOON = ("-Og", "-fno-math-errno", "-fno-trapping-math", *_FLAGS[1:])
 """For the equations of a model, which have no loops: built in a sixth of the time, and a fifth
 slower than ``FAST``."""
 
+USUAL = ("-O2", *SOON[1:])
+"""For equations that are short: an eighth faster than ``SOON``."""
 
 _DIGEST = hashlib.sha256().digest_size
 
@@ -104,7 +106,7 @@ def built(
 
     Args:
         name: What the library is called in the cache.
-        flags: ``FAST`` or ``SOON``.
+        flags: ``FAST``, ``USUAL`` or ``SOON``.
         headers: Folder of the headers that the code includes; they count as part of the code.
 
     Returns:

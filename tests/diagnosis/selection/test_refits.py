@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed
-from workbench.diagnosis.selection import refits
 from workbench.diagnosis.selection.candidate import Candidate
+from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors
+from workbench.diagnosis.selection.refits import decided
 from workbench.diagnosis.selection.rules import LEAST_GAIN, Limits, selection_penalty
 from workbench.diagnosis.selection.score import Score, Scores
 from workbench.diagnosis.selection.shortlist import shortlist, where
@@ -107,79 +108,70 @@ def test_a_candidate_that_failed_has_no_size(entries: dict[str, Hypothesis]) -> 
     assert held.entry.replaces is (held.size is None)
 
 
-Closer = dict[str, float]
-"""Error of the free run with an effect, by its name; that without any is 1."""
+def _run(error: float) -> RunErrors:
+    """Return the errors of a free run, whose mean square is that of noise about them."""
+    squares = error**2 * np.random.default_rng(0).uniform(0.8, 1.2, (40, 1))
+    return RunErrors(squares, squares.mean(axis=0) / 40)
 
 
-@pytest.fixture
-def free_runs(monkeypatch: pytest.MonkeyPatch) -> Closer:
-    """Let free runs of candidates have the errors that a test says."""
-    errors: Closer = {}
-
-    def closer(base: Any, fit: Any, hold_out: Any, *, than: Any = None, by: float = 0.0) -> bool:
-        return errors[fit.name] < (1.0 - by) * (errors[than.name] if than else 1.0)
-
-    monkeypatch.setattr(refits, "runs_closer", closer)
-    monkeypatch.setattr(refits, "spoils_runs", lambda base, fit, _: errors[fit.name] > 1.25)
-    return errors
+WITHOUT = _run(1.0)
 
 
-def _candidate(entry: Hypothesis, gain: float, refused: str = "", rule: str = "") -> Candidate:
+def _candidate(entry: Hypothesis, gain: float, error: float) -> Candidate:
+    """Return a candidate whose free runs have an error; that without any is 1."""
     estimate = SimpleNamespace(value=entry.typical_size, std=1e-3 * entry.typical_size, unit="s")
     refit = SimpleNamespace(converged=True, estimate=lambda name: estimate, estimates=())
     fit = cast(Any, SimpleNamespace(name=entry.name, refit=refit))
     blocks = (np.full(40, -gain / 40), np.full(40, -gain / 40))
     held_out = (gain, 0.8 * gain, 1.2 * gain)
-    return Candidate(entry, fit, gain, held_out, refused, rule=rule, shift=5.0, blocks=blocks)
+    return Candidate(entry, fit, gain, held_out, shift=5.0, blocks=blocks, run=_run(error))
 
 
 def _taken(candidates: tuple[Candidate, ...]) -> list[str]:
     return [c.entry.name for c in candidates if not c.refused]
 
 
-def test_a_law_of_the_process_must_not_spoil_free_runs(
-    entries: dict[str, Hypothesis], free_runs: Closer
-) -> None:
+def test_a_law_of_the_process_must_not_spoil_free_runs(entries: dict[str, Hypothesis]) -> None:
     creep, offset = entries["stribeck_friction"], entries["valve_offset"]
-    pair = [_candidate(creep, 900.0), _candidate(offset, 500.0)]
-    free_runs |= {creep.name: 7.0, offset.name: 0.5}
-    found = refits.decided(cast(Any, None), pair, (), Limits(20.0, 100.0))
+    pair = [_candidate(creep, 900.0, 7.0), _candidate(offset, 500.0, 0.5)]
+    found = decided(pair, WITHOUT, Limits(20.0, 100.0))
     assert _taken(found) == [offset.name] and found[0].rule == "free run"
 
 
-def test_a_sensor_has_to_show_in_free_runs(
-    entries: dict[str, Hypothesis], free_runs: Closer
-) -> None:
-    lag, offset = entries["sensor_lag_angle"], entries["valve_offset"]
-    pair = [_candidate(lag, 900.0), _candidate(offset, 500.0)]
+def test_a_sensor_has_to_show_in_free_runs(entries: dict[str, Hypothesis]) -> None:
+    lag, offset = entries["sensor_lag_angle"], _candidate(entries["valve_offset"], 500.0, 0.5)
     asked = Limits(20.0, 100.0)
-    free_runs |= {lag.name: 1.2, offset.name: 0.5}
-    assert _taken(refits.decided(cast(Any, None), pair, (), asked)) == [offset.name]
-    assert _taken(refits.decided(cast(Any, None), pair[:1], (), asked)) == []
-    free_runs |= {lag.name: 0.2}
-    assert _taken(refits.decided(cast(Any, None), pair, (), asked)) == [lag.name]
+    worse, closer = (_candidate(lag, 900.0, error) for error in (1.2, 0.2))
+    assert _taken(decided([worse, offset], WITHOUT, asked)) == ["valve_offset"]
+    assert _taken(decided([worse], WITHOUT, asked)) == []
+    assert _taken(decided([closer, offset], WITHOUT, asked)) == [lag.name]
 
 
 def test_of_processes_that_run_closer_than_a_sensor_the_closest_is_taken(
-    entries: dict[str, Hypothesis], free_runs: Closer
+    entries: dict[str, Hypothesis],
 ) -> None:
-    names = ("sensor_lag_angle", "stribeck_friction", "valve_offset")
-    gains = zip(names, (900.0, 600.0, 500.0), strict=True)
-    free_runs |= dict(zip(names, (0.9, 0.8, 0.3), strict=True))
-    field = [_candidate(entries[name], gain) for name, gain in gains]
-    found = refits.decided(cast(Any, None), field, (), Limits(20.0, 100.0))
-    assert _taken(found) == ["valve_offset"]
-    free_runs["stribeck_friction"] = 0.1
-    found = refits.decided(cast(Any, None), field, (), Limits(20.0, 100.0))
-    assert _taken(found) == ["stribeck_friction"]
+    lag, friction, offset = (
+        entries[name] for name in ("sensor_lag_angle", "stribeck_friction", "valve_offset")
+    )
+    for error, taken in ((0.8, offset), (0.1, friction)):
+        field = [
+            _candidate(lag, 900.0, 0.9),
+            _candidate(friction, 600.0, error),
+            _candidate(offset, 500.0, 0.3),
+        ]
+        assert _taken(decided(field, WITHOUT, Limits(20.0, 100.0))) == [taken.name]
 
 
 @pytest.mark.parametrize(("error", "taken"), [(0.5, True), (0.9, False)])
 def test_what_explains_little_is_likely_if_it_takes_much_of_the_free_run(
-    entries: dict[str, Hypothesis], free_runs: Closer, error: float, taken: bool
+    entries: dict[str, Hypothesis], error: float, taken: bool
 ) -> None:
-    free_runs["valve_offset"] = error
-    one = [_candidate(entries["valve_offset"], 80.0)]
-    found = refits.decided(cast(Any, None), one, (), Limits(20.0, 100.0))
+    one = [_candidate(entries["valve_offset"], 80.0, error)]
+    found = decided(one, WITHOUT, Limits(20.0, 100.0))
     assert bool(_taken(found)) is taken
     assert bool(found[0].doubts) is taken
+
+
+def test_what_can_be_run_is_closer_than_what_cannot(entries: dict[str, Hypothesis]) -> None:
+    assert WITHOUT.closer_than(NO_RUNS) and not NO_RUNS.closer_than(WITHOUT)
+    assert NO_RUNS.spoilt_from(WITHOUT) and not WITHOUT.spoilt_from(NO_RUNS)

@@ -48,7 +48,7 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
         disturbances(model, fit.noise_scale),
     )
     try:
-        parts = [filter_.run(observed, model.values) for observed in recordings]
+        parts = filter_.along(recordings, model.values)
     except NumericalError:
         return fit
     outcome = Outcome(

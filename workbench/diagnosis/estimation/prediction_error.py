@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -19,11 +18,15 @@ from workbench.diagnosis.estimation.filter import Asked, Filter, substeps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import index_of
+from workbench.work.threads import side_by_side, threads
 
 Vector = npt.NDArray[np.float64]
 
 CORRELATION_TIME = 0.1
 """Time over which an unmodelled signal at a port is taken as correlated, s."""
+
+_SHORT = 2000
+"""Samples of all recordings below which a thread costs more than it saves."""
 
 
 @dataclass(frozen=True)
@@ -136,6 +139,7 @@ class PredictionError:
         self._substeps = substeps_of(model, self.sample_time)
         certain = {index_of("state", name, model.states) for name in self.certain}
         self._corrected = tuple(i for i in range(len(model.states)) if i not in certain)
+        self._filters: list[Filter] = []
 
     def run(self, observed: Observed, values: npt.ArrayLike) -> Innovations:
         """Run the filter along a recording.
@@ -146,8 +150,32 @@ class PredictionError:
         Raises:
             NumericalError: If the filter leaves the finite numbers.
         """
+        return self._run(0, observed, values)
+
+    def along(self, recordings: Sequence[Observed], values: npt.ArrayLike) -> list[Innovations]:
+        """Run the filter along several recordings, side by side where there are cores for it.
+
+        Args:
+            values: Parameter values, shape (n_parameters,), in SI.
+
+        Raises:
+            NumericalError: If the filter leaves the finite numbers.
+        """
+        short = sum(len(observed.outputs) for observed in recordings) < _SHORT
+        count = 1 if short else min(threads(), len(recordings))
+        # Each thread has a filter: a filter works in memory of its own.
+        for number in range(count):
+            self._filter(number)
+
+        def some(number: int) -> list[Innovations]:
+            return [self._run(number, observed, values) for observed in recordings[number::count]]
+
+        parts = side_by_side([(some, (number,)) for number in range(count)])
+        return [parts[i % count][i // count] for i in range(len(recordings))]
+
+    def _run(self, number: int, observed: Observed, values: npt.ArrayLike) -> Innovations:
         covariance = np.diag((observed.start_rms / self.state_scale)[list(self._corrected)] ** 2)
-        found = self._filter.run(
+        found = self._filter(number).run(
             observed.start,
             covariance,
             observed.inputs,
@@ -163,8 +191,9 @@ class PredictionError:
             )
         return Innovations(*found[1:])
 
-    @cached_property
-    def _filter(self) -> Filter:
+    def _filter(self, number: int) -> Filter:
+        if number < len(self._filters):
+            return self._filters[number]
         asked = Asked(
             self.model.form(self.form),
             tuple(self.state_scale),
@@ -175,7 +204,8 @@ class PredictionError:
             tuple(self.free_scale),
             self._ports,
         )
-        return Filter(asked, self.sample_time, self._substeps)
+        self._filters.append(Filter(asked, self.sample_time, self._substeps))
+        return self._filters[-1]
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:

@@ -226,7 +226,7 @@ def blocks_of_cost(
         (),
         disturbances(fit.model, fit.noise_scale),
     )
-    parts = [filter_.run(r, fit.model.values) for r in recordings]
+    parts = filter_.along(recordings, fit.model.values)
     return np.concatenate(
         [_blocks(p, r.sample_time, block) for p, r in zip(parts, recordings, strict=True)]
     )

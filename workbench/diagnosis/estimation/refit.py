@@ -145,7 +145,7 @@ def _search(
         ) -> tuple[list[Innovations], float]:
             p = model.values
             p[columns] = trial
-            parts = [filter_.run(r, p) for r in recordings]
+            parts = filter_.along(recordings, p)
             return parts, sum(part.cost for part in parts) + problem.prior_cost(trial)
 
         # All but the last pass only have to come near.

@@ -108,7 +108,7 @@ def locate(model: Model, recordings: Sequence[Observed]) -> Location:
         }
         filter_ = PredictionError(model, recordings[0].sample_time, recordings[0].used, (), pushed)
         try:
-            return sum(filter_.run(r, model.values).cost for r in recordings)
+            return sum(part.cost for part in filter_.along(recordings, model.values))
         except NumericalError:
             # Trusted equations that are badly wrong throw the filter out of their range.
             return _LOST

@@ -60,13 +60,13 @@ def missing_signals(
     for index, ports in enumerate(places):
         try:
             found.append(located_signal(diagnosis, recordings, ports, index=index) if ports else ())
-        except NumericalError as error:
+        except (NumericalError, np.linalg.LinAlgError) as error:
             found.append(())
             why = why or str(error)
     if not any(found):
         try:
             found = [(prediction_error_signal(diagnosis, recordings),)]
-        except NumericalError as error:
+        except (NumericalError, np.linalg.LinAlgError) as error:
             why = why or str(error)
     return tuple(found), why
 
@@ -87,10 +87,8 @@ def prediction_error_signal(diagnosis: Diagnosis, recordings: Sequence[Observed]
     filter_ = PredictionError(
         model, first.sample_time, first.used, (), disturbances(model, base.noise_scale)
     )
-    runs = [
-        filter_.run(extended_start(seen, diagnosis.nominal, model), model.values)
-        for seen in recordings
-    ]
+    started = [extended_start(seen, diagnosis.nominal, model) for seen in recordings]
+    runs = filter_.along(started, model.values)
     square = np.concatenate([np.nan_to_num(run.whitened) ** 2 for run in runs])
     worst = int(np.argmax(square.mean(axis=0)))
     output = model.outputs[index_of("output", first.used[worst], model.outputs)]

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Estimate
+from workbench.diagnosis.selection.held_out import RunErrors
 from workbench.physics.library import Hypothesis
 
 Vector = npt.NDArray[np.float64]
@@ -32,6 +33,7 @@ class Candidate:
             recordings, root mean square over the noise, dimensionless; NaN if unknown.
         blocks: Cost on the fitting and on the held-out recordings by block of time, shape (n,)
             each, dimensionless; empty if it was not followed.
+        run: Errors of its runs on the held-out recordings; None if it was not followed.
     """
 
     entry: Hypothesis
@@ -44,6 +46,7 @@ class Candidate:
     doubts: tuple[str, ...] = ()
     shift: float = math.nan
     blocks: tuple[Vector, ...] = field(default=(), compare=False)
+    run: RunErrors | None = field(default=None, compare=False)
 
     @property
     def name(self) -> str:

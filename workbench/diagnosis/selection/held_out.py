@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ from workbench.diagnosis.estimation.start import fitted_start
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.model.model import index_of
+from workbench.work.processes import in_order
 
 Vector = npt.NDArray[np.float64]
 
@@ -31,6 +32,7 @@ Runs = Mapping[str, FreeRun]
 _START_S = 0.5
 _START_SAMPLES = 10
 _SPOILT = 1.25
+_DRAWS = 4
 _BLOCK_S = 0.5
 _BLOCK_SAMPLES = 20
 
@@ -124,7 +126,7 @@ def _rows(model: Model, observed: Observed) -> list[int]:
 
 
 def over_floor(
-    fit: ProcessNoiseFit, nominal: Model, judging: Sequence[Observed], *, draws: int = 4
+    fit: ProcessNoiseFit, nominal: Model, judging: Sequence[Observed], *, jobs: int = 1
 ) -> dict[str, float]:
     """Return how far the runs of a fitted model on held-out recordings are from the noise.
 
@@ -136,34 +138,39 @@ def over_floor(
         Root mean square error over that floor, by output, dimensionless; infinite where a run
         failed.
     """
-    rng = np.random.default_rng(0)
-    names = [e.name for e in fit.refit.estimates]
-    low = np.array([e.prior.lower for e in fit.refit.estimates])
-    high = np.array([e.prior.upper for e in fit.refit.estimates])
-    middle = np.array([e.value for e in fit.refit.estimates])
+    calls = [(_over_floor, (fit, nominal, seen, i)) for i, seen in enumerate(judging)]
+    found = in_order(calls, jobs=jobs)
+    total = np.sqrt(np.mean([floor for _, floor in found], axis=0))
+    return {
+        name: _rms([error[name] for error, _ in found]) / max(float(total[i]), 1e-300)
+        for i, name in enumerate(judging[0].used)
+    }
+
+
+def _over_floor(
+    fit: ProcessNoiseFit, nominal: Model, observed: Observed, number: int
+) -> tuple[dict[str, float], Vector]:
+    """Return the error of a run by output, and the mean square of its floor."""
+    rng = np.random.default_rng(number)
+    estimates = fit.refit.estimates
+    low = np.array([e.prior.lower for e in estimates])
+    high = np.array([e.prior.upper for e in estimates])
+    middle = np.array([e.value for e in estimates])
     eigenvalues, vectors = np.linalg.eigh(fit.refit.covariance)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
-    errors, floors = [], []
-    for observed in judging:
-        errors.append(judged_run(fit, nominal, observed).rmse)
-        own = free_run(fit.model, extended_start(observed, nominal, fit.model))
-        squares = []
-        for _ in range(draws if own.finite else 0):
-            drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
-            noise = observed.noise_rms * rng.normal(size=own.simulated.shape)
-            made = replace(observed, outputs=own.simulated + noise)
-            values = dict(zip(names, drawn.tolist(), strict=True))
-            other = replace(fit, refit=replace(fit.refit, model=fit.model.with_parameters(values)))
-            run = judged_run(other, nominal, made)
-            if run.finite:
-                squares.append([value**2 for value in run.rmse.values()])
-        floors.append(np.mean(squares, axis=0) if squares else observed.noise_rms**2)
-    used = judging[0].used
-    total = np.sqrt(np.mean(floors, axis=0))
-    return {
-        name: _rms([error[name] for error in errors]) / max(float(total[i]), 1e-300)
-        for i, name in enumerate(used)
-    }
+    own = free_run(fit.model, extended_start(observed, nominal, fit.model))
+    squares = []
+    for _ in range(_DRAWS if own.finite else 0):
+        drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
+        noise = observed.noise_rms * rng.normal(size=own.simulated.shape)
+        made = replace(observed, outputs=own.simulated + noise)
+        values = dict(zip((e.name for e in estimates), drawn.tolist(), strict=True))
+        other = replace(fit, refit=replace(fit.refit, model=fit.model.with_parameters(values)))
+        run = judged_run(other, nominal, made)
+        if run.finite:
+            squares.append([value**2 for value in run.rmse.values()])
+    floor = np.mean(squares, axis=0) if squares else observed.noise_rms**2
+    return judged_run(fit, nominal, observed).rmse, np.asarray(floor)
 
 
 def held_out_gain(
@@ -209,72 +216,72 @@ def told_apart(one: Sequence[Vector], other: Sequence[Vector]) -> bool:
     return any(low > 0.0 or high < 0.0 for _, low, high in intervals)
 
 
-def runs_closer(
-    base: ProcessNoiseFit,
-    fit: ProcessNoiseFit,
-    hold_out: Sequence[Observed],
-    *,
-    than: ProcessNoiseFit | None = None,
-    by: float = 0.0,
-) -> bool:
-    """Say whether a model reliably runs closer to held-out recordings than another.
-
-    The squared errors of the free runs, each output's over its mean square under the other model,
-    fall by an amount whose 99 % interval over resampled blocks excludes zero.
+@dataclass(frozen=True)
+class RunErrors:
+    """How far the runs of a model are from recordings.
 
     Args:
-        base: The model without an effect, fitted.
-        fit: The model, fitted.
-        hold_out: Held-out recordings, with a start for the model without an effect.
-        than: The other model, fitted; the one without an effect by default.
-        by: Part of the error that has to go, dimensionless.
-
-    Returns:
-        Whether it does; what can be run is closer than what cannot.
+        squares: Sum of the squared errors by block of time and output, shape (n_blocks, n_used), in
+            SI squared; empty if a run failed.
+        mean: Mean of the squared errors by output, shape (n_used,), in SI squared.
     """
-    left, gain = _run_change(base, than or base, fit, hold_out)
-    return gain > 0.0 and left <= 1.0 - by
+
+    squares: Vector
+    mean: Vector
+
+    def closer_than(self, other: RunErrors, *, by: float = 0.0) -> bool:
+        """Say whether these runs are reliably closer to the recordings than others.
+
+        The squared errors, each output's over its mean under the others, fall by an amount whose
+        99 % interval over resampled blocks excludes zero.
+
+        Args:
+            by: Part of the error that has to go, dimensionless.
+
+        Returns:
+            Whether they are; what can be run is closer than what cannot.
+        """
+        left, gain = self._beside(other)
+        return gain > 0.0 and left <= 1.0 - by
+
+    def spoilt_from(self, other: RunErrors) -> bool:
+        """Say whether the error is larger than that of others by more than a quarter."""
+        return self._beside(other)[0] > _SPOILT
+
+    def _beside(self, other: RunErrors) -> tuple[float, float]:
+        """Return the error over that of others, and the least gain over them."""
+        if not self.squares.size:
+            return math.inf, -math.inf
+        if not other.squares.size:
+            return 0.0, math.inf
+        scale = np.where(other.mean > 0.0, other.mean, math.inf)
+        before, after = ((e.squares / scale).sum(axis=1) for e in (other, self))
+        left = math.sqrt(float(after.sum()) / max(float(before.sum()), 1e-300))
+        return left, gain_interval(before, after)[1]
 
 
-def spoils_runs(base: ProcessNoiseFit, fit: ProcessNoiseFit, hold_out: Sequence[Observed]) -> bool:
-    """Say whether a model runs clearly farther from held-out recordings than without an effect.
+NO_RUNS = RunErrors(np.zeros((0, 0)), np.zeros(0))
+"""What is known of runs that were not done or failed."""
+
+
+def run_errors(fit: ProcessNoiseFit, nominal: Model, judged: Sequence[Observed]) -> RunErrors:
+    """Run a fitted model along recordings and return its errors.
 
     Args:
-        base: The model without the effect, fitted.
-        fit: The model with it, fitted.
-        hold_out: Held-out recordings, with a start for the model without it.
-
-    Returns:
-        Whether the error grows by more than a quarter, in few places or in many.
+        nominal: The model that the recordings have a start for.
+        judged: Held-out recordings.
     """
-    return _run_change(base, base, fit, hold_out)[0] > _SPOILT
+    runs = [judged_run(fit, nominal, observed) for observed in judged]
+    if not runs or not all(run.finite for run in runs):
+        return NO_RUNS
+    parts = [_blocks(np.nan_to_num(run.error**2), run.time[1] - run.time[0]) for run in runs]
+    mean = np.nanmean(np.concatenate([run.error**2 for run in runs]), axis=0)
+    return RunErrors(np.concatenate(parts), mean)
 
 
-def _run_change(
-    base: ProcessNoiseFit,
-    one: ProcessNoiseFit,
-    other: ProcessNoiseFit,
-    hold_out: Sequence[Observed],
-) -> tuple[float, float]:
-    """Return the error of the other's runs over that of the one's, and the least gain by it."""
-    pairs = [
-        [judged_run(fit, base.model, observed) for fit in (one, other)] for observed in hold_out
-    ]
-    if not all(run.finite for _, run in pairs):
-        return math.inf, -math.inf
-    if not all(run.finite for run, _ in pairs):
-        # What can be run is closer than what cannot.
-        return 0.0, math.inf
-    scale = np.nanmean(np.concatenate([first.error**2 for first, _ in pairs]), axis=0)
-    before, after = (np.concatenate([_blocks(pair[i], scale) for pair in pairs]) for i in range(2))
-    left = math.sqrt(float(after.sum()) / max(float(before.sum()), 1e-300))
-    return left, gain_interval(before, after)[1]
-
-
-def _blocks(run: FreeRun, scale: Vector) -> Vector:
-    relative = np.nan_to_num(run.error**2 / scale).sum(axis=1)
-    size = max(_BLOCK_SAMPLES, round(_BLOCK_S / (run.time[1] - run.time[0])))
-    return np.asarray(np.add.reduceat(relative, np.arange(0, len(relative), size)))
+def _blocks(squares: Vector, sample_time: float) -> Vector:
+    size = max(_BLOCK_SAMPLES, round(_BLOCK_S / sample_time))
+    return np.asarray(np.add.reduceat(squares, np.arange(0, len(squares), size), axis=0))
 
 
 def held_out_errors(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +22,10 @@ from workbench.diagnosis.estimation.process_noise import (
 )
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import (
+    NO_RUNS,
+    RunErrors,
     held_out_gain,
-    runs_closer,
-    spoils_runs,
+    run_errors,
     told_apart,
 )
 from workbench.diagnosis.selection.rules import (
@@ -41,7 +42,7 @@ from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.errors import NumericalError
 from workbench.model import Model, Parameter
 from workbench.physics.library import Hypothesis
-from workbench.work.processes import in_order
+from workbench.work.processes import Call, in_order
 
 Vector = npt.NDArray[np.float64]
 
@@ -132,19 +133,21 @@ def refit_candidates(
     before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
     follow = [(first[i], field[i]) for i in leaders]
     known = given, tuple(fit_on), tuple(hold_out), before
-    finals = in_order([(_followed, (base, *pair, *known)) for pair in follow], jobs=jobs)
-    for i, final in zip(leaders, finals, strict=True):
+    runs: Call[Any] = (run_errors, (base, base.model, tuple(hold_out)))
+    finals: list[Call[Any]] = [(_followed, (base, *pair, *known)) for pair in follow]
+    done: list[Any] = in_order([runs, *finals], jobs=jobs) if finals else [NO_RUNS]
+    for i, final in zip(leaders, done[1:], strict=True):
         first[i] = final
-    return decided(base, (*first, *lost), hold_out, limits)
+    return decided((*first, *lost), done[0], limits)
 
 
 def decided(
-    base: ProcessNoiseFit,
-    candidates: Sequence[Candidate],
-    hold_out: Sequence[Observed],
-    limits: Limits,
+    candidates: Sequence[Candidate], without: RunErrors, limits: Limits
 ) -> tuple[Candidate, ...]:
     """Decide which of several refitted hypotheses is taken.
+
+    Args:
+        without: Errors of the runs of the model without any of them.
 
     Returns:
         The candidates by falling gain, the one that is taken without a refusal, the others with
@@ -152,12 +155,12 @@ def decided(
     """
     found = sorted((judged(c, limits) for c in candidates), key=lambda c: -c.gain)
     if not limits.near_noise:
-        found = [_run_freely(base, c, hold_out) for c in found]
+        found = [_run_freely(c, without) for c in found]
     for i, candidate in enumerate(found):
         if not candidate.refused or limits.near_noise:
             # Near the noise free runs cannot be closer but by chance.
             break
-        if _runs_closer(base, candidate, hold_out):
+        if _runs_closer(candidate, without):
             # How much it explains may lower the belief; what it gains on unseen data it gains.
             doubt = (candidate.refused,) if candidate.rule == SHARE.name else ()
             found[i] = replace(candidate, refused="", rule="", doubts=doubt)
@@ -168,14 +171,14 @@ def decided(
         # Of two that the data cannot tell apart, the one without a doubt.
         sure = (c for c in passing if not c.doubts and not told_apart(best.blocks, c.blocks))
         best = next(sure, best)
-    if best is not None and best.fit is not None and _is_sensor(best):
+    if best is not None and _is_sensor(best):
         # Where the process explains the runs better, it is the process.
         closest: Candidate | None = None
         for c in passing:
-            if _is_sensor(c) or c.fit is None:
+            if _is_sensor(c):
                 continue
-            than = best.fit if closest is None else closest.fit
-            if runs_closer(base, c.fit, hold_out, than=than):
+            than = best if closest is None else closest
+            if c.run is not None and than.run is not None and c.run.closer_than(than.run):
                 closest = c
         if closest is not None:
             best = closest
@@ -189,21 +192,19 @@ def decided(
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
 
 
-def _run_freely(
-    base: ProcessNoiseFit, candidate: Candidate, hold_out: Sequence[Observed]
-) -> Candidate:
+def _run_freely(candidate: Candidate, without: RunErrors) -> Candidate:
     """Refuse what predicts the next sample better and not what comes after it.
 
     What a sensor does between process and reading colours the noise, and so predicts the next
     sample of anything: it has to show in free runs. A law of the process must not spoil them.
     """
-    if candidate.refused or candidate.fit is None:
+    if candidate.refused or candidate.run is None:
         return candidate
     why = ""
     if _is_sensor(candidate):
-        if not runs_closer(base, candidate.fit, hold_out):
+        if not candidate.run.closer_than(without):
             why = "with it the model does not run closer to the held-out recordings"
-    elif spoils_runs(base, candidate.fit, hold_out):
+    elif candidate.run.spoilt_from(without):
         why = "without it the model runs closer to the held-out recordings"
     return replace(candidate, refused=why, rule="free run") if why else candidate
 
@@ -261,14 +262,14 @@ def untried(entry: Hypothesis, why: Exception | str) -> Candidate:
     )
 
 
-def _runs_closer(base: ProcessNoiseFit, candidate: Candidate, hold_out: Sequence[Observed]) -> bool:
+def _runs_closer(candidate: Candidate, without: RunErrors) -> bool:
     """Whether free runs show what single predictions leave open on the held-out recordings."""
     needed = {HELD_OUT.name: 0, SHARE.name: 1}.get(candidate.rule)
-    if needed is None or candidate.fit is None or candidate.held_out[needed] <= 0.0:
+    if needed is None or candidate.run is None or candidate.held_out[needed] <= 0.0:
         return False
     # The wrong shape of what was found leaves a rest too, of which another name takes a little.
     by = LEAST_EXPLAINED.value if candidate.rule == SHARE.name else 0.0
-    return runs_closer(base, candidate.fit, hold_out, by=by)
+    return candidate.run.closer_than(without, by=by)
 
 
 def _leaders(first: Sequence[Candidate]) -> list[int]:
@@ -666,7 +667,9 @@ def _judged_on(
         held_out, own_blocks = held_out_gain(before, fit, judging)
         blocks.append(own_blocks)
         shift = _shift(entry, fit, judging[0])
-    return Candidate(entry, fit, base.cost - fit.cost, held_out, shift=shift, blocks=tuple(blocks))
+    run = run_errors(fit, base.model, hold_out)
+    gain = base.cost - fit.cost
+    return Candidate(entry, fit, gain, held_out, shift=shift, blocks=tuple(blocks), run=run)
 
 
 def _shift(entry: Hypothesis, fit: ProcessNoiseFit, observed: Observed) -> float:

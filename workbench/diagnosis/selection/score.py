@@ -236,9 +236,9 @@ class _Attached:
         self.variants = tuple(variants)
         self.scale_of_free = filter_.free_scale[: len(names)]
         self.scale_of_sizes = filter_.free_scale[len(names) :]
-        self.parts = [
-            filter_.run(extended_start(r, model, extended), extended.values) for r in recordings
-        ]
+        self.parts = filter_.along(
+            [extended_start(r, model, extended) for r in recordings], extended.values
+        )
 
 
 class _Totals:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -72,6 +72,9 @@ from workbench.physics.library import Hypothesis, Law, library
 
 Progress = Callable[[str], None]
 
+Shorter = tuple[ProcessNoiseFit, tuple[Prior, ...]] | None
+"""A model without one of its effects, with its free parameters; None if it cannot be fitted."""
+
 MOST_FINDINGS = 3
 """Effects that are searched for, one after the other."""
 
@@ -101,6 +104,7 @@ class Task:
         location: Where the refitted nominal model lacks something; None if unknown.
         entries: Effects that may be missing; the whole library if None.
         extra: Laws and hypotheses that may be missing beside the library.
+        shorter: Models that were refitted without one of their effects, by identity and effect.
         say: Called with a line of text before each step.
     """
 
@@ -114,6 +118,7 @@ class Task:
     jobs: int = 2
     say: Progress = lambda text: None
     extra: tuple[Law | Hypothesis, ...] = ()
+    shorter: dict[tuple[int, str], tuple[ProcessNoiseFit, Shorter]] = field(default_factory=dict)
 
     def tried(self, model: Model) -> list[Hypothesis]:
         """Return the effects that may be missing from a model."""
@@ -158,7 +163,7 @@ def score(task: Task) -> Scored:
     scores = score_library(model, task.fitting, task.priors, tried, noise_scale=base.noise_scale)
     task.say("running the refitted model on the held-out recordings")
     try:
-        floor = over_floor(base, task.nominal, task.judging)
+        floor = over_floor(base, task.nominal, task.judging, jobs=task.jobs)
     except (NumericalError, np.linalg.LinAlgError):
         # A model that cannot be run is not near the noise.
         floor = dict.fromkeys(task.judging[0].used, math.inf)
@@ -535,15 +540,23 @@ def _left_out(task: Task, state: Selected, least: float) -> Selected:
     return state
 
 
-def _without(
-    task: Task, state: Selected, found: Accepted
-) -> tuple[ProcessNoiseFit, tuple[Prior, ...]] | None:
+def _without(task: Task, state: Selected, found: Accepted) -> Shorter:
     """Refit the extended model without one effect; None if it cannot be fitted without it."""
     name, full = found.candidate.entry.effect.name, state.extended
+    key = id(full), name
+    if key not in task.shorter:
+        # The model is kept with it: its identity must not become that of another.
+        task.shorter[key] = full, _refitted_without(task, full, name, state.free)
+    return task.shorter[key][1]
+
+
+def _refitted_without(
+    task: Task, full: ProcessNoiseFit, name: str, known: Sequence[Prior]
+) -> Shorter:
     begun = full.passed or full
     model = begun.model.without(name)
     values = {e.name: e.value for e in begun.refit.estimates if not e.name.startswith(f"{name}.")}
-    free = tuple(p for p in state.free if p.name in values)
+    free = tuple(p for p in known if p.name in values)
     try:
         fit = fit_with_process_noise(
             model,
