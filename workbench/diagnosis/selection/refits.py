@@ -653,6 +653,8 @@ def _judged_on(
                 raise
             # What was tuned or widened cannot be integrated; what was before can.
             break
+        if best is not None and fit.cost > best[1].cost - _NEARER:
+            break
         best = entry, fit, started
         wider = _tuned(widened(entry, fit) or entry, fit, started)
         if wider is entry:
