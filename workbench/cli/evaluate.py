@@ -154,7 +154,8 @@ def machines(
     only: Annotated[
         list[str] | None, typer.Option(help="Name of a machine, such as emps; several times.")
     ] = None,
-    jobs: Jobs = 1,
+    jobs: Side = 1,
+    dask: Cluster = None,
 ) -> int:
     """Diagnose recordings of real machines, each from the first model that comes to mind.
 
@@ -164,7 +165,7 @@ def machines(
     _one_thread()
     from workbench.evaluation.machines.run import run_all
 
-    for line in run_all(out, data=data, only=only or (), jobs=jobs):
+    for line in run_all(out, data=data, only=only or (), jobs=jobs, dask=dask):
         typer.echo(line)
     return 0
 

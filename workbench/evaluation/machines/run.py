@@ -5,7 +5,6 @@ Units: SI.
 
 from __future__ import annotations
 
-import json
 import math
 import time
 import tomllib
@@ -21,7 +20,7 @@ from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.errors import check_choice
-from workbench.evaluation.kept import keep, silent, version
+from workbench.evaluation.kept import answered, silent, version
 from workbench.evaluation.machines.plants import muscle
 from workbench.model import Model
 from workbench.model.units import from_si, quantity, to_si
@@ -50,21 +49,39 @@ def table() -> dict[str, dict[str, Any]]:
     return tomllib.loads((HERE / "table.toml").read_text(encoding="utf-8"))
 
 
+@dataclass(frozen=True)
+class Machine:
+    """A machine of the table.
+
+    Args:
+        data: Folder with the recordings; None reads ``WORKBENCH_DATA``, and what it does not hold
+            is fetched from the publishers.
+    """
+
+    name: str
+    data: Path | None = None
+
+
 def run_all(
-    out: Path, *, data: Path | None = None, only: Sequence[str] = (), jobs: int = 1
+    out: Path,
+    *,
+    data: Path | None = None,
+    only: Sequence[str] = (),
+    jobs: int = 1,
+    dask: str | None = None,
 ) -> Iterator[str]:
     """Diagnose the machines; yields one line each.
 
     Args:
         out: Where results are kept, one JSON file each; those found there are not run again.
-        data: Folder with the recordings; None reads ``WORKBENCH_DATA``, and what it does not hold
-            is fetched from the publishers.
+        data: Folder with the recordings, see `Machine`.
         only: Names of machines; all of them without a name.
+        dask: Address of a Dask scheduler that diagnoses, instead of local processes.
     """
     for name in only:
         check_choice("machine", name, table())
-    for name in only or table():
-        yield line_of(run(name, out, data=data, jobs=jobs))
+    chosen = [Machine(name, data) for name in only or table()]
+    yield from map(line_of, answered(chosen, out, answer, jobs=jobs, dask=dask))
 
 
 def task_of(name: str, data: Path | None = None) -> Task:
@@ -112,12 +129,10 @@ def _map_recordings(
     return (recording("lengths fitted", ~judged),), (recording("lengths held out", judged),)
 
 
-def run(name: str, out: Path, *, data: Path | None = None, jobs: int = 1) -> dict[str, Any]:
-    """Diagnose one machine, or return what is kept of it."""
-    path = out / f"{name}.json"
-    if path.exists():
-        return dict(json.loads(path.read_text()))
-    task, entry = task_of(name, data), table()[name]
+def answer(machine: Machine, jobs: int) -> dict[str, Any]:
+    """Diagnose one machine."""
+    name = machine.name
+    task, entry = task_of(name, machine.data), table()[name]
     row: dict[str, Any] = {"schema": "machine/1", "machine": name, "version": version()}
     began = time.perf_counter()
     try:
@@ -134,7 +149,7 @@ def run(name: str, out: Path, *, data: Path | None = None, jobs: int = 1) -> dic
         # A diagnosis that fails is a result too, and must not end the run.
         row |= {"verdict": silent("failed", error), "held_out": {}}
     row["seconds"] = time.perf_counter() - began
-    return keep(path, row)
+    return row
 
 
 def _in_loop(model: Model, task: Task, output: str) -> float:
