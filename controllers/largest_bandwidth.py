@@ -6,22 +6,29 @@ given, the sampled loop has
     Ms = max |1 / (1 + L)| <= maximum_sensitivity,   Mt = max |L / (1 + L)| <= maximum_complementary
 
 and, if asked for, Ms <= late_sensitivity with every command one sample late: a loop that oscillates
-as soon as the computer is slow has no margin worth the name.
+as soon as the computer is slow has no margin worth the name. With an `Uncertainty`, both hold at
+each of its corners, Ms with the loop opened at the command and at each sensor in turn, and the
+complementary sensitivity at the command has |T| w <= trusted_frequency.
 
 Models at several angles, and at the load that the design must bear without knowing it, make the
 margin a promise about the plant rather than about one operating point.
 
-Source: Åström and Hägglund, Advanced PID Control, 2006, section 4.6 (limits on Ms and Mt).
+Source: Åström and Hägglund, Advanced PID Control, 2006, section 4.6 (limits on Ms and Mt);
+Skogestad and Postlethwaite, Multivariable Feedback Control, 2005, section 7.5 (small gain).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
+
+import numpy as np
 
 from controllers.protocol import Controller
-from controllers.sensitivity import loop_matrices, peaks_of
+from controllers.sensitivity import LoopMatrices, frequencies, gain_of, loops_at
+from controllers.uncertainty import NONE, Uncertainty
 from workbench.errors import WorkbenchError, check_range
 
 if TYPE_CHECKING:
@@ -39,6 +46,7 @@ class MarginedDesign(Generic[C]):
         sensitivity: Largest Ms over the models, a ratio.
         complementary: Largest Mt over the models, a ratio.
         late: Largest Ms with every command one sample late, a ratio.
+        limit: What the next faster design did not hold; empty if none was tried.
     """
 
     controller: C
@@ -46,16 +54,99 @@ class MarginedDesign(Generic[C]):
     sensitivity: float
     complementary: float
     late: float = float("nan")
+    limit: str = ""
+
+
+class Limits(NamedTuple):
+    """Limits of a design.
+
+    Args:
+        sensitivity: Limit on Ms, a ratio.
+        complementary: Limit on Mt, a ratio.
+        late: Limit on Ms with commands one sample late, a ratio; infinite for none.
+    """
+
+    sensitivity: float = 2.0
+    complementary: float = 1.9
+    late: float = float("inf")
+    uncertainty: Uncertainty = NONE
+
+
+class Held(NamedTuple):
+    """Largest peaks of a loop over models and corners, ratios, and the limit that it misses."""
+
+    sensitivity: float = 0.0
+    complementary: float = 0.0
+    late: float = 0.0
+    missed: str = ""
+
+
+def held(controller: Controller, models: Sequence[LinearModel], limits: Limits) -> Held:
+    """Tell which peaks a controller has on every model, up to the first limit that it misses."""
+    h, unsure = controller.sample_time, limits.uncertainty
+    angle = frequencies(h, POINTS)
+    ms = mt = late = 0.0
+    for model in models:
+        asked = list(unsure.corners)
+        if math.isfinite(limits.late):
+            asked.append((h, 0.0))
+        loops = dict(zip(range(len(asked)), loops_at(controller, model, asked), strict=True))
+        for k, (delay, lag) in enumerate(asked[: len(unsure.corners)]):
+            where = _where(delay, lag)
+            for sensor in _places(controller, unsure):
+                s, t, beyond = _peaks(loops[k], angle, sensor)
+                ms = max(ms, s)
+                name = "the command" if sensor is None else controller.sensors[sensor]
+                if s > limits.sensitivity:
+                    return Held(ms, mt, late, f"Ms {s:.3g} at {name}{where}")
+                if sensor == 0:
+                    mt = max(mt, t)
+                    if t > limits.complementary:
+                        return Held(ms, mt, late, f"Mt {t:.3g} at {name}{where}")
+                if sensor is None and beyond > unsure.trusted_frequency * h:
+                    share = beyond / (unsure.trusted_frequency * h)
+                    said = f"|T| w is {share:.3g} times the trusted frequency at {name}{where}"
+                    return Held(ms, mt, late, said)
+        if math.isfinite(limits.late):
+            late = max(late, _peaks(loops[len(asked) - 1], angle, 0)[0])
+            if late > limits.late:
+                return Held(ms, mt, late, f"Ms {late:.3g} with every command one sample late")
+    return Held(ms, mt, late)
+
+
+POINTS = 300
+"""Frequencies at which a loop is looked at."""
+
+
+def _places(controller: Controller, uncertainty: Uncertainty) -> tuple[int | None, ...]:
+    """Return where a loop is opened: at the first sensor, and everywhere if it is uncertain."""
+    if uncertainty == NONE:
+        return (0,)
+    return (0, None, *range(1, len(controller.sensors)))
+
+
+def _peaks(
+    loop: LoopMatrices, angle: np.ndarray[tuple[int], np.dtype[np.float64]], sensor: int | None
+) -> tuple[float, float, float]:
+    """Return Ms, Mt and the largest |T| w, the last in rad per sample."""
+    gain = gain_of(loop, angle, sensor)
+    if gain is None:
+        return math.inf, math.inf, math.inf
+    s = np.abs(1.0 / (1.0 + gain))
+    t = np.abs(gain / (1.0 + gain))
+    return float(s.max()), float(t.max()), float((t * angle).max())
+
+
+def _where(delay: float, lag: float) -> str:
+    parts = [f"{1e3 * v:g} ms of {name}" for name, v in (("delay", delay), ("lag", lag)) if v]
+    return f" with {' and '.join(parts)}" if parts else ""
 
 
 def largest_bandwidth(
     design: Callable[[float], C],
     models: Sequence[LinearModel],
     speeds: Sequence[float],
-    *,
-    maximum_sensitivity: float = 2.0,
-    maximum_complementary: float = 1.9,
-    late_sensitivity: float = float("inf"),
+    limits: Limits = Limits(),  # noqa: B008 -- Frozen.
 ) -> MarginedDesign[C]:
     """Find the fastest design within the limits on every model.
 
@@ -63,9 +154,6 @@ def largest_bandwidth(
         design: Makes a controller for a speed in rad/s.
         models: Linear models on which the limits hold.
         speeds: Speeds to try, from fast to slow, in rad/s.
-        maximum_sensitivity: Limit on Ms, a ratio.
-        maximum_complementary: Limit on Mt, a ratio.
-        late_sensitivity: Limit on Ms with commands one sample late, a ratio; infinite for none.
 
     Raises:
         WorkbenchError: If no speed meets the limits.
@@ -81,26 +169,35 @@ def largest_bandwidth(
         >>> found.speed < 300, found.sensitivity <= 2.0
         (True, True)
     """
-    check_range("limit on Ms", maximum_sensitivity, 1.05, 10.0)
-    check_range("limit on Mt", maximum_complementary, 1.0, 10.0)
+    check_range("limit on Ms", limits.sensitivity, 1.05, 10.0)
+    check_range("limit on Mt", limits.complementary, 1.0, 10.0)
     if not models or not speeds:
         raise WorkbenchError("a design under limits needs at least one model and one speed")
-    ms = mt = late = float("nan")
+    missed = ""
     for speed in speeds:
         controller = design(speed)
-        ms = mt = late = 0.0
-        for model in models:
-            loop, h = loop_matrices(controller, model), controller.sample_time
-            peaks = peaks_of(loop, h)
-            ms, mt = max(ms, peaks[0]), max(mt, peaks[1])
-            late = max(late, peaks_of(loop, h, late=1)[0])
-            if ms > maximum_sensitivity or mt > maximum_complementary or late > late_sensitivity:
-                break
-        else:
-            return MarginedDesign(controller, speed, ms, mt, late)
+        found = held(controller, models, limits)
+        if not found.missed:
+            return MarginedDesign(controller, speed, *found[:3], limit=missed)
+        missed = found.missed
     raise WorkbenchError(
-        f"no speed from {speeds[0]:g} to {speeds[-1]:g} rad/s meets Ms <= {maximum_sensitivity:g}"
-        f" and Mt <= {maximum_complementary:g} on all {len(models)} models (at the last, Ms is"
-        f" {ms:.3g}, Mt {mt:.3g}, and Ms one sample late {late:.3g}); allow larger peaks, or design"
-        " for a load nearer to the models"
+        f"no speed from {speeds[0]:g} to {speeds[-1]:g} rad/s meets Ms <= {limits.sensitivity:g}"
+        f" and Mt <= {limits.complementary:g} on all {len(models)} models (at the last, {missed}"
+        f"{_bearable(controller, models, limits)}); allow larger peaks, tolerate less, or design for"
+        " a load nearer to the models"
     )
+
+
+def _bearable(controller: Controller, models: Sequence[LinearModel], limits: Limits) -> str:
+    """Say how much of the uncertainty a design bears."""
+    whole = limits.uncertainty
+    if whole == NONE:
+        return ""
+    for share in (0.75, 0.5, 0.25, 0.0):
+        part = whole.reduced(share)
+        if not held(controller, models, limits._replace(uncertainty=part)).missed:
+            return (
+                f"; it bears {1e3 * part.delay[1]:.3g} ms of delay with"
+                f" {1e3 * part.sensor_lag[1]:.3g} ms of lag"
+            )
+    return "; it bears no delay at all"

@@ -22,6 +22,12 @@ frequency w and damping z and at a w, whatever the angle:
 
     Kp = (1 + 2 a z) w^2 - a0,  Kd = (a + 2 z) w - a1,  Ki = a w^3,  K_inner = omega_inner / g
 
+which takes the inner loop for fast. Where delays keep it slow, v = omega_inner a multiple of w, its
+pole counts, and with the fourth pole at p = v + a1 - (2 z + a) w
+
+    Kp = (w^2 (a w + p) + 2 z a w^2 p) / v - a0,  Ki = a w^3 p / v
+    Kd = (w^2 + 2 z w (a w + p) + a w p - a0 - e b) / v - a1
+
 I is an acceleration: when b moves with the angle, what it holds keeps its meaning.
 
 Source: Åström and Hägglund, Advanced PID Control, 2006, sections 3.3 to 3.5 (two degrees of
@@ -96,12 +102,14 @@ class PlacedGains:
         damping: Its damping ratio z.
         real_pole: Real pole as a fraction a of w.
         inner_bandwidth: Bandwidth omega_inner of the pressure-difference loop, in rad/s.
+        inner_counts: Whether that loop is no faster than the joint, and its pole counts.
     """
 
     frequency: float = 28.0
     damping: float = 0.8
     real_pole: float = 0.6
     inner_bandwidth: float = 120.0
+    inner_counts: bool = False
 
     def __post_init__(self) -> None:
         check_range("frequency of the placed poles", self.frequency, 0.1, 1e3, "rad/s")
@@ -110,6 +118,16 @@ class PlacedGains:
     def at(self, joint: JointModel, arithmetic: Arithmetic) -> Gains:
         """Return the gains for a joint model."""
         w, a, z = self.frequency, self.real_pole, self.damping
+        if self.inner_counts:
+            v = self.inner_bandwidth
+            p = arithmetic.largest(v + joint.a1 - (2.0 * z + a) * w, 0.1 * w)
+            kd = w * w + 2.0 * z * w * (a * w + p) + a * w * p - joint.a0 - joint.e * joint.b
+            return Gains(
+                arithmetic.largest(w * w * (a * w + (1.0 + 2.0 * z * a) * p) / v - joint.a0, 0.0),
+                a * w * w * w * p / v,
+                arithmetic.largest(kd / v - joint.a1, 0.0),
+                v / joint.g,
+            )
         return Gains(
             arithmetic.largest((1.0 + 2.0 * a * z) * w * w - joint.a0, 0.0),
             a * w * w * w,
@@ -216,7 +234,7 @@ class CascadePID(ValveLaw):
         if within is not asked:
             back = back + b * (within - asked) / self.tracking_time
         following = PIDState(
-            front,
+            self.tracking.sent(front, clipped),
             state.integral + h * (ki * (target - now.angle) + back),
             derivative,
             weighted,
@@ -375,13 +393,20 @@ class ScheduledPIDSpecification(TrackingSpecification):
 
     Args:
         frequency: Frequency of the placed pair, in rad/s.
+        damping: Its damping ratio, dimensionless.
+        real_pole: Real pole as a fraction of the frequency.
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
+        inner_speed: The same as a multiple of the frequency, where delays keep the loop slow and
+            its pole counts; 0 for a fast one with the bandwidth above.
         compensation: Share of the unexplained acceleration that is compensated at once, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
     """
 
     frequency: float = 28.0
+    damping: float = 0.8
+    real_pole: float = 0.6
     inner_bandwidth: float = 120.0
+    inner_speed: float = 0.0
     compensation: float = 0.3
     lag: float = 0.0
 
@@ -398,9 +423,10 @@ def design_scheduled_pid(
         (5.0,)
     """
     want = specification or ScheduledPIDSpecification()
+    inner = want.inner_speed * want.frequency or want.inner_bandwidth
     return CascadePID(
         want.tracking(schedule),
-        PlacedGains(want.frequency, inner_bandwidth=want.inner_bandwidth),
+        PlacedGains(want.frequency, want.damping, want.real_pole, inner, want.inner_speed > 0.0),
         derivative_filter=0.004,
         tracking_time=0.06,
         compensation=want.compensation,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,6 +15,8 @@ from controllers.linear_law import linear_law
 from controllers.protocol import Controller
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_choice
+from workbench.linearisation.transfer import transfer_function
+from workbench.linearisation.zero_order_hold import zero_order_hold
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -21,7 +25,7 @@ Matrix = npt.NDArray[np.float64]
 
 
 def peak_sensitivities(
-    controller: Controller, linear: LinearModel, *, points: int = 300, late: int = 0
+    controller: Controller, linear: LinearModel, *, points: int = 300
 ) -> tuple[float, float]:
     """Compute Ms and Mt of the loop opened at the measured first sensor.
 
@@ -35,50 +39,67 @@ def peak_sensitivities(
     Source:
         Åström and Hägglund, Advanced PID Control, 2006, section 4.6.
     """
-    return peaks_of(loop_matrices(controller, linear), controller.sample_time, points, late)
+    return peaks_of(loop_matrices(controller, linear), controller.sample_time, points)
 
 
 def peaks_of(
-    loop_parts: LoopMatrices, sample_time: float, points: int = 300, late: int = 0
+    loop_parts: LoopMatrices, sample_time: float, points: int = 300, sensor: int | None = 0
 ) -> tuple[float, float]:
     """Compute what `peak_sensitivities` does, ratios, from the matrices of a loop.
 
     Args:
         sample_time: Time between samples, in s.
-        late: Samples by which every command arrives late.
+        sensor: Index of the sensor at which the loop is opened; None for the command.
+    """
+    loop = gain_of(loop_parts, frequencies(sample_time, points), sensor)
+    if loop is None:
+        return float("inf"), float("inf")
+    ms = float(np.max(np.abs(1.0 / (1.0 + loop))))
+    mt = float(np.max(np.abs(loop / (1.0 + loop))))
+    return ms, mt
+
+
+def frequencies(sample_time: float, points: int) -> Matrix:
+    """Return frequencies from 0.05 Hz to nearly half the sampling rate, in rad per sample."""
+    return np.geomspace(2 * np.pi * 0.05 * sample_time, 0.98 * np.pi, points)
+
+
+def gain_of(
+    loop_parts: LoopMatrices, angle: Matrix, sensor: int | None
+) -> npt.NDArray[np.complex128] | None:
+    """Return the gain of a loop that is opened at one place, all others closed.
+
+    Args:
+        angle: Frequencies, shape (n,), in rad per sample.
+        sensor: Index of the sensor; None for the command.
+
+    Returns:
+        Loop gain, shape (n,), dimensionless, negative feedback being L / (1 + L); None if the
+        closed loop is not stable.
     """
     A, B, C, F, G, H, J = loop_parts
     _, sizes, directions = np.linalg.svd(np.vstack([A - np.eye(len(A)), C]))
     if np.min(sizes) <= 1e-12 * np.max(sizes):
         shown = directions[sizes > 1e-12 * sizes.max()].T
         A, B, C = shown.T @ A @ shown, shown.T @ B, C @ shown
-    for _ in range(late):
-        n, m = B.shape
-        A = np.block([[A, B], [np.zeros((m, n + m))]])
-        B = np.vstack([np.zeros((n, m)), np.eye(m)])
-        C = np.hstack([C, np.zeros((len(C), m))])
     closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
     if np.max(np.abs(np.linalg.eigvals(closed))) >= 1.0:
-        return float("inf"), float("inf")
-    # Opened at sensor 0: its measurement comes from outside, the others stay connected.
-    keep = np.ones(len(C))
-    keep[0] = 0.0
-    rest = np.diag(keep) @ C
-    first = np.zeros((len(C), 1))
-    first[0] = 1.0
-    a = np.block([[A + B @ J @ rest, B @ H], [G @ rest, F]])
-    b = np.vstack([B @ J @ first, G @ first])
-    c = np.hstack([C[:1], np.zeros((1, len(F)))])
-    h = sample_time
-    angle = np.geomspace(2 * np.pi * 0.05 * h, 0.98 * np.pi, points)
-    values, vectors = np.linalg.eig(a)
-    left = (c @ vectors).ravel()
-    right = np.linalg.solve(vectors, b.astype(complex)).ravel()
-    z = np.exp(1j * angle)
-    loop = -((left * right) / (z[:, None] - values)).sum(axis=1)
-    ms = float(np.max(np.abs(1.0 / (1.0 + loop))))
-    mt = float(np.max(np.abs(loop / (1.0 + loop))))
-    return ms, mt
+        return None
+    if sensor is None:
+        a = np.block([[A, np.zeros((len(A), len(F)))], [G @ C, F]])
+        b = np.vstack([B, np.zeros((len(F), B.shape[1]))])
+        c = np.hstack([J @ C, H])
+    else:
+        # The measurement comes from outside there, the others stay connected.
+        keep = np.ones(len(C))
+        keep[sensor] = 0.0
+        rest = np.diag(keep) @ C
+        at = np.eye(len(C))[:, [sensor]]
+        a = np.block([[A + B @ J @ rest, B @ H], [G @ rest, F]])
+        b = np.vstack([B @ J @ at, G @ at])
+        c = np.hstack([C[[sensor]], np.zeros((1, len(F)))])
+    nothing = np.zeros((len(c), b.shape[1]))
+    return -transfer_function(a, b, c, nothing, np.exp(1j * angle))[:, 0, 0]
 
 
 class LoopMatrices(NamedTuple):
@@ -102,19 +123,77 @@ def loop_matrices(controller: Controller, linear: LinearModel) -> LoopMatrices:
     Raises:
         WorkbenchError: If the linear model lacks a sensor or an actuator.
     """
+    return loops_at(controller, linear, ((0.0, 0.0),))[0]
+
+
+def loops_at(
+    controller: Controller, linear: LinearModel, corners: Sequence[tuple[float, float]]
+) -> tuple[LoopMatrices, ...]:
+    """Return plant and law of a loop around rest that is late and sees with a lag.
+
+    Args:
+        corners: Pairs of the time by which every command is late and of the time constant of
+            every sensor with noise of its own, in s.
+
+    Raises:
+        WorkbenchError: If the linear model lacks a sensor or an actuator.
+    """
     for name in (*controller.sensors, *controller.controlled):
         check_choice("output of the linear model", name, linear.output_names)
-    rows = [linear.output_names.index(name) for name in controller.sensors]
-    A, B, C, _ = linear.discretise(controller.sample_time)
     valve = getattr(unguarded(controller), "valve", None)
     if isinstance(valve, ValveInverse) and OPENING in linear.input_names:
-        B = B[:, [linear.input_names.index(OPENING)]] * valve.gain_at_rest
+        columns, gain = [linear.input_names.index(OPENING)], valve.gain_at_rest
     else:
         for name in controller.actuators:
             check_choice("input of the linear model", name, linear.input_names)
-        B = B[:, [linear.input_names.index(name) for name in controller.actuators]]
+        columns, gain = [linear.input_names.index(name) for name in controller.actuators], 1.0
+    rows = [linear.output_names.index(name) for name in controller.sensors]
+    A, B, C = np.asarray(linear.A), gain * np.asarray(linear.B)[:, columns], linear.C[rows]
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     at_rest = tuple(values[name] for name in controller.sensors)
     reference = tuple(values[name] for name in controller.controlled)
     law = linear_law(controller, at_rest, reference * (1 + controller.preview))
-    return LoopMatrices(A, B, C[rows], *law)
+    h = controller.sample_time
+    found = []
+    for delay, lag in corners:
+        seen = A, B, C
+        if lag > 0.0:
+            noisy = {q.name for q in linear.operating_point.model.outputs if q.noise_rms > 0.0}
+            seen = _lagging(*seen, [name in noisy for name in controller.sensors], lag)
+        found.append(LoopMatrices(*_late(*seen, delay, h), *law))
+    return tuple(found)
+
+
+def _lagging(
+    A: Matrix, B: Matrix, C: Matrix, which: list[bool], lag: float
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Put a first-order lag behind some outputs."""
+    slow = np.flatnonzero(which)
+    n, k = len(A), len(slow)
+    behind = np.block([[A, np.zeros((n, k))], [C[slow] / lag, -np.eye(k) / lag]])
+    shown = np.hstack([np.where(np.array(which)[:, None], 0.0, C), np.zeros((len(C), k))])
+    shown[slow, n + np.arange(k)] = 1.0
+    return behind, np.vstack([B, np.zeros((k, B.shape[1]))]), shown
+
+
+def _late(
+    A: Matrix, B: Matrix, C: Matrix, delay: float, sample_time: float
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Discretise for held inputs that come late, by whole samples and a part of one.
+
+    Source: Åström and Wittenmark, Computer-Controlled Systems, 1997, section 2.3 (time delay).
+    """
+    a, b = zero_order_hold(A, B, sample_time)
+    count = math.ceil(delay / sample_time - 1e-9)
+    if not count:
+        return a, b, C
+    # The oldest command holds on for a part of the sample, the one after it takes the rest.
+    part = delay - (count - 1) * sample_time
+    rest, after = zero_order_hold(A, B, sample_time - part)
+    before = rest @ zero_order_hold(A, B, part)[1]
+    n, m = b.shape
+    sent = np.hstack([before, after, np.zeros((n, (count - 1) * m))])
+    chain = np.eye((count + 1) * m)[m:]
+    F = np.block([[a, sent], [np.zeros((count * m, n)), chain]])
+    columns = n + count * m
+    return F[:, :columns], F[:, columns:], np.hstack([C, np.zeros((len(C), count * m))])

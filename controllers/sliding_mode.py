@@ -156,7 +156,7 @@ class SlidingMode(ValveLaw):
         twisted = 1.1 * self.rate_bound * side if self.kind == "super-twisting" else 0.0
         summed = 0.0 if self.kind == "boundary layer" else x
         following = SlidingModeState(
-            front,
+            self.tracking.sent(front, clipped),
             state.error_integral + free * h * summed,
             state.twist + free * h * twisted,
             arrived_opening(state.arrived, clipped - now.opening, self.lag, h),

@@ -112,7 +112,7 @@ class StateFeedback(ValveLaw):
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
         following = StateFeedbackState(
-            front,
+            self.tracking.sent(front, clipped),
             state.error_integral + free * self.sample_time * x,
             arrived_opening(state.arrived, clipped - now.opening, self.lag, self.sample_time),
         )

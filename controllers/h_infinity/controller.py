@@ -101,7 +101,7 @@ class HInfinity(ValveLaw):
         )
         info = {"opening": clipped, "plan": now.plan.angle}
         command = self.valve.command(clipped, arithmetic)
-        return (command,), HInfinityState(front, following), info
+        return (command,), HInfinityState(self.tracking.sent(front, clipped), following), info
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -77,6 +77,10 @@ class LaggedReference:
         context = Context(plan, UNIT, angle, 0.0, 0.0, 0.0, difference, 0.0, 0.0)
         return context, LaggedState(filtered, target, difference)
 
+    def sent(self, state: LaggedState, opening: Number) -> LaggedState:
+        """Return the state as it is: around one point nothing is predicted over a latency."""
+        return state
+
 
 class ReferenceModelState(NamedTuple):
     """What a `ReferenceModel` remembers.
@@ -164,3 +168,7 @@ class ReferenceModel:
             ),
         )
         return context, following
+
+    def sent(self, state: ReferenceModelState, opening: Number) -> ReferenceModelState:
+        """Return the state as it is: around one point nothing is predicted over a latency."""
+        return state

@@ -59,6 +59,16 @@ class JointModel(NamedTuple):
         """Angular jerk per unit opening b g, in rad/s3."""
         return float(self.b * self.g)
 
+    def difference_rate(self, opening: Number, speed: Number, difference: Number) -> Number:
+        """Return the rate of the pressure difference, in Pa/s.
+
+        Args:
+            opening: Signed opening of the valve, a fraction.
+            speed: Angular speed, in rad/s.
+            difference: Pressure difference, in Pa.
+        """
+        return self.g * opening - self.e * speed - self.d * (difference - self.difference)
+
 
 class OpeningInput(NamedTuple):
     """How the opening enters a linear model.

@@ -18,11 +18,21 @@ and the inverse model along the plan, the feedforward:
 
 where ' is the plan as it will be when the opening has arrived, a lead later.
 
+With a known latency T between measurement and valve, a command meets the joint T later. The front
+end remembers the openings that are on their way, lets the joint model go on under them over T,
+
+    d2theta/dt2 = alpha,   d(dp)/dt = g o - e omega - d (dp - dp0)
+
+and tells the feedback where joint and plan will be then: the loop is that without latency, as far
+as the model is right (a state predictor). A known lag tau of the pressure sensors is undone by the
+same model, dp + tau d(dp)/dt, without differences of what is measured.
+
 w collects friction, muscle hysteresis and wrong loads. It is an acceleration, so the observer is
 the same for every angle and load: what the map knows enters with the acceleration.
 
 Source: disturbance observer: Ohnishi, Shibata and Murakami, IEEE/ASME Trans. Mechatronics 1, 1996;
-feedforward by the inverse model: Åström and Wittenmark, Computer-Controlled Systems, 1997, 6.3.
+feedforward by the inverse model: Åström and Wittenmark, Computer-Controlled Systems, 1997, 6.3;
+prediction over a delay: Manitius and Olbrot, IEEE Trans. AC-24, 1979.
 """
 
 from __future__ import annotations
@@ -94,6 +104,9 @@ class Tracking(Protocol):
     ) -> tuple[Context, Any]:
         """Plan and estimate one sample; return what the feedback is told and the next state."""
 
+    def sent(self, state: Any, opening: Number) -> Any:
+        """Remember an opening, a fraction, that is on its way."""
+
 
 class TrackingState(NamedTuple):
     """What a `JointTracking` remembers.
@@ -105,6 +118,7 @@ class TrackingState(NamedTuple):
         difference: Filtered pressure difference, in Pa.
         mean: Filtered mean pressure, in Pa.
         turn: Position in the loop of the compensated hysteresis, -1..1.
+        sent: Openings that are on their way, fractions, the oldest first.
     """
 
     plan: PlannerState
@@ -114,6 +128,7 @@ class TrackingState(NamedTuple):
     difference: Number
     mean: Number
     turn: Number
+    sent: Numbers = ()
 
 
 @dataclass(frozen=True)
@@ -127,6 +142,9 @@ class JointTracking:
         sample_time: Time between samples, in s.
         hysteresis: Fitted hysteresis that is compensated along the plan; None for none.
         lead: Time by which the opening of the feedforward leads the plan, in s.
+        latency: Known time between measurement and valve that is predicted over, in s; whole
+            samples count.
+        sensor_lag: Known lag of the pressure sensors, in s.
     """
 
     schedule: JointSchedule
@@ -136,6 +154,13 @@ class JointTracking:
     sample_time: float = 0.002
     hysteresis: HysteresisCompensation | None = None
     lead: float = 0.0
+    latency: float = 0.0
+    sensor_lag: float = 0.0
+
+    @property
+    def on_their_way(self) -> int:
+        """Number of openings between measurement and valve."""
+        return round(self.latency / self.sample_time)
 
     def start(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Start:
         """Take a measurement as that of a joint at rest."""
@@ -144,7 +169,14 @@ class JointTracking:
         joint = self.schedule.at(angle, mean, arithmetic)
         holding = joint.b * (p1 - p2 - joint.difference)
         state = TrackingState(
-            self.planner.start(angle), angle, 0.0, -holding, p1 - p2, mean, turn=0.0
+            self.planner.start(angle),
+            angle,
+            0.0,
+            -holding,
+            p1 - p2,
+            mean,
+            turn=0.0,
+            sent=(0.0,) * self.on_their_way,
         )
         return Start(state, joint, holding)
 
@@ -160,7 +192,7 @@ class JointTracking:
         angle, p1, p2 = measurement
         plan, planner = self.planner.plan(state.plan, reference, arithmetic)
         fresh = h / (self.pressure_filter + h)
-        difference = state.difference + fresh * (p1 - p2 - state.difference)
+        filtered = state.difference + fresh * (p1 - p2 - state.difference)
         mean = state.mean + fresh * (0.5 * (p1 + p2) - state.mean)
 
         residual = angle - state.angle
@@ -168,31 +200,54 @@ class JointTracking:
         omega = state.speed + self.correction[1] * residual
         w = state.unexplained + self.correction[2] * residual
         joint = self.schedule.at(angle, mean, arithmetic)
-        planned = self.schedule.at(plan.angle, mean, arithmetic)
+        difference = filtered
+        if self.sensor_lag:
+            arrived = state.sent[0] if state.sent else 0.0
+            difference = filtered + self.sensor_lag * joint.difference_rate(
+                arrived, omega, filtered
+            )
         alpha = joint.b * (difference - joint.difference) - joint.a1 * omega + w
-
-        forward = planned.difference + (plan.acceleration + planned.a1 * plan.speed) / planned.b
-        turn = state.turn
-        if self.hysteresis is not None:
-            turn = self.hysteresis.turned(turn, plan.speed, h, arithmetic)
-            lost = self.hysteresis.difference(turn, mean)
-            forward = forward + lost
-            alpha = alpha - joint.b * lost
-        then = self.planner.ahead(planner, plan, self.lead, arithmetic) if self.lead else plan
-        rate = (
-            then.jerk + planned.a1 * then.acceleration + planned.a0 * then.speed
-        ) / planned.b + planned.e * then.speed
-        following = TrackingState(
-            planner,
+        following = (
             theta + h * omega + 0.5 * h * h * alpha,
             omega + h * alpha,
             w,
-            difference,
+            filtered,
             mean,
-            turn,
         )
+
+        now = plan
+        if state.sent:
+            now = self.planner.ahead(planner, plan, self.latency, arithmetic)
+        planned = self.schedule.at(now.angle, mean, arithmetic)
+        forward = planned.difference + (now.acceleration + planned.a1 * now.speed) / planned.b
+        turn = state.turn
+        if self.hysteresis is not None:
+            turn = self.hysteresis.turned(turn, now.speed, h, arithmetic)
+            lost = self.hysteresis.difference(turn, mean)
+            forward = forward + lost
+            alpha = alpha - joint.b * lost
+        for opening in state.sent:
+            angle = angle + h * omega + 0.5 * h * h * alpha
+            rate = joint.difference_rate(opening, omega, difference)
+            omega = omega + h * alpha
+            alpha = alpha + h * (joint.b * rate - joint.a1 * alpha - joint.a0 * omega)
+            difference = difference + h * rate
+        then = now
+        if self.lead:
+            lead = self.latency + self.lead if state.sent else self.lead
+            then = self.planner.ahead(planner, plan, lead, arithmetic)
+        rate = (
+            then.jerk + planned.a1 * then.acceleration + planned.a0 * then.speed
+        ) / planned.b + planned.e * then.speed
         opening = rate / planned.g
-        return Context(plan, joint, angle, omega, alpha, w, difference, forward, opening), following
+        context = Context(now, joint, angle, omega, alpha, w, difference, forward, opening)
+        return context, TrackingState(planner, *following, turn, state.sent)
+
+    def sent(self, state: TrackingState, opening: Number) -> TrackingState:
+        """Remember an opening, a fraction, that is on its way."""
+        if not state.sent:
+            return state
+        return state._replace(sent=(*state.sent[1:], opening))
 
 
 def arrived_opening(there: Number, asked: Number, lag: float, sample_time: float) -> Number:
@@ -239,6 +294,8 @@ class TrackingSpecification:
             feedback corrects.
         lead: Time by which the opening of the feedforward leads the plan, in s: the lag of spool
             and sample, so that the move goes where it is planned.
+        latency: Known time between measurement and valve that is predicted over, in s.
+        sensor_lag: Known lag of the pressure sensors, in s.
         reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
             noisy), in rad/s; 0 for a smooth one.
         reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
@@ -246,24 +303,33 @@ class TrackingSpecification:
         angle_noise: Noise rms of the measured angle, in rad.
         acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
         acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
+        unexplained_bandwidth: Bandwidth up to which the unexplained acceleration is believed, in
+            rad/s, in the place of what the noises say; 0 for that. A load that swings on its own
+            is unexplained too, and must not be compensated where its phase is unknown.
         sample_time: Time between steps, in s.
     """
 
     jerk_share: float = 0.7
     jerk_limit: float = 1800.0
     lead: float = 0.0
+    latency: float = 0.0
+    sensor_lag: float = 0.0
     reference_bandwidth: float = 0.0
     reference_jump: float = 0.02
     mean_pressure: float = 3.8e5
     angle_noise: float = 2e-5
     acceleration_noise: float = 0.5
     acceleration_walk: float = 100.0
+    unexplained_bandwidth: float = 0.0
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
         check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         check_range("share of the opening for a planned move", self.jerk_share, 0.01, 1.0)
+        check_range("believed bandwidth", self.unexplained_bandwidth, 0.0, 1e3, "rad/s")
         check_range("lead of the feedforward", self.lead, 0.0, 0.1, "s")
+        check_range("known latency", self.latency, 0.0, 50 * self.sample_time, "s")
+        check_range("known lag of the pressure sensors", self.sensor_lag, 0.0, 0.1, "s")
 
     def planner(self, schedule: JointSchedule) -> Planner:
         """Return the planner of a joint.
@@ -291,10 +357,15 @@ class TrackingSpecification:
             acceleration_walk=self.acceleration_walk,
             sample_time=self.sample_time,
         )
+        if self.unexplained_bandwidth:
+            # Speed follows at once; what is left of the residual turns into w at this rate.
+            correction = (*correction[:2], self.unexplained_bandwidth * correction[1])
         return JointTracking(
             schedule,
             self.planner(schedule),
             correction,
             sample_time=self.sample_time,
             lead=self.lead,
+            latency=self.latency,
+            sensor_lag=self.sensor_lag,
         )

@@ -223,6 +223,7 @@ class ScheduledMPC(ValveController):
         summed = arithmetic.where(free, self.sample_time * problem.errors.angle, 0.0)
         move = opening - arithmetic.clip(problem.opening, -1.0, 1.0)
         arrived = arrived_opening(state.arrived, move, self.lag, self.sample_time)
+        front = self.tracking.sent(front, opening)
         return ScheduledMPCState(front, state.error_integral + summed, move, arrived)
 
     def linear_law(

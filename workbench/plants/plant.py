@@ -130,6 +130,8 @@ class Plant:
             states or inputs by name, in SI; by default where the nominal inputs hold it.
         design_map: Grid of linear models for scheduled designs: values of outputs by name, in SI.
         effects: Effects of the library under the plant's own words, sized for it.
+        tolerated: How far parameters may be from what a design knows, by name: least and largest
+            change, in SI, within the parameter's bounds.
         step: Values of the first controlled output between which a controller is tried, in SI; by
             default from the design point on by the output's scale.
         start_samples: Samples over which hidden states at the start of a free run are estimated.
@@ -149,6 +151,7 @@ class Plant:
     design_point: Mapping[str, float] = field(default_factory=dict)
     design_map: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     effects: Mapping[str, Callable[[], Effect]] = field(default_factory=dict)
+    tolerated: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     step: tuple[float, float] | None = None
     requirements: tuple[tuple[str, float, str], ...] = ()
     start_samples: int = 0

@@ -13,8 +13,9 @@ import numpy as np
 from controllers.design import DESIGNS, Design
 from controllers.joint.schedule import JointSchedule, joint_schedule
 from controllers.joint.tracking import TrackingSpecification
-from controllers.largest_bandwidth import MarginedDesign, largest_bandwidth
+from controllers.largest_bandwidth import Limits, MarginedDesign, largest_bandwidth
 from controllers.protocol import Controller
+from controllers.uncertainty import NONE, Uncertainty
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.operating_map import default_input, operating_map
@@ -35,6 +36,8 @@ class Fastest:
         maximum_sensitivity: Limit on Ms, a ratio.
         maximum_complementary: Limit on Mt, a ratio.
         late_sensitivity: Limit on Ms with every command one sample late, a ratio.
+        uncertainty: What the limits hold for beside the plants; the middle of its delay and lag is
+            compensated by designs that can.
         factors: What it is reduced by, ratios, in the order in which they are tried.
     """
 
@@ -45,6 +48,7 @@ class Fastest:
     maximum_sensitivity: float = 2.0
     maximum_complementary: float = 1.9
     late_sensitivity: float = math.inf
+    uncertainty: Uncertainty = NONE
     reduced: str = ""
     factors: tuple[float, ...] = (1.0,)
 
@@ -202,6 +206,10 @@ def _designed(recipe: ControllerRecipe) -> MarginedDesign[Controller]:
     ]
     first, last, count = want.speeds
     speeds = [float(v) for v in np.round(np.geomspace(first, last, int(count)), 1)]
+    unsure = want.uncertainty
+    if unsure != NONE and is_dataclass(kind := recipe.kind().specification):
+        known = {"latency": unsure.known_delay, "sensor_lag": unsure.known_lag}
+        given = {**{k: v for k, v in known.items() if k in kind.__dataclass_fields__}, **given}
 
     def search(factor: float) -> MarginedDesign[Controller]:
         own = {**given, want.reduced: factor * given[want.reduced]} if want.reduced else given
@@ -209,9 +217,12 @@ def _designed(recipe: ControllerRecipe) -> MarginedDesign[Controller]:
             lambda speed: _made(recipe, _with(own, want.key, speed)),
             models,
             speeds,
-            maximum_sensitivity=want.maximum_sensitivity,
-            maximum_complementary=want.maximum_complementary,
-            late_sensitivity=want.late_sensitivity,
+            Limits(
+                want.maximum_sensitivity,
+                want.maximum_complementary,
+                want.late_sensitivity,
+                unsure,
+            ),
         )
 
     for factor in want.factors[:-1]:

@@ -93,6 +93,18 @@ class PlantRecipe:
         )
 
 
+def tolerated(plant: PlantRecipe) -> list[PlantRecipe]:
+    """Return the plants at the ends of what a plant declares as tolerated, one change at a time."""
+    model, found = plant.build(), []
+    for name, ends in plant.plant().tolerated.items():
+        known = model.parameter(name)
+        for change in ends:
+            value = min(max(known.value + change, known.lower), known.upper)
+            if value != known.value:
+                found.append(plant.varied(parameters=[(name, value)]))
+    return found
+
+
 @lru_cache(maxsize=64)
 def _structure(
     kind: str,

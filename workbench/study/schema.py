@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from controllers.uncertainty import Uncertainty
 from workbench.checked_json import Place, ShapeError
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.model import Model
@@ -28,7 +29,7 @@ from workbench.study import shapes
 from workbench.study.designs import ControllerRecipe, Fastest, Pairs
 from workbench.study.feasible import can_have, check_demand, check_demands
 from workbench.study.inputs import new_study, watched
-from workbench.study.plants import PlantRecipe
+from workbench.study.plants import PlantRecipe, tolerated
 from workbench.study.shapes import STUDY, FieldTable
 from workbench.study.study import (
     NOMINAL,
@@ -485,18 +486,26 @@ class _Resolver(TomlTables):
         kinds = {v.kind: v for v in self.variations_.values() if v.case == case}
         nominal = dict(kinds[NOMINAL].plant.parameters)
         names = self.names(table, "variations", kinds, *path) or (NOMINAL,)
-        known = {q.name for q in model.parameters}
-        table["plants"] = tuple(
-            recipe.plant.varied(
-                parameters=[
-                    (k, v)
-                    for k, v in kinds[name].plant.parameters
-                    if k in known and nominal.get(k) != v
-                ]
-            )
-            for name in names
-        )
+        plants = []
+        for name in names:
+            varied = kinds[name].plant
+            more = [e for e in varied.effects if e not in kinds[NOMINAL].plant.effects]
+            plant = recipe.plant.varied(effects=more)
+            known = {q.name for q in plant.build().parameters}
+            changed = [
+                (k, v) for k, v in varied.parameters if k in known and nominal.get(k) != v
+            ]
+            plants.append(plant.varied(parameters=changed))
         table.pop("variations", None)
+        if "uncertainty" in table:
+            unsure = dict(table["uncertainty"])
+            if unsure.pop("declared", True):
+                plants += tolerated(recipe.plant)
+            if "trusted_frequency" in unsure:
+                unsure["trusted_frequency"] *= 2.0 * math.pi
+            with self.at(*path, "uncertainty"):
+                table["uncertainty"] = Uncertainty(**{k: _hashable(v) for k, v in unsure.items()})
+        table["plants"] = tuple(plants)
         points = table.get("at", [dict(recipe.at)])
         table["at"] = tuple(self.point(p, model, *path, "at", i) for i, p in enumerate(points))
         with self.at(*path, "reduced"):

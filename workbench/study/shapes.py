@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from controllers.uncertainty import Uncertainty
 from workbench.checked_json import (
     Place,
     Shape,
@@ -212,6 +213,38 @@ VARIATION = FieldTable(
     },
 )
 _SPEED = "unit of the key"
+UNCERTAINTY = FieldTable(
+    partial=True,
+    fields={
+        "delay": Field(
+            listed(size, length=2),
+            "least and largest time between measurement and valve",
+            '["0 ms", "8 ms"]',
+            "s",
+            (0, 1),
+            list(Uncertainty.delay),
+        ),
+        "sensor_lag": Field(
+            listed(size, length=2),
+            "least and largest lag of the sensors with noise",
+            '["0 ms", "10 ms"]',
+            "s",
+            (0, 1),
+            list(Uncertainty.sensor_lag),
+        ),
+        "trusted_frequency": Field(
+            size,
+            "frequency above which no model is trusted",
+            '"20 Hz"',
+            "Hz",
+            (1e-3, 1e6),
+            Uncertainty.trusted_frequency / (2.0 * math.pi),
+        ),
+        "declared": Field(
+            flag, "whether the limits also hold for what the plant declares as tolerated", usual=True
+        ),
+    },
+)
 FASTEST = FieldTable(
     partial=True,
     fields={
@@ -243,6 +276,9 @@ FASTEST = FieldTable(
         ),
         "late_sensitivity": Field(
             number, "limit on Ms with commands one sample late", "3.0", "1", (1, 1e3), "none"
+        ),
+        "uncertainty": Field(
+            UNCERTAINTY, "what the limits hold for beside the models, at every sensor and command"
         ),
         "reduced": Field(text, "key that is reduced where no speed is within the limits", '"gain"'),
         "factors": Field(listed(number), "what it is reduced by", "[1.0, 0.7]", "1", (1e-6, 1)),

@@ -291,6 +291,7 @@ ARM = Plant(
         "mean_pressure": (2.8e5, 3.6e5),
     },
     effects={"hysteresis": muscle_hysteresis, "printed_volume": printed_volume},
+    tolerated={"load": (-2.0, 2.0), "supply_pressure": (-1.5e5, 1.0e5)},
     step=(math.radians(15.0), math.radians(45.0)),
     # Half a second at 500 Hz, over which temperatures show.
     start_samples=251,
