@@ -73,7 +73,14 @@ class Limits(NamedTuple):
 
 
 class Held(NamedTuple):
-    """Largest peaks of a loop over models and corners, ratios, and the limit that it misses."""
+    """Largest peaks of a loop over models and corners.
+
+    Args:
+        sensitivity: Ms, a ratio.
+        complementary: Mt, a ratio.
+        late: Ms with every command one sample late, a ratio.
+        missed: The limit that it misses, in words; empty if none.
+    """
 
     sensitivity: float = 0.0
     complementary: float = 0.0
@@ -183,8 +190,8 @@ def largest_bandwidth(
     raise WorkbenchError(
         f"no speed from {speeds[0]:g} to {speeds[-1]:g} rad/s meets Ms <= {limits.sensitivity:g}"
         f" and Mt <= {limits.complementary:g} on all {len(models)} models (at the last, {missed}"
-        f"{_bearable(controller, models, limits)}); allow larger peaks, tolerate less, or design for"
-        " a load nearer to the models"
+        f"{_bearable(controller, models, limits)}); allow larger peaks, tolerate less, or design"
+        " for a load nearer to the models"
     )
 
 

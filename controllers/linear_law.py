@@ -79,7 +79,10 @@ def _differentiated(
     sides = [slopes(z0, (1.0 + sign * 1e-9) * np.array(measurement)) for sign in (1.0, -1.0)]
     table = 0.5 * sum(side.full() for side in sides)
     n = len(moved)
-    return LinearLaw(table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:])
+    F, G, H, J = table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:]
+    # What stands still at rest, such as an integration that is switched off, is no part of it.
+    live = _reached(np.any(G != 0.0, axis=1), F != 0.0)
+    return LinearLaw(F[np.ix_(live, live)], G[live], H[:, live], J)
 
 
 def _reached(first: npt.NDArray[np.bool_], link: npt.NDArray[np.bool_]) -> list[int]:

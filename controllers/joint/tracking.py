@@ -27,6 +27,13 @@ and tells the feedback where joint and plan will be then: the loop is that witho
 as the model is right (a state predictor). A known lag tau of the pressure sensors is undone by the
 same model, dp + tau d(dp)/dt, without differences of what is measured.
 
+A feedback that tolerates much integrates slowly. Where plan and joint rest, friction damps the
+joint more than any model of its motion says, and the feedforward may integrate at a speed rho,
+
+    d(held)/dt = rho (a0 / b) (theta_r - theta),   dp_r = ... + held
+
+faded in over a time at rest and out with speed: margins are those of the joint in motion.
+
 w collects friction, muscle hysteresis and wrong loads. It is an acceleration, so the observer is
 the same for every angle and load: what the map knows enters with the acceleration.
 
@@ -119,6 +126,8 @@ class TrackingState(NamedTuple):
         mean: Filtered mean pressure, in Pa.
         turn: Position in the loop of the compensated hysteresis, -1..1.
         sent: Openings that are on their way, fractions, the oldest first.
+        rested: For how long plan and joint have rested, in s; None if nothing depends on it.
+        held: Pressure difference that was integrated at rest, in Pa; None likewise.
     """
 
     plan: PlannerState
@@ -129,6 +138,8 @@ class TrackingState(NamedTuple):
     mean: Number
     turn: Number
     sent: Numbers = ()
+    rested: Number | None = None
+    held: Number | None = None
 
 
 @dataclass(frozen=True)
@@ -145,6 +156,7 @@ class JointTracking:
         latency: Known time between measurement and valve that is predicted over, in s; whole
             samples count.
         sensor_lag: Known lag of the pressure sensors, in s.
+        rest_integration: Speed rho of the integration at rest, in 1/s; 0 for none.
     """
 
     schedule: JointSchedule
@@ -156,6 +168,7 @@ class JointTracking:
     lead: float = 0.0
     latency: float = 0.0
     sensor_lag: float = 0.0
+    rest_integration: float = 0.0
 
     @property
     def on_their_way(self) -> int:
@@ -177,6 +190,8 @@ class JointTracking:
             mean,
             turn=0.0,
             sent=(0.0,) * self.on_their_way,
+            rested=0.0 if self.rest_integration else None,
+            held=0.0 if self.rest_integration else None,
         )
         return Start(state, joint, holding)
 
@@ -207,6 +222,9 @@ class JointTracking:
                 arrived, omega, filtered
             )
         alpha = joint.b * (difference - joint.difference) - joint.a1 * omega + w
+        if state.held is not None:
+            # What friction takes accelerates nothing, and is not compensated twice.
+            alpha = alpha - joint.b * state.held
         following = (
             theta + h * omega + 0.5 * h * h * alpha,
             omega + h * alpha,
@@ -232,6 +250,9 @@ class JointTracking:
             omega = omega + h * alpha
             alpha = alpha + h * (joint.b * rate - joint.a1 * alpha - joint.a0 * omega)
             difference = difference + h * rate
+        rested, held = self._held(state, plan, measurement[0], following[1], joint, arithmetic)
+        if state.held is not None:
+            forward = forward + state.held
         then = now
         if self.lead:
             lead = self.latency + self.lead if state.sent else self.lead
@@ -241,7 +262,29 @@ class JointTracking:
         ) / planned.b + planned.e * then.speed
         opening = rate / planned.g
         context = Context(now, joint, angle, omega, alpha, w, difference, forward, opening)
-        return context, TrackingState(planner, *following, turn, state.sent)
+        return context, TrackingState(planner, *following, turn, state.sent, rested, held)
+
+    def _held(
+        self,
+        state: TrackingState,
+        plan: Plan,
+        angle: Number,
+        speed: Number,
+        joint: JointModel,
+        arithmetic: Arithmetic,
+    ) -> tuple[Number | None, Number | None]:
+        """Return for how long joint and plan have rested, and what was integrated meanwhile."""
+        if state.rested is None or state.held is None:
+            return None, None
+        h = self.sample_time
+        moving = arithmetic.largest(speed, -speed) + arithmetic.largest(plan.speed, -plan.speed)
+        calm = arithmetic.clip(1.0 - moving / REST_SPEED, 0.0, 1.0)
+        rested = arithmetic.where(
+            calm > 0.0, arithmetic.clip(state.rested + h, 0.0, REST_TIME), 0.0
+        )
+        rate = self.rest_integration * calm * state.rested / REST_TIME * joint.a0 / joint.b
+        held = state.held + h * rate * (plan.angle - angle)
+        return rested, arithmetic.clip(held, -HELD_LIMIT, HELD_LIMIT)
 
     def sent(self, state: TrackingState, opening: Number) -> TrackingState:
         """Remember an opening, a fraction, that is on its way."""
@@ -276,6 +319,15 @@ def arrived_opening(there: Number, asked: Number, lag: float, sample_time: float
     return fade * there + (1.0 - fade) * asked
 
 
+REST_SPEED = 0.05
+"""Speed from which a joint does not rest, in rad/s."""
+
+REST_TIME = 0.05
+"""Time at rest after which the integration at rest is whole, in s."""
+
+HELD_LIMIT = 1.5e5
+"""Largest pressure difference from the integration at rest, in Pa."""
+
 PRESSURE_RESERVE = 2.8e5
 """Pressure difference for accelerating along a planned move, in Pa."""
 
@@ -306,6 +358,7 @@ class TrackingSpecification:
         unexplained_bandwidth: Bandwidth up to which the unexplained acceleration is believed, in
             rad/s, in the place of what the noises say; 0 for that. A load that swings on its own
             is unexplained too, and must not be compensated where its phase is unknown.
+        rest_integration: Speed of an integration where plan and joint rest, in 1/s; 0 for none.
         sample_time: Time between steps, in s.
     """
 
@@ -321,11 +374,13 @@ class TrackingSpecification:
     acceleration_noise: float = 0.5
     acceleration_walk: float = 100.0
     unexplained_bandwidth: float = 0.0
+    rest_integration: float = 0.0
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
         check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         check_range("share of the opening for a planned move", self.jerk_share, 0.01, 1.0)
+        check_range("speed of the integration at rest", self.rest_integration, 0.0, 1e2, "1/s")
         check_range("believed bandwidth", self.unexplained_bandwidth, 0.0, 1e3, "rad/s")
         check_range("lead of the feedforward", self.lead, 0.0, 0.1, "s")
         check_range("known latency", self.latency, 0.0, 50 * self.sample_time, "s")
@@ -368,4 +423,5 @@ class TrackingSpecification:
             lead=self.lead,
             latency=self.latency,
             sensor_lag=self.sensor_lag,
+            rest_integration=self.rest_integration,
         )

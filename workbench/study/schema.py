@@ -492,9 +492,7 @@ class _Resolver(TomlTables):
             more = [e for e in varied.effects if e not in kinds[NOMINAL].plant.effects]
             plant = recipe.plant.varied(effects=more)
             known = {q.name for q in plant.build().parameters}
-            changed = [
-                (k, v) for k, v in varied.parameters if k in known and nominal.get(k) != v
-            ]
+            changed = [(k, v) for k, v in varied.parameters if k in known and nominal.get(k) != v]
             plants.append(plant.varied(parameters=changed))
         table.pop("variations", None)
         if "uncertainty" in table:

@@ -241,7 +241,9 @@ UNCERTAINTY = FieldTable(
             Uncertainty.trusted_frequency / (2.0 * math.pi),
         ),
         "declared": Field(
-            flag, "whether the limits also hold for what the plant declares as tolerated", usual=True
+            flag,
+            "whether the limits also hold for what the plant declares as tolerated",
+            usual=True,
         ),
     },
 )
