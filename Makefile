@@ -1,6 +1,7 @@
 # `make demo` and `make test` need git, make and Python 3.11 to 3.13; they set up the rest in .venv.
 
-.PHONY: help demo docs test test-long test-kernel lint typecheck benchmark campaign notebooks clean
+.PHONY: help demo docs test test-long test-kernel lint typecheck benchmark campaign \
+    fault-campaign notebooks clean
 .DELETE_ON_ERROR:
 .DEFAULT_GOAL := help
 
@@ -24,6 +25,7 @@ help:
 	@echo "make docs       build the documentation site into build/site, with executed notebooks"
 	@echo "make benchmark  measure speed beside other tools, page in build/benchmark, some minutes"
 	@echo "make campaign   kill and starve the commands at random, minutes"
+	@echo "make fault-campaign  every fault in every phase of a move with every controller, minutes"
 	@echo "make notebooks  open the notebooks in Jupyter"
 	@echo "make clean      remove the environment, caches and the demonstration's page"
 
@@ -61,6 +63,11 @@ docs: $(VENV)/installed-docs
 
 benchmark: $(VENV)/installed-benchmark
 	$(BIN)/python -m workbench.speed --out build/benchmark
+
+# Every fault of sensors, references, supply and deadline in every phase of a move, with every
+# family, in Python and in C: minutes. Each family tells its runs and its time.
+fault-campaign: $(VENV)/installed-test
+	$(BIN)/python -m pytest -q -m long tests/controllers/test_fault_campaign.py
 
 # Kills, full disks and missing compilers, minutes.
 campaign: $(VENV)/installed-test

@@ -5,53 +5,105 @@ enum {
   AT_MEASUREMENT = GUARD_LAW_STATES,
   AT_COMMAND = AT_MEASUREMENT + GUARD_SENSORS,
   AT_REFERENCE = AT_COMMAND + GUARD_COMMANDS,
-  AT_STILL = AT_REFERENCE + GUARD_CONTROLLED,
-  AT_SAME = AT_STILL + GUARD_SENSORS,
-  AT_PACE = AT_SAME + GUARD_SENSORS,
-  AT_PLACE = AT_PACE + GUARD_SENSORS,
-  AT_ORIGIN = AT_PLACE + GUARD_SENSORS,
+  AT_ESTIMATE = AT_REFERENCE + GUARD_CONTROLLED,
+  AT_DOUBTED = AT_ESTIMATE + GUARD_ESTIMATED,
+  AT_SAME = AT_DOUBTED + GUARD_SENSORS,
+  AT_MEND = AT_SAME + GUARD_SENSORS,
+  AT_ORIGIN = AT_MEND + GUARD_SENSORS,
   AT_TARGET = AT_ORIGIN + GUARD_CONTROLLED,
   AT_BEST = AT_TARGET + GUARD_CONTROLLED,
   AT_IDLE,
   AT_RAILED,
+  AT_SIDE,
+  AT_TURNS,
   AT_BAD,
+  AT_AWAY,
   AT_GOOD,
   AT_WAIT,
   AT_RAMP
 };
 
-static double guard_followed(const double *measurement) {
-  int i;
-  for (i = 0; i < GUARD_CONTROLLED; ++i)
-    if (GUARD_REFERENCE_SENSOR[i] >= 0.0) return measurement[(int)GUARD_REFERENCE_SENSOR[i]];
-  return 0.0;
+#if GUARD_ESTIMATED > 0
+static double guard_clip(double value, double lower, double upper) {
+  return value < lower ? lower : value > upper ? upper : value;
 }
 
-static double guard_tolerance(void) {
+/* out = start + matrix vector */
+static void guard_sum(const double *start, const double *matrix, const double *vector, int rows,
+                      int columns, double *out) {
+  int i, j;
+  for (i = 0; i < rows; ++i) {
+    double sum = 0.0;
+    for (j = 0; j < columns; ++j) sum += matrix[i * columns + j] * vector[j];
+    out[i] = (start ? start[i] : 0.0) + sum;
+  }
+}
+
+#if GUARD_CURVE > 0
+static double guard_between(double x, const double *points, const double *values) {
+  int i = 1;
+  if (x <= points[0]) return values[0];
+  if (x >= points[GUARD_CURVE - 1]) return values[GUARD_CURVE - 1];
+  while (points[i] <= x) ++i;
+  return values[i - 1] +
+         (x - points[i - 1]) * (values[i] - values[i - 1]) / (points[i] - points[i - 1]);
+}
+#endif
+
+/* Commands as the model takes them, less those at rest. */
+static void guard_entered(const double *command, double *u) {
   int i;
-  for (i = 0; i < GUARD_CONTROLLED; ++i)
-    if (GUARD_REFERENCE_SENSOR[i] >= 0.0) return GUARD_REFERENCE_TOLERANCE[i];
-  return INFINITY;
+  for (i = 0; i < GUARD_COMMANDS; ++i) {
+    u[i] = command[i];
+#if GUARD_CURVE > 0
+    u[i] = guard_between(u[i], GUARD_CURVE_COMMANDS, GUARD_CURVE_VALUES);
+#endif
+    u[i] -= GUARD_REST_COMMAND[i];
+  }
+}
+
+static void guard_expected(const double *estimate, double *expected) {
+  guard_sum(GUARD_REST, GUARD_C, estimate, GUARD_SENSORS, GUARD_ESTIMATED, expected);
+}
+
+static void guard_at_rest(const double *measurement, double *estimate) {
+  double away[GUARD_SENSORS];
+  int i;
+  for (i = 0; i < GUARD_SENSORS; ++i) away[i] = measurement[i] - GUARD_REST[i];
+  guard_sum(0, GUARD_START, away, GUARD_ESTIMATED, GUARD_SENSORS, estimate);
+}
+#endif
+
+static int guard_finite(const double *values, int count) {
+  int i;
+  for (i = 0; i < count; ++i)
+    if (!isfinite(values[i])) return 0;
+  return 1;
 }
 
 static int guard_begin(const double *measurement, double *state) {
-  double seen[GUARD_SENSORS], at[GUARD_CONTROLLED];
-  int i, finite = 1, status;
-  for (i = 0; i < GUARD_SENSORS; ++i) finite = finite && isfinite(measurement[i]);
+  double seen[GUARD_SENSORS], at;
+  int i, status;
+  const int finite = guard_finite(measurement, GUARD_SENSORS);
   for (i = 0; i < GUARD_SENSORS; ++i) seen[i] = finite ? measurement[i] : 0.0;
-  for (i = 0; i < GUARD_CONTROLLED; ++i)
-    at[i] = GUARD_REFERENCE_SENSOR[i] >= 0.0 ? seen[(int)GUARD_REFERENCE_SENSOR[i]] : 0.0;
   status = GUARD_LAW_START(seen, state);
   for (i = 0; i < GUARD_SENSORS; ++i) {
     state[AT_MEASUREMENT + i] = seen[i];
-    state[AT_STILL + i] = state[AT_SAME + i] = state[AT_PACE + i] = 0.0;
-    state[AT_PLACE + i] = guard_followed(seen);
+    state[AT_DOUBTED + i] = state[AT_SAME + i] = state[AT_MEND + i] = 0.0;
   }
   for (i = 0; i < GUARD_COMMANDS; ++i) state[AT_COMMAND + i] = GUARD_COMMAND_SAFE[i];
-  for (i = 0; i < GUARD_CONTROLLED; ++i)
-    state[AT_REFERENCE + i] = state[AT_ORIGIN + i] = state[AT_TARGET + i] = at[i];
-  for (i = AT_BEST; i <= AT_GOOD; ++i) state[i] = 0.0;
-  state[AT_WAIT] = finite ? 0.0 : GUARD_SETTLE;
+  for (i = 0; i < GUARD_CONTROLLED; ++i) {
+    at = GUARD_REFERENCE_SENSOR[i] >= 0.0 ? seen[(int)GUARD_REFERENCE_SENSOR[i]] : 0.0;
+    state[AT_REFERENCE + i] = state[AT_ORIGIN + i] = state[AT_TARGET + i] = at;
+  }
+#if GUARD_ESTIMATED > 0
+  guard_at_rest(seen, state + AT_ESTIMATE);
+#endif
+  for (i = AT_BEST; i <= AT_WAIT; ++i) state[i] = 0.0;
+  if (!finite) {
+    state[AT_AWAY] = GUARD_INNER + 1.0;
+    state[AT_WAIT] = GUARD_SETTLE;
+  }
   state[AT_RAMP] = GUARD_RAMP;
   return finite ? status : 16 * GUARD_NOT_FINITE;
 }
@@ -60,86 +112,186 @@ static int guard_start(const double *measurement, double *state) {
   return guard_begin(measurement, state);
 }
 
-static int guard_make_safe(double *state, double *command, double wait, int fault) {
+/* Remember a command, and what it lets expect. */
+static void guard_commanded(double *state, const double *command) {
   int i;
-  for (i = 0; i < GUARD_COMMANDS; ++i)
-    state[AT_COMMAND + i] = command[i] = GUARD_COMMAND_SAFE[i];
-  state[AT_BEST] = state[AT_IDLE] = state[AT_RAILED] = state[AT_BAD] = state[AT_GOOD] = 0.0;
+#if GUARD_ESTIMATED > 0
+  double u[GUARD_COMMANDS], forced[GUARD_ESTIMATED], next[GUARD_ESTIMATED];
+  guard_entered(command, u);
+  guard_sum(0, GUARD_G, u, GUARD_ESTIMATED, GUARD_COMMANDS, forced);
+  guard_sum(forced, GUARD_F, state + AT_ESTIMATE, GUARD_ESTIMATED, GUARD_ESTIMATED, next);
+  for (i = 0; i < GUARD_ESTIMATED; ++i) state[AT_ESTIMATE + i] = next[i];
+#endif
+  for (i = 0; i < GUARD_COMMANDS; ++i) state[AT_COMMAND + i] = command[i];
+}
+
+/* Give the law up. */
+static void guard_fall(double *state, double wait) {
+  int i;
+#if GUARD_ESTIMATED > 0
+  double expected[GUARD_SENSORS];
+  guard_expected(state + AT_ESTIMATE, expected);
+  for (i = 0; i < GUARD_CONTROLLED; ++i) {
+    const double sensor = GUARD_REFERENCE_SENSOR[i], tolerance = GUARD_REFERENCE_TOLERANCE[i];
+    if (sensor >= 0.0)
+      state[AT_ORIGIN + i] =
+          fmax(fmin(expected[(int)sensor], GUARD_REFERENCE_UPPER[i] - tolerance),
+               GUARD_REFERENCE_LOWER[i] + tolerance);
+  }
+#endif
+  for (i = AT_BEST; i <= AT_GOOD; ++i) state[i] = 0.0;
+  state[AT_AWAY] = GUARD_HAS_INNER ? 0.0 : GUARD_INNER;
   state[AT_WAIT] = wait;
+}
+
+/* Give the command of the inner law, or the safe one. */
+static int guard_apart(double *state, double *command, int fault) {
+  int i;
+  state[AT_AWAY] += 1.0;
+  for (i = 0; i < GUARD_COMMANDS; ++i) command[i] = GUARD_COMMAND_SAFE[i];
+#if GUARD_HAS_INNER > 0
+  if (state[AT_AWAY] <= GUARD_INNER) {
+    double away[GUARD_CONTROLLED], start[GUARD_COMMANDS], back[GUARD_COMMANDS];
+    for (i = 0; i < GUARD_CONTROLLED; ++i)
+      away[i] = state[AT_ORIGIN + i] - GUARD_REST_FOLLOWED[i];
+    guard_sum(GUARD_REST_COMMAND, GUARD_K_REFERENCE, away, GUARD_COMMANDS, GUARD_CONTROLLED, start);
+    guard_sum(0, GUARD_K, state + AT_ESTIMATE, GUARD_COMMANDS, GUARD_ESTIMATED, back);
+    for (i = 0; i < GUARD_COMMANDS; ++i) {
+      double u = start[i] - back[i];
+#if GUARD_CURVE > 0
+      u = guard_between(u, GUARD_CURVE_VALUES, GUARD_CURVE_COMMANDS);
+#endif
+      start[i] = guard_clip(u, GUARD_COMMAND_LOWER[i], GUARD_COMMAND_UPPER[i]);
+    }
+    if (guard_finite(start, GUARD_COMMANDS))
+      for (i = 0; i < GUARD_COMMANDS; ++i) command[i] = start[i];
+  }
+#endif
+  guard_commanded(state, command);
   return 16 * fault;
 }
 
-/* Hold the last command, or give the safe one. */
-static int guard_refuse(double *state, const double *measurement, double *command, int fault) {
+/* Hold the last command, or give the law up. */
+static int guard_refuse(double *state, double *command, int fault) {
   const double bad = state[AT_BAD] + 1.0;
-  int i, finite = 1;
-  if (state[AT_WAIT] == 0.0 && fault != GUARD_STUCK && bad <= GUARD_HOLD) {
+  int i;
+  if (bad <= GUARD_HOLD) {
     state[AT_BAD] = bad;
     state[AT_RAILED] = state[AT_IDLE] = 0.0;
     for (i = 0; i < GUARD_COMMANDS; ++i) command[i] = state[AT_COMMAND + i];
+    guard_commanded(state, command);
     return 16 * fault;
   }
-  for (i = 0; i < GUARD_SENSORS; ++i) finite = finite && isfinite(measurement[i]);
-  for (i = 0; finite && i < GUARD_SENSORS; ++i) state[AT_MEASUREMENT + i] = measurement[i];
-  return guard_make_safe(state, command, state[AT_WAIT] == 0.0 ? GUARD_SETTLE : state[AT_WAIT],
-                         fault);
+  guard_fall(state, GUARD_SETTLE);
+  return guard_apart(state, command, fault);
 }
 
-/* Count what does not change, and tell what is wrong with the measurements. */
-static int guard_sensors(double *state, const double *measurement, double error) {
-  const double far = 1.0 + state[AT_BAD], followed = guard_followed(measurement);
-  double effort = 0.0;
+/* Hold each measurement against what is expected of it; tell what is wrong and what is shown. */
+static int guard_sensors(double *state, const double *measurement, double *seen) {
+  double *last = state + AT_MEASUREMENT;
+  double expected[GUARD_SENSORS], wide;
   int i, fault = GUARD_CLEAR;
+#if GUARD_ESTIMATED > 0
+  double residual[GUARD_SENSORS], corrected[GUARD_ESTIMATED], u[GUARD_COMMANDS], strong = 0.0;
+  int believed = 0;
+  const int believing = state[AT_AWAY] <= GUARD_INNER;
+  guard_entered(state + AT_COMMAND, u);
+  for (i = 0; i < GUARD_COMMANDS; ++i)
+    if (fabs(u[i]) > GUARD_WEAK[i]) strong = 1.0;
+  if (believing)
+    guard_expected(state + AT_ESTIMATE, expected);
+  else
+    for (i = 0; i < GUARD_SENSORS; ++i) expected[i] = last[i];
+  wide = 1.0 + (believing ? GUARD_WIDER * state[AT_BAD] : state[AT_BAD]);
+#else
+  for (i = 0; i < GUARD_SENSORS; ++i) expected[i] = last[i];
+  wide = 1.0 + state[AT_BAD];
+#endif
   for (i = 0; i < GUARD_SENSORS; ++i) {
-    if (!isfinite(measurement[i])) return GUARD_NOT_FINITE;
-    if (measurement[i] < GUARD_SENSOR_LOWER[i] || measurement[i] > GUARD_SENSOR_UPPER[i])
-      return GUARD_OUT_OF_RANGE;
-    if (fabs(measurement[i] - state[AT_MEASUREMENT + i]) > GUARD_SENSOR_JUMP[i] * far)
-      return GUARD_JUMP;
-  }
-  if (isinf(GUARD_STUCK_AFTER)) return GUARD_CLEAR;
-  for (i = 0; i < GUARD_COMMANDS; ++i) {
-    const double share =
-        (fabs(state[AT_COMMAND + i] - GUARD_COMMAND_SAFE[i]) / GUARD_COMMAND_REACH[i] -
-         GUARD_WEAK) /
-        (1.0 - GUARD_WEAK);
-    if (share > effort) effort = share < 1.0 ? share : 1.0;
-  }
-  for (i = 0; i < GUARD_SENSORS; ++i) {
-    const double moved = fabs(followed - state[AT_PLACE + i]) / guard_tolerance();
-    const double change = fabs(measurement[i] - state[AT_MEASUREMENT + i]);
-    const int inside =
-        GUARD_SENSOR_LOWER[i] < measurement[i] && measurement[i] < GUARD_SENSOR_UPPER[i];
-    if (change > 0.0) {
-      state[AT_STILL + i] = state[AT_SAME + i] = 0.0;
-      state[AT_PLACE + i] = followed;
-      state[AT_PACE + i] = change;
+    const double value = measurement[i], off = fabs(value - expected[i]);
+    int wrong = GUARD_CLEAR;
+#if GUARD_ESTIMATED > 0
+    const double before = state[AT_DOUBTED + i];
+    const int stays = value == last[i];
+    const double leap = before != 0.0 ? off : fmin(off, fabs(value - last[i]));
+#else
+    const double leap = off;
+#endif
+    if (!isfinite(value))
+      wrong = GUARD_NOT_FINITE;
+    else if (value < GUARD_SENSOR_LOWER[i] || value > GUARD_SENSOR_UPPER[i])
+      wrong = GUARD_OUT_OF_RANGE;
+    else if (leap > GUARD_SENSOR_JUMP[i] * wide)
+      wrong = GUARD_JUMP;
+#if GUARD_ESTIMATED > 0
+    else if (stays && (before == 2.0 || (state[AT_SAME + i] + strong >= GUARD_HOLD &&
+                                         off > GUARD_SENSOR_DOUBT[i])))
+      wrong = GUARD_STUCK;
+#endif
+    if (fault == GUARD_CLEAR) fault = wrong;
+    seen[i] = value;
+#if GUARD_ESTIMATED > 0
+    state[AT_SAME + i] = stays ? state[AT_SAME + i] + strong : 0.0;
+    residual[i] = (isfinite(value) ? value : 0.0) - expected[i];
+    if (isfinite(value)) last[i] = value;
+    if (wrong != GUARD_CLEAR) {
+      state[AT_DOUBTED + i] = wrong == GUARD_STUCK || (stays && before == 2.0) ? 2.0 : 1.0;
+      state[AT_MEND + i] = 0.0;
       continue;
     }
-    state[AT_SAME + i] = inside ? state[AT_SAME + i] + 1.0 : 0.0;
-    if (GUARD_SENSOR_WATCHED[i] != 0.0 && inside && (error > 1.0 || moved > 1.0))
-      state[AT_STILL + i] += effort;
-    else
-      state[AT_STILL + i] = 0.0;
-    if (state[AT_STILL + i] >= GUARD_STUCK_AFTER ||
-        (state[AT_PACE + i] >= GUARD_SENSOR_MOTION[i] && state[AT_SAME + i] >= GUARD_HOLD))
-      fault = GUARD_STUCK;
+    if (state[AT_SAME + i] == 0.0) believed += 1 << i;
+    state[AT_DOUBTED + i] = 0.0;
+    state[AT_MEND + i] =
+        before != 0.0 ? expected[i] - value : state[AT_MEND + i] * exp(-GUARD_FADE / GUARD_RAMP);
+    if (fabs(state[AT_MEND + i]) <= 1e-6 * GUARD_SENSOR_JUMP[i])
+      state[AT_MEND + i] = 0.0;
+    else if (believing)
+      seen[i] = value + state[AT_MEND + i];
+#endif
   }
+#if GUARD_ESTIMATED > 0
+  if (believing) {
+    guard_sum(state + AT_ESTIMATE, GUARD_M + believed * GUARD_ESTIMATED * GUARD_SENSORS, residual,
+              GUARD_ESTIMATED, GUARD_SENSORS, corrected);
+    for (i = 0; i < GUARD_ESTIMATED; ++i) state[AT_ESTIMATE + i] = corrected[i];
+    guard_expected(corrected, expected);
+    for (i = 0; i < GUARD_SENSORS; ++i)
+      if (state[AT_DOUBTED + i] != 0.0)
+        seen[i] = guard_clip(expected[i], GUARD_SENSOR_LOWER[i], GUARD_SENSOR_UPPER[i]);
+  } else if (guard_finite(measurement, GUARD_SENSORS)) {
+    guard_at_rest(measurement, state + AT_ESTIMATE);
+    for (i = 0; i < GUARD_SENSORS; ++i) state[AT_MEND + i] = 0.0;
+  }
+#else
+  if (guard_finite(measurement, GUARD_SENSORS) &&
+      (fault == GUARD_CLEAR || state[AT_AWAY] > GUARD_INNER))
+    for (i = 0; i < GUARD_SENSORS; ++i) last[i] = measurement[i];
+#endif
   return fault;
 }
 
-/* Count how long the command has been at its end, and the error without progress. */
-static void guard_progress(double *state, const double *command, const double *now, double error) {
-  int i, ends = 0, same = 1, fresh = state[AT_RAMP] < GUARD_RAMP;
+/* Count how long the command is at its end, the error stays, and how often it turns. */
+static void guard_progress(double *state, const double *command, const double *seen,
+                           const double *now) {
+  double error = 0.0, turned = 0.0, side = state[AT_SIDE];
+  int i, ends = 0, same = 1, moved = state[AT_RAMP] < GUARD_RAMP, fresh = moved;
   if (isinf(GUARD_PATIENCE)) return;
   for (i = 0; i < GUARD_COMMANDS; ++i) {
     ends = ends || command[i] <= GUARD_COMMAND_LOWER[i] || command[i] >= GUARD_COMMAND_UPPER[i];
     same = same && command[i] == state[AT_COMMAND + i];
   }
   state[AT_RAILED] = ends && same ? state[AT_RAILED] + 1.0 : 0.0;
-  for (i = 0; i < GUARD_CONTROLLED; ++i)
-    fresh = fresh || (GUARD_REFERENCE_SENSOR[i] >= 0.0 &&
-                      fabs(now[i] - state[AT_TARGET + i]) > GUARD_REFERENCE_TOLERANCE[i]);
+  for (i = 0; i < GUARD_CONTROLLED; ++i) {
+    const double sensor = GUARD_REFERENCE_SENSOR[i], tolerance = GUARD_REFERENCE_TOLERANCE[i];
+    double off;
+    if (sensor < 0.0) continue;
+    off = (now[i] - seen[(int)sensor]) / tolerance;
+    if (fabs(off) > error) error = fabs(off);
+    if (fabs(off) > fabs(turned)) turned = off;
+    moved = moved || now[i] != state[AT_REFERENCE + i];
+    fresh = fresh || fabs(now[i] - state[AT_TARGET + i]) > tolerance;
+  }
+  state[AT_IDLE] += 1.0;
   if (error <= 1.0 || fresh) {
     for (i = 0; i < GUARD_CONTROLLED; ++i) state[AT_TARGET + i] = now[i];
     state[AT_BEST] = error <= 1.0 ? 0.0 : error;
@@ -147,56 +299,54 @@ static void guard_progress(double *state, const double *command, const double *n
   } else if (state[AT_BEST] == 0.0 || error < state[AT_BEST] - 0.5) {
     state[AT_BEST] = error;
     state[AT_IDLE] = 0.0;
-  } else {
-    state[AT_IDLE] += 1.0;
+  }
+  if (moved) {
+    state[AT_SIDE] = state[AT_TURNS] = 0.0;
+  } else if (turned * side < 0.0) {
+    state[AT_TURNS] = fabs(side) > 0.25 ? state[AT_TURNS] + 1.0 : 0.0;
+    state[AT_SIDE] = turned;
+  } else if (fabs(turned) > fabs(side)) {
+    state[AT_SIDE] = turned;
   }
 }
 
 static int guard_step(const double *measurement, const double *reference, double *state,
                       double *command, double *report) {
-  double wanted[GUARD_REFERENCES], now[GUARD_CONTROLLED], law[GUARD_LAW_STATES + 1], error = 0.0;
-  int i, fault, found = GUARD_CLEAR, finite = 1, status;
+  double wanted[GUARD_REFERENCES], now[GUARD_CONTROLLED], law[GUARD_LAW_STATES + 1];
+  double seen[GUARD_SENSORS];
+  int i, fault, found = GUARD_CLEAR, status;
   (void)report;
 #if GUARD_REPORTS > 0
   for (i = 0; i < GUARD_REPORTS; ++i) report[i] = NAN;
 #endif
   for (i = 0; i < GUARD_REFERENCES; ++i) {
     const int own = i % GUARD_CONTROLLED;
+    const double before = state[AT_REFERENCE + own], pace = GUARD_REFERENCE_PACE[own];
     double value = reference[i];
     if (!isfinite(value)) {
-      value = state[AT_REFERENCE + own];
+      value = before;
       found = GUARD_REFERENCE;
     }
     if (value < GUARD_REFERENCE_LOWER[own]) {
-      value = GUARD_REFERENCE_LOWER[own];
+      value = fmax(GUARD_REFERENCE_LOWER[own], before - pace);
       found = GUARD_REFERENCE;
     } else if (value > GUARD_REFERENCE_UPPER[own]) {
-      value = GUARD_REFERENCE_UPPER[own];
+      value = fmin(GUARD_REFERENCE_UPPER[own], before + pace);
       found = GUARD_REFERENCE;
     }
     wanted[i] = value;
   }
   for (i = 0; i < GUARD_CONTROLLED; ++i) now[i] = wanted[i];
-  for (i = 0; i < GUARD_CONTROLLED; ++i) {
-    const double sensor = GUARD_REFERENCE_SENSOR[i];
-    if (sensor >= 0.0) {
-      const double off = fabs(now[i] - measurement[(int)sensor]) / GUARD_REFERENCE_TOLERANCE[i];
-      if (off > error) error = off;
-    }
-  }
-  fault = guard_sensors(state, measurement, error);
-  if (fault != GUARD_CLEAR) return guard_refuse(state, measurement, command, fault);
-  if (state[AT_WAIT] > 0.0) {
-    const double good = state[AT_GOOD] + 1.0;
-    if (good <= state[AT_WAIT]) {
-      state[AT_GOOD] = good;
-      for (i = 0; i < GUARD_SENSORS; ++i) state[AT_MEASUREMENT + i] = measurement[i];
-      for (i = 0; i < GUARD_COMMANDS; ++i) command[i] = GUARD_COMMAND_SAFE[i];
-      return 16 * GUARD_RETURNING;
-    }
-    guard_begin(measurement, state);
+  fault = guard_sensors(state, measurement, seen);
+  if (state[AT_AWAY] > 0.0) {
+    state[AT_GOOD] = fault == GUARD_CLEAR ? state[AT_GOOD] + 1.0 : 0.0;
+    if (state[AT_GOOD] <= state[AT_WAIT])
+      return guard_apart(state, command, fault == GUARD_CLEAR ? GUARD_RETURNING : fault);
+    guard_begin(seen, state);
     for (i = 0; i < GUARD_CONTROLLED; ++i) state[AT_REFERENCE + i] = now[i];
     state[AT_RAMP] = 0.0;
+  } else if (fault != GUARD_CLEAR && (GUARD_ESTIMATED == 0 || state[AT_BAD] >= GUARD_BRIDGE)) {
+    return guard_refuse(state, command, fault);
   }
   if (state[AT_RAMP] < GUARD_RAMP) {
     double s, share;
@@ -210,18 +360,29 @@ static int guard_step(const double *measurement, const double *reference, double
     found = GUARD_RETURNING;
   }
   for (i = 0; i < GUARD_LAW_STATES; ++i) law[i] = state[i];
-  status = GUARD_LAW_STEP(measurement, wanted, law, command, report);
-  for (i = 0; i < GUARD_COMMANDS; ++i) finite = finite && isfinite(command[i]);
-  if (!finite) return guard_refuse(state, measurement, command, GUARD_LAW);
+  status = GUARD_LAW_STEP(seen, wanted, law, command, report);
+  if (!guard_finite(command, GUARD_COMMANDS)) return guard_refuse(state, command, GUARD_LAW);
+  guard_progress(state, command, seen, now);
   for (i = 0; i < GUARD_LAW_STATES; ++i) state[i] = law[i];
-  guard_progress(state, command, now, error);
-  for (i = 0; i < GUARD_SENSORS; ++i) state[AT_MEASUREMENT + i] = measurement[i];
-  for (i = 0; i < GUARD_COMMANDS; ++i) state[AT_COMMAND + i] = command[i];
   for (i = 0; i < GUARD_CONTROLLED; ++i) state[AT_REFERENCE + i] = now[i];
-  state[AT_BAD] = state[AT_GOOD] = 0.0;
-  if (state[AT_RAILED] >= GUARD_PATIENCE || state[AT_IDLE] >= GUARD_PATIENCE)
-    return guard_make_safe(state, command, GUARD_PATIENCE,
-                           state[AT_RAILED] >= GUARD_PATIENCE ? GUARD_SATURATED
-                                                              : GUARD_NO_PROGRESS);
+  state[AT_BAD] = fault == GUARD_CLEAR ? 0.0 : state[AT_BAD] + 1.0;
+  if (state[AT_RAILED] >= GUARD_PATIENCE || state[AT_IDLE] >= GUARD_PATIENCE ||
+      state[AT_TURNS] >= GUARD_SWINGS) {
+    fault = state[AT_RAILED] >= GUARD_PATIENCE ? GUARD_SATURATED
+            : state[AT_IDLE] >= GUARD_PATIENCE ? GUARD_NO_PROGRESS
+                                               : GUARD_OSCILLATION;
+    guard_fall(state, GUARD_PATIENCE);
+    return guard_apart(state, command, fault);
+  }
+  guard_commanded(state, command);
+  if (fault != GUARD_CLEAR) return 16 * fault;
   return 16 * found + status;
+}
+
+static int guard_missed(double *state, double *command) {
+  if (state[AT_AWAY] > 0.0) {
+    state[AT_GOOD] = 0.0;
+    return guard_apart(state, command, GUARD_DEADLINE);
+  }
+  return guard_refuse(state, command, GUARD_DEADLINE);
 }

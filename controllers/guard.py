@@ -2,30 +2,40 @@
 
 Each sample, in this order (`guard.c` does the same in C, in the same order of operations):
 
-1. A reference that is not finite is the last one that was; one out of the declared range is its
-   end. The law steps on.
-2. A measurement that is not finite, out of range or jumps is not shown to the law: its state stays
-   as it was and the last command is held, for at most ``hold`` samples; then comes the safe one.
-3. A measurement that does not change by a bit, while commands asked for a move long enough that the
-   plant as declared would have moved, or for ``hold`` samples right after it had moved fast, is
-   stuck: safe command, until it changes.
-4. The law steps. If what it commands is not finite, or (with limits) it raises an error of
-   arithmetic, that is treated like a measurement that is not shown: its state stays as it was.
-5. A command at its end, or an error of the controlled outputs above tolerance that does not get
-   smaller, for ``patience`` samples (a plant that cannot follow, a solver that reports success
-   without progress): safe command for ``patience`` samples, then again.
+1. A reference that is not finite is the last one that was; one out of the declared range moves
+   towards its end, at a pace of its own. The law steps on.
+2. A measurement is refused that is not finite, out of range, a jump away from the one before and
+   from what is expected of it, or that does not change by a bit for ``hold`` samples of a strong
+   command while what is expected leaves it (stuck; until it changes). What is expected comes from
+   an estimator (`controllers.estimator`) that knows the linear model of the plant, all other
+   measurements and the commands. The law is shown its estimate in the place of a refused
+   measurement, for at most ``bridge`` samples. When the measurement is believed again, the
+   difference fades over ``ramp`` samples: no bump.
+3. The law steps. If what it commands is not finite, it raises an error of arithmetic (with limits),
+   or it took longer than its deadline, its state stays as it was and the last command is held, for
+   at most ``hold`` samples.
+4. A command at its end, an error of the controlled outputs above tolerance that does not get
+   smaller, for ``patience`` samples (a plant that cannot follow, a lost supply, a solver that
+   reports success without progress), or one that changes its side ``swings`` times (oscillation)
+   while the reference rests, is given up for ``patience`` samples.
+5. What lasts longer than 2 and 3 allow, or 4, falls back to the inner law: a state feedback of the
+   estimator that brings the plant to rest where it is, for ``inner`` samples; then comes the safe
+   command.
 
-After the safe command the law returns when measurements are plausible for ``settle`` samples, from
-its start at what is measured then (what its integrals had wound up is gone), and its references
-move from there to what is asked along a quintic of ``ramp`` samples: no bump.
+After that the law returns when measurements are plausible for ``settle`` samples, from its start at
+what is measured then (what its integrals had wound up is gone), and its references move from there
+to what is asked along a quintic of ``ramp`` samples: no bump. Without an estimator the command is
+held in 2, a jump is one from the measurement before, nothing is found to be stuck, and the safe
+command takes the place of the inner law.
 
 On plausible measurements and references the guard changes nothing, not by a bit. Its limits are
 what the plant declares (`workbench.verification.guard_limits`); without any it refuses what is not
 finite.
 
-Source: signal validation and safe fallback as in Isermann, Fault-Diagnosis Systems, 2006, chapters
-7 (limit checking) and 20 (fault tolerance); bumpless transfer: Åström and Hägglund, Advanced PID
-Control, 2006, section 3.6.
+Source: signal validation, analytical redundancy and fault tolerance: Isermann, Fault-Diagnosis
+Systems, 2006, chapters 7, 10 and 20; oscillation: Hägglund, A control-loop performance monitor,
+Control Eng. Practice 3, 1995; bumpless transfer: Åström and Hägglund, Advanced PID Control, 2006,
+section 3.6.
 """
 
 from __future__ import annotations
@@ -35,7 +45,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from controllers.c_source import CSource, defined, table
+from controllers.estimator import Estimator
 from controllers.named_state import names
 from controllers.protocol import Command, Controller, Info, Measurement, Reference
 from workbench.errors import WorkbenchError, check_range
@@ -53,14 +66,16 @@ class Fault(NamedTuple):
 FAULTS = (
     Fault("clear", "nothing; the command is that of the law"),
     Fault("reference", "a reference out of its range or not finite was replaced; the law steps on"),
-    Fault("returning", "the law is about to start anew, or its reference moves to what is asked"),
-    Fault("not_finite", "a measurement is not finite: command held, then the safe one"),
-    Fault("out_of_range", "a measurement is out of its range: command held, then the safe one"),
-    Fault("jump", "a measurement changed faster than the plant can: held, then safe"),
-    Fault("stuck", "a measurement does not change while the plant must move: safe command"),
-    Fault("law", "the law gave no finite command: command held, then the safe one"),
-    Fault("saturated", "the command was at its end for too long: safe command for a time"),
-    Fault("no_progress", "the error did not get smaller for too long: safe command for a time"),
+    Fault("returning", "measurements are plausible again: the law is about to start, or has begun"),
+    Fault("not_finite", "a measurement is not finite"),
+    Fault("out_of_range", "a measurement is out of its range"),
+    Fault("jump", "a measurement is not what the others and the one before let expect"),
+    Fault("stuck", "a measurement stays to the bit, which the others say has changed"),
+    Fault("law", "the law gave no finite command"),
+    Fault("deadline", "the command was not there in time"),
+    Fault("saturated", "the command was at its end for too long"),
+    Fault("no_progress", "the error did not get smaller for too long"),
+    Fault("oscillation", "the error changed its side again and again"),
 )
 """Everything the guard may find; the place in this list times 16 is its status in C."""
 
@@ -73,16 +88,21 @@ FAULTS = (
     JUMP,
     STUCK,
     LAW,
+    DEADLINE,
     SATURATED,
     NO_PROGRESS,
+    OSCILLATION,
 ) = range(len(FAULTS))
 
-WEAK = 0.1
-"""Share of a command that friction may swallow: up to it a plant that stays is no sign."""
+ACTIONS = ("law", "clamp", "ramp", "estimate", "hold", "inner", "safe")
+"""What may be done: the law's command, also with a replaced reference, on the way back, or with an
+estimate in the place of a measurement; the command before; the inner law's; the safe command."""
 
-ACTIONS = ("law", "clamp", "ramp", "hold", "safe")
-"""What may be done: the law's command, also with a replaced reference or on the way back; the
-command before; the safe command."""
+WIDER = 0.05
+"""Share by which a jump grows with every sample in which it was not believed."""
+
+FADE = 5.0
+"""Time constants in which a difference has faded after a ramp."""
 
 
 class SensorLimits(NamedTuple):
@@ -91,18 +111,14 @@ class SensorLimits(NamedTuple):
     Args:
         lower: Smallest value, in SI.
         upper: Largest value, in SI.
-        jump: Largest change from sample to sample, in SI.
-        watched: 1 if it never rests to the bit while the plant moves, so that it may be found to be
-            stuck: a controlled output, or one that is noisy; else 0 (dimensionless).
-        motion: Smallest change from sample to sample after which it does not stop to the bit at
-            once, in SI.
+        jump: Largest distance from what is expected of it, or from the one before, in SI.
+        doubt: Distance from what is expected at which a value that stays is stuck, in SI.
     """
 
     lower: float = -_INFINITE
     upper: float = _INFINITE
     jump: float = _INFINITE
-    watched: float = 0.0
-    motion: float = _INFINITE
+    doubt: float = _INFINITE
 
 
 class ReferenceLimits(NamedTuple):
@@ -113,12 +129,14 @@ class ReferenceLimits(NamedTuple):
         upper: Largest reference, in SI.
         tolerance: Error that a plant that moves does not keep, in SI.
         sensor: Place of the sensor that reads the output (dimensionless); -1 for none.
+        pace: Change per sample with which a reference out of range goes to its end, in SI.
     """
 
     lower: float = -_INFINITE
     upper: float = _INFINITE
     tolerance: float = _INFINITE
     sensor: float = -1.0
+    pace: float = _INFINITE
 
 
 class CommandLimits(NamedTuple):
@@ -139,21 +157,24 @@ class GuardState(NamedTuple):
     """What a guard remembers.
 
     Args:
-        measurement: Last plausible one, under the safe command the last one, in SI.
+        measurement: Last finite one; without an estimator the last plausible one; in SI.
         command: Last command, in SI.
         reference: Last references within their ranges, in SI.
-        still: Samples of full command for which each sensor has not changed by a bit.
-        same: Samples for which it has not.
-        pace: Its last change that was one, in SI.
-        place: First controlled output when each sensor last changed, in SI.
-        origin: Controlled outputs at the last return, in SI.
+        estimate: Predicted states and offsets of the estimator, in SI.
+        doubted: For each sensor 0 if it is believed, 1 if not, 2 if it is stuck; dimensionless.
+        same: Samples of a strong command for which each measurement has not changed by a bit.
+        mend: What each measurement is shown with, fading since it is believed again, in SI.
+        origin: Controlled outputs at the last return or fall, in SI.
         target: References from which progress is counted, in SI.
         best: Smallest error since then, in tolerances (a ratio).
         idle: Samples since it got smaller.
         railed: Samples for which the command has been at its end.
-        bad: Samples for which the command has been held.
-        good: Plausible samples under the safe command.
-        wait: Plausible samples after which the law returns; 0 while the law acts.
+        side: Largest error since it last changed its side, with its sign, in tolerances (a ratio).
+        turns: How often it did (dimensionless).
+        bad: Samples since the law was last shown what was measured, and stepped in time.
+        away: Samples since the law was given up; 0 while it acts.
+        good: Plausible samples since.
+        wait: Plausible samples after which the law returns.
         ramp: Samples since the last return.
     """
 
@@ -161,16 +182,19 @@ class GuardState(NamedTuple):
     measurement: tuple[float, ...]
     command: tuple[float, ...]
     reference: tuple[float, ...]
-    still: tuple[float, ...]
+    estimate: Any
+    doubted: tuple[float, ...]
     same: tuple[float, ...]
-    pace: tuple[float, ...]
-    place: tuple[float, ...]
+    mend: tuple[float, ...]
     origin: tuple[float, ...]
     target: tuple[float, ...]
     best: float
     idle: float
     railed: float
+    side: float
+    turns: float
     bad: float
+    away: float
     good: float
     wait: float
     ramp: float
@@ -184,31 +208,56 @@ class Guard:
         sensors: Limits of each measurement; none for those that are only to be finite.
         references: Limits of the reference of each controlled output.
         commands: Limits of each command.
-        hold: How long the last command is held, in samples.
+        estimator: What the plant's linear model says of measurements; None for nothing.
+        bridge: How long the law acts on estimates, in samples.
+        hold: How long the last command is held, in samples; and how long a measurement must stay to
+            be stuck.
+        inner: How long the inner law then brings the plant to rest, in samples.
         settle: How long measurements must be plausible before the law returns, in samples.
         ramp: How long the reference then moves from what is measured to what is asked, in samples.
-        stuck: Samples of full command after which a watched sensor must have changed.
         patience: How long a command may be at its end, or an error may stay, in samples.
+        swings: How often an error above a quarter of its tolerance may change its side while the
+            reference rests (dimensionless).
+        deadline: Time that a step of the law may take by what it tells itself, in s.
     """
 
     sensors: tuple[SensorLimits, ...]
     references: tuple[ReferenceLimits, ...]
     commands: tuple[CommandLimits, ...]
+    estimator: Estimator | None = None
+    bridge: float = 125.0
     hold: float = 5.0
+    inner: float = 250.0
     settle: float = 10.0
     ramp: float = 50.0
-    stuck: float = _INFINITE
     patience: float = _INFINITE
+    swings: float = _INFINITE
+    deadline: float = _INFINITE
 
     def __post_init__(self) -> None:
-        for name, least in (("hold", 0.0), ("settle", 1.0), ("ramp", 0.0)):
+        for name, least in (
+            ("bridge", 0.0), ("hold", 0.0), ("inner", 0.0), ("settle", 1.0), ("ramp", 1.0),
+        ):  # fmt: skip
             value = check_range(f"{name} of a guard", getattr(self, name), least, 1e6, "samples")
             object.__setattr__(self, name, float(value))
-        for name in ("stuck", "patience"):
+        for name in ("patience", "swings"):
             value = getattr(self, name)
             if value != _INFINITE:
                 value = float(check_range(f"{name} of a guard", value, 1.0, 1e9, "samples"))
             object.__setattr__(self, name, value)
+
+    @property
+    def plain(self) -> bool:
+        """Whether it has no limits, so that nothing but a number that is not finite is found."""
+        bounds = [
+            *(value for limits in self.sensors for value in limits),
+            *(value for limits in self.references for value in (*limits[:3], limits.pace)),
+            *(value for limits in self.commands for value in limits[1:]),
+            self.patience,
+            self.swings,
+            self.deadline,
+        ]
+        return self.estimator is None and all(map(math.isinf, bounds))
 
 
 def plain_guard(controller: Controller) -> Guard:
@@ -265,17 +314,8 @@ class Guarded:
         self.sample_time = controller.sample_time
         self.sensors, self.controlled = controller.sensors, controller.controlled
         self.actuators, self.preview = controller.actuators, controller.preview
-        self._plain = guard == Guard(
-            (SensorLimits(),) * len(guard.sensors),
-            tuple(ReferenceLimits(sensor=limits.sensor) for limits in guard.references),
-            guard.commands,
-            hold=guard.hold,
-            settle=guard.settle,
-            ramp=guard.ramp,
-        )
+        self._plain = guard.plain
         self.safe = tuple(limits.safe for limits in guard.commands)
-        reach = [max(c.upper - c.safe, c.safe - c.lower) for c in guard.commands]
-        self._reach = tuple(value if value > 0.0 else 1.0 for value in reach)
         self._tracked = [
             (i, int(limits.sensor), limits.tolerance)
             for i, limits in enumerate(guard.references)
@@ -295,21 +335,25 @@ class Guarded:
         seen = measurement if finite else tuple(0.0 for _ in measurement)
         at = self._at(seen)
         zeros = tuple(0.0 for _ in seen)
+        own = self.guard.estimator
         return GuardState(
             law=self.controller.initial_state(seen),
             measurement=seen,
             command=self.safe,
             reference=at,
-            still=zeros,
+            estimate=None if own is None else own.start @ (np.array(seen) - own.rest),
+            doubted=zeros,
             same=zeros,
-            pace=zeros,
-            place=tuple(self._followed(seen) for _ in seen),
+            mend=zeros,
             origin=at,
             target=at,
             best=0.0,
             idle=0.0,
             railed=0.0,
+            side=0.0,
+            turns=0.0,
             bad=0.0,
+            away=0.0 if finite else self.guard.inner + 1.0,
             good=0.0,
             wait=0.0 if finite else self.guard.settle,
             ramp=self.guard.ramp,
@@ -322,9 +366,6 @@ class Guarded:
             for limits in self.guard.references
         )
 
-    def _followed(self, measurement: Measurement) -> float:
-        return measurement[self._tracked[0][1]] if self._tracked else 0.0
-
     def step(
         self, state: GuardState, measurement: Measurement, reference: Reference
     ) -> tuple[Command, GuardState, Info]:
@@ -336,29 +377,27 @@ class Guarded:
         guard = self.guard
         if (
             self._plain
-            and not (state.wait or state.bad or state.ramp < guard.ramp)
+            and not (state.away or state.bad or state.ramp < guard.ramp)
             and math.isfinite(sum(measurement) + sum(reference))
         ):
             # Nothing can be found: the same as below, without looking.
             command, law, info = self.controller.step(state.law, measurement, reference)
             if not math.isfinite(sum(command)):
-                return self._refused(state, measurement, LAW, info)
+                return self._refused(state, LAW, info)
             now = reference[: len(guard.references)]
             return command, GuardState(law, measurement, command, now, *state[4:]), info
         wanted, found = self._references(state, reference)
         now = wanted[: len(guard.references)]
-        error = 0.0
-        for i, sensor, tolerance in self._tracked:
-            error = max(error, abs(now[i] - measurement[sensor]) / tolerance)
-        state, fault = self._sensors(state, measurement, now, error)
-        if fault:
-            return self._refused(state, measurement, fault, {})
-        if state.wait:
-            good = state.good + 1.0
+        state, seen, fault = self._sensors(state, measurement)
+        if state.away:
+            good = 0.0 if fault else state.good + 1.0
+            state = state._replace(good=good)
             if good <= state.wait:
-                state = state._replace(good=good, measurement=measurement)
-                return self._told(self.safe, state, {}, RETURNING, "safe")
-            state = self._returned(measurement, now)
+                return self._apart(state, {}, fault or RETURNING)
+            state = self.initial_state(seen)._replace(reference=now, ramp=0.0)
+        elif fault and (guard.estimator is None or state.bad >= guard.bridge):
+            return self._refused(state, fault, {})
+        shown = wanted
         if state.ramp < guard.ramp:
             ramp = state.ramp + 1.0
             state = state._replace(ramp=ramp)
@@ -370,138 +409,217 @@ class Guarded:
                 for i, value in enumerate(wanted)
             )
             found = RETURNING
-        else:
-            shown = wanted
         try:
-            command, law, info = self.controller.step(state.law, measurement, shown)
+            command, law, info = self.controller.step(state.law, seen, shown)
         except (ArithmeticError, ValueError):
             if self._plain:
                 # Without limits nothing is known of what it was asked: a bug is to be seen.
                 raise
-            return self._refused(state, measurement, LAW, {})
+            return self._refused(state, LAW, {})
         if not all(map(math.isfinite, command)):
-            return self._refused(state, measurement, LAW, info)
-        railed, target, best, idle = self._progress(state, command, now, error)
-        following = GuardState(
-            law, measurement, command, now, *state[4:8], state.origin,
-            target, best, idle, railed, 0.0, 0.0, 0.0, state.ramp,
-        )  # fmt: skip
-        if railed >= guard.patience or idle >= guard.patience:
-            fault = SATURATED if railed >= guard.patience else NO_PROGRESS
-            following = self._safe(following, guard.patience)
-            return self._told(self.safe, following, info, fault, "safe")
+            return self._refused(state, LAW, info)
+        if float(info.get("solve_time", 0.0)) > guard.deadline:
+            return self._refused(state, DEADLINE, info)
+        state = self._progress(state, command, seen, now)
+        state = state._replace(law=law, reference=now, bad=state.bad + 1.0 if fault else 0.0)
+        if state.railed >= guard.patience or state.idle >= guard.patience:
+            lasting = SATURATED if state.railed >= guard.patience else NO_PROGRESS
+            return self._apart(self._fallen(state, guard.patience), info, lasting)
+        if state.turns >= guard.swings:
+            return self._apart(self._fallen(state, guard.patience), info, OSCILLATION)
+        state = self._commanded(state, command)
+        if fault:
+            return self._told(state, info, fault, "estimate")
         if found:
-            return self._told(
-                command, following, info, found, "ramp" if found == RETURNING else "clamp"
-            )
-        return command, following, info
+            return self._told(state, info, found, "ramp" if found == RETURNING else "clamp")
+        return command, state, info
+
+    def missed(self, state: GuardState) -> tuple[Command, GuardState, Info]:
+        """Return the command of a sample in which the law's was not there in time."""
+        if state.away:
+            return self._apart(state._replace(good=0.0), {}, DEADLINE)
+        return self._refused(state, DEADLINE, {})
 
     def _references(self, state: GuardState, reference: Reference) -> tuple[Reference, int]:
         """Return the references within their ranges, and whether one was replaced."""
         limits = self.guard.references
         count, wanted, found = len(limits), [], CLEAR
         for i, asked in enumerate(reference):
-            own, value = limits[i % count], asked
+            own, before, value = limits[i % count], state.reference[i % count], asked
             if not math.isfinite(value):
-                value, found = state.reference[i % count], REFERENCE
+                value, found = before, REFERENCE
             if value < own.lower:
-                value, found = own.lower, REFERENCE
+                value, found = max(own.lower, before - own.pace), REFERENCE
             elif value > own.upper:
-                value, found = own.upper, REFERENCE
+                value, found = min(own.upper, before + own.pace), REFERENCE
             wanted.append(value)
         return tuple(wanted), found
 
     def _sensors(
-        self, state: GuardState, measurement: Measurement, now: Reference, error: float
-    ) -> tuple[GuardState, int]:
-        """Return the state with what does not change counted, and what is wrong."""
-        guard, far = self.guard, 1.0 + state.bad
-        for value, before, limits in zip(
-            measurement, state.measurement, guard.sensors, strict=True
-        ):
-            if not math.isfinite(value):
-                return state, NOT_FINITE
-            if value < limits.lower or value > limits.upper:
-                return state, OUT_OF_RANGE
-            if abs(value - before) > limits.jump * far:
-                return state, JUMP
-        if guard.stuck == _INFINITE:
-            return state, CLEAR
-        effort = 0.0
-        for value, safe, reach in zip(state.command, self.safe, self._reach, strict=True):
-            effort = max(effort, min((abs(value - safe) / reach - WEAK) / (1.0 - WEAK), 1.0))
-        followed = self._followed(measurement)
-        tolerance = self._tracked[0][2] if self._tracked else _INFINITE
-        still, place, fault = list(state.still), list(state.place), CLEAR
-        same, pace = list(state.same), list(state.pace)
+        self, state: GuardState, measurement: Measurement
+    ) -> tuple[GuardState, Measurement, int]:
+        """Return the state with the estimate corrected, what the law is shown, and what is wrong.
+
+        Each measurement is held against what is expected of it: the estimate, or without one, and
+        under the safe command, the measurement before.
+        """
+        guard, own = self.guard, self.guard.estimator
+        believing = own is not None and state.away <= guard.inner
+        expected = state.measurement
+        if own is not None and believing:
+            expected = tuple(own.expected(state.estimate).tolist())
+            wide = 1.0 + WIDER * state.bad
+        else:
+            wide = 1.0 + state.bad
+        strong = float(own is not None and own.strong(state.command))
+        fault, believed = CLEAR, 0
+        doubted, same = [], []
+        seen, last, mend = list(measurement), list(state.measurement), list(state.mend)
         for i, (value, limits) in enumerate(zip(measurement, guard.sensors, strict=True)):
-            moved = abs(followed - place[i]) / tolerance
-            change = abs(value - state.measurement[i])
-            if change:
-                still[i], place[i], same[i], pace[i] = 0.0, followed, 0.0, change
+            off, before, wrong = abs(value - expected[i]), state.doubted[i], CLEAR
+            stays = value == last[i]
+            leap = off if before else min(off, abs(value - last[i]))
+            same.append(state.same[i] + strong if stays else 0.0)
+            if not math.isfinite(value):
+                wrong = NOT_FINITE
+            elif value < limits.lower or value > limits.upper:
+                wrong = OUT_OF_RANGE
+            elif leap > limits.jump * wide:
+                wrong = JUMP
+            elif (
+                own and stays and (before == 2.0 or (same[i] >= guard.hold and off > limits.doubt))
+            ):
+                wrong = STUCK
+            if own is None:
+                fault = fault or wrong
                 continue
-            inside = limits.lower < value < limits.upper
-            same[i] = same[i] + 1.0 if inside else 0.0
-            if limits.watched and inside and (error > 1.0 or moved > 1.0):
-                still[i] = still[i] + effort
-            else:
-                still[i] = 0.0
-            if still[i] >= guard.stuck or (pace[i] >= limits.motion and same[i] >= guard.hold):
-                fault = STUCK
+            if math.isfinite(value):
+                last[i] = value
+            if wrong:
+                fault = fault or wrong
+                doubted.append(2.0 if wrong == STUCK or (stays and before == 2.0) else 1.0)
+                mend[i] = 0.0
+                continue
+            if not same[i]:
+                believed += 1 << i
+            doubted.append(0.0)
+            mend[i] = expected[i] - value if before else mend[i] * math.exp(-FADE / guard.ramp)
+            if abs(mend[i]) <= 1e-6 * limits.jump:
+                mend[i] = 0.0
+            elif believing:
+                seen[i] = value + mend[i]
+        if own is None:
+            if all(map(math.isfinite, measurement)) and (not fault or state.away > guard.inner):
+                # Another level may be the true one: it is believed once it stays.
+                state = state._replace(measurement=measurement)
+            return state, measurement, fault
+        z = state.estimate
+        if believing:
+            residual = np.array([v if math.isfinite(v) else 0.0 for v in measurement]) - expected
+            z = z + own.M[believed] @ residual
+            for i, value in enumerate(own.expected(z).tolist()):
+                if doubted[i]:
+                    seen[i] = min(max(value, guard.sensors[i].lower), guard.sensors[i].upper)
+        elif all(map(math.isfinite, measurement)):
+            z, mend = own.start @ (np.array(measurement) - own.rest), [0.0] * len(mend)
         state = state._replace(
-            still=tuple(still), same=tuple(same), pace=tuple(pace), place=tuple(place)
+            measurement=tuple(last),
+            estimate=z,
+            doubted=tuple(doubted),
+            same=tuple(same),
+            mend=tuple(mend),
         )
-        return state, fault
+        return state, tuple(seen), fault
 
     def _progress(
-        self, state: GuardState, command: Command, now: Reference, error: float
-    ) -> tuple[float, tuple[float, ...], float, float]:
-        """Return how long the command has been at its end, and the error without progress."""
+        self, state: GuardState, command: Command, seen: Measurement, now: Reference
+    ) -> GuardState:
+        """Count how long the command is at its end, the error stays, and how often it turns."""
         guard = self.guard
         if guard.patience == _INFINITE:
-            return 0.0, state.target, 0.0, 0.0
+            return state
         ends = any(
             value <= limits.lower or value >= limits.upper
             for value, limits in zip(command, guard.commands, strict=True)
         )
         railed = state.railed + 1.0 if ends and command == state.command else 0.0
-        new = state.ramp < guard.ramp or any(
-            abs(now[i] - state.target[i]) > tolerance for i, _, tolerance in self._tracked
+        error, signed, moved = 0.0, 0.0, state.ramp < guard.ramp
+        fresh = moved
+        for i, sensor, tolerance in self._tracked:
+            off = (now[i] - seen[sensor]) / tolerance
+            if abs(off) > error:
+                error = abs(off)
+            if abs(off) > abs(signed):
+                signed = off
+            moved = moved or now[i] != state.reference[i]
+            fresh = fresh or abs(now[i] - state.target[i]) > tolerance
+        target, best, idle = state.target, state.best, state.idle + 1.0
+        if error <= 1.0 or fresh:
+            target, best, idle = now, 0.0 if error <= 1.0 else error, 0.0
+        elif best == 0.0 or error < best - 0.5:
+            best, idle = error, 0.0
+        side, turns = state.side, state.turns
+        if moved:
+            side, turns = 0.0, 0.0
+        elif signed * side < 0.0:
+            turns = turns + 1.0 if abs(side) > 0.25 else 0.0
+            side = signed
+        elif abs(signed) > abs(side):
+            side = signed
+        return state._replace(
+            target=target, best=best, idle=idle, railed=railed, side=side, turns=turns
         )
-        if error <= 1.0 or new:
-            return railed, now, 0.0 if error <= 1.0 else error, 0.0
-        if state.best == 0.0 or error < state.best - 0.5:
-            return railed, state.target, error, 0.0
-        return railed, state.target, state.best, state.idle + 1.0
 
     def _refused(
-        self, state: GuardState, measurement: Measurement, fault: int, info: Info
+        self, state: GuardState, fault: int, info: Info
     ) -> tuple[Command, GuardState, Info]:
-        """Hold the last command, or give the safe one."""
+        """Hold the last command, or give the law up."""
         bad = state.bad + 1.0
-        if not state.wait and fault != STUCK and bad <= self.guard.hold:
+        if bad <= self.guard.hold:
             state = state._replace(bad=bad, railed=0.0, idle=0.0)
-            return self._told(state.command, state, info, fault, "hold")
-        state = self._safe(state, state.wait or self.guard.settle)
-        if all(map(math.isfinite, measurement)):
-            # From here on a jump is one from sample to sample: another level may be the true one.
-            state = state._replace(measurement=measurement)
-        return self._told(self.safe, state, info, fault, "safe")
+            return self._told(self._commanded(state, state.command), info, fault, "hold")
+        return self._apart(self._fallen(state, self.guard.settle), info, fault)
 
-    def _safe(self, state: GuardState, wait: float) -> GuardState:
+    def _fallen(self, state: GuardState, wait: float) -> GuardState:
+        """Return the state in which the law has just been given up."""
+        guard, own, origin = self.guard, self.guard.estimator, list(state.origin)
+        if own is not None:
+            expected = own.expected(state.estimate).tolist()
+            for i, sensor, tolerance in self._tracked:
+                low, high = guard.references[i].lower, guard.references[i].upper
+                origin[i] = max(min(expected[sensor], high - tolerance), low + tolerance)
+        inner = own is not None and len(own.K) > 0
         return state._replace(
-            command=self.safe, bad=0.0, good=0.0, wait=wait, railed=0.0, idle=0.0, best=0.0
-        )
+            origin=tuple(origin), best=0.0, idle=0.0, railed=0.0, side=0.0, turns=0.0, bad=0.0,
+            away=0.0 if inner else guard.inner, good=0.0, wait=wait,
+        )  # fmt: skip
 
-    def _returned(self, measurement: Measurement, now: Reference) -> GuardState:
-        """Return the state in which the law starts anew at what is measured."""
-        state = self.initial_state(measurement)
-        return state._replace(reference=now, ramp=0.0)
+    def _apart(self, state: GuardState, info: Info, fault: int) -> tuple[Command, GuardState, Info]:
+        """Give the command of the inner law, or the safe one."""
+        state, own = state._replace(away=state.away + 1.0), self.guard.estimator
+        if own is None or state.away > self.guard.inner:
+            return self._told(self._commanded(state, self.safe), info, fault, "safe")
+        command = tuple(
+            min(max(value, limits.lower), limits.upper)
+            for value, limits in zip(
+                own.inner(state.estimate, state.origin), self.guard.commands, strict=True
+            )
+        )
+        if not all(map(math.isfinite, command)):
+            command = self.safe
+        return self._told(self._commanded(state, command), info, fault, "inner")
+
+    def _commanded(self, state: GuardState, command: Command) -> GuardState:
+        """Return the state of the next sample, after a command."""
+        own = self.guard.estimator
+        estimate = None if own is None else own.predicted(state.estimate, command)
+        return state._replace(command=command, estimate=estimate)
 
     def _told(
-        self, command: Command, state: GuardState, info: Info, fault: int, action: str
+        self, state: GuardState, info: Info, fault: int, action: str
     ) -> tuple[Command, GuardState, Info]:
-        return command, state, {**info, "guard": FAULTS[fault].name, "guard_action": action}
+        told = {**info, "guard": FAULTS[fault].name, "guard_action": action}
+        return state.command, state, told
 
     def c_source(self, name: str) -> CSource:
         """Write law and guard as C."""
@@ -509,6 +627,7 @@ class Guarded:
         found: CSource = self.controller.c_source(inner)  # type: ignore[attr-defined]
         guard = self.guard
         state = self.initial_state(tuple(0.0 for _ in self.sensors))
+        own = guard.estimator
         sizes = {
             "SENSORS": len(self.sensors),
             "CONTROLLED": len(self.controlled),
@@ -516,19 +635,42 @@ class Guarded:
             "COMMANDS": len(self.actuators),
             "REPORTS": len(found.reports),
             "LAW_STATES": len(found.states),
+            "ESTIMATED": 0 if own is None else len(own.F),
+            "CURVE": 0 if own is None else len(own.values),
+            "HAS_INNER": int(own is not None and len(own.K) > 0),
+            "BRIDGE": guard.bridge,
             "HOLD": guard.hold,
+            "INNER": guard.inner,
             "SETTLE": guard.settle,
             "RAMP": guard.ramp,
-            "STUCK_AFTER": guard.stuck,
-            "WEAK": WEAK,
+            "WIDER": WIDER,
+            "FADE": FADE,
             "PATIENCE": guard.patience,
+            "SWINGS": guard.swings,
         }
-        tables = {
+        tables: dict[str, Any] = {
             **_columns("SENSOR", SensorLimits._fields, guard.sensors),
             **_columns("REFERENCE", ReferenceLimits._fields, guard.references),
             **_columns("COMMAND", CommandLimits._fields, guard.commands),
-            "COMMAND_REACH": self._reach,
         }
+        if own is None:
+            del tables["SENSOR_DOUBT"]
+        else:
+            tables |= {
+                "F": own.F,
+                "G": own.G,
+                "C": own.C,
+                "M": own.M,
+                "START": own.start,
+                "REST": own.rest,
+                "REST_COMMAND": own.rest_command,
+                "WEAK": own.weak,
+            }
+            if len(own.K):
+                tables |= {"K": own.K, "K_REFERENCE": own.K_reference}
+                tables |= {"REST_FOLLOWED": own.rest_followed}
+            if len(own.values):
+                tables |= {"CURVE_COMMANDS": own.commands, "CURVE_VALUES": own.values}
         report = "report" if found.reports else "0"
         parameter = ", double *report" if found.reports else ""
         text = (
@@ -557,20 +699,29 @@ int {name}_step(const double *measurement, const double *reference, double *stat
 {" " * (len(name) + 10)}double *command{parameter}) {{
   return guard_step(measurement, reference, state, command, {report});
 }}
+
+int {name}_missed(double *state, double *command) {{
+  return guard_missed(state, command);
+}}
 """
         )
         safe = ", ".join(f"{value:g}" for value in self.safe)
-        never = "never found" if guard.stuck == _INFINITE else f"{guard.stuck:g} samples"
         endless = "any time" if guard.patience == _INFINITE else f"{guard.patience:g} samples"
+        bridge = f"{guard.bridge if own is not None else 0:g}"
+        rest = f"{guard.inner if sizes['HAS_INNER'] else 0:g}"
         notes = (
             *found.notes,
-            f"Guard: safe command {safe}; a command is held for at most {guard.hold:g} samples.",
-            f"The law returns after {guard.settle:g} plausible samples, its reference along a",
-            f"quintic of {guard.ramp:g} more. Stuck at full command: {never}.",
-            f"A command at its end, or an error that stays: {endless}.",
+            f"Guard: the law acts on estimates for at most {bridge} samples, and a command is held",
+            f"for {guard.hold:g}; then the inner law brings the plant to rest for {rest}, then the"
+            " safe",
+            f"command is given: {safe}. The law returns after {guard.settle:g} plausible samples,"
+            " its reference",
+            f"along a quintic of {guard.ramp:g} more. A command at its end, or an error that stays:"
+            f" {endless}.",
         )
         states = names(state)
-        operations = found.operations + 40 * (len(self.sensors) + sizes["REFERENCES"])
+        n, y = sizes["ESTIMATED"], len(self.sensors)
+        operations = found.operations + 40 * (y + sizes["REFERENCES"]) + 2 * n * (n + 4 * y + 4)
         return CSource(text, states, notes, found.reports, int(operations))
 
 

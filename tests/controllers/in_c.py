@@ -41,6 +41,10 @@ class InC:
         """Start; where a measurement is not finite the guard says so by its status."""
         self.library.law_start((ctypes.c_double * len(row))(*row), self.state)
 
+    def missed(self) -> int:
+        """Return the status of a sample whose deadline has passed."""
+        return int(self.library.law_missed(self.state, self.command))
+
     def step(self, row: Any, wanted: Any) -> int:
         """Return the status of one step; its results are in ``command`` and ``report``."""
         self.reference[:] = wanted

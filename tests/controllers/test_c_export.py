@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers import AnglePD, MPCSpecification, design_mpc
+from controllers import AnglePD, MPCSpecification, design_mpc, design_pid
 from controllers.c_export import export_c
 from controllers.guard import FAULTS, Guarded
 from controllers.joint.schedule import JointSchedule
@@ -129,23 +129,43 @@ def test_mpc_in_c_agrees_over_ten_thousand_chained_steps(
 
 def test_guard_of_c_is_that_of_the_law(linear: LinearModel, tmp_path: Path) -> None:
     # Everything that can be found, again and again: the whole guard against its twin in C.
-    law = guarded(AnglePD(20.0, 0.02), linear, patience=80, hold=3, stuck=30)
+    law = guarded(AnglePD(20.0, 0.02), linear, patience=80, hold=3, bridge=8, inner=20, swings=6)
     rng = np.random.default_rng(3)
     measurements = 0.5 + 1e-3 * rng.normal(size=(3000, 1))
     reference = np.full(3000, 0.5)
     measurements[50:300], reference[50:300] = measurements[50], 0.8  # stuck
     reference[400:700] = 0.9  # saturated
     reference[900:1300] = 0.53  # no progress
+    measurements[1300:1500, 0] += 0.02 * np.sin(0.5 * np.arange(200))  # oscillation
     for k in rng.integers(1500, 2900, 30):
         measurements[k : k + rng.integers(1, 12)] += rng.choice([np.nan, np.inf, 0.2, -0.8])
     reference[1500:][rng.random(1500) < 0.02] = np.nan
     reference[2000:2400] = 1.5
     found = compare(law, InC(law, tmp_path), measurements, reference)
     assert {FAULTS[status // 16].name for status in found["statuses"]} == {
-        fault.name for fault in FAULTS if fault.name != "law"
+        fault.name for fault in FAULTS if fault.name not in ("law", "deadline")
     }
     assert found["difference"] / 10.0 <= 1e-12
     assert found["drift"] <= 1e-12
+
+
+def test_missed_deadlines_of_c_are_those_of_the_law(linear: LinearModel, tmp_path: Path) -> None:
+    law = guarded(design_pid(linear), linear, hold=2, inner=10)
+    in_c = InC(law, tmp_path, *STRICT)
+    row = tuple(linear.y0[:3].tolist())
+    state = law.initial_state(row)
+    in_c.start(row)
+    for k in range(60):
+        asked = row[0] + 0.05
+        if k in (5, 6, 20, *range(30, 50)):
+            (command,), state, info = law.missed(state)
+            status = in_c.missed()
+        else:
+            (command,), state, info = law.step(state, row, (asked,))
+            status = in_c.step(row, [asked])
+        assert FAULTS[status // 16].name == info.get("guard", "clear")
+        assert in_c.command[0] == pytest.approx(command, abs=1e-9)
+    assert law.missed(state)[2]["guard"] == "deadline"
 
 
 def without_slack(prediction: Prediction) -> Prediction:
@@ -257,7 +277,7 @@ def test_header_documents_the_interface(schedule: JointSchedule, tmp_path: Path)
     exported = export_c(law, tmp_path, name="rig_pid")
     text = exported.header.read_text()
     for word in (
-        "safe command 5; a command is held for at most 5",
+        "command is given: 5.",
         "3 not_finite",
         "pressure_1, Pa, gauge",
         "wanted angle now, rad",

@@ -3,28 +3,27 @@
 The plant is held at the ends of its commands, one after the other, from rest. The fastest change of
 each output from sample to sample there, times a margin, is the largest plausible one; the time in
 which the first output has moved by 20 steps of its converter is the time in which a command moves
-it.
+it. Its linear model there, by the curve of its actuator if it declares one, is that of the
+estimator.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from controllers.estimator import MOST_SENSORS, Estimator, design_estimator
 from controllers.guard import CommandLimits, Guard, Guarded, ReferenceLimits, SensorLimits
 from controllers.protocol import Controller
 from workbench.errors import NumericalError, check_choice
+from workbench.linearisation import LinearModel, linearise
 from workbench.model import Model, Output
 from workbench.model.traits import bound_value
-from workbench.operating_point import operating_point
+from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation import simulate
-
-if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
 
 Vector = npt.NDArray[np.float64]
 
@@ -37,14 +36,14 @@ MARGIN = 3.0
 SAMPLES = 500
 """For how long the plant is held at an end of its command."""
 
-MOVES = 2.0
-"""How many times the plant would have moved before a measurement that stays counts as stuck."""
+PACE = 0.1
+"""Tolerances per sample with which a reference out of range goes to its end."""
 
-SLOW = 0.15
-"""From what share of the fastest change on a measurement does not come to rest at once."""
+SWINGS = 12.0
+"""Changes of an error's side after which a loop is taken to oscillate."""
 
-FEWEST_STILL, LEAST_PATIENCE = 6.0, 2000.0
-"""Fewest samples after which a measurement is stuck, and after which nothing gets better."""
+LEAST_PATIENCE = 2000.0
+"""Fewest samples after which nothing gets better."""
 
 
 def guarded(
@@ -52,25 +51,29 @@ def guarded(
     plant: Model | LinearModel,
     *,
     at: Mapping[str, float] | None = None,
-    hold: float = 5.0,
-    settle: float = 10.0,
-    ramp: float = 50.0,
-    stuck: float | None = None,
+    bridge: float = Guard.bridge,
+    hold: float = Guard.hold,
+    inner: float = Guard.inner,
+    settle: float = Guard.settle,
+    ramp: float = Guard.ramp,
     patience: float | None = None,
+    swings: float = SWINGS,
+    deadline: float = math.inf,
 ) -> Guarded:
     """Put a controller into a guard with the limits that its plant declares.
 
     Args:
         at: Where the plant rests, values by name in SI; by default where its nominal inputs hold
             it, or the operating point of the linear model.
-        hold: How long the last command is held, in samples; more than a slow sensor repeats itself,
-            or it is taken for one that froze in motion.
+        bridge: How long the law acts on estimates, in samples.
+        hold: How long the last command is held, in samples.
+        inner: How long the inner law brings the plant to rest, in samples.
         settle: How long measurements must be plausible before the law returns, in samples.
         ramp: How long the reference then moves to what is asked, in samples.
-        stuck: Samples of full command after which a measurement must have changed; by default
-            `MOVES` times what the plant needs.
         patience: How long a command may be at its end, or an error may stay, in samples; by
             default 100 times what the plant needs, and `LEAST_PATIENCE` at least.
+        swings: Changes of an error's side after which a loop oscillates (dimensionless).
+        deadline: Time that a step of the law may take by what it tells itself, in s.
 
     Raises:
         WorkbenchError: If the plant lacks a sensor or an actuator of the controller.
@@ -82,7 +85,9 @@ def guarded(
         >>> guarded(held, servo_axis()).guard.commands
         (CommandLimits(safe=0.0, lower=-350.0, upper=350.0),)
     """
-    model, held = _held(plant, at or {}, controller.sample_time)
+    point = operating_point(plant, at or {}) if isinstance(plant, Model) else plant.operating_point
+    model = point.model
+    held = list(_held(point, controller.sample_time))
     outputs = {q.name: q for q in model.outputs}
     inputs = {q.name: q for q in model.inputs}
     for name in (*controller.sensors, *controller.controlled):
@@ -90,79 +95,125 @@ def guarded(
     for name in controller.actuators:
         check_choice("actuator of the controller", name, inputs)
     ranges = {name: _range(model, outputs[name]) for name in outputs}
-    changes = {name: max((_fastest(y[name]) for y in held), default=math.inf) for name in outputs}
+    tolerances = {name: _tolerance(outputs[name], ranges[name]) for name in outputs}
+    changes = {
+        name: max((_fastest(y[name]) for y, _ in held), default=math.inf) for name in outputs
+    }
     sensors = tuple(
         SensorLimits(
             *_sensible(outputs[name], ranges[name]),
             jump=MARGIN * changes[name]
             + 10.0 * outputs[name].noise_rms
             + 2.0 * outputs[name].resolution,
-            watched=float(
-                name in controller.controlled
-                or 4.0 * outputs[name].noise_rms > outputs[name].resolution > 0.0
-            ),
-            motion=max(
-                SLOW * changes[name],
-                10.0 * outputs[name].resolution,
-                10.0 * outputs[name].noise_rms,
-            ),
+            doubt=tolerances[name],
         )
         for name in controller.sensors
     )
-    references = []
-    for name in controller.controlled:
-        low, high = ranges[name]
-        span = high - low if high - low < math.inf else 2.0 * outputs[name].scale
-        tolerance = max(TOLERANCE * span, 20.0 * outputs[name].resolution)
-        place = controller.sensors.index(name) if name in controller.sensors else -1
-        references.append(ReferenceLimits(low, high, tolerance, float(place)))
+    references = tuple(
+        ReferenceLimits(
+            *ranges[name],
+            tolerances[name],
+            float(controller.sensors.index(name) if name in controller.sensors else -1),
+            pace=PACE * tolerances[name],
+        )
+        for name in controller.controlled
+    )
     response = min(
         (
-            _response(y[name], 20.0 * outputs[name].resolution or 0.1 * limits.tolerance)
-            for y in held
-            for name, limits in zip(controller.controlled[:1], references, strict=False)
+            _response(y[name], 20.0 * outputs[name].resolution or 0.1 * tolerances[name])
+            for y, _ in held
+            for name in controller.controlled[:1]
         ),
         default=math.inf,
     )
-    if stuck is None:
-        stuck = max(MOVES * response, FEWEST_STILL)
-    if patience is None:
-        patience = max(100.0 * response, LEAST_PATIENCE)
     commands = tuple(
         CommandLimits(inputs[name].nominal, inputs[name].lower, inputs[name].upper)
         for name in controller.actuators
     )
     guard = Guard(
         sensors,
-        tuple(references),
+        references,
         commands,
+        estimator=_estimator(controller, plant, point, held, tolerances),
+        patience=max(100.0 * response, LEAST_PATIENCE) if patience is None else patience,
+        bridge=bridge,
         hold=hold,
+        inner=inner,
         settle=settle,
         ramp=ramp,
-        stuck=stuck,
-        patience=patience,
+        swings=swings,
+        deadline=deadline,
     )
     return Guarded(controller, guard)
 
 
-def _held(
-    plant: Model | LinearModel, at: Mapping[str, float], sample_time: float
-) -> tuple[Model, list[dict[str, Vector]]]:
-    """Return the plant, and its outputs while it is held at each end of each command."""
-    point = operating_point(plant, at) if isinstance(plant, Model) else plant.operating_point
+def _tolerance(output: Output, reach: tuple[float, float]) -> float:
+    span = reach[1] - reach[0] if reach[1] - reach[0] < math.inf else 2.0 * output.scale
+    return max(TOLERANCE * span, 20.0 * output.resolution)
+
+
+def _estimator(
+    controller: Controller,
+    plant: Model | LinearModel,
+    point: OperatingPoint,
+    held: Sequence[tuple[dict[str, Vector], Vector]],
+    tolerances: Mapping[str, float],
+) -> Estimator | None:
+    """Return the estimator of a plant; None where the controller reads or commands too much."""
     model = point.model
-    found: list[dict[str, Vector]] = []
-    for i, quantity in enumerate(model.inputs):
+    followed = tuple(name for name in controller.controlled if name in controller.sensors)
+    actuators = {q.name for q in model.inputs}
+    if (
+        not held
+        or not followed
+        or followed != tuple(controller.controlled)
+        or len(controller.sensors) > MOST_SENSORS
+        or actuators != set(controller.actuators)
+    ):
+        return None
+    curves = model.traits.curves if len(model.inputs) == 1 else ()
+    linear, curve = plant, (np.zeros(0), np.zeros(0))
+    if curves or isinstance(linear, Model):
+        linear = linearise(point, input=curves[0].name if curves else "plant", verdict=False)
+    if curves:
+        assert linear.inverse is not None
+        values = np.linspace(-1.0, 1.0, 81)
+        commands = linear.inverse(values)
+        rising = np.concatenate([[True], np.diff(np.maximum.accumulate(commands)) > 0.0])
+        curve = commands[rising], values[rising]
+    outputs = {q.name: q for q in model.outputs}
+    noise = [
+        max(math.hypot(outputs[n].noise_rms, 0.3 * outputs[n].resolution), 1e-3 * tolerances[n])
+        for n in controller.sensors
+    ]
+    reach = [min(q.upper - q.nominal, q.nominal - q.lower) for q in model.inputs]
+    return design_estimator(
+        linear,
+        sensors=controller.sensors,
+        followed=followed,
+        change=np.max([np.abs(np.diff(x, axis=0)).max(axis=0) for _, x in held], axis=0),
+        noise=np.array(noise),
+        tolerance=np.array([tolerances[name] for name in followed]),
+        reach=np.ones(1) if curves else np.array(reach),
+        curve=curve,
+        sample_time=controller.sample_time,
+    )
+
+
+def _held(point: OperatingPoint, sample_time: float) -> Iterator[tuple[dict[str, Vector], Vector]]:
+    """Yield outputs and states while the plant is held at each end of each command."""
+    for i, quantity in enumerate(point.model.inputs):
         for end in (quantity.lower, quantity.upper):
             if math.isfinite(end):
                 u = point.u.copy()
                 u[i] = end
-                found.extend(_trajectory(model, point.x, u, sample_time))
-    return model, found
+                yield from _trajectory(point.model, point.x, u, sample_time)
 
 
-def _trajectory(model: Model, x: Vector, u: Vector, h: float) -> Iterator[dict[str, Vector]]:
-    """Yield the outputs under a command, for as long as the plant stays where its laws hold."""
+def _trajectory(
+    model: Model, x: Vector, u: Vector, h: float
+) -> Iterator[tuple[dict[str, Vector], Vector]]:
+    """Yield what a command does, for as long as the plant stays where its laws hold."""
     samples = SAMPLES
     while samples >= 2:
         try:
@@ -170,7 +221,7 @@ def _trajectory(model: Model, x: Vector, u: Vector, h: float) -> Iterator[dict[s
         except NumericalError:
             samples //= 4
             continue
-        yield {q.name: run[q.name] for q in model.outputs}
+        yield {q.name: run[q.name] for q in model.outputs}, run.states
         return
 
 

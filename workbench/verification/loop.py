@@ -29,7 +29,7 @@ from workbench.model import Effect, Input, Model, Output, Parameter
 from workbench.operating_point import operating_point
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.sampled_plant import TOLERANCE, FullPlant, LinearPlant
-from workbench.verification.scenario import Scenario
+from workbench.verification.scenario import DEADLINE, Scenario, SignalFault
 from workbench.work.counted import count
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def _loop(
     columns = [names.index(sensor) for sensor in controller.sensors]
     sense = _sensors([outputs[i] for i in columns], columns, scenario, warm + n, seed)
     rows, targets = _references(controller, scenario, warm, n)
-    spoil = _spoiled(controller, scenario)
+    spoil, missed = _spoiled(controller, scenario)
     convert = _actuators(controller, inputs, scenario, real=not straight)
     straighten = controller.linear_command
     step, hold = controller.step, plant.hold
@@ -133,7 +133,7 @@ def _loop(
     parameters[:] = plant.parameters
     pending = sorted(events)
     memory: Any = None
-    late: deque[tuple[float, ...]] = deque()
+    line: deque[tuple[float, ...]] = deque()
     try:
         for k in range(-warm, n):
             while pending and k >= pending[0][0]:
@@ -147,11 +147,12 @@ def _loop(
             if k == -warm:
                 _check_step(unguarded(law), seen, asked)
                 memory = controller.initial_state(seen)
-            command, memory, info = step(memory, seen, asked)
+            late = k >= 0 and k in missed
+            command, memory, info = controller.missed(memory) if late else step(memory, seen, asked)
             if scenario.late_samples:
                 # Before the first one arrives, it is the command that holds the start.
-                late.extend([command] * (1 if k > -warm else 1 + scenario.late_samples))
-                command = late.popleft()
+                line.extend([command] * (1 if k > -warm else 1 + scenario.late_samples))
+                command = line.popleft()
             command = convert(straighten(command) if straight else command)
             if k >= 0:
                 states[k] = plant.state
@@ -270,20 +271,30 @@ def _sensors(
 
 def _spoiled(
     controller: Controller, scenario: Scenario
-) -> Callable[[int, tuple[float, ...], tuple[float, ...]], tuple[Any, Any]] | None:
-    """Return a function that puts the scenario's faults into measurements and references."""
-    if not scenario.faults:
-        return None
-    names = [*controller.sensors, *(f"reference.{name}" for name in controller.controlled)]
+) -> tuple[
+    Callable[[int, tuple[float, ...], tuple[float, ...]], tuple[Any, Any]] | None, frozenset[int]
+]:
+    """Return what puts the scenario's faults into signals, and the samples without a step."""
+    names = [
+        *controller.sensors,
+        *(f"reference.{name}" for name in controller.controlled),
+        DEADLINE,
+    ]
     sensors, references = len(controller.sensors), len(controller.controlled)
-    spans = []
+    spans: list[tuple[int, int, int, SignalFault]] = []
+    missed: set[int] = set()
     for fault in scenario.faults:
         check_choice("faulty signal", fault.signal, names)
         begin, end = (
             math.ceil(min(t, scenario.duration) / scenario.sample_time - 1e-6)
             for t in (fault.time, fault.until)
         )
-        spans.append((names.index(fault.signal), begin, end, fault))
+        if fault.signal == DEADLINE:
+            missed.update(range(begin, end))
+        else:
+            spans.append((names.index(fault.signal), begin, end, fault))
+    if not spans:
+        return None, frozenset(missed)
     kept: dict[int, float] = {}
 
     def spoil(
@@ -298,7 +309,7 @@ def _spoiled(
                     values[place] = fault.of(values[place], kept[number])
         return tuple(values[:sensors]), tuple(values[sensors:])
 
-    return spoil
+    return spoil, frozenset(missed)
 
 
 def _actuators(

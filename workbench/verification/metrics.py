@@ -497,13 +497,16 @@ def _guard(*actions: str) -> Callable[[Run], float]:
     return lambda run: float(sum(info.get("guard_action") in actions for info in run.infos))
 
 
-GUARD_CLAMPED, GUARD_HELD, GUARD_SAFE = (
+GUARD_CLAMPED, GUARD_ESTIMATED, GUARD_HELD, GUARD_INNER, GUARD_SAFE = (
     Metric(name, _guard(action), text, needs="guard", tolerance=_NEVER, zero=True)
     for name, action, text in (
         ("guard_clamped", "clamp", "samples whose reference was out of its range or no number, and"
          " was replaced"),
-        ("guard_held", "hold", "samples at which the guard held the command, because a measurement"
-         " could not be believed"),
+        ("guard_estimated", "estimate", "samples at which the law was shown an estimate in the"
+         " place of a measurement that could not be believed"),
+        ("guard_held", "hold", "samples at which the guard held the command, because there was none"
+         " that could be given"),
+        ("guard_inner", "inner", "samples at which the inner law brought the plant to rest"),
         ("guard_safe", "safe", "samples at which the guard gave the safe command"),
     )
 )  # fmt: skip

@@ -81,6 +81,9 @@ FAULTS = ("missing", "stuck", "offset", "value")
 """What may be wrong with a signal: it is no number, stays at its last value, is too large by a
 level, or is a level."""
 
+DEADLINE = "deadline"
+"""Signal whose fault is that no step of the law is done in time."""
+
 
 @dataclass(frozen=True)
 class SignalFault:
@@ -88,7 +91,7 @@ class SignalFault:
 
     Args:
         time: Time, in s.
-        signal: Name of a sensor, or ``reference.NAME`` of a controlled output.
+        signal: Name of a sensor, ``reference.NAME`` of a controlled output, or ``deadline``.
         kind: One of `FAULTS`.
         level: The offset or the value, in the signal's SI unit.
         until: Time at which it ends, in s.

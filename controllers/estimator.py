@@ -1,0 +1,267 @@
+"""What a linear model says about measurements that cannot be believed, and a law to come to rest.
+
+The states x of a sampled linear model are joined by an offset d of each followed output, which
+collects what the model leaves out. All are deviations from the operating point, S the measurements
+that are believed, M_S the gain of the Kalman filter for them:
+
+    y_hat = C x + D d                          what is expected of every measurement
+    x, d  += M_S (y - y_hat)_S
+    u     = K_r (r - d) - K x                  inner law: rest where the followed outputs are r
+    x+    = F x + G u,   d+ = 0.9999 d
+
+So the other measurements and the commands say what a missing or stuck one would read. Where the
+plant declares a curve of its actuator, u is the curve's value.
+
+Source: Simon, Optimal State Estimation, 2006, chapter 5 and section 10.1 (Kalman filter, sensors
+that come and go); Kwakernaak and Sivan, Linear Optimal Control Systems, 1972, section 6.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from workbench.linearisation.zero_order_hold import zero_order_hold
+
+if TYPE_CHECKING:
+    from workbench.linearisation import LinearModel
+
+Matrix = npt.NDArray[np.float64]
+
+MOST_SENSORS = 5
+"""Every subset of the sensors has its gain; a controller that reads more has no estimator."""
+
+FORGETTING = 0.9999
+"""Pole of the offsets, so that they are estimated of plants that integrate too."""
+
+
+@dataclass(frozen=True, eq=False)
+class Estimator:
+    """Estimator of a plant, with an inner law; n states and offsets.
+
+    Args:
+        F: Transition over a sample, shape (n, n), in SI.
+        G: Effect of the commands, or of their curve's value, shape (n, n_commands), in SI.
+        C: What is expected of the measurements, shape (n_sensors, n), in SI.
+        M: Gains by the set of sensors that are believed, sensor i counting 2^i, shape
+            (2^n_sensors, n, n_sensors), in SI.
+        start: States at rest per deviation of the measurements, shape (n, n_sensors), in SI.
+        K: Inner law, shape (n_commands, n), in SI; without rows if there is none.
+        K_reference: The same per deviation of the followed outputs, shape (n_commands,
+            n_followed), in SI.
+        rest: Measurements at the operating point, shape (n_sensors,), in SI.
+        rest_followed: Followed outputs there, shape (n_followed,), in SI.
+        rest_command: Commands there, or the curve's value, shape (n_commands,), in SI.
+        weak: What friction may swallow of each command, or of the curve's value, shape
+            (n_commands,), in SI.
+        commands: Commands at the points of the actuator's curve, increasing, in SI; none without.
+        values: Values of the curve there, increasing, fractions.
+    """
+
+    F: Matrix
+    G: Matrix
+    C: Matrix
+    M: Matrix
+    start: Matrix
+    K: Matrix
+    K_reference: Matrix
+    rest: Matrix
+    rest_followed: Matrix
+    rest_command: Matrix
+    weak: Matrix
+    commands: Matrix
+    values: Matrix
+
+    def expected(self, z: Matrix) -> Matrix:
+        """Return what every sensor should read, shape (n_sensors,), in SI.
+
+        Args:
+            z: States and offsets, shape (n,), in SI.
+        """
+        return np.asarray(self.rest + self.C @ z)
+
+    def predicted(self, z: Matrix, command: tuple[float, ...]) -> Matrix:
+        """Return states and offsets a sample later, shape (n,), in SI.
+
+        Args:
+            z: States and offsets, shape (n,), in SI.
+            command: Commands of the plant, in SI.
+        """
+        return np.asarray(self.F @ z + self.G @ (self.entered(command) - self.rest_command))
+
+    def entered(self, command: tuple[float, ...]) -> Matrix:
+        """Return commands as the model takes them, the curve's value where there is one, in SI.
+
+        Args:
+            command: Commands of the plant, in SI.
+        """
+        if len(self.values):
+            return np.array([float(np.interp(command[0], self.commands, self.values))])
+        return np.array(command)
+
+    def strong(self, command: tuple[float, ...]) -> bool:
+        """Tell whether a command is more than friction may swallow.
+
+        Args:
+            command: Commands of the plant, in SI.
+        """
+        return bool(np.any(np.abs(self.entered(command) - self.rest_command) > self.weak))
+
+    def inner(self, z: Matrix, target: tuple[float, ...]) -> list[float]:
+        """Return the command, in SI, that brings the followed outputs to rest at a target.
+
+        Args:
+            z: States and offsets, shape (n,), in SI.
+            target: Followed outputs, in SI.
+        """
+        away = np.array(target) - self.rest_followed
+        u = self.rest_command + self.K_reference @ away - self.K @ z
+        if len(self.values):
+            u = np.interp(u, self.values, self.commands)
+        return [float(v) for v in u]
+
+
+def design_estimator(
+    linear: LinearModel,
+    *,
+    sensors: tuple[str, ...],
+    followed: tuple[str, ...],
+    change: Matrix,
+    noise: Matrix,
+    tolerance: Matrix,
+    reach: Matrix,
+    curve: tuple[Matrix, Matrix],
+    sample_time: float,
+) -> Estimator:
+    """Design the estimator of a plant from its linear model.
+
+    Args:
+        followed: Outputs that the plant follows, with an offset each.
+        change: Fastest change of each state in a sample, shape (n_states,), in SI.
+        noise: Noise rms of each sensor, shape (n_sensors,), in SI.
+        tolerance: Error of each followed output that may stay, shape (n_followed,), in SI.
+        reach: What the inner law may use of each command, shape (n_commands,), in SI.
+        curve: Commands, in SI, and values, fractions, of the actuator's curve; empty without.
+        sample_time: Time between samples, in s.
+
+    Source:
+        Simon, Optimal State Estimation, 2006, chapter 5; Kwakernaak and Sivan, 1972, section 6.4.
+    """
+    A, B = np.asarray(linear.A), np.asarray(linear.B)
+    n, m = len(A), len(followed)
+    read = [linear.output_names.index(name) for name in sensors]
+    led = [linear.output_names.index(name) for name in followed]
+    outputs = np.asarray(linear.C)
+    offsets = np.array([[float(i == j) for j in led] for i in read]).reshape(len(read), m)
+    phi, gamma = zero_order_hold(A, B, sample_time)
+    F = np.block([[phi, np.zeros((n, m))], [np.zeros((m, n)), FORGETTING * np.eye(m)]])
+    C = np.hstack([outputs[read], offsets])
+    scales = {q.name: q.scale for q in linear.operating_point.model.states}
+    own = np.array([scales.get(name, 1.0) for name in linear.state_names])
+    size = np.concatenate([own, tolerance])
+    # In units of what is typical, so that rounding treats all alike.
+    f, c = F * size[None, :] / size[:, None], C * size[None, :] / noise[:, None]
+    walk = np.concatenate([WALK * change / own, np.full(m, np.sqrt(sample_time / OFFSET_S))])
+    everything = np.arange(len(read))
+    p = np.diag(walk**2)
+    for _ in range(ITERATIONS):
+        p = _filtered(f, c, everything, walk, p)[1]
+    gains = []
+    for believed in range(2 ** len(read)):
+        chosen = np.array([i for i in everything if believed >> i & 1], dtype=int)
+        gain, _ = _filtered(f, c, chosen, walk, p)
+        gains.append(gain * size[:, None] / noise[None, :])
+    K, K_reference = _inner(phi, gamma, outputs[led], own, tolerance, reach, A, B)
+    held = np.vstack(
+        [
+            np.hstack([A * own[None, :] / own[:, None], np.zeros((n, m))]),
+            1e4 * C * size[None, :] / noise[:, None],
+            1e-6 * np.eye(n + m),
+        ]
+    )
+    asked = np.vstack(
+        [np.zeros((n, len(read))), 1e4 * np.diag(1.0 / noise), np.zeros((n + m, len(read)))]
+    )
+    y0 = np.asarray(linear.y0)
+    return Estimator(
+        F=F,
+        G=np.vstack([gamma, np.zeros((m, gamma.shape[1]))]),
+        C=C,
+        M=np.array(gains),
+        start=size[:, None] * np.linalg.lstsq(held, asked, rcond=None)[0],
+        K=np.hstack([K, K_reference]) if len(K) else np.zeros((0, n + m)),
+        K_reference=K_reference,
+        rest=y0[read],
+        rest_followed=y0[led],
+        rest_command=np.asarray(linear.u0),
+        weak=WEAK * reach,
+        commands=curve[0],
+        values=curve[1],
+    )
+
+
+WEAK = 0.05
+"""Share of a command that friction may swallow: up to it a plant that stays is no sign."""
+
+WALK = 0.03
+"""What the model leaves out of a change of a state, as a share of the fastest."""
+
+OFFSET_S = 1.0
+"""Time in which an offset may walk by the tolerance of its output, in s."""
+
+ITERATIONS = 1500
+"""Steps of the Riccati recursion until the gain is stationary."""
+
+
+def _filtered(
+    f: Matrix, c: Matrix, chosen: npt.NDArray[np.int_], walk: Matrix, p: Matrix
+) -> tuple[Matrix, Matrix]:
+    """Return the gain of a sample for some sensors, and the covariance of the next prediction."""
+    gain = np.zeros((len(f), len(c)))
+    if len(chosen):
+        own = c[chosen]
+        gain[:, chosen] = np.linalg.solve(own @ p @ own.T + np.eye(len(chosen)), own @ p).T
+    left = np.eye(len(f)) - gain @ c
+    p = left @ p @ left.T + gain @ gain.T
+    return gain, f @ p @ f.T + np.diag(walk**2)
+
+
+def _inner(
+    phi: Matrix,
+    gamma: Matrix,
+    C: Matrix,
+    own: Matrix,
+    tolerance: Matrix,
+    reach: Matrix,
+    A: Matrix,
+    B: Matrix,
+) -> tuple[Matrix, Matrix]:
+    """Return the gains of the inner law; none where there is no regulator."""
+    from scipy.linalg import LinAlgError, solve_discrete_are
+
+    n, commands = gamma.shape
+    f, g = phi * own[None, :] / own[:, None], gamma * reach[None, :] / own[:, None]
+    h = C * own[None, :] / (INNER * tolerance[:, None])
+    try:
+        p = solve_discrete_are(f, g, h.T @ h + 1e-9 * np.eye(n), np.eye(commands))
+    except (LinAlgError, ValueError):
+        return np.zeros((0, n)), np.zeros((0, len(C)))
+    gain = np.linalg.solve(np.eye(commands) + g.T @ p @ g, g.T @ p @ f)
+    gain = reach[:, None] * gain / own[None, :]
+    # States and commands at which the followed outputs rest, in typical sizes.
+    at_rest = np.vstack(
+        [
+            np.hstack([A * own[None, :] / own[:, None], B * reach[None, :] / own[:, None]]),
+            np.hstack([C * own[None, :] / tolerance[:, None], np.zeros((len(C), commands))]),
+        ]
+    )
+    asked = np.vstack([np.zeros((n, len(C))), np.diag(1.0 / tolerance)])
+    found = np.linalg.lstsq(at_rest, asked, rcond=None)[0]
+    return gain, reach[:, None] * found[n:] + gain @ (own[:, None] * found[:n])
+
+
+INNER = 20.0
+"""Error, in tolerances, for which the inner law uses all of the commands."""
