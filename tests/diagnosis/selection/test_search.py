@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from workbench.diagnosis.example_diagnosis import example_diagnosis
 from workbench.diagnosis.selection.rules import LEAST_SHARE
-from workbench.diagnosis.selection.search import _withdrawn
+from workbench.diagnosis.selection.search import Task, _withdrawn
+from workbench.diagnosis.selection.selected import Accepted
 
 
 def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> None:
     given, _ = example_diagnosis()
     assert given.selected is not None
+    prepared = given.prepared
+    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
     gain = given.base.cost - given.selected.fits[1].cost
-    left = _withdrawn(given.selected, gain / (0.5 * LEAST_SHARE.value))
+    little = gain / (0.5 * LEAST_SHARE.value)
+    ((found, alike),) = given.selected.accepted
+    unseen = replace(given.selected, accepted=(Accepted(replace(found, run=None), alike),))
+    left = _withdrawn(task, unseen, little)
     assert left.accepted == () and left.extended is given.base
     ((candidate, why),) = left.withdrawn
     assert candidate.entry.name == "coulomb_friction"
     assert why.startswith(f"explains too little: {50 * LEAST_SHARE.value:.0f} %")
-    assert _withdrawn(given.selected, gain) is given.selected
+    assert _withdrawn(task, given.selected, gain) is given.selected
+    # Free runs show it: it stays, with a doubt.
+    ((kept, _),) = _withdrawn(task, given.selected, little).accepted
+    assert kept.name == "coulomb_friction" and why in kept.doubts[-1]

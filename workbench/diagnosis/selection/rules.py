@@ -178,6 +178,12 @@ LEAST_SHARE = Threshold(
     0.3,
     "Share of the excess misfit of the refitted nominal that a single effect must explain.",
 )
+LEAST_SHOWN = Threshold(
+    "share of the free run instead",
+    0.7,
+    "What takes so much of the mean square of the free runs' error is there, however far the rest"
+    " is from the noise.",
+)
 LEAST_OF_REST = Threshold(
     "share of a further effect",
     0.6,

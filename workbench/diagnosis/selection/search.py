@@ -37,6 +37,7 @@ from workbench.diagnosis.selection.held_out import (
     held_out_errors,
     judged_run,
     over_floor,
+    run_errors,
     told_apart,
 )
 from workbench.diagnosis.selection.refits import (
@@ -50,7 +51,9 @@ from workbench.diagnosis.selection.rules import (
     LEAST_OF_ALL,
     LEAST_OF_REST,
     LEAST_SHARE,
+    LEAST_SHOWN,
     LEAST_TOGETHER,
+    NEAR_NOISE,
     SAME,
     SURPASSED,
     Limits,
@@ -233,7 +236,7 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
     state, goes_on = _round(task, scored, state)
     if goes_on and len(state.rounds) < MOST_FINDINGS:
         return state
-    state = _withdrawn(state, scored.excess)
+    state = _withdrawn(task, state, scored.excess)
     if len(state.accepted) > 1:
         task.say("leaving out one effect at a time")
         state = _left_out(task, state, max(state.penalty, LEAST_OF_ALL.value * scored.excess))
@@ -376,7 +379,17 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
     )
     if len(state.accepted) > 1:
         state = _exchanged(task, scored, state)
-    return state, not state.extended.noise_scale <= PERFECT < current.noise_scale
+    became_perfect = state.extended.noise_scale <= PERFECT < current.noise_scale
+    return state, not (became_perfect and _near_noise(task, state))
+
+
+def _near_noise(task: Task, state: Selected) -> bool:
+    """Whether the extended model runs nearly to the noise along the held-out recordings."""
+    try:
+        floor = over_floor(state.extended, task.nominal, task.judging, jobs=task.jobs)
+    except (NumericalError, np.linalg.LinAlgError):
+        return False
+    return max(floor.values()) <= NEAR_NOISE.value
 
 
 def _least(scored: Scored, current: ProcessNoiseFit, number: int) -> float:
@@ -412,8 +425,11 @@ def _polished(
     return replace(final, passed=fit.passed) if final.cost <= fit.cost else fit
 
 
-def _withdrawn(state: Selected, excess: float) -> Selected:
-    """Take back the last effects while all together explain too little."""
+def _withdrawn(task: Task, state: Selected, excess: float) -> Selected:
+    """Take back the last effects while all together explain too little.
+
+    What takes most of the error of free runs is there all the same; how little it explains is said.
+    """
     while state.accepted:
         count = len(state.accepted)
         # What is likely only is reported with the doubt, and not asked for more.
@@ -427,6 +443,8 @@ def _withdrawn(state: Selected, excess: float) -> Selected:
             + (" together with those before" if count > 1 else "")
             + f", {100 * least:.0f} % is asked for"
         )
+        if count == 1 and _shown_in_runs(task, state.accepted[0].candidate):
+            return _doubted(state, why)
         if count == 1:
             state = _set_aside(state, why)
         state = replace(
@@ -437,6 +455,21 @@ def _withdrawn(state: Selected, excess: float) -> Selected:
             fits=state.fits[:count],
         )
     return state
+
+
+def _shown_in_runs(task: Task, candidate: Candidate) -> bool:
+    """Whether an effect alone takes most of the error of free runs on held-out recordings."""
+    if candidate.run is None:
+        return False
+    without = run_errors(task.base, task.nominal, task.judging)
+    return candidate.run.closer_than(without, by=1.0 - math.sqrt(1.0 - LEAST_SHOWN.value))
+
+
+def _doubted(state: Selected, why: str) -> Selected:
+    """Keep the only effect that was found, with a doubt."""
+    ((candidate, alike),) = state.accepted
+    doubted = replace(candidate, doubts=(*candidate.doubts, f"it {why}"))
+    return replace(state, accepted=(Accepted(doubted, alike),))
 
 
 def _all_withdrawn(task: Task, state: Selected, why: str) -> Selected:

@@ -34,8 +34,9 @@ def accelerations(
 ) -> dict[str, tuple[float, float]]:
     """Return how strongly each pressure or force accelerates a motion, and how surely.
 
-    Least squares of the acceleration on the causes, the position and the speed, all low-passed
-    at 8 Hz; the standard errors allow for the correlation that the filter leaves.
+    Least squares of the acceleration on the causes, the commands, the position and the speed, all
+    low-passed at 8 Hz; the standard errors allow for the correlation that the filter leaves. A
+    command that moves a cause as well as the motion would otherwise turn the sign.
 
     Returns:
         Acceleration over cause, in SI, and the same over its standard error, in sigmas, by cause.
@@ -45,7 +46,9 @@ def accelerations(
     position = _slow(recording[motion], dt, edge)
     speed = np.gradient(position, dt)
     acceleration = np.gradient(speed, dt)
-    columns = [_slow(recording[c], dt, edge) for c in causes] + [position, speed]
+    commands = [s.name for s in recording.signals if s.role == "command" and np.ptp(s.values) > 0]
+    known = [*causes, *(c for c in commands if c not in causes)]
+    columns = [_slow(recording[c], dt, edge) for c in known] + [position, speed]
     every = max(1, round(0.5 / (edge * dt)))
     inner = slice(5 * every, -5 * every, every)
     if len(position[inner]) < 3 * len(columns):
