@@ -11,19 +11,16 @@ import casadi as ca
 
 from workbench.model import Names, PortView, State
 from workbench.model.regularisation import Expression, Form
-from workbench.physics.law import Law, each, shape, size
+from workbench.physics.law import Law, each, floor, shape, size
 from workbench.physics.place import EFFORTS
-
-FASTEST_RATE = 1000.0
-"""Rate of the bristle, in 1/s, that is not exceeded at high speed: explicit integrators with
-steps of a millisecond stay stable. It stretches the presliding distance by speed / rate, which
-matters only where the bristle is saturated anyway."""
 
 
 def _bristle_rate(v: Expression, bend: Expression, p: Names, form: Form) -> Expression:
     speed = form.absolute(v, 1e-3 * p.stribeck_speed)
     steady = 1.0 + p.stribeck_share * ca.exp(-((v / p.stribeck_speed) ** 2))
-    return (v - speed * bend / steady) / (p.presliding + speed / FASTEST_RATE)
+    # The presliding distance is stretched at high speed, where the bristle is saturated anyway, so
+    # that no rate is faster than samples show.
+    return (v - speed * bend / steady) / (p.presliding + speed * p.floor)
 
 
 def _friction(at: PortView) -> Expression:
@@ -46,6 +43,7 @@ lugre_friction = Law(
               "speed over which the break-away fades", around=(0.05, 10.0), fitted=False),
         shape("damping_time", "s", 0.0, "damping of the bristle over its stiffness",
               around=None, between=(0.0, 0.1), scale=1e-3, fitted=False),
+        floor(at, 0.5),
     ),
     _friction,
     states=lambda at: (

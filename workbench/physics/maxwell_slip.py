@@ -7,10 +7,12 @@ sixteen times the smallest, as the curved loops of muscles need.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.elastoplastic import elastoplastic_rate
-from workbench.physics.law import Law, Own, Rates, each, shape, size, twins
+from workbench.physics.elastoplastic import FLOOR_S, elastoplastic_rate
+from workbench.physics.law import Law, Own, Rates, each, floor, shape, size, twins
 from workbench.physics.place import EFFORTS, Place
 
 _SPEED_WIDTH = 1e-5
@@ -26,7 +28,7 @@ def _mean_slip(at: PortView, count: int) -> Expression:
     return sum(w * z for w, z in zip(weights, slips, strict=True)) / sum(weights)
 
 
-def _slip_rates(count: int, speed: str) -> Rates:
+def _slip_rates(count: int, speed: str, time: Callable[[EffectView], Expression]) -> Rates:
     def rates(e: EffectView) -> dict[str, Expression]:
         return {
             f"slip_{i + 1}": elastoplastic_rate(
@@ -34,6 +36,7 @@ def _slip_rates(count: int, speed: str) -> Rates:
                 e.x[f"slip_{i + 1}"],
                 e.p.breakaway * (e.p.spread**i if i else 1.0),
                 _SPEED_WIDTH,
+                floor=time(e),
                 form=e.form,
             )
             for i in range(count)
@@ -81,7 +84,7 @@ def muscle_slip(elements: int = _ELEMENTS) -> Law:
         ),
         transform,
         states=lambda at: _states(elements),
-        rates=_slip_rates(elements, "contraction_speed"),
+        rates=_slip_rates(elements, "contraction_speed", lambda e: FLOOR_S),
         dry=True,
         source="W. D. Iwan 1966; Vo-Minh, Tjahjowidodo, Ramon and Van Brussel, Mechatronics 20"
         " (2010)",
@@ -106,10 +109,11 @@ def prandtl_ishlinskii(elements: int = _ELEMENTS) -> Law:
             shape("breakaway", at.coordinate.unit, 2e-3 * at.coordinate.scale,
                   "motion after which the first element slips", around=(0.05, 20.0)),
             *_elements(elements),
+            floor(at, 0.5),
         ),
         lambda at: at.value - at.p.level * _mean_slip(at, elements),
         states=lambda at: _states(elements),
-        rates=_slip_rates(elements, "speed"),
+        rates=_slip_rates(elements, "speed", lambda e: e.p.floor),
         shapes=breakaways,
         dry=True,
         source="L. Prandtl 1928, A. Yu. Ishlinskii 1944; Krasnosel'skii and Pokrovskii 1989",
