@@ -7,25 +7,36 @@ if anywhere, into the next store that the equations fill.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import casadi as ca
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, sqrt
-from workbench.physics.law import Fit, Law, Own, each, shape, size
+from workbench.physics.law import Fit, Law, Own, each, floor, shape, size
 from workbench.physics.place import Place, Survey, per
-
-_LAG = 0.1
-"""Time in which the spill follows the level, s."""
 
 
 def _stores(survey: Survey) -> list[Place]:
-    """Return one flow into each store whose level is a state."""
+    """Return one flow of each store whose level is a state.
+
+    What is lost leaves as the store has it: a flow is preferred that changes the level and nothing
+    else, such as the heat of what flows in.
+    """
+    flows = survey.fitting("flow", "current")
     found: dict[str, Place] = {}
-    for place in survey.fitting("flow", "current", needs=("level",)):
-        if not place.name.endswith(".outflow"):
+    for place in flows:
+        if place.store:
+            found.setdefault(place.store, survey.with_level(place))
+    for place in flows:
+        if "level" in place.signals and place.fills > 0.0:
             found.setdefault(place.level.source, place)
     return list(found.values())
+
+
+def _sense(at: Place) -> Own:
+    return shape("sense", "1", at.fills, "whether the port's flow fills or empties the store",
+                 around=None, between=(-1.0, 1.0), source="", fitted=False)  # fmt: skip
 
 
 def _over_brims(survey: Survey) -> Iterator[Fit]:
@@ -37,7 +48,9 @@ def _over_brims(survey: Survey) -> Iterator[Fit]:
 
 def _spilled(at: PortView) -> Expression:
     spill = at.p.coefficient * at.x.excess
-    return at.value - spill if at.index == 0 else at.value + at.p.caught * spill
+    if at.index == 0:
+        return at.value - at.p.sense * spill
+    return at.value + at.p.sense_below * at.p.caught * spill
 
 
 def _excess(e: EffectView) -> Expression:
@@ -63,8 +76,14 @@ def _brim(at: Place) -> tuple[Own, ...]:
              "spill over excess level"),
         shape("limit", level.unit, _brims(at)[0], "level of the brim", around=(0.1, 10.0)),
         shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
-        *((caught,) if at.others else ()),
+        _sense(at),
+        floor(at, 0.5),
+        *((caught, _below(at.others[0])) if at.others else ()),
     )  # fmt: skip
+
+
+def _below(at: Place) -> Own:
+    return replace(_sense(at), name="sense_below")
 
 
 overflow = Law(
@@ -74,7 +93,7 @@ overflow = Law(
     _brim,
     _spilled,
     states=lambda at: (State("excess", at.level.unit, at.level.scale, "level beyond the brim"),),
-    rates=lambda e: {"excess": (_excess(e) - e.x.excess) / _LAG},
+    rates=lambda e: {"excess": (_excess(e) - e.x.excess) / e.p.floor},
     start=lambda e: {"excess": _excess(e)},
     # Where there is a store below, all of the spill may fall into it, or nothing.
     shapes=lambda at: [
@@ -102,6 +121,7 @@ def _outlet(at: Place) -> tuple[Own, ...]:
     return (
         shape("outlet", level.unit, 0.0, "level of the outlet", around=None, scale=level.scale,
               fitted=False),
+        _sense(at),
         shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
     )  # fmt: skip
 
@@ -117,7 +137,7 @@ orifice_outflow = Law(
         *_outlet(at),
     ),
     lambda at: at.value
-    - at.p.coefficient * (sqrt(_above(at) / at.p.level_scale + 1e-4) - 1e-2),
+    - at.p.sense * at.p.coefficient * (sqrt(_above(at) / at.p.level_scale + 1e-4) - 1e-2),
     source="E. Torricelli 1643",
     look_alikes=("linear_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along a parabola, not an exponential",
@@ -131,9 +151,9 @@ linear_outflow = Law(
         size("conductance", per(at.unit, at.level.unit), 0.1 * at.scale / at.level.scale,
              0.01 * at.scale / at.level.scale, 2.0 * at.scale / at.level.scale,
              "outflow over level", signed=True),
-        *_outlet(at)[:1],
+        *_outlet(at)[:2],
     ),
-    lambda at: at.value - at.p.conductance * (at.signals.level - at.p.outlet),
+    lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.p.outlet),
     source="laminar leak, G. Hagen 1839; leak resistance",
     look_alikes=("orifice_outflow", "overflow", "offset"),
     separated_by="let the store run empty: the level falls along an exponential",

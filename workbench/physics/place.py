@@ -138,6 +138,8 @@ class Place:
         empty: Whether nothing passes there unless an effect adds it.
         whole: Whether the rate of what it drives or fills is proportional to the signal.
         elastic: Whether the signal is a straight line over the coordinate.
+        store: The store whose level the signal changes, and nothing else; empty if there is none.
+        fills: Whether more of it fills that store: 1 if it does, -1 if it empties it.
         directed: Whether it is known which way the signal counts beside the speed.
         shaped: Whether contraction and pressure of a muscle enter the signal as they stand.
         parameters: Refitted parameters that enter the equations through this port alone.
@@ -156,6 +158,8 @@ class Place:
     empty: bool = False
     whole: bool = False
     elastic: bool = False
+    store: str = ""
+    fills: float = 1.0
     directed: bool = True
     shaped: bool = False
     parameters: tuple[Parameter, ...] = ()
@@ -269,6 +273,11 @@ class Survey:
         """Return the places of some roles at which some signals can be had."""
         return tuple(q for q in self.places if q.role in roles and set(needs) <= set(q.signals))
 
+    def with_level(self, place: Place) -> Place:
+        """Return a place with the level of the store that it alone changes."""
+        level = self._of(place.store)
+        return replace(place, signals={**place.signals, "level": level})
+
     def attached(self, equation: str) -> bool:
         """Tell whether an effect of that equation is part of the model."""
         return any(e.about.equation == equation for e in self.model.effects)
@@ -302,8 +311,9 @@ class Survey:
                 signals["head"] = self._of(head)
         if output is not None and output.name in self._measured:
             signals.setdefault("measured", self._of(self._measured[output.name]))
+        alone, fills = self._alone(index) if role in FLOWS else ("", 1.0)
         return Place(
-            port, role, signals, self._reached[index],
+            port, role, signals, self._reached[index], store=alone, fills=fills,
             commanded=index in self._commanded, shaped=bool(pressed),
             empty=self.trace.signals[self.trace.signal_names.index(name)].is_zero(),
             parameters=self._entering[index],
@@ -621,11 +631,24 @@ class Survey:
         )
 
     @cached_property
-    def _filled(self) -> tuple[tuple[State, ...], ...]:
-        """States that each port fills: those it moves, if more of it raises every one of them."""
+    def _pushed(self) -> Vector:
+        """Slopes of the rates by the ports at the start, shape (n_states, n_ports)."""
         matrix = self.trace.function("by_port", self.trace.rates_by_port)
         x, u = self.model.initial_state(), self.model.nominal_input
-        at = np.asarray(matrix(x, u, self.model.values))
+        return np.asarray(matrix(x, u, self.model.values))
+
+    def _alone(self, index: int) -> tuple[str, float]:
+        """Return the only state that a port moves, and whether more of the signal raises it."""
+        if len(self._moved[index]) != 1:
+            return "", 1.0
+        name = self._moved[index][0].name
+        slope = self._pushed[[q.name for q in self.model.states].index(name), index]
+        return (name, float(np.sign(slope))) if slope else ("", 1.0)
+
+    @cached_property
+    def _filled(self) -> tuple[tuple[State, ...], ...]:
+        """States that each port fills: those it moves, if more of it raises every one of them."""
+        at = self._pushed
         names = [q.name for q in self.model.states]
         return tuple(
             moved if all(at[names.index(q.name), j] > 0 for q in moved) else ()

@@ -140,3 +140,27 @@ def test_limits_are_looked_for_where_the_recordings_have_their_ends() -> None:
     assert found["sensor_clipping_level"].shapes[0] == {"limit": 0.377}
     assert all(0.0 < s["limit"] < 7.0 for s in found["saturation_pump_voltage"].shapes)
     assert all(0.1 < s["limit"] < 0.5 for s in found["overflow_tank"].shapes)
+
+
+@pytest.mark.parametrize("name", ["overflow_tank", "orifice_outflow_tank", "linear_outflow_tank"])
+def test_what_a_tank_loses_leaves_as_warm_as_the_tank(name: str) -> None:
+    law = offered(tank(), name)
+    shape = {"limit": 0.15} if name == "overflow_tank" else {}
+    leaky = tank().with_effect(law.at_size(law.typical_size, shape))
+    whole, lossy = (
+        m.exact.rates_function(
+            m.initial_state({"level": 0.2, "temperature": 320.0}), [2.0, 0.0], m.values
+        )
+        for m in (tank(), leaky)
+    )
+    assert float(lossy[0]) < float(whole[0])
+    assert float(lossy[1]) == float(whole[1])
+
+
+def test_no_bristle_is_faster_than_samples_show() -> None:
+    slow, fast = (
+        offered(crane(), "lugre_friction_cart", sample_time=h).effect.parameters
+        for h in (0.02, 0.002)
+    )
+    floors = [next(q.value for q in own if q.name == "floor") for own in (slow, fast)]
+    assert floors == pytest.approx([0.01, 0.001])
