@@ -7,7 +7,7 @@ time T, the controller minimises over blocked moves u (deviations of the opening
 slack eps
 
     sum_j w^6 (x_j + w_i q_j)^2 + (b g u_j)^2 + S (u_j - u_{j-1})^2 + |z_N|^2_P
-        + softness (eps + eps^2)
+        + softness eps^2
     subject to   -1 <= o_r + u_j <= 1,  |u_j - u_{j-1}| <= rate T                     (hard)
                  |dp_j| <= p_max - p_min + eps                                        (soft)
 

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
+from controllers.mpc.formulation import Change, condensed, formulated
 from controllers.quadratic_program.solver import Factored, factored
 from workbench.errors import WorkbenchError
 from workbench.linearisation.zero_order_hold import zero_order_hold
@@ -108,8 +109,9 @@ def condense(
     move_limit: float,
     output_limits: tuple[tuple[float, float], ...],
     softness: float,
+    change: Change | None = None,
 ) -> Prediction:
-    """Eliminate the states of a linear MPC problem.
+    """Eliminate the states of a linear MPC problem, which `controllers.mpc.formulation` states.
 
     Args:
         A: Dynamics, shape (n_x, n_x), in SI.
@@ -125,6 +127,7 @@ def condense(
         move_limit: Largest change of the opening within a prediction sample, a fraction.
         output_limits: Lowest and highest value of each limited output, deviations in SI.
         softness: Cost of a violation by 1e4 SI units, dimensionless.
+        change: What the user makes of the formulation; nothing by default.
 
     Raises:
         WorkbenchError: If the regulator's Riccati equation has no solution or the controlled output
@@ -134,77 +137,38 @@ def condense(
         Maciejowski, Predictive Control with Constraints, 2002, sections 2.6 and 3.1.
     """
     n_x, n_w, n_u, N = len(A), E.shape[1], len(blocks), sum(blocks)
-    q, r, s = weights
+    q, r, _ = weights
     joined = np.block([[A, E], [np.zeros((n_w, n_x + n_w))]])
     phi, gamma = zero_order_hold(joined, np.vstack([B, np.zeros((n_w, 1))]), prediction_time)
     target = _target(A, B, E, C[:1])
     gain, cost_to_go = _regulator(phi[:n_x, :n_x], gamma[:n_x], C[:1], q, r)
 
-    block_of = np.repeat(np.arange(n_u), blocks)
-    powers, moves = [], []
-    power, move = np.eye(n_x + n_w), np.zeros((n_x + n_w, n_u))
-    for i in range(N):
-        move = phi @ move
-        move[:, block_of[i]] += gamma[:, 0]
-        power = phi @ power
-        powers.append(power)
-        moves.append(move.copy())
-    free = np.array([C[0] @ p[:n_x] for p in powers])
-    forced = np.array([C[0] @ m[:n_x] for m in moves])
-
-    difference = np.eye(n_u) - np.eye(n_u, k=-1)
-    lengths = np.array(blocks, dtype=float)
-    H = np.zeros((n_u + 1, n_u + 1))
-    H[:n_u, :n_u] = (
-        2 * q * forced.T @ forced
-        + 2 * r * np.diag(lengths)
-        + 2 * s * difference.T @ difference
-        + 2 * moves[-1][:n_x].T @ cost_to_go @ moves[-1][:n_x]
+    problem = formulated(
+        phi,
+        gamma,
+        C,
+        disturbances=n_w,
+        target=target,
+        cost_to_go=cost_to_go,
+        weights=weights,
+        blocks=blocks,
+        move_limit=move_limit,
+        output_limits=output_limits,
+        slack_scale=SLACK_SCALE,
+        softness=softness,
     )
-    H[n_u, n_u] = 2 * softness
-    g_estimate = np.zeros((n_u + 1, n_x + n_w))
-    g_reference = np.zeros((n_u + 1, N))
-    end = 2 * moves[-1][:n_x].T @ cost_to_go
-    g_estimate[:n_u] = 2 * q * forced.T @ free + end @ powers[-1][:n_x]
-    g_reference[:n_u] = -2 * q * forced.T
-    # The target depends on the disturbances and on the last reference.
-    g_estimate[:n_u, n_x:] -= (
-        2 * r * np.outer(lengths, target[n_x, :n_w]) + end @ target[:n_x, :n_w]
-    )
-    g_reference[:n_u, -1] -= 2 * r * lengths * target[n_x, n_w] + end @ target[:n_x, n_w]
-    g_before = np.zeros(n_u + 1)
-    g_before[0] = -2 * s
-
-    # Every other prediction sample is enough: pressures do not jump within 20 ms.
-    checked = range(0, N, 2) if output_limits else range(0)
-    row_blocks, row_free, lows, highs = [], [], [], []
-    for row, (low, high) in enumerate(output_limits, start=1):
-        for j in checked:
-            row_blocks.append(C[row] @ moves[j][:n_x] / SLACK_SCALE)
-            row_free.append(C[row] @ powers[j][:n_x] / SLACK_SCALE)
-            lows.append(low / SLACK_SCALE)
-            highs.append(high / SLACK_SCALE)
-    limited = np.array(row_blocks).reshape(-1, n_u)
-    one = np.ones((len(limited), 1))
-    big = np.full(len(limited), 1e9)
-    rows = np.vstack(
-        [
-            np.hstack([difference, np.zeros((n_u, 1))]),
-            np.hstack([limited, one]),
-            np.hstack([limited, -one]),
-        ]
-    )
-    per_estimate = np.array(row_free).reshape(-1, n_x + n_w)
-    steps = np.full(n_u, move_limit)
+    if change is not None:
+        problem = change(problem)
+    H, g_estimate, g_reference, g_before, rows, rows_estimate = condensed(problem)
     return Prediction(
         H=H,
         g_estimate=g_estimate,
         g_reference=g_reference,
         g_before=g_before,
         A=rows,
-        lower_a=np.concatenate([-steps, np.array(lows), -big]),
-        upper_a=np.concatenate([steps, big, np.array(highs)]),
-        rows_estimate=np.vstack([np.zeros((n_u, n_x + n_w)), per_estimate, per_estimate]),
+        lower_a=problem.lower,
+        upper_a=problem.upper,
+        rows_estimate=rows_estimate,
         lower_x=np.concatenate([np.full(n_u, opening_limits[0]), [0.0]]),
         upper_x=np.concatenate([np.full(n_u, opening_limits[1]), [1e6]]),
         gain=gain,

@@ -8,15 +8,17 @@ At each sample a `DisturbanceObserver` estimates states x and disturbances w. Th
 prediction samples of time T, the controller minimises over blocked moves u and a slack eps
 
     sum_j q (y_j - r_j)^2 + R (u_j - us)^2 + S (u_j - u_{j-1})^2 + |x_N - xs|^2_P
-        + softness (eps + eps^2)
+        + softness eps^2
     subject to   x_{j+1} = Phi x_j + Gamma u_j + Omega w          (held inputs, exact)
                  -1 <= opening <= 1,  |u_j - u_{j-1}| <= rate T   (hard)
                  p_min - eps <= pressures <= p_max + eps          (soft: a measurement may be out)
 
-P is the cost to go of the unconstrained regulator. The first move is applied; the sample after, all
-is solved anew. The moves are openings: the inverse valve curve follows, because a solver that
-optimises the voltage sees almost no gradient at the valve's flat centre. If the solver fails, the
-unconstrained regulator u = us - K (x - xs), clipped, takes its place (fallback "regulator").
+P is the cost to go of the unconstrained regulator. `controllers.mpc.formulation` states all of it
+in CasADi symbols, and a design takes a function that changes them. The first move is applied; the
+sample after, all is solved anew. The moves are openings: the inverse valve curve follows, because a
+solver that optimises the voltage sees almost no gradient at the valve's flat centre. If the solver
+fails, the unconstrained regulator u = us - K (x - xs), clipped, takes its place (fallback
+"regulator").
 
 Source: Maciejowski, Predictive Control with Constraints, 2002, chapters 2 and 3 (condensing, move
 blocking, soft constraints); Rawlings, Mayne and Diehl, Model Predictive Control, 2017, sections 1.3
@@ -44,13 +46,15 @@ from controllers.mpc.disturbance_observer import (
     design_disturbance_observer,
 )
 from controllers.mpc.fixed_order import product
+from controllers.mpc.formulation import Change
 from controllers.mpc.prediction import Prediction, condense
 from controllers.named_state import names
 from controllers.protocol import Command, Info, Measurement, Reference
-from controllers.quadratic_program.solver import Solution, quadratic_program
+from controllers.quadratic_program.plugins import OPTIONS, OWN, program
+from controllers.quadratic_program.solver import Solution
 from controllers.reference.horizon import lagged
 from controllers.valve_inverse import ValveController, ValveInverse
-from workbench.errors import check_range
+from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
 if TYPE_CHECKING:
@@ -85,6 +89,7 @@ class LinearMPC(ValveController):
         path: Reference trajectory per (reference, filtered, target), shape (N, 3), dimensionless.
         rest_opening: Opening at the operating point, a fraction.
         reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
+        solver: Solver of the program, ``"own"`` or one of CasADi's; in C it is the own one.
     """
 
     observer: DisturbanceObserver
@@ -93,6 +98,7 @@ class LinearMPC(ValveController):
     path: Matrix
     rest_opening: float
     reference_speed: float
+    solver: str = OWN
     name: str = "linear MPC"
 
     def initial_state(self, measurement: Measurement) -> MPCState:
@@ -128,7 +134,8 @@ class LinearMPC(ValveController):
         upper = np.concatenate([p.upper_a - pressures, p.upper_x])
         lower[0] += before
         upper[0] += before
-        solution = quadratic_program(*p.size).solve_factored(p.factors, gradient, lower, upper)
+        solver = program(*p.size, self.solver)
+        solution = solver.solve_factored(p.factors, gradient, lower, upper)
         if solution.solved:
             move, slack = float(solution.x[0]), float(solution.x[-1]) * p.slack_scale
         else:
@@ -269,6 +276,7 @@ class MPCSpecification:
         state_noise: Random walk of every state over one second, as a fraction of its scale.
         reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview.
         preview: Whether the future reference over the horizon is used.
+        solver: ``"own"``, or ``"daqp"``, ``"osqp"`` or ``"qpoases"`` of CasADi's.
         sample_time: Time between steps, in s.
     """
 
@@ -288,12 +296,14 @@ class MPCSpecification:
     state_noise: float = 0.1
     reference_speed: float = 28.0
     preview: bool = False
+    solver: str = OWN
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
         h = check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         check_range("prediction time", self.prediction_time, h, 10.0, "s")
         check_range("opening limit", self.opening_limit, 1e-3, 1.0)
+        check_choice("solver", self.solver, (OWN, *OPTIONS))
         for name in ("angle_scale", "opening_scale", "move_scale", "rate_limit", "softness"):
             check_range(name.replace("_", " "), getattr(self, name), 1e-9, 1e9)
         check_range("number of moves", len(self.blocks), 1, 100)
@@ -309,8 +319,15 @@ def design_mpc(
     valve: ValveInverse | None = None,
     sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2"),
     actuator: str = "valve",
+    change: Change | None = None,
 ) -> LinearMPC:
     """Design a linear MPC from a linear model.
+
+    Args:
+        sensors: Names of the followed output and of the limited ones.
+        actuator: Name of the command.
+        change: Takes the `controllers.mpc.formulation.Formulation`, expressions of CasADi, and
+            returns the one that is solved.
 
     Raises:
         WorkbenchError: If a name is unknown or a Riccati equation has no solution.
@@ -355,6 +372,7 @@ def design_mpc(
             for rest in observer.rest[1:].tolist()
         ),
         softness=want.softness,
+        change=change,
     )
     unit = np.eye(len(sensors))
     start = np.column_stack(
@@ -367,6 +385,7 @@ def design_mpc(
         path=_reference_path(want.reference_speed * want.sample_time, prediction.preview_index),
         rest_opening=entry.at_rest,
         reference_speed=want.reference_speed,
+        solver=want.solver,
         sample_time=want.sample_time,
         valve=valve,
         sensors=sensors,

@@ -211,7 +211,7 @@ def test_mpc_in_c_agrees_with_the_solver_in_python(
     def in_python(n: int, m: int) -> QuadraticProgram:
         return QuadraticProgram(n, m, compiled=False)
 
-    for module in ("controllers.mpc.whole_model", "controllers.mpc.along_plan"):
+    for module in ("controllers.quadratic_program.plugins", "controllers.mpc.along_plan"):
         monkeypatch.setattr(f"{module}.quadratic_program", lru_cache(in_python))
     law = make(schedule, linear)
     measurements, reference = hard_run(law)

@@ -1,0 +1,212 @@
+"""A linear MPC problem in CasADi symbols: what is predicted, what it costs, what is limited.
+
+Everything is an expression of the moves u, the slack eps, the estimate z = (x, w) of states and
+disturbances now, the reference over the horizon and the opening before:
+
+    x_{j+1} = Phi x_j + Gamma u_block(j) + Omega w,   y_j = C x_j
+    cost    = sum_j q (y_j - r_j)^2 + R (u_j - us)^2 + S sum_i (u_i - u_{i-1})^2
+              + |x_N - xs|^2_P + softness eps^2
+    rows    : the changes of the moves, then the limited outputs + eps and - eps
+
+A design hands its `Formulation` to a function of the user's, which may return another one: another
+cost, other limits. `condensed` reads the matrices of the quadratic program off it, whatever it is,
+as long as the cost is quadratic and the rows are linear.
+
+Source: Maciejowski, Predictive Control with Constraints, 2002, chapters 2 and 3; Andersson et al.,
+CasADi, Math. Programming Computation 11, 2019.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from workbench.errors import WorkbenchError
+
+Matrix = npt.NDArray[np.float64]
+
+LINEAR = 1e-9
+"""What rounding may leave of a part that has to vanish, relative to the rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class Formulation:
+    """A linear MPC problem in symbols; openings are deviations from the operating point.
+
+    Args:
+        symbols: Moves, slack, estimate, reference and opening before, one below the other, in their
+            units.
+        moves: Blocked moves u, shape (n_u,), fractions.
+        slack: Slack eps, in the unit of the limited outputs' rows.
+        estimate: States and disturbances now, shape (n_z,), in SI.
+        path: Reference over the horizon, shape (N,), deviations in SI.
+        before: Opening before, a fraction.
+        states: Predicted states, shape (n_x, N), in SI.
+        outputs: Predicted outputs, followed one first, shape (1 + n_limited, N), in SI.
+        openings: Openings over the horizon, shape (N,), fractions.
+        cost: What is minimised, dimensionless.
+        rows: What is limited beside the variables, shape (m,), fractions and the slack's unit; the
+            first one is the change of the
+            opening from the one before, of which it alone depends.
+        lower: Lower limits of the rows, shape (m,), in their units.
+        upper: Upper limits of the rows, shape (m,), in their units.
+    """
+
+    symbols: ca.MX
+    moves: ca.MX
+    slack: ca.MX
+    estimate: ca.MX
+    path: ca.MX
+    before: ca.MX
+    states: ca.MX
+    outputs: ca.MX
+    openings: ca.MX
+    cost: ca.MX
+    rows: ca.MX
+    lower: Matrix
+    upper: Matrix
+
+
+Change = Callable[[Formulation], Formulation]
+"""What a user makes of a formulation."""
+
+
+def formulated(
+    phi: Matrix,
+    gamma: Matrix,
+    C: Matrix,
+    *,
+    disturbances: int,
+    target: Matrix,
+    cost_to_go: Matrix,
+    weights: tuple[float, float, float],
+    blocks: tuple[int, ...],
+    move_limit: float,
+    output_limits: tuple[tuple[float, float], ...],
+    slack_scale: float,
+    softness: float,
+) -> Formulation:
+    """Write down a linear MPC problem.
+
+    Args:
+        phi: Transition of (x, w) over a prediction sample, shape (n_z, n_z), in SI.
+        gamma: Effect of the opening, shape (n_z, 1), in SI.
+        C: Followed output, then the limited ones, shape (1 + n_limited, n_x), in SI.
+        disturbances: Number of disturbances w, the last entries of z (dimensionless).
+        target: (xs, us) per (w, r), shape (n_x + 1, n_w + 1), in SI.
+        cost_to_go: P, shape (n_x, n_x), per SI squared.
+        weights: q, R and S of output error (per SI squared), opening and change (dimensionless).
+        blocks: Lengths of the moves, in prediction samples.
+        move_limit: Largest change of the opening within a prediction sample, a fraction.
+        output_limits: Lowest and highest value of each limited output, deviations in SI.
+        slack_scale: Unit of the slack and of the limited outputs' rows, in SI.
+        softness: Cost of a slack of 1, dimensionless.
+    """
+    n_z, n_u, N = len(phi), len(blocks), sum(blocks)
+    n_x = n_z - disturbances
+    q, r, s = weights
+    symbols = ca.MX.sym("symbols", n_u + 1 + n_z + N + 1)
+    ends = np.cumsum([0, n_u, 1, n_z, N, 1]).tolist()
+    moves, slack, estimate, path, before = ca.vertsplit(symbols, ends)
+
+    openings = ca.vcat([ca.repmat(moves[i], length, 1) for i, length in enumerate(blocks)])
+    z, states = estimate, []
+    for j in range(N):
+        z = ca.mtimes(phi, z) + gamma * openings[j]
+        states.append(z[:n_x])
+    states = ca.hcat(states)
+    outputs = ca.mtimes(C, states)
+
+    at_rest = ca.mtimes(target, ca.vertcat(estimate[n_x:], path[-1]))
+    end = states[:, -1] - at_rest[:n_x]
+    changes = moves - ca.vertcat(before, moves[:-1])
+    cost = (
+        q * ca.sumsqr(outputs[0, :].T - path)
+        + r * ca.sumsqr(openings - at_rest[n_x])
+        + s * ca.sumsqr(changes)
+        + ca.bilin(cost_to_go, end, end)
+        + softness * slack**2
+    )
+    # Every other prediction sample is enough: pressures do not jump within 20 ms.
+    checked = range(0, N, 2)
+    limited = [ca.vec(outputs[i, ::2]) / slack_scale for i in range(1, 1 + len(output_limits))]
+    soft = ca.vcat(limited) if limited else ca.MX(0, 1)
+    low, high = (
+        np.repeat([limits[i] / slack_scale for limits in output_limits], len(checked))
+        for i in (0, 1)
+    )
+    endless = np.full(len(low), 1e9)
+    steps = np.full(n_u, move_limit)
+    return Formulation(
+        symbols,
+        moves,
+        slack,
+        estimate,
+        path,
+        before,
+        states,
+        outputs,
+        openings,
+        cost,
+        rows=ca.vertcat(changes, soft + slack, soft - slack),
+        lower=np.concatenate([-steps, low, -endless]),
+        upper=np.concatenate([steps, endless, high]),
+    )
+
+
+def condensed(problem: Formulation) -> tuple[Matrix, Matrix, Matrix, Matrix, Matrix, Matrix]:
+    """Return the matrices of the quadratic program of a formulation.
+
+    Returns:
+        H, gradients per estimate, per reference and per opening before, rows per variable and per
+        estimate, in the units of the problem.
+
+    Raises:
+        WorkbenchError: If the cost is not quadratic, the rows are not linear, or they hold what the
+            program cannot: constants, or the opening before in another row than the first.
+    """
+    sizes = [part.numel() for part in (problem.moves, problem.slack, problem.estimate)]
+    n_u, _, n_z = sizes
+    n, N = n_u + 1, problem.path.numel()
+    slopes = ca.gradient(problem.cost, problem.symbols)[:n]
+    both = ca.Function("condensed", [problem.symbols], [ca.vertcat(slopes, problem.rows)])
+    count = problem.symbols.numel()
+    # Linear in the symbols: the columns are the values at unit vectors; two points more tell.
+    doubled = -2.0 * np.column_stack([np.arange(count) < n, np.ones(count)])
+    points = np.hstack([np.zeros((count, 1)), np.eye(count), doubled])
+    values = both.map(points.shape[1])(points).full()
+    origin, table = values[:, 0], values[:, 1:-2] - values[:, :1]
+    for point, value, part in zip(doubled.T, values[:, -2:].T, (n, count), strict=True):
+        size = np.abs(table[:, :part]).sum(axis=1) + np.abs(origin)
+        if np.any(np.abs(value - origin - table @ point) > LINEAR * size):
+            raise WorkbenchError(
+                "the cost of a linear MPC is not quadratic, or a row is not linear; give sums of"
+                " squares and linear rows"
+            )
+    size = np.abs(table[:, :n]).sum(axis=1)
+    per_before = table[:, -1]
+    first = np.zeros(len(table) - n)
+    first[0] = -1.0
+    if (
+        np.any(np.abs(origin) > LINEAR * size)
+        or np.any(np.abs(per_before[n:] - first) > LINEAR * size[n:])
+        or np.any(np.abs(table[n:, n + n_z : -1]) > LINEAR)
+    ):
+        raise WorkbenchError(
+            "the cost or a row of a linear MPC has a part that the quadratic program does not"
+            " hold: a constant, the reference in a row, or the opening before in another row than"
+            " the first; put constants into the limits"
+        )
+    H = 0.5 * (table[:n, :n] + table[:n, :n].T)
+    return (
+        H,
+        table[:n, n : n + n_z],
+        table[:n, n + n_z : n + n_z + N],
+        per_before[:n],
+        table[n:, :n],
+        table[n:, n : n + n_z],
+    )

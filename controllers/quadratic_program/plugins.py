@@ -1,0 +1,124 @@
+"""CasADi's solvers of quadratic programs behind the call of the own one, to compare with it."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from controllers.quadratic_program.solver import (
+    LIMITED,
+    SUCCESS,
+    Factored,
+    QuadraticProgram,
+    Solution,
+    quadratic_program,
+)
+from workbench.errors import check_choice
+
+Matrix = npt.NDArray[np.float64]
+
+OWN = "own"
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "daqp": {"daqp": {"primal_tol": 1e-10, "dual_tol": 1e-12}},
+    "osqp": {
+        "osqp": {"eps_abs": 1e-9, "eps_rel": 1e-9, "max_iter": 50_000, "polish": True},
+        "warm_start_primal": False,
+        "warm_start_dual": False,
+    },
+    "qpoases": {"printLevel": "none", "sparse": False},
+}
+"""CasADi's plugins that are offered, with what makes them as exact as the own solver."""
+
+
+class ConicProgram:
+    """A solver of CasADi's for problems of one size.
+
+    Args:
+        variables: Number n of variables.
+        constraints: Number m of rows of A.
+        plugin: One of `OPTIONS`.
+
+    Example:
+        >>> one = np.ones(1)
+        >>> qp = ConicProgram(1, 1, "daqp")
+        >>> x = qp.solve(np.eye(1), -3 * one, np.eye(1), -one, one, -9 * one, 9 * one).x
+        >>> x.round(9)
+        array([1.])
+    """
+
+    def __init__(self, variables: int, constraints: int, plugin: str) -> None:
+        check_choice("solver", plugin, OPTIONS)
+        sparsity = {
+            "h": ca.Sparsity.dense(variables, variables),
+            "a": ca.Sparsity.dense(constraints, variables),
+        }
+        options = {"error_on_fail": False, "print_time": False, **OPTIONS[plugin]}
+        if plugin == "osqp":
+            options["osqp"] = {**options["osqp"], "verbose": False}
+        self._solver = ca.conic("program", plugin, sparsity, options)
+        self._rows = constraints
+
+    def solve(
+        self,
+        H: Matrix,
+        g: Matrix,
+        A: Matrix,
+        lower_a: Matrix,
+        upper_a: Matrix,
+        lower_x: Matrix,
+        upper_x: Matrix,
+    ) -> Solution:
+        """Solve one problem, as `controllers.quadratic_program.solver.QuadraticProgram.solve`."""
+        began = time.perf_counter()
+        found = self._solver(h=H, g=g, a=A, lba=lower_a, uba=upper_a, lbx=lower_x, ubx=upper_x)
+        x, stats = found["x"].full().ravel(), self._solver.stats()
+        solved = bool(stats["success"]) and bool(np.isfinite(x).all())
+        return Solution(
+            x,
+            solved,
+            SUCCESS if solved else LIMITED,
+            float(stats.get("iter_count", 0)),
+            time.perf_counter() - began,
+        )
+
+    def solve_factored(
+        self, problem: Factored, g: Matrix, lower: Matrix, upper: Matrix
+    ) -> Solution:
+        """Solve a problem whose matrices were factored, from these matrices.
+
+        Args:
+            g: Gradient at x = 0, shape (n,), dimensionless.
+            lower: Lower limits of A x, then of x, shape (m + n,), in their units.
+        """
+        root = np.linalg.inv(problem.inverse)
+        rows = (problem.rows * problem.sizes[:, None])[: self._rows] @ root
+        m = self._rows
+        return self.solve(root.T @ root, g, rows, lower[:m], upper[:m], lower[m:], upper[m:])
+
+
+_MADE: dict[tuple[int, int, str], ConicProgram] = {}
+
+
+def program(variables: int, constraints: int, solver: str = OWN) -> QuadraticProgram | ConicProgram:
+    """Return a solver for problems of a size, made once.
+
+    Args:
+        variables: Number n of variables.
+        constraints: Number m of rows of A.
+        solver: ``"own"``, or a plugin of CasADi's, one of `OPTIONS`.
+
+    Raises:
+        WorkbenchError: If the solver is unknown.
+    """
+    check_choice("solver", solver, (OWN, *OPTIONS))
+    if solver == OWN:
+        return quadratic_program(variables, constraints)
+    key = variables, constraints, solver
+    if key not in _MADE:
+        _MADE[key] = ConicProgram(*key)
+    return _MADE[key]
