@@ -38,8 +38,7 @@ believed for making that noise smaller, as a wrong gain of a sensor does."""
 
 _USUAL = 3.0
 _LOOKS, _ENDS = 2000, (0.005, 0.995)
-_BLOCK_S = 0.5
-_BLOCK_SAMPLES = 20
+_BLOCK_S, _LEAST_BLOCK, _LEAST_BLOCKS = 0.5, 20, 20
 
 
 @dataclass(frozen=True)
@@ -206,15 +205,12 @@ def _first_scale(
     return best
 
 
-def blocks_of_cost(
-    fit: ProcessNoiseFit, recordings: Sequence[Observed], *, block: float = _BLOCK_S
-) -> Vector:
+def blocks_of_cost(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> Vector:
     """Return minus the log likelihood of recordings under a fitted model, by blocks of time.
 
     Args:
         fit: The fitted model and its process-noise scale.
         recordings: Recordings with a start for this model, used or not used for the fit.
-        block: Length of a block, in s.
 
     Raises:
         NumericalError: If the filter leaves the finite numbers.
@@ -228,7 +224,7 @@ def blocks_of_cost(
     )
     parts = filter_.along(recordings, fit.model.values)
     return np.concatenate(
-        [_blocks(p, r.sample_time, block) for p, r in zip(parts, recordings, strict=True)]
+        [_blocks(p, r.sample_time) for p, r in zip(parts, recordings, strict=True)]
     )
 
 
@@ -273,10 +269,30 @@ def ranges_along(
     }
 
 
-def _blocks(part: Innovations, sample_time: float, block: float) -> Vector:
+def summed_over_blocks(values: Vector, sample_time: float) -> Vector:
+    """Sum samples over blocks of time that are long enough to be taken as independent.
+
+    A block is half a second long, but a twentieth of the recording at the most, lest there be none
+    to compare, and 20 samples at least.
+
+    Args:
+        values: One row per sample, shape (n, ...), in any unit.
+        sample_time: Time between samples, in s.
+
+    Returns:
+        Sums, shape (n_blocks, ...), in the same unit.
+
+    Example:
+        >>> summed_over_blocks(np.ones(1000), 0.01).tolist() == [50.0] * 20
+        True
+    """
+    size = max(_LEAST_BLOCK, min(round(_BLOCK_S / sample_time), len(values) // _LEAST_BLOCKS))
+    return np.asarray(np.add.reduceat(values, np.arange(0, len(values), size), axis=0))
+
+
+def _blocks(part: Innovations, sample_time: float) -> Vector:
     costs = np.nan_to_num(0.5 * part.whitened**2 + part.log_deviation).sum(axis=1)
-    size = max(_BLOCK_SAMPLES, round(block / sample_time))
-    return np.asarray(np.add.reduceat(costs, np.arange(0, len(costs), size)))
+    return summed_over_blocks(costs, sample_time)
 
 
 def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:

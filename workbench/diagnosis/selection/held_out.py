@@ -17,6 +17,7 @@ from workbench.diagnosis.estimation.process_noise import (
     blocks_of_cost,
     extended_start,
     gain_interval,
+    summed_over_blocks,
 )
 from workbench.diagnosis.estimation.start import fitted_start
 from workbench.errors import NumericalError
@@ -33,8 +34,6 @@ _START_S = 0.5
 _START_SAMPLES = 10
 _SPOILT = 1.25
 _DRAWS = 4
-_BLOCK_S = 0.5
-_BLOCK_SAMPLES = 20
 
 _MILD = 0.3
 """Process-noise scale of a little trust in the equations, dimensionless."""
@@ -274,14 +273,11 @@ def run_errors(fit: ProcessNoiseFit, nominal: Model, judged: Sequence[Observed])
     runs = [judged_run(fit, nominal, observed) for observed in judged]
     if not runs or not all(run.finite for run in runs):
         return NO_RUNS
-    parts = [_blocks(np.nan_to_num(run.error**2), run.time[1] - run.time[0]) for run in runs]
+    parts = [
+        summed_over_blocks(np.nan_to_num(run.error**2), run.time[1] - run.time[0]) for run in runs
+    ]
     mean = np.nanmean(np.concatenate([run.error**2 for run in runs]), axis=0)
     return RunErrors(np.concatenate(parts), mean)
-
-
-def _blocks(squares: Vector, sample_time: float) -> Vector:
-    size = max(_BLOCK_SAMPLES, round(_BLOCK_S / sample_time))
-    return np.asarray(np.add.reduceat(squares, np.arange(0, len(squares), size), axis=0))
 
 
 def held_out_errors(

@@ -20,7 +20,7 @@ from workbench.diagnosis.estimation.prediction_error import (
     disturbances,
 )
 from workbench.diagnosis.estimation.priors import Prior
-from workbench.diagnosis.estimation.process_noise import extended_start
+from workbench.diagnosis.estimation.process_noise import extended_start, summed_over_blocks
 from workbench.model import Effect, Model
 from workbench.physics.library import Hypothesis
 
@@ -29,8 +29,6 @@ Vector = npt.NDArray[np.float64]
 COLLINEAR = 0.99
 """Collinearity above which an effect cannot be told from other parameter values."""
 
-_BLOCK_S = 0.5
-_BLOCK_SAMPLES = 20
 _SIGMA = 4.0
 
 
@@ -260,8 +258,7 @@ class _Totals:
         self.information += rows.T @ rows
         products = np.einsum("kyf,ky->kf", jacobian, errors)
         self.gradient += products.sum(axis=0)
-        size = max(_BLOCK_SAMPLES, round(_BLOCK_S / sample_time))
-        self.blocks.append(np.add.reduceat(products, np.arange(0, len(products), size), axis=0))
+        self.blocks.append(summed_over_blocks(products, sample_time))
 
 
 def _scores(
