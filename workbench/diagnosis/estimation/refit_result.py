@@ -176,7 +176,7 @@ def summarise(
         one, spread = _information(part, observed.sample_time)
         information, scatter = information + one, scatter + spread
         single.append((one, spread, part))
-    inverse = np.linalg.inv(information + prior)
+    inverse = _inverse(information + prior)
     # Correlated errors carry less information than white ones: never report less than either.
     inflation = np.sqrt(_spread(inverse, scatter, prior) / np.diag(inverse))
     covariance = np.outer(inflation * scale, inflation * scale) * inverse
@@ -207,6 +207,14 @@ def summarise(
         unidentifiable=_unidentifiable(names, information, std / scale),
         disagreements=_disagreements(names, recordings, single, prior),
     )
+
+
+def _inverse(information: Vector) -> Vector:
+    """Invert an information matrix so that no variance is negative, whatever is hardly told."""
+    size = np.sqrt(np.diag(information))
+    eigenvalues, vectors = np.linalg.eigh(information / np.outer(size, size))
+    kept = np.maximum(eigenvalues, len(size) * np.finfo(float).eps)
+    return np.asarray((vectors / kept) @ vectors.T / np.outer(size, size))
 
 
 def _information(part: Innovations, sample_time: float) -> tuple[Vector, Vector]:
@@ -262,7 +270,7 @@ def _disagreements(
         return ()
     steps, variances = [], []
     for information, scatter, part in single:
-        inverse = np.linalg.inv(information + prior)
+        inverse = _inverse(information + prior)
         score = np.einsum("kyf,ky->f", part.jacobian, np.nan_to_num(part.whitened))
         steps.append(-inverse @ score)
         variances.append(_spread(inverse, scatter, prior))
