@@ -136,8 +136,8 @@ def _peaks(
     loop: LoopMatrices, angle: np.ndarray[tuple[int], np.dtype[np.float64]], sensor: int | None
 ) -> tuple[float, float, float]:
     """Return Ms, Mt and the largest |T| w, the last in rad per sample."""
-    gain = gain_of(loop, angle, sensor)
-    if gain is None:
+    gain, stable = gain_of(loop, angle, sensor)
+    if not stable:
         return math.inf, math.inf, math.inf
     s = np.abs(1.0 / (1.0 + gain))
     t = np.abs(gain / (1.0 + gain))

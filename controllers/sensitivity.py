@@ -51,8 +51,8 @@ def peaks_of(
         sample_time: Time between samples, in s.
         sensor: Index of the sensor at which the loop is opened; None for the command.
     """
-    loop = gain_of(loop_parts, frequencies(sample_time, points), sensor)
-    if loop is None:
+    loop, stable = gain_of(loop_parts, frequencies(sample_time, points), sensor)
+    if not stable:
         return float("inf"), float("inf")
     ms = float(np.max(np.abs(1.0 / (1.0 + loop))))
     mt = float(np.max(np.abs(loop / (1.0 + loop))))
@@ -66,7 +66,7 @@ def frequencies(sample_time: float, points: int) -> Matrix:
 
 def gain_of(
     loop_parts: LoopMatrices, angle: Matrix, sensor: int | None
-) -> npt.NDArray[np.complex128] | None:
+) -> tuple[npt.NDArray[np.complex128], bool]:
     """Return the gain of a loop that is opened at one place, all others closed.
 
     Args:
@@ -74,8 +74,8 @@ def gain_of(
         sensor: Index of the sensor; None for the command.
 
     Returns:
-        Loop gain, shape (n,), dimensionless, negative feedback being L / (1 + L); None if the
-        closed loop is not stable.
+        Loop gain, shape (n,), dimensionless, negative feedback being L / (1 + L), and whether the
+        closed loop is stable.
     """
     A, B, C, F, G, H, J = loop_parts
     _, sizes, directions = np.linalg.svd(np.vstack([A - np.eye(len(A)), C]))
@@ -83,8 +83,7 @@ def gain_of(
         shown = directions[sizes > 1e-12 * sizes.max()].T
         A, B, C = shown.T @ A @ shown, shown.T @ B, C @ shown
     closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
-    if np.max(np.abs(np.linalg.eigvals(closed))) >= 1.0:
-        return None
+    stable = bool(np.max(np.abs(np.linalg.eigvals(closed))) < 1.0)
     if sensor is None:
         a = np.block([[A, np.zeros((len(A), len(F)))], [G @ C, F]])
         b = np.vstack([B, np.zeros((len(F), B.shape[1]))])
@@ -99,7 +98,7 @@ def gain_of(
         b = np.vstack([B @ J @ at, G @ at])
         c = np.hstack([C[[sensor]], np.zeros((1, len(F)))])
     nothing = np.zeros((len(c), b.shape[1]))
-    return -transfer_function(a, b, c, nothing, np.exp(1j * angle))[:, 0, 0]
+    return -transfer_function(a, b, c, nothing, np.exp(1j * angle))[:, 0, 0], stable
 
 
 class LoopMatrices(NamedTuple):

@@ -72,6 +72,25 @@ class Uncertainty:
         """Pairs of delay and lag, in s, at which the margins must hold."""
         return tuple(dict.fromkeys(itertools.product(self.delay, self.sensor_lag)))
 
+    @classmethod
+    def known(cls, delay: float, *, within: float = 0.5e-3, sensor_lag: float = 0.0) -> Uncertainty:
+        """Return what is left to tolerate when latency and lag were identified.
+
+        Args:
+            delay: Identified time between measurement and valve, in s.
+            within: How far delay and lag may be off, in s.
+            sensor_lag: Identified time constant of the sensors with noise, in s.
+
+        Returns:
+            Ranges around both, in s; the model is trusted at all frequencies.
+
+        Example:
+            >>> Uncertainty.known(0.008).known_delay
+            0.008
+        """
+        ranges = [(max(v - within, 0.0), v + within) for v in (delay, sensor_lag)]
+        return cls(delay=ranges[0], sensor_lag=ranges[1], trusted_frequency=math.inf)
+
     def reduced(self, share: float) -> Uncertainty:
         """Return the same with a share, a ratio, of delay and lag."""
         (d0, d1), (l0, l1) = self.delay, self.sensor_lag

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, is_dataclass, replace
 from functools import lru_cache
 from typing import Any, Union, cast, get_args, get_origin, get_type_hints
@@ -293,3 +293,26 @@ def with_plan(controller: Controller, *, duration: float = 1.0, lead: float = 0.
     )
     tracking = replace(law.tracking, planner=planner, lead=max(law.tracking.lead + lead, 0.0))
     return cast(Controller, replace(law, tracking=tracking))
+
+
+def bandwidth_against_delay(
+    recipe: ControllerRecipe, shares: Sequence[float]
+) -> tuple[tuple[float, float], ...]:
+    """Search the fastest designs for shares of the uncertainty that a recipe tolerates.
+
+    Returns:
+        Largest delay in s and speed in rad/s for each share; no speed, NaN, meets the limits where
+        more is asked than the family bears.
+    """
+    want = recipe.fastest
+    if want is None:
+        raise WorkbenchError(f"controller {recipe.name!r} has no 'fastest', so no speed to trade")
+    found = []
+    for share in shares:
+        unsure = want.uncertainty.reduced(share)
+        try:
+            speed = replace(recipe, fastest=replace(want, uncertainty=unsure)).designed().speed
+        except WorkbenchError:
+            speed = math.nan
+        found.append((unsure.delay[1], speed))
+    return tuple(found)

@@ -22,10 +22,9 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.protocol import Controller, Measurement
-from controllers.sensitivity import loop_matrices
+from controllers.sensitivity import frequencies, gain_of, loop_matrices
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
-from workbench.linearisation.transfer import transfer_function
 from workbench.registry import user_code
 from workbench.study.study import Study
 
@@ -104,15 +103,18 @@ def analyse_loop(
     point: tuple[tuple[str, float], ...] = (),
     *,
     points: int = 600,
+    every: bool = False,
 ) -> tuple[LoopAnalysis, ...]:
     """Open the loop at the first sensor and at the command, and compute its margins.
 
     Args:
         point: Given values of the operating point, by name, in SI, for the record.
         points: Number of frequencies between 0.05 Hz and 0.98 of the Nyquist frequency.
+        every: Whether it is opened at the other sensors too.
 
     Returns:
-        Two analyses; with a reason instead of numbers where the law has no linear form.
+        Analyses, the command's last; with a reason instead of numbers where the law has no linear
+        form.
 
     Raises:
         WorkbenchError: If the linear model lacks a sensor or an actuator, or the law is not linear
@@ -131,35 +133,15 @@ def analyse_loop(
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     at_rest = tuple(values.get(name, 0.0) for name in controller.sensors)
     _check_linear(controller, at_rest, values)
-    A, B, C, F, G, H, J = loop_matrices(controller, linear)
-    n, m = len(A), len(F)
-    closed = np.block([[A + B @ J @ C, B @ H], [G @ C, F]])
-    h = controller.sample_time
-    angle = np.geomspace(2 * np.pi * 0.05 * h, 0.98 * np.pi, points)
-    z = np.exp(1j * angle)
-    stable = bool(np.max(np.abs(np.linalg.eigvals(closed))) < 1.0)
-    first = np.zeros((len(C), 1))
-    first[0] = 1.0
-    rest = np.diag([0.0, *np.ones(len(C) - 1)]) @ C
-    sensor = (
-        np.block([[A + B @ J @ rest, B @ H], [G @ rest, F]]),
-        np.vstack([B @ J @ first, G @ first]),
-        np.hstack([C[:1], np.zeros((1, m))]),
-        np.zeros((1, 1)),
-    )
-    command = (
-        np.block([[A, np.zeros((n, m))], [G @ C, F]]),
-        np.vstack([B, np.zeros((m, B.shape[1]))]),
-        np.hstack([J @ C, H]),
-        np.zeros((1, 1)),
-    )
+    loop, h = loop_matrices(controller, linear), controller.sample_time
+    angle = frequencies(h, points)
+    places: list[int | None] = [*range(len(controller.sensors) if every else 1), None]
     found = []
-    for opened, matrices in ((controller.sensors[0], sensor), (controller.actuators[0], command)):
-        a, b, c, d = matrices
-        loop = -transfer_function(a, b, c, d, z)[:, 0, 0]
-        found.append(
-            _margins(controller.name, point, opened, angle / (2 * np.pi * h), loop, stable)
-        )
+    for place in places:
+        name = controller.actuators[0] if place is None else controller.sensors[place]
+        gain, stable = gain_of(loop, angle, place)
+        hertz = angle / (2 * np.pi * h)
+        found.append(_margins(controller.name, point, name, hertz, gain, stable))
     return tuple(found)
 
 

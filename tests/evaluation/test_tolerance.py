@@ -1,0 +1,124 @@
+"""Drawn machines: what differs, on both simulators, and what is told of the runs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from controllers.uncertainty import Uncertainty
+from workbench.evaluation.rig import plant
+from workbench.evaluation.rig.variations import (
+    BLIND_SEED,
+    KINDS,
+    TUNING_SEED,
+    Draw,
+    Sized,
+    draws,
+)
+from workbench.evaluation.tolerance import at_rest, measured, on_rig, tolerant_study
+from workbench.reports.tolerance_page import least_calm_table, reached_table
+from workbench.study.plants import tolerated
+from workbench.verification import Steps
+
+
+def test_draws_are_seeded_and_those_for_tuning_are_others() -> None:
+    blind = draws(52, BLIND_SEED)
+    assert blind == draws(52, BLIND_SEED)
+    assert all(a.parts != b.parts for a, b in zip(blind, draws(52, TUNING_SEED), strict=True))
+    assert [len(d.kinds) for d in blind[:4]] == [1, 3, 1, 3]
+    assert {d.kinds[0] for d in blind[::2]} == set(KINDS)
+    assert all(len(set(d.kinds)) == len(d.kinds) for d in blind)
+
+
+def test_every_kind_is_named_as_both_simulators_name_it() -> None:
+    recipe = tolerant_study().plant
+    for one in draws(2 * len(KINDS), BLIND_SEED)[::2]:
+        (part,) = one.parts
+        # The rig refuses a name that it does not have; so does the plant.
+        assert one.rig != draws(1, BLIND_SEED)[0].rig or one.number == 0
+        built = recipe.varied(effects=part.effects).build()
+        for name, value in part.own:
+            assert built.with_parameters({name: value}).parameter(name).value == value
+
+
+def test_a_rig_at_rest_stays() -> None:
+    parameters = draws(8, BLIND_SEED)[6].rig
+    x = at_rest(parameters, 20.0)
+    rates = plant.derivative(x, parameters["valve_centre"], plant.namespace(parameters))
+    assert math.degrees(x[0]) == pytest.approx(20.0) and abs(rates[1]) < 1e-3
+
+
+def test_what_is_told_of_a_run() -> None:
+    time = np.arange(0.0, 4.0, 0.002)
+    deg = math.radians(1.0)
+    signal = Steps((0.0, 0.5, 2.0), (20 * deg, 35 * deg, 30 * deg))
+    angle = np.where(time < 0.8, 20.0, np.where(time < 2.0, 35.2, 30.0)) * deg
+    angle = angle + 0.3 * deg * np.sin(60.0 * time) * (time > 3.0)
+    told = measured(time, angle, 5.0 + 0.0 * time, signal)
+    assert told["settling"] == [pytest.approx(0.3, abs=3e-3)]
+    assert told["oscillation"] == pytest.approx(0.3 * deg, rel=0.05)
+    assert told["steady"][0] == pytest.approx(0.2 * deg) and not told["stop"]
+    hit = measured(time, angle - 25 * deg, 5.0 + 0.0 * time, signal)
+    assert hit["stop"]
+
+
+def test_the_table_counts_what_falls_short() -> None:
+    def run(size: float, settling: float | None) -> dict[str, object]:
+        return {
+            "settling": [0.4, settling],
+            "overshoot": 0.04,
+            "oscillation": math.radians(size),
+            "steady": [0.0],
+            "stop": False,
+            "chatter": 3.0,
+        }
+
+    rows = [
+        {"simulator": "rig", "draw": "a", "kinds": ["delay"], "runs": {"PID": run(0.1, 0.5)}},
+        {"simulator": "rig", "draw": "b", "kinds": ["leak"], "runs": {"PID": run(0.7, None)}},
+        {"simulator": "rig", "draw": "c", "kinds": ["leak"], "runs": {"PID": {"reason": "left"}}},
+    ]
+    (row,) = reached_table(rows, "rig").rows
+    assert row[:4] == ("PID", "1 of 3", "0.700", "2 of 3") and row[6] == "1 of 3"
+    assert least_calm_table(rows).rows[0][2] == "leak"
+    assert not reached_table(rows, "own plant").rows
+
+
+def test_the_study_tolerates_what_its_plant_declares() -> None:
+    study = tolerant_study()
+    loads = [dict(p.parameters).get("load") for p in tolerated(study.plant)]
+    assert {1.0, 5.0} <= set(loads)
+    for recipe in study.controllers.values():
+        assert recipe.fastest is not None
+        unsure = recipe.fastest.uncertainty
+        assert unsure.delay == (0.0, 0.008) and unsure.sensor_lag == (0.0, 0.01)
+        assert len(recipe.fastest.plants) == 6
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["state feedback", "cascade PID"])
+def test_a_design_for_an_identified_machine_is_as_fast_as_one_without_latency(name: str) -> None:
+    # 8 ms late and with lines of a third of the valve: the delay is known to half a millisecond.
+    study = tolerant_study()
+    recipe = study.controllers[name]
+    assert recipe.fastest is not None
+    known = replace(
+        recipe.fastest,
+        uncertainty=Uncertainty.known(0.008),
+        plants=recipe.fastest.plants[:1],
+        speeds=(50.0, 10.0, 25),
+        maximum_sensitivity=2.2,
+        maximum_complementary=2.0,
+    )
+    given = {"compensation": 0.5, "jerk_limit": 1200.0, "jerk_share": 0.5}
+    given |= {"lag": 0.005, "lead": 0.0085}
+    law = replace(
+        recipe, fastest=known, inertia_margin=(), specification=tuple(given.items())
+    ).build()
+    late = Sized((("valve_delay", 0.008), ("line_conductance", 1e-8), ("line_volume", 15e-6)))
+    told = on_rig(law, Draw(0, ("late",), 3.0, (late,)), study.scenarios["steps"])
+    assert max(told["settling"]) <= 0.27 and told["overshoot"] <= 0.05
+    assert told["oscillation"] <= math.radians(0.1)

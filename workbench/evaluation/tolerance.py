@@ -1,0 +1,163 @@
+"""Do designs tolerate what nobody modelled: drawn machines, on the rig and on the own plant.
+
+The designs are those of the shipped study ``tolerant``; none of them knows of any draw. Each runs
+its steps on every drawn machine, on the rig and on the workbench's own plant with the same sizes.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from workbench.errors import NumericalError
+from workbench.evaluation.kept import answered
+from workbench.evaluation.rig import plant
+from workbench.evaluation.rig.closed_loop import follow
+from workbench.evaluation.rig.excitation import RATE
+from workbench.evaluation.rig.variations import Draw
+from workbench.study.schema import load_study
+from workbench.study.shipped import shipped_study
+from workbench.study.study import Study
+from workbench.verification import Scenario, Steps, verify
+from workbench.verification.each_step import each_step, step_responses
+from workbench.verification.responses import oscillation, steady_error, variation_rate
+
+Array = NDArray[np.float64]
+
+SIMULATORS = ("rig", "own plant")
+"""On what drawn machines run."""
+
+SIZE = math.radians(15.0)
+"""Steps whose settling time is told."""
+
+
+@functools.cache
+def tolerant_study() -> Study:
+    """Return the study whose designs are tried."""
+    return load_study(shipped_study("tolerant"))
+
+
+def at_rest(parameters: Mapping[str, float], angle_deg: float, *, bar: float = 6.0) -> Array:
+    """Return the state of the rig at rest at an angle, whatever holds it.
+
+    Args:
+        bar: Sum of both gauge pressures, in bar.
+    """
+    given = dict(parameters)
+    space = plant.namespace(given)
+
+    def state(difference: float) -> Array:
+        pair = (0.5 * (bar + difference), 0.5 * (bar - difference))
+        return plant.initial(angle_deg, pair, given)
+
+    low, high = -0.97 * bar, 0.97 * bar
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        pushed = float(plant.derivative(state(middle), given["valve_centre"], space)[1])
+        low, high = (middle, high) if pushed < 0.0 else (low, middle)
+    return state(0.5 * (low + high))
+
+
+def on_rig(law: Any, draw: Draw, scenario: Scenario) -> dict[str, Any]:
+    """Run a controller on the rig of a draw along steps and measure it, in SI."""
+    parameters, signal, settle = draw.rig, _steps(scenario), scenario.settle
+    times, values = np.array(signal.times) + settle, np.array(signal.values)
+
+    def reference(time: float) -> float:
+        return float(values[max(0, int(np.searchsorted(times, time + 1e-9)) - 1)])
+
+    start = at_rest(parameters, math.degrees(signal.values[0]))
+    run = follow(law, parameters, start, reference, scenario.duration + settle, seed=draw.number)
+    first = round(settle * RATE)
+    return measured(run.time[first:] - settle, run.angle[first:], run.valve[first:], signal)
+
+
+def on_own_plant(law: Any, draw: Draw, scenario: Scenario) -> dict[str, Any]:
+    """Run a controller on the own plant of a draw along steps and measure it, in SI."""
+    recipe = tolerant_study().plant
+    rig = recipe.varied(effects=[e for part in draw.parts for e in part.effects]).build()
+    values = dict(pair for part in draw.parts for pair in part.own)
+    rig = rig.with_parameters(
+        {k: min(max(v, rig.parameter(k).lower), rig.parameter(k).upper) for k, v in values.items()}
+    )
+    run = verify(law, rig, scenario, seed=draw.number)
+    return measured(run.time, run["angle"], run["valve"], _steps(scenario))
+
+
+def _steps(scenario: Scenario) -> Steps:
+    signal = scenario.references["angle"]
+    assert isinstance(signal, Steps)
+    return signal
+
+
+_RUNS: dict[str, Callable[..., dict[str, Any]]] = dict(
+    zip(SIMULATORS, (on_rig, on_own_plant), strict=True)
+)
+
+
+def measured(time: Array, angle: Array, valve: Array, signal: Steps) -> dict[str, Any]:
+    """Return what is judged of a run along steps, in SI.
+
+    Args:
+        time: Sample times, shape (n,), in s.
+        angle: True angle, shape (n,), in rad.
+        valve: Command, shape (n,), in V.
+    """
+    steps = step_responses("angle", time, angle, signal.changes)
+    rests = [
+        (time[part.part], angle[part.part], part.final) for part in each_step(time, signal.changes)
+    ]
+    return {
+        "settling": [
+            s.settling.value for s in steps if math.isclose(abs(s.final - s.initial), SIZE)
+        ],
+        "overshoot": max(s.overshoot for s in steps),
+        "oscillation": max(oscillation(t, y, window=0.6).value for t, y, _ in rests),
+        "steady": [steady_error(t, end - y, window=0.4).value for t, y, end in rests],
+        "stop": bool(np.any(angle < 0.0) or np.any(angle > math.radians(60.0))),
+        "chatter": variation_rate(time, valve).value,
+    }
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A drawn machine on one simulator."""
+
+    draw: Draw
+    simulator: str
+
+    @property
+    def name(self) -> str:
+        """Name of the trial."""
+        return f"{self.simulator.replace(' ', '-')}-{self.draw.name}"
+
+
+def run_trial(trial: Trial, _jobs: int) -> dict[str, Any]:
+    """Run every design on one drawn machine; a run that cannot be simulated has a reason."""
+    study = tolerant_study()
+    scenario = next(iter(study.scenarios.values()))
+    found: dict[str, Any] = {}
+    for name, recipe in study.controllers.items():
+        try:
+            run = _RUNS[trial.simulator]
+            row = run(recipe.build(), trial.draw, scenario)
+        except NumericalError as error:
+            row = {"reason": str(error)}
+        found[name] = row
+    kinds = list(trial.draw.kinds)
+    return {"draw": trial.draw.name, "simulator": trial.simulator, "kinds": kinds, "runs": found}
+
+
+def tolerance(
+    drawn: Mapping[str, Sequence[Draw]], out: Path, *, jobs: int = 1
+) -> Iterator[dict[str, Any]]:
+    """Run every design on drawn machines, by simulator, each kept as soon as it is there."""
+    trials = [Trial(draw, name) for name, draws in drawn.items() for draw in draws]
+    yield from answered(trials, out, run_trial, jobs=jobs)
