@@ -45,9 +45,10 @@ def tolerant_study() -> Study:
 
 
 def at_rest(parameters: Mapping[str, float], angle_deg: float, *, bar: float = 6.0) -> Array:
-    """Return the state of the rig at rest at an angle, whatever holds it.
+    """Return the state of the rig at rest at an angle, in SI, whatever holds it.
 
     Args:
+        parameters: Parameters of the rig by name, in SI.
         bar: Sum of both gauge pressures, in bar.
     """
     given = dict(parameters)

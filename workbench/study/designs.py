@@ -300,6 +300,9 @@ def bandwidth_against_delay(
 ) -> tuple[tuple[float, float], ...]:
     """Search the fastest designs for shares of the uncertainty that a recipe tolerates.
 
+    Args:
+        shares: Parts of delay and lag, ratios.
+
     Returns:
         Largest delay in s and speed in rad/s for each share; no speed, NaN, meets the limits where
         more is asked than the family bears.

@@ -221,16 +221,14 @@ UNCERTAINTY = FieldTable(
             "least and largest time between measurement and valve",
             '["0 ms", "8 ms"]',
             "s",
-            (0, 1),
-            list(Uncertainty.delay),
+            usual=list(Uncertainty.delay),
         ),
         "sensor_lag": Field(
             listed(size, length=2),
             "least and largest lag of the sensors with noise",
             '["0 ms", "10 ms"]',
             "s",
-            (0, 1),
-            list(Uncertainty.sensor_lag),
+            usual=list(Uncertainty.sensor_lag),
         ),
         "trusted_frequency": Field(
             size,
