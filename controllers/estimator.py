@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from controllers.mpc.fixed_order import product
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
 if TYPE_CHECKING:
@@ -81,7 +82,25 @@ class Estimator:
         Args:
             z: States and offsets, shape (n,), in SI.
         """
-        return np.asarray(self.rest + self.C @ z)
+        return np.asarray(self.rest + product(self.C, z))
+
+    def at_rest(self, measurement: tuple[float, ...]) -> Matrix:
+        """Return states and offsets, shape (n,), in SI, that explain a measurement as rest.
+
+        Args:
+            measurement: Measurements, in SI.
+        """
+        return product(self.start, np.array(measurement) - self.rest)
+
+    def corrected(self, z: Matrix, residual: Matrix, believed: int) -> Matrix:
+        """Return states and offsets with some measurements taken in, shape (n,), in SI.
+
+        Args:
+            z: States and offsets, shape (n,), in SI.
+            residual: Measurements less what was expected of them, shape (n_sensors,), in SI.
+            believed: The set of sensors that are believed, sensor i counting 2^i (dimensionless).
+        """
+        return np.asarray(z + product(self.M[believed], residual))
 
     def predicted(self, z: Matrix, command: tuple[float, ...]) -> Matrix:
         """Return states and offsets a sample later, shape (n,), in SI.
@@ -90,7 +109,8 @@ class Estimator:
             z: States and offsets, shape (n,), in SI.
             command: Commands of the plant, in SI.
         """
-        return np.asarray(self.F @ z + self.G @ (self.entered(command) - self.rest_command))
+        u = self.entered(command) - self.rest_command
+        return np.asarray(product(self.F, z) + product(self.G, u))
 
     def entered(self, command: tuple[float, ...]) -> Matrix:
         """Return commands as the model takes them, the curve's value where there is one, in SI.
@@ -118,7 +138,7 @@ class Estimator:
             target: Followed outputs, in SI.
         """
         away = np.array(target) - self.rest_followed
-        u = self.rest_command + self.K_reference @ away - self.K @ z
+        u = self.rest_command + product(self.K_reference, away) - product(self.K, z)
         if len(self.values):
             u = np.interp(u, self.values, self.commands)
         return [float(v) for v in u]

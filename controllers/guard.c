@@ -45,8 +45,8 @@ static double guard_between(double x, const double *points, const double *values
   if (x <= points[0]) return values[0];
   if (x >= points[GUARD_CURVE - 1]) return values[GUARD_CURVE - 1];
   while (points[i] <= x) ++i;
-  return values[i - 1] +
-         (x - points[i - 1]) * (values[i] - values[i - 1]) / (points[i] - points[i - 1]);
+  return (values[i] - values[i - 1]) / (points[i] - points[i - 1]) * (x - points[i - 1]) +
+         values[i - 1];
 }
 #endif
 

@@ -341,7 +341,7 @@ class Guarded:
             measurement=seen,
             command=self.safe,
             reference=at,
-            estimate=None if own is None else own.start @ (np.array(seen) - own.rest),
+            estimate=None if own is None else own.at_rest(seen),
             doubted=zeros,
             same=zeros,
             mend=zeros,
@@ -516,12 +516,12 @@ class Guarded:
         z = state.estimate
         if believing:
             residual = np.array([v if math.isfinite(v) else 0.0 for v in measurement]) - expected
-            z = z + own.M[believed] @ residual
+            z = own.corrected(z, residual, believed)
             for i, value in enumerate(own.expected(z).tolist()):
                 if doubted[i]:
                     seen[i] = min(max(value, guard.sensors[i].lower), guard.sensors[i].upper)
         elif all(map(math.isfinite, measurement)):
-            z, mend = own.start @ (np.array(measurement) - own.rest), [0.0] * len(mend)
+            z, mend = own.at_rest(measurement), [0.0] * len(mend)
         state = state._replace(
             measurement=tuple(last),
             estimate=z,
