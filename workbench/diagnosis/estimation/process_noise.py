@@ -38,6 +38,9 @@ believed for making that noise smaller, as a wrong gain of a sensor does."""
 
 _USUAL = 3.0
 _LOOKS, _ENDS = 2000, (0.005, 0.995)
+_UNKNOWN_START = 0.3
+"""Uncertainty of the start of an effect's state that says nothing of it, over its scale."""
+
 _BLOCK_S, _LEAST_BLOCK, _LEAST_BLOCKS = 0.5, 20, 20
 
 
@@ -87,7 +90,9 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
         q.name: max(r, q.start_rms or q.scale) if q.name in reopened else r
         for q, r in zip(model.states, observed.start_rms, strict=True)
     }
-    rms = np.array([known.get(q.name, 0.3 * q.scale) for q in extended.states])
+    rms = np.array(
+        [known.get(q.name, q.start_rms or _UNKNOWN_START * q.scale) for q in extended.states]
+    )
     return Observed(
         observed.name,
         observed.sample_time,
