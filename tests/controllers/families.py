@@ -29,6 +29,15 @@ CLOSED_FORM: dict[str, Make] = {
     "fixed sliding mode": family("sliding-mode"),
     "scheduled PID": family("scheduled-pid"),
     "leading PID": family("scheduled-pid", lead=0.0055, lag=0.005),
+    "tolerant PID": family(
+        "scheduled-pid",
+        frequency=28.0,
+        inner_speed=4.0,
+        latency=0.004,
+        sensor_lag=0.005,
+        unexplained_bandwidth=10.0,
+        rest_integration=5.0,
+    ),
     "boundary layer": family("scheduled-sliding-mode", kind="boundary layer"),
     "integral": family("scheduled-sliding-mode", kind="integral"),
     "super-twisting": family("scheduled-sliding-mode", kind="super-twisting"),
@@ -37,7 +46,7 @@ CLOSED_FORM: dict[str, Make] = {
 """Laws written once for floats and for symbols."""
 
 MPCS: dict[str, Make] = {
-    "scheduled MPC": family("scheduled-mpc"),
+    "scheduled MPC": family("scheduled-mpc", latency=0.004),
     "linear MPC": family("mpc"),
     "linear MPC with preview": family("mpc", preview=True),
     "linear MPC with tight limits": family(
