@@ -45,7 +45,7 @@ class Uncertainty:
 
     delay: tuple[float, float] = (0.0, 0.008)
     sensor_lag: tuple[float, float] = (0.0, 0.010)
-    trusted_frequency: float = 2.0 * math.pi * 20.0
+    trusted_frequency: float = 2.0 * math.pi * 30.0
 
     def __post_init__(self) -> None:
         for name, (least, largest) in (("delay", self.delay), ("lag", self.sensor_lag)):

@@ -233,7 +233,7 @@ UNCERTAINTY = FieldTable(
         "trusted_frequency": Field(
             size,
             "frequency above which no model is trusted",
-            '"20 Hz"',
+            '"30 Hz"',
             "Hz",
             (1e-3, 1e6),
             Uncertainty.trusted_frequency / (2.0 * math.pi),
