@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -185,10 +185,11 @@ def decided(
             found = [_outrun(f, best) for f in found]
             passing = [f for f in found if not f.refused]
     if best is not None:
-        # Of those that explain the recordings as well, the one with the fewest parameters.
+        # Of those that explain the recordings as well, the one with the fewest parameters; then
+        # the likeliest on all recordings together.
         same = [c for c in passing if len(c.doubts) <= len(best.doubts)]
         same = [c for c in same if c is best or not told_apart(best.blocks, c.blocks)]
-        best = min(same, key=lambda c: (c.own_parameters, -c.gain))
+        best = min(same, key=lambda c: (c.own_parameters, -c.gain - c.held_out[0]))
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
 
 
@@ -432,12 +433,21 @@ def _first(
             ways.append(_Way(means, (base.noise_scale,), shapes=True))
     fits: list[tuple[Score, ProcessNoiseFit]] = []
     failed: Exception | None = None
-    for way in _and_from_nothing(base, cost, score, ways, fits):
+
+    def go(way: _Way) -> None:
+        nonlocal failed
         try:
             fits.append(_refitted(base, score, priors, fit_on, way, enough))
         except Exception as error:  # noqa: BLE001
             # Whatever a law does, its failure must not end the diagnosis.
             failed = error
+
+    for way in ways:
+        go(way)
+    worse = not fits or min(fit.cost for _, fit in fits) > cost
+    if worse and not score.entry.replaces:
+        # All lead to what is worse than no effect at all: begin from there too.
+        go(_from_nothing(base, score))
     if not fits:
         assert failed is not None
         return untried(score.entry, failed)
@@ -446,24 +456,11 @@ def _first(
     return Candidate(found.entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
 
 
-def _and_from_nothing(
-    base: ProcessNoiseFit,
-    cost: float,
-    score: Score,
-    ways: Sequence[_Way],
-    fits: Sequence[tuple[Score, ProcessNoiseFit]],
-) -> Iterator[_Way]:
-    """Yield ways; where all lead to what is worse than no effect at all, begin from there too.
-
-    Args:
-        fits: What the ways have led to, filled while they are gone.
-    """
-    yield from ways
-    if score.entry.replaces or (fits and min(fit.cost for _, fit in fits) <= cost):
-        return
+def _from_nothing(base: ProcessNoiseFit, score: Score) -> _Way:
+    """Return the way of a refit that begins at the model without the effect."""
     own = entry_priors(score)[1] | {e.name: e.value for e in base.refit.estimates}
     size = f"{score.entry.name}.{score.entry.size_parameter}"
-    yield _Way({}, (base.noise_scale,), (own, own | {size: 0.0}))
+    return _Way({}, (base.noise_scale,), (own, own | {size: 0.0}))
 
 
 def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[dict[str, float]]:
