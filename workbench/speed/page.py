@@ -20,14 +20,17 @@ def benchmark_page(found: Benchmark, *, command: str) -> Page:
     """
     missed = [f for f in found.figures if f.reached is False]
     reached = sum(f.reached is True for f in found.figures)
-    sections = [Section("figures", "Figures to reach", (_figures(found.figures),))]
+    met = [f for f in found.figures if f.reached is not False]
+    tables = (("Missed", missed), ("Reached", met))
+    shown = tuple(_figures(title, figures) for title, figures in tables if figures)
+    sections = [Section("figures", "Figures to reach", shown)]
     if found.comparisons:
         drawn = _ratios(found.comparisons)
-        tables = tuple(_ways(c) for c in found.comparisons)
-        sections.append(Section("peers", "Beside other tools, in the same run", (drawn, *tables)))
+        ways = tuple(_ways(c) for c in found.comparisons)
+        sections.append(Section("peers", "Beside other tools, in the same run", (drawn, *ways)))
     if found.curves:
         sections.append(Section("growth", "What grows with what", tuple(map(_grown, found.curves))))
-    words = "; ".join(f"{f.what} ({f.breakdown})" for f in missed) or "nothing"
+    words = "; ".join(f.what for f in missed) or "nothing"
     return Page(
         "How fast the workbench is",
         f"{reached} of {len(found.figures)} figures are reached. Comparisons are ratios of"
@@ -42,14 +45,14 @@ def benchmark_page(found: Benchmark, *, command: str) -> Page:
     )
 
 
-def _figures(figures: list[Figure]) -> Table:
+def _figures(title: str, figures: list[Figure]) -> Table:
     rows = []
     for f in figures:
         bound = "at least" if f.larger_is_better else "at most"
         value = Cell(number(f.value, unit=_unit(f.unit)), _MARKS[f.reached])
         rows.append((f.what, value, f"{bound} {f.reach:g} {_unit(f.unit)}", f.breakdown))
     return Table(
-        "Figures to reach",
+        title,
         ("what", "measured", "to reach", "what it consists of, and what stands in the way"),
         tuple(rows),
     )
