@@ -21,6 +21,12 @@ the valve's flat centre. If the solver fails, the plan of the sample before is f
 Without preview the reference is continued over the horizon by two lags or by a planner
 (`controllers.reference.horizon`); with preview r_j is the reference itself.
 
+It costs many times what the scheduled linear MPC costs per sample, is not exported as C, and is not
+better on moves within the range: take it where the model changes much over a move or limits on the
+pressures decide, with ``compile_function``, and inside a guard with a ``deadline``
+(`workbench.verification.guarded`), which holds the command of a step that took longer. Elsewhere
+take the scheduled MPC.
+
 Source: Diehl, Bock, Schloeder, A real-time iteration scheme for nonlinear optimization in optimal
 feedback control, SIAM J. Control Optim. 43, 2005; Rawlings, Mayne and Diehl, Model Predictive
 Control, 2017, chapters 1.5 (offset-free), 4.2 (extended Kalman filter) and 8.7 (condensing).
