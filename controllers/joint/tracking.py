@@ -225,14 +225,6 @@ class JointTracking:
         if state.held is not None:
             # What friction takes accelerates nothing, and is not compensated twice.
             alpha = alpha - joint.b * state.held
-        following = (
-            theta + h * omega + 0.5 * h * h * alpha,
-            omega + h * alpha,
-            w,
-            filtered,
-            mean,
-        )
-
         now = plan
         if state.sent:
             now = self.planner.ahead(planner, plan, self.latency, arithmetic)
@@ -244,6 +236,13 @@ class JointTracking:
             lost = self.hysteresis.difference(turn, mean)
             forward = forward + lost
             alpha = alpha - joint.b * lost
+        following = (
+            theta + h * omega + 0.5 * h * h * alpha,
+            omega + h * alpha,
+            w,
+            filtered,
+            mean,
+        )
         for opening in state.sent:
             angle = angle + h * omega + 0.5 * h * h * alpha
             rate = joint.difference_rate(opening, omega, difference)

@@ -139,7 +139,7 @@ class Place:
         whole: Whether the rate of what it drives or fills is proportional to the signal.
         elastic: Whether the signal is a straight line over the coordinate.
         store: The store whose level the signal changes, and nothing else; empty if there is none.
-        fills: Whether more of it fills that store: 1 if it does, -1 if it empties it.
+        fills: 1 if more of it fills that store, -1 if it empties it; dimensionless.
         directed: Whether it is known which way the signal counts beside the speed.
         shaped: Whether contraction and pressure of a muscle enter the signal as they stand.
         parameters: Refitted parameters that enter the equations through this port alone.
