@@ -396,8 +396,8 @@ class ScheduledPIDSpecification(TrackingSpecification):
         damping: Its damping ratio, dimensionless.
         real_pole: Real pole as a fraction of the frequency.
         inner_bandwidth: Bandwidth of the pressure-difference loop, in rad/s.
-        inner_speed: The same as a multiple of the frequency, where delays keep the loop slow and
-            its pole counts; 0 for a fast one with the bandwidth above.
+        inner_speed: The same over the frequency, dimensionless, where delays keep the loop slow
+            and its pole counts; 0 for a fast one with the bandwidth above.
         compensation: Share of the unexplained acceleration that is compensated at once, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
     """

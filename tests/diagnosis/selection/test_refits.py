@@ -138,6 +138,16 @@ def test_a_law_of_the_process_must_not_spoil_free_runs(entries: dict[str, Hypoth
     assert _taken(found) == [offset.name] and found[0].rule == "free run"
 
 
+def test_what_a_perfect_predictor_lacks_has_to_show_in_free_runs(
+    entries: dict[str, Hypothesis],
+) -> None:
+    offset = entries["valve_offset"]
+    for error, taken in ((1.0, []), (0.5, [offset.name])):
+        one = [_candidate(offset, 500.0, error)]
+        assert _taken(decided(one, WITHOUT, Limits(20.0, 100.0, perfect=True))) == taken
+        assert _taken(decided(one, WITHOUT, Limits(20.0, 100.0))) == [offset.name]
+
+
 def test_a_sensor_has_to_show_in_free_runs(entries: dict[str, Hypothesis]) -> None:
     lag, offset = entries["sensor_lag_angle"], _candidate(entries["valve_offset"], 500.0, 0.5)
     asked = Limits(20.0, 100.0)

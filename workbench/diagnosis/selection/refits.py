@@ -155,7 +155,7 @@ def decided(
     """
     found = sorted((judged(c, limits) for c in candidates), key=lambda c: -c.gain)
     if not limits.near_noise:
-        found = [_run_freely(c, without) for c in found]
+        found = [_run_freely(c, without, shown=limits.perfect) for c in found]
     for i, candidate in enumerate(found):
         if not candidate.refused or limits.near_noise:
             # Near the noise free runs cannot be closer but by chance.
@@ -193,16 +193,19 @@ def decided(
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
 
 
-def _run_freely(candidate: Candidate, without: RunErrors) -> Candidate:
+def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Candidate:
     """Refuse what predicts the next sample better and not what comes after it.
 
     What a sensor does between process and reading colours the noise, and so predicts the next
     sample of anything: it has to show in free runs. A law of the process must not spoil them.
+
+    Args:
+        shown: Whether a law of the process has to show there too.
     """
     if candidate.refused or candidate.run is None:
         return candidate
     why = ""
-    if _is_sensor(candidate):
+    if _is_sensor(candidate) or shown:
         if not candidate.run.closer_than(without):
             why = "with it the model does not run closer to the held-out recordings"
     elif candidate.run.spoilt_from(without):

@@ -28,11 +28,14 @@ class Limits:
             library, dimensionless.
         least_gain: Log likelihood that it must gain to explain enough of the excess, dimensionless.
         near_noise: Whether the model without it predicts nearly to the noise.
+        perfect: Whether the model without it predicts the next sample as well as a right one; what
+            it lacks then has to show in free runs.
     """
 
     penalty: float
     least_gain: float = 0.0
     near_noise: bool = False
+    perfect: bool = False
 
 
 class Question(NamedTuple):

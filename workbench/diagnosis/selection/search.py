@@ -343,7 +343,12 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
                 state.free,
                 begun,
                 task.started(task.judging, current.model),
-                limits=Limits(penalty, least, scored.near_noise(task.base)),
+                limits=Limits(
+                    penalty,
+                    least,
+                    scored.near_noise(task.base),
+                    perfect=current.noise_scale <= PERFECT and bool(number),
+                ),
                 jobs=task.jobs,
                 progress=task.say,
             )
