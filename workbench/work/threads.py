@@ -44,3 +44,8 @@ def side_by_side(calls: Sequence[Call[T]]) -> list[T]:
 @functools.cache
 def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max(1, threads() - 1), thread_name_prefix="workbench")
+
+
+if hasattr(os, "register_at_fork"):
+    # The threads of a pool do not come along.
+    os.register_at_fork(after_in_child=_pool.cache_clear)

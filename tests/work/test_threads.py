@@ -1,0 +1,74 @@
+"""Threads: results in order, errors as in one thread, nothing lost in a fork or a worker."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+from workbench.diagnosis.estimation.made_up import made_up_axis
+from workbench.diagnosis.estimation.prediction_error import PredictionError, disturbances
+from workbench.plants.servo_axis import servo_axis
+from workbench.work import threads
+from workbench.work.processes import in_order
+from workbench.work.threads import side_by_side
+
+
+def test_results_come_in_order_from_several_threads(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "threads", lambda: 3)
+    both = threading.Barrier(2, timeout=10)
+
+    def name(number: int) -> tuple[int, str]:
+        if number < 2:
+            both.wait()
+        return number, threading.current_thread().name
+
+    found = side_by_side([(name, (number,)) for number in range(3)])
+    assert [number for number, _ in found] == [0, 1, 2]
+    assert len({name for _, name in found[:2]}) == 2
+
+
+def test_the_first_error_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(threads, "threads", lambda: 3)
+    with pytest.raises(ZeroDivisionError):
+        side_by_side([(abs, (1,)), (divmod, (1, 0)), (int, ("x",))])
+
+
+def test_a_worker_has_one_thread() -> None:
+    assert in_order([(threads.threads, ()), (threads.threads, ())], jobs=2) == [1, 1]
+
+
+def test_recordings_are_filtered_side_by_side_as_one_by_one() -> None:
+    axis = servo_axis()
+    seen = [made_up_axis(seed, samples=1000) for seed in (1, 2, 3)]
+    filter_ = PredictionError(
+        axis, seen[0].sample_time, seen[0].used, ("mass",), disturbances(axis, 1.0)
+    )
+    for one, together in zip(
+        [filter_.run(observed, axis.values) for observed in seen],
+        filter_.along(seen, axis.values),
+        strict=True,
+    ):
+        np.testing.assert_array_equal(one.whitened, together.whitened)
+        np.testing.assert_array_equal(one.jacobian, together.jacobian)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no fork")
+def test_a_fork_has_threads_of_its_own() -> None:
+    program = (
+        "import os\n"
+        "from workbench.work import threads\n"
+        "threads.threads = lambda: 2\n"
+        "calls = [(max, (1, 2)), (min, (1, 2))]\n"
+        "threads.side_by_side(calls)\n"
+        "child = os.fork()\n"
+        "found = threads.side_by_side(calls)\n"
+        "if not child:\n"
+        "    os._exit(found != [2, 1])\n"
+        "raise SystemExit(os.waitpid(child, 0)[1])\n"
+    )
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", program], timeout=30, check=False)
+    assert done.returncode == 0
