@@ -275,3 +275,9 @@ def test_a_command_that_moves_cause_and_motion_does_not_turn_a_sign() -> None:
     recordings = [r for n, r in case.recordings().items() if n.startswith("hold")]
     driven = [r.with_roles({"voltage": "command"}) for r in recordings]
     assert all(check_recording(r, model=case.build()).fit for r in driven)
+
+
+def test_a_level_that_stays_at_the_end_of_its_sensor_is_not_lost() -> None:
+    case = next(c for c in plan(60, 9300) if c.name == "foreign-9342")
+    for recording in case.recordings().values():
+        assert check_recording(recording, model=case.build()).fit, recording.name

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from workbench.diagnosis.estimation.prediction_error import Innovations, Observed
 from workbench.diagnosis.estimation.priors import Prior
-from workbench.errors import WorkbenchError
+from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
 from workbench.model.units import written_unit
@@ -176,6 +176,10 @@ def summarise(
         one, spread = _information(part, observed.sample_time)
         information, scatter = information + one, scatter + spread
         single.append((one, spread, part))
+    if not np.isfinite(information).all():
+        raise NumericalError(
+            f"the derivatives of {model.name!r} leave the range of numbers at the refitted values"
+        )
     inverse = _inverse(information + prior)
     # Correlated errors carry less information than white ones: never report less than either.
     inflation = np.sqrt(_spread(inverse, scatter, prior) / np.diag(inverse))
