@@ -125,7 +125,7 @@ def _loop(
     spoil, missed = _spoiled(controller, scenario)
     convert = _actuators(controller, inputs, scenario, real=not straight)
     straighten = controller.linear_command
-    step, hold = controller.step, plant.hold
+    step, hold, late_samples = controller.step, plant.hold, scenario.late_samples
 
     states = np.empty((n, len(plant.state)))
     measurements, measured, commands, infos = [], [], [], []
@@ -149,9 +149,9 @@ def _loop(
                 memory = controller.initial_state(seen)
             late = k >= 0 and k in missed
             command, memory, info = controller.missed(memory) if late else step(memory, seen, asked)
-            if scenario.late_samples:
+            if late_samples:
                 # Before the first one arrives, it is the command that holds the start.
-                line.extend([command] * (1 if k > -warm else 1 + scenario.late_samples))
+                line.extend([command] * (1 if k > -warm else 1 + late_samples))
                 command = line.popleft()
             command = convert(straighten(command) if straight else command)
             if k >= 0:

@@ -86,8 +86,8 @@ class FullPlant:
 
     @property
     def state(self) -> Vector:
-        """States of now, shape (n_states,), in SI."""
-        return self._x.copy()
+        """States of now, shape (n_states,), in SI; overwritten when a command is held."""
+        return self._x
 
     def hold(self, command: tuple[float, ...]) -> None:
         """Hold a command for one sample and read the sensors at its end.
