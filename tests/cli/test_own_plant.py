@@ -178,7 +178,7 @@ def test_verify_runs_a_design_of_the_users_own(
     assert run(["verify", *NAMED, "-c", "pid"]) == WRONG_USE
     assert "of the linear model" in capsys.readouterr().err
     assert run(["verify", *NAMED, "-c", "plain-pid", *options[2:]]) == 0
-    assert "PID on circuit" in capsys.readouterr().out
+    assert "plain-pid on circuit" in capsys.readouterr().out
 
 
 @pytest.mark.system

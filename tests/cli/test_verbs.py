@@ -96,12 +96,15 @@ def test_linearise_uses_parameters_with_units(tmp_path: Path) -> None:
 
 
 def test_verify_scores_a_controller(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "metrics.json"
-    assert run(["verify", "-c", "pid", "--hysteresis", "--out", str(out)]) == 0
+    assert run(["verify", "-c", "pid", "--hysteresis", "--out", str(tmp_path / "out")]) == 0
     text = capsys.readouterr().out
-    assert "steady_error" in text and "met" in text
-    found = json.loads(out.read_text())["runs"]["cascade PID"]
-    assert found["steady_error"]["value"] < math.radians(0.3)
+    assert "steady_error" in text and "verify passed: 5 of 5 hard requirements met" in text
+    (found,) = json.loads((tmp_path / "out" / "results.json").read_text())["runs"]
+    assert found["controller"] == "pid"
+    assert found["metrics"]["steady_error"]["value"] < math.radians(0.3)
+    # The page is that of any study, with the run on the linear model beside that on the plant.
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "workbench verify" in page and "step 15 to 45 deg and back" in page
 
 
 def test_verify_says_when_a_requirement_is_missed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -52,5 +52,5 @@ def test_from_a_csv_to_a_verdict(tmp_path: Path) -> None:
     errors = verdict["fit"]["held_out"]
     assert errors["refitted"]["n"] > 5 * errors["extended"]["n"]
     first, improved = said[-2:]
-    assert "PI on motor" in first
+    assert "my_controllers:design_pi on motor" in first
     assert _metric(first, "steady_error") < 1.0 < 10.0 < _metric(improved, "steady_error")

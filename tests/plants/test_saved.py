@@ -119,12 +119,11 @@ def test_verify_and_compare_run_controllers_on_it(
 ) -> None:
     found = []
     for name in ("servo-axis", str(axis)):
-        words = ["--plant", name, "-c", "lqi", "--from", "0mm", "--to", "20mm", "--out", "m.json"]
+        words = ["--plant", name, "-c", "lqi", "--from", "0mm", "--to", "20mm", "--json"]
         assert run(["verify", *words]) == 0
-        (metrics,) = json.loads(Path("m.json").read_text())["runs"].values()
-        found.append(metrics["iae"]["value"])
+        (record,) = json.loads(capsys.readouterr().out)["runs"]
+        found.append(record["metrics"]["iae"]["value"])
     assert found[0] != found[1]
-    capsys.readouterr()
     assert run(["new-study", "on_it.toml"]) == 0
     text = Path("on_it.toml").read_text().replace('kind = "servo-axis"', 'kind = "verdict.json"')
     text = text.partition("[robustness]")[0].replace('mass = "110 kg"', 'mass = "130 kg"')

@@ -24,7 +24,6 @@ from workbench.verification import (
     Steps,
     judge,
     metrics,
-    score,
     verify,
 )
 
@@ -143,26 +142,10 @@ def test_requirements_are_scored_in_their_unit(run: Run) -> None:
 def test_what_has_no_value_is_never_met(linear: LinearModel) -> None:
     resting = replace(STEP, references={"angle": Sine(0.5, 0.01, 1.0)})
     measured = metrics(verify(design_pid(linear), linear, resting))
-    worst, (verdict,) = score([Requirement("settling_time", 1.0, unit="s")], [measured])
-    assert worst == math.inf
+    verdict = judge(Requirement("settling_time", 1.0, unit="s"), measured)
+    assert verdict.score == math.inf
     assert not verdict.met
     assert "no step" in str(verdict)
-
-
-def test_soft_requirements_do_not_count_in_the_score(run: Run) -> None:
-    wanted = [
-        Requirement("settling_time", 0.001, unit="s", hard=False),
-        Requirement("steady_error", 1.0, unit="deg"),
-        Requirement("stop_impacts", 0.0, unit="1"),
-    ]
-    worst, verdicts = score(wanted, [metrics(run)])
-    assert worst < 1.0
-    assert [v.met for v in verdicts] == [False, True, True]
-
-
-def test_requirement_of_another_scenario_is_an_error(run: Run) -> None:
-    with pytest.raises(WorkbenchError, match="scenario of the requirement"):
-        score([Requirement("rmse", 1.0, scenario="stp")], [metrics(run)])
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+import tempfile
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,13 +12,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from workbench.cli.as_json import AsJson, tell
+from workbench.cli.counter import run_counted
 from workbench.cli.plant import Chosen, value_at_rest, with_plant
 from workbench.errors import WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
+    from controllers.design import Design
     from workbench.linearisation import LinearModel
     from workbench.model import Model
-    from workbench.verification import Requirement, Scenario
+    from workbench.study.designs import ControllerRecipe
+    from workbench.study.study import Demand, Study
+    from workbench.verification import Scenario
 
 
 @with_plant("option", "effect", "design")
@@ -62,48 +68,52 @@ def verify(
         ),
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
-    out: Annotated[Path | None, typer.Option(help="JSON file for the metrics, in SI.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for results.json, summary.md, junit.xml and report.html.", metavar="DIR"
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> int:
     """Run controllers on the full plant through a step and back, and score what they do.
 
-    Each controller is designed from the linear model of the nominal plant, without effects that are
-    attached here, and run on the full plant with saturation, converters and sensor noise. Exit
-    status 1 if a requirement is missed.
+    A study of one scenario: each controller is designed from the linear model of the nominal plant,
+    without effects that are attached here, and run on the full plant with saturation, converters
+    and sensor noise. Exit status 1 if a requirement is missed.
 
     Examples: 'workbench verify -c pid -c mpc --from 15deg --to 45deg --hysteresis',
     'workbench verify --plant my_plants:circuit -c my_designs:integral --from 0V --to 1V'.
     """
-    from workbench.verification import metrics, score
-    from workbench.verification import verify as run_loop
+    from workbench.cli.typed import typed
+    from workbench.reports.study_files import write_study_files
+    from workbench.study.summary import plain_summary
 
-    linear = _design_model(chosen, [*(design or ()), *chosen.design])
-    scenario = _scenario(chosen, linear, start, end, hold, sample_time)
-    requirements = _requirements(chosen, require or ())
-    results = {}
-    worst = 0.0
-    for designed in _designed(linear, controller or (), scenario):
-        found = metrics(run_loop(designed, chosen.model, scenario, seed=seed))
-        total, verdicts = score(requirements, [found])
-        worst = max(worst, total)
-        typer.echo(str(found), err=as_json)
-        if verdicts:
-            typer.echo("  required", err=as_json)
-            typer.echo("\n".join(f"    {verdict}" for verdict in verdicts), err=as_json)
-        results[designed.name] = {
-            metric.name: {"value": metric.value, "unit": metric.unit, "reason": metric.reason}
-            for metric in found.values
-        }
-    if out is not None or as_json:
-        content = {"scenario": scenario.name, "seed": seed, "runs": results}
-        tell(content, as_json=as_json, file=out)
-    return 0 if worst <= 1.0 else 1
+    base = _nominal(chosen, [*(design or ()), *chosen.design])
+    scenario = _scenario(chosen, base.linear(), start, end, hold, sample_time)
+    recipes = _recipes(base, controller or (), scenario)
+    study = replace(_study(chosen, recipes, scenario, require or ()), seeds=(seed,))
+    with tempfile.TemporaryDirectory() as folder:
+        result = run_counted(study, out or Path(folder), jobs=1)
+    if len(result.failed) == len(result.records):
+        raise WorkbenchError(result.records[0].reason)
+    for record in result.records:
+        if record.metrics is not None:
+            shown = replace(record.metrics, plant=chosen.model.name)
+            typer.echo(str(shown), err=as_json)
+    if result.judgements or result.failed:
+        typer.echo(plain_summary(result), err=as_json)
+    if out is not None:
+        files = write_study_files(result, out, command=typed())
+        typer.echo(f"written to {out}: {', '.join(path.name for path in files)}", err=as_json)
+    tell(result.table(), as_json=as_json)
+    return 0 if result.passed else 1
 
 
-def _design_model(chosen: Chosen, changes: Sequence[str]) -> LinearModel:
-    """Linearise the nominal plant, without friction whose slope at rest is not that of a motion."""
-    from workbench.linearisation import linearise
-    from workbench.operating_point import operating_point
+def _nominal(chosen: Chosen, changes: Sequence[str] = ()) -> ControllerRecipe:
+    """Return the recipe of a design for the nominal plant, or for another than the plant is."""
+    from workbench.study.designs import ControllerRecipe
+    from workbench.study.plants import PlantRecipe
 
     options, at = dict(chosen.options), dict(chosen.plant.design_point)
     known = {n for o in chosen.plant.options for n in (o.name, o.keyword)}
@@ -113,8 +123,39 @@ def _design_model(chosen: Chosen, changes: Sequence[str]) -> LinearModel:
             options |= chosen.plant.parse({name: value})
         else:
             at |= dict([value_at_rest(chosen.nominal, text)])
-    model = chosen.plant.model(options, folder=Path.cwd())
-    return linearise(operating_point(model.without(*model.dry_effects), at), verdict=False)
+    plant = PlantRecipe(chosen.reference, tuple(options.items()), folder=Path.cwd())
+    return ControllerRecipe("", "", plant, tuple(at.items()))
+
+
+def _study(
+    chosen: Chosen, recipes: Sequence[ControllerRecipe], scenario: Scenario, require: Sequence[str]
+) -> Study:
+    """Return the study of the one step: controllers for the nominal plant, on the chosen one."""
+    from workbench.plants.plant import parse_parameter
+    from workbench.study.plants import PlantRecipe
+    from workbench.study.study import NOMINAL, Case, Study, Variation
+
+    plant = PlantRecipe(
+        chosen.reference,
+        tuple(chosen.options.items()),
+        chosen.effects,
+        chosen.without,
+        tuple(parse_parameter(chosen.model, text) for text in chosen.parameters),
+        folder=Path.cwd(),
+    )
+    controllers, scenarios = {r.name: r for r in recipes}, {scenario.name: scenario}
+    demands, metrics = _demands(chosen, require, scenario, controllers)
+    return Study(
+        "verify",
+        Path.cwd() / "verify",
+        {"": Case("", plant, controllers, scenarios)},
+        {NOMINAL: Variation(NOMINAL, plant)},
+        controllers,
+        scenarios,
+        demands,
+        points=tuple(dict.fromkeys(r.at for r in recipes)),
+        own_metrics=metrics,
+    )
 
 
 def _scenario(
@@ -164,58 +205,70 @@ def _level(model: Model, text: str, what: str) -> float:
     return value
 
 
-def _requirements(chosen: Chosen, given: Sequence[str]) -> tuple[Requirement, ...]:
-    from workbench.model.units import parse_unit
+def _demands(
+    chosen: Chosen,
+    given: Sequence[str],
+    scenario: Scenario,
+    controllers: Mapping[str, ControllerRecipe],
+) -> tuple[tuple[Demand, ...], tuple[str, ...]]:
+    """Return what is required, and the metrics of the user's own that it names."""
+    from workbench.model.units import convert, quantity
+    from workbench.study.feasible import check_demand
+    from workbench.study.study import Demand, load_metrics
     from workbench.verification import Requirement
+    from workbench.verification.metrics import metric_units
 
+    pairs = [(name.strip(), value.strip()) for name, _, value in (t.partition("=") for t in given)]
+    own = tuple(name for name, _ in pairs if ":" in name)
+    metrics = load_metrics(own, Path.cwd())
+    called = dict(zip(own, (m.name for m in metrics), strict=True))
+    units = metric_units(chosen.model, tuple(scenario.references), metrics)
     wanted = []
-    for text in given:
-        name, _, value = text.partition("=")
-        number = value.strip().rstrip("%abcdefghijklmnopqrstuvwxyzABCDFGHIJKLMNOPQRSTUVWXYZ/ ")
-        unit = value.strip()[len(number) :].strip()
-        parse_unit(unit)
-        try:
-            limit = float(number)
-        except ValueError:
-            raise WorkbenchError(
-                f"requirement {text!r} has no limit; write it as METRIC=LIMIT, such as"
-                " settling_time=0.5s"
-            ) from None
-        wanted.append(Requirement(name.strip(), limit, unit))
-    return tuple(wanted) or tuple(Requirement(*item) for item in chosen.plant.requirements)
+    for name, value in pairs:
+        metric = check_choice("metric", called.get(name, name), units)
+        limit = quantity(f"limit of {metric}", value, units[metric])
+        unit = re.sub(r"^[-+.\d]+([eE][-+]?\d+)?\s*", "", value) or units[metric]
+        wanted.append(Requirement(metric, float(convert(limit, units[metric], unit)), unit))
+    demands = [Demand(r) for r in wanted or (Requirement(*r) for r in chosen.plant.requirements)]
+    for demand in demands:
+        check_demand(demand, units, {scenario.name: scenario}, controllers, metrics)
+    return tuple(demands), own
 
 
-def _designed(linear: LinearModel, names: Sequence[str], scenario: Scenario) -> list[Any]:
-    """Return the named controllers, or those made for such a plant, or those for any plant."""
+def _recipes(
+    base: ControllerRecipe, names: Sequence[str], scenario: Scenario
+) -> list[ControllerRecipe]:
+    """Return the named designs, or those made for such a plant, or those for any plant."""
     from controllers.design import DESIGNS, designs_for
 
     # What a design for any linear model must be told: which output, and how often.
-    told = {"measured": next(iter(scenario.references)), "sample_time": scenario.sample_time}
+    told = (("measured", next(iter(scenario.references))), ("sample_time", scenario.sample_time))
 
-    def made(design: Any) -> Any:
-        return design.controller(
-            linear, design.specified({} if design.sensors or design.own else told)
-        )
+    def recipe(design: Design) -> ControllerRecipe:
+        own = design.sensors or design.own
+        made = replace(base, name=design.name, design=design.name)
+        return made if own else replace(made, specification=told)
 
+    linear = base.linear()
     one = {n: d for n, d in DESIGNS.members().items() if d.needs == "linear"}
-    if names:
-        found = [DESIGNS.get(name, folder=Path.cwd()) for name in names]
-        for design in found:
-            if design.needs != "linear":
-                check_choice("controller", design.name, one)
-        return [made(design) for design in found]
-    fitting = designs_for(linear)
-    if any(design.sensors for design in fitting):
-        return [made(design) for design in fitting]
-    plain = []
-    for design in fitting:
+    for name in names:
+        if (design := DESIGNS.get(name, folder=Path.cwd())).needs != "linear":
+            check_choice("controller", design.name, one)
+    fitting = [DESIGNS.get(n, folder=Path.cwd()) for n in names] or designs_for(linear)
+    found = []
+    for made in map(recipe, fitting):
         try:
-            plain.append(made(design))
+            made.build()
         except WorkbenchError as error:
-            typer.echo(f"{design.name}: {error}")
-    if not plain:
+            # Of designs that nobody asked for, those count that suit the plant.
+            if names or made.kind().sensors:
+                raise
+            typer.echo(f"{made.name}: {error}", err=True)
+        else:
+            found.append(made)
+    if not found:
         raise WorkbenchError(
             f"no design of the workbench fits {linear.operating_point.model.name!r}; give one of"
             " your own with --controller module:function"
         )
-    return plain
+    return found

@@ -15,7 +15,6 @@ from workbench.verification.requirements import (
     Requirement,
     RequirementResult,
     judge,
-    score,
 )
 from workbench.verification.scenario import (
     Change,
@@ -56,7 +55,6 @@ __all__ = [
     "guarded",
     "judge",
     "metrics",
-    "score",
     "signal_from_table",
     "step_scenario",
     "verify",

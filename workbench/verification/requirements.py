@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -106,38 +105,3 @@ def judge(requirement: Requirement, measured: Metrics) -> RequirementResult:
     return RequirementResult(
         requirement, measured.controller, measured.scenario, value, score, metric.reason
     )
-
-
-def score(
-    requirements: Iterable[Requirement], measured: Iterable[Metrics]
-) -> tuple[float, tuple[RequirementResult, ...]]:
-    """Judge requirements on runs and return the worst score.
-
-    Args:
-        measured: Metrics of runs; a requirement with a scenario applies to that one only.
-
-    Returns:
-        The worst score of the hard requirements (a ratio; at most 1 means all met, 0 if there are
-        none) and all verdicts.
-
-    Raises:
-        WorkbenchError: If a requirement applies to no run.
-    """
-    runs = list(measured)
-    verdicts: list[RequirementResult] = []
-    for requirement in requirements:
-        fitting = [
-            m for m in runs if not requirement.scenario or m.scenario == requirement.scenario
-        ]
-        if not fitting:
-            check_choice(
-                f"scenario of the requirement on {requirement.metric}",
-                requirement.scenario,
-                sorted({m.scenario for m in runs}),
-            )
-            raise WorkbenchError(
-                f"there is no run to judge the requirement on {requirement.metric}; run a scenario"
-            )
-        verdicts += [judge(requirement, m) for m in fitting]
-    hard = [v.score for v in verdicts if v.requirement.hard]
-    return max(hard, default=0.0), tuple(verdicts)
