@@ -29,6 +29,7 @@ def test_from_a_csv_to_a_verdict(tmp_path: Path) -> None:
     verbs = [shlex.split(command)[1] for command in commands]
     assert verbs == [
         *("make_data.py", "plants", "recording", "recording", "refit", "diagnose"),
+        "diagnose",
         *("verify", "verify"),
     ]
     said = []

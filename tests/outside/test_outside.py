@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -61,17 +62,28 @@ unit = "N"
 """
 
 
-def _workbench(*words: str, folder: Path, status: int = 0) -> str:
-    path = os.pathsep.join([str(PACKAGE), str(ROOT)])
+RUN_EACH = """
+import json, sys
+from workbench.cli.main import run
+for command in json.loads(sys.argv[1]):
+    print("$", *command)
+    if run(command):
+        sys.exit(" ".join(command) + " failed")
+"""
+
+
+def _workbench(*commands: list[str], folder: Path, installed: bool = True) -> str:
+    """Run commands in one fresh interpreter and return what they print."""
+    path = [str(PACKAGE)] * installed + [str(ROOT)]
     run = subprocess.run(
-        [sys.executable, "-m", "workbench", *words],
+        [sys.executable, "-c", RUN_EACH, json.dumps(commands)],
         cwd=folder,
-        env={**os.environ, "PYTHONPATH": path, "COLUMNS": "120"},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path), "COLUMNS": "120"},
         capture_output=True,
         text=True,
         check=False,
     )
-    assert run.returncode == status, run.stdout + run.stderr
+    assert run.returncode == 0, run.stdout + run.stderr
     return run.stdout
 
 
@@ -101,16 +113,46 @@ def _log(folder: Path, name: str, seed: int) -> Path:
     return path
 
 
-def test_help_names_what_an_outside_package_brings(tmp_path: Path) -> None:
-    assert "outside-hoist" in _workbench("simulate", "--help", folder=tmp_path)
-    listed = _workbench("plants", "outside-hoist", folder=tmp_path)
-    assert "mass" in listed
-    assert "1 to 20 kg" in listed
+@pytest.mark.parametrize("installed", [True, False], ids=["entry points", "module:object"])
+def test_every_verb_takes_what_an_outside_package_brings(installed: bool, tmp_path: Path) -> None:
+    """The names of entry points, and the objects of a module that stands beside the data."""
+    names = ("outside-hoist", "outside_cubic_brake", "outside-pd", "outside_peak_pull")
+    if not installed:
+        shutil.copy(PACKAGE / "outside_rig.py", tmp_path)
+        names = tuple(f"outside_rig:{o}" for o in ("HOIST", "cubic_brake", "DESIGN", "METRIC"))
+    plant, effect, design, metric = names
+    logs = [_log(tmp_path, name, seed).name for seed, name in enumerate(("a", "b"))]
+    (tmp_path / "mapping.toml").write_text('format = "outside_rig:FORMAT"\n')
+    read = [] if installed else ["--mapping", "mapping.toml"]
+    named = ["--plant", plant, "--option", "mass=5kg"]
+    braked = ["--effect", effect, "-p", "outside_cubic_brake.coefficient=3"]
+    said = _workbench(
+        ["simulate", "--help"],
+        ["plants", plant],
+        ["simulate", *named, *braked, "--pull", "0:5", "--duration", "1s"],
+        ["linearise", *named],
+        ["verify", *named, *braked, "-c", design, "--to", "0.3m", "--sample-time", "10ms"]
+        + ["--require", f"{metric}=60N", "--require", "settling_time=1.5s"],
+        ["recording", logs[0], "--plant", plant, *read],
+        ["refit", *named, *read, "--fit", logs[0], "--hold-out", logs[1], "--out", "refit"],
+        folder=tmp_path,
+        installed=installed,
+    )
+    parts = said.split("\n$ ")
+    assert installed == ("outside-hoist" in parts[0])
+    assert "1 to 20 kg" in parts[1]
+    assert "verify passed: 2 of 2" in parts[4]
+    estimated = json.loads((tmp_path / "refit" / "results.json").read_text())["parameters"]
+    assert {"mass", "brake"} <= set(estimated)
 
 
 def test_every_kind_of_member_serves_in_a_study_and_its_page(tmp_path: Path) -> None:
     (tmp_path / "hoist.toml").write_text(STUDY)
-    _workbench("compare", "hoist.toml", "--out", "out", folder=tmp_path)
+    _workbench(
+        ["compare", "hoist.toml", "--out", "out", "--jobs", "1"],
+        ["report", "hoist.toml", "--bode", "--option", "mass=8kg", "--out", "heavier"],
+        folder=tmp_path,
+    )
     results = json.loads((tmp_path / "out" / "results.json").read_text())
     assert "outside_peak_pull" in json.dumps(results)
     page = (tmp_path / "out" / "report.html").read_text()
@@ -122,8 +164,8 @@ def test_every_kind_of_member_serves_in_a_study_and_its_page(tmp_path: Path) -> 
 def test_a_law_and_a_format_serve_in_a_diagnosis(tmp_path: Path) -> None:
     logs = [_log(tmp_path, name, seed) for seed, name in enumerate(("a", "b"))]
     _workbench(
-        *("diagnose", "--plant", "outside-hoist", "--option", "mass=5kg"),
-        *("--fit", str(logs[0]), "--hold-out", str(logs[1]), "--out", "out", "--jobs", "1"),
+        ["diagnose", "--plant", "outside-hoist", "--option", "mass=5kg"]
+        + ["--fit", str(logs[0]), "--hold-out", str(logs[1]), "--out", "out", "--jobs", "1"],
         folder=tmp_path,
     )
     verdict = json.loads((tmp_path / "out" / "verdict.json").read_text())

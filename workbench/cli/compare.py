@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,12 +12,22 @@ import typer
 
 from workbench.cli.as_json import AsJson
 from workbench.cli.counter import Jobs, run_counted
+from workbench.cli.plant import named_value
 
 if TYPE_CHECKING:
     from workbench.study.study import Study
 
 StudyName = Annotated[
     Path, typer.Argument(help="Study file (TOML), or the name of a shipped one such as arm.")
+]
+StudyOptions = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--option",
+        "-o",
+        help="Option of the study's plant in the place of the study's own, such as load=3kg.",
+        metavar="NAME=VALUE",
+    ),
 ]
 Limit = Annotated[
     bool | None,
@@ -44,6 +56,7 @@ def compare(
             metavar="ADDRESS",
         ),
     ] = None,
+    option: StudyOptions = None,
     limit: Limit = None,
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Do all runs again, also finished ones.")
@@ -68,7 +81,7 @@ def compare(
     from workbench.study.annotations import github_annotations, on_github
     from workbench.study.summary import plain_summary
 
-    chosen = named_study(study, limit)
+    chosen = named_study(study, limit, option or ())
     # A mistake in a module of figures shows before the runs, not after them.
     own_figures(chosen.report.figures, folder=chosen.path.parent)
     typer.echo(str(chosen), err=True)
@@ -93,11 +106,19 @@ def compare(
     return 0 if outcome.passed else 1
 
 
-def named_study(given: Path, limit: bool | None) -> Study:
-    """Return the study of a file, or a shipped one that is named without folder or suffix."""
-    from workbench.study.schema import load_study
+def named_study(given: Path, limit: bool | None, options: Iterable[str]) -> Study:
+    """Return the study of a file, or a shipped one that is named without folder or suffix.
+
+    Args:
+        options: Options of its plant that hold in the place of its own, as ``NAME=VALUE``.
+    """
+    from workbench.study.schema import read_study, resolve
     from workbench.study.shipped import shipped_study
 
-    file = given.exists() or given.suffix or len(given.parts) > 1
-    study = load_study(given if file else shipped_study(str(given)))
+    named = given.exists() or given.suffix or len(given.parts) > 1
+    file = read_study(given if named else shipped_study(str(given)))
+    if changed := dict(named_value("option", text) for text in options):
+        plant = {**file.table.get("plant", {}), **changed}
+        file = replace(file, table={**file.table, "plant": plant})
+    study = resolve(file)
     return study if limit is None else study.with_limit(limit)

@@ -274,9 +274,9 @@ def chosen_plant(
 
     folder = folder or Path.cwd()
     plant = PLANTS.get(name, folder=folder)
-    given = dict(_pair("option", text) for text in option or ())
+    given = dict(named_value("option", text) for text in option or ())
     attached, states, driven = list(effect or ()), list(at or ()), list(inputs or ())
-    words, design = [_pair("option", text) for text in short or ()], []
+    words, design = [named_value("option", text) for text in short or ()], []
     own = {n.replace("_", "-"): n for o in plant.options for n in (o.name, o.keyword)}
     rest = []
     for word, value in words:
@@ -332,7 +332,7 @@ def value_at_rest(model: Model, text: str) -> tuple[str, float]:
     """Return name and value, in SI, of a quantity written as ``NAME=VALUE``."""
     from workbench.model.units import quantity, to_si
 
-    name, value = _pair("value", text)
+    name, value = named_value("value", text)
     name = name.replace("-", "_")
     units = _resting(model)
     if not value:
@@ -348,7 +348,8 @@ def _resting(model: Model) -> dict[str, str]:
     return units | {q.name: q.display_unit for q in model.outputs}
 
 
-def _pair(what: str, text: str) -> tuple[str, str]:
+def named_value(what: str, text: str) -> tuple[str, str]:
+    """Return name and value of what is written as ``NAME=VALUE``."""
     name, sign, value = text.partition("=")
     if not sign or not name.strip():
         raise WorkbenchError(f"{what} {text!r} has no value; write it as NAME=VALUE")
@@ -361,7 +362,7 @@ def _steps(model: Model, texts: Iterable[str]) -> dict[str, tuple[tuple[float, f
     quantities = {q.name: q for q in model.inputs}
     found: dict[str, list[tuple[float, float]]] = {}
     for text in texts:
-        name, steps = _pair("input", text)
+        name, steps = named_value("input", text)
         name = name.replace("-", "_")
         check_choice("input", name, quantities)
         about, word = quantities[name], name.replace("_", " ")

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from workbench.cli.compare import Limit, StudyName, named_study
+from workbench.cli.compare import Limit, StudyName, StudyOptions, named_study
 from workbench.cli.counter import Jobs, run_counted
 from workbench.cli.plant import Short, value_at_rest
 
@@ -38,6 +38,7 @@ def report(
             metavar="NAME=VALUE",
         ),
     ] = None,
+    option: StudyOptions = None,
     limit: Limit = None,
     jobs: Jobs = None,
     short: Short = None,
@@ -57,7 +58,7 @@ def report(
     from workbench.reports.study_page import study_page
     from workbench.study.linear_loop import analyse_study
 
-    chosen = named_study(study, limit)
+    chosen = named_study(study, limit, option or ())
     if limit is not None and bode:
         raise WorkbenchError("--limit needs the runs of the study; leave out --bode")
     if controller:

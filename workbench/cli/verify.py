@@ -17,7 +17,6 @@ from workbench.cli.plant import Chosen, value_at_rest, with_plant
 from workbench.errors import WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
-    from controllers.design import Design
     from workbench.linearisation import LinearModel
     from workbench.model import Model
     from workbench.study.designs import ControllerRecipe
@@ -244,9 +243,9 @@ def _recipes(
     # What a design for any linear model must be told: which output, and how often.
     told = (("measured", next(iter(scenario.references))), ("sample_time", scenario.sample_time))
 
-    def recipe(design: Design) -> ControllerRecipe:
-        own = design.sensors or design.own
-        made = replace(base, name=design.name, design=design.name)
+    def recipe(name: str) -> ControllerRecipe:
+        made = replace(base, name=name, design=name)
+        own = made.kind().sensors or made.kind().own
         return made if own else replace(made, specification=told)
 
     linear = base.linear()
@@ -254,9 +253,8 @@ def _recipes(
     for name in names:
         if (design := DESIGNS.get(name, folder=Path.cwd())).needs != "linear":
             check_choice("controller", design.name, one)
-    fitting = [DESIGNS.get(n, folder=Path.cwd()) for n in names] or designs_for(linear)
     found = []
-    for made in map(recipe, fitting):
+    for made in map(recipe, names or [design.name for design in designs_for(linear)]):
         try:
             made.build()
         except WorkbenchError as error:
