@@ -10,9 +10,10 @@ from typing import Any
 
 import pytest
 
+from workbench.errors import WorkbenchError
 from workbench.evaluation.foreign.plan import plan
 from workbench.evaluation.foreign.run import answer as diagnosed
-from workbench.evaluation.kept import answered, read_kept
+from workbench.evaluation.kept import answered, read_kept, run_cases
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,16 @@ def test_what_is_kept_is_not_answered_again(tmp_path: Path) -> None:
     assert again[:2] == first
     assert [row["jobs"] for row in again] == [1, 1, 2]
     assert list(answered(CASES, tmp_path, _refuse)) == read_kept(tmp_path) == again
+
+
+def test_a_part_of_a_plan_or_the_cases_that_are_named(tmp_path: Path) -> None:
+    def lines(**asked: Any) -> list[str]:
+        return list(run_cases(CASES, tmp_path, _answer, lambda row: str(row["case"]), **asked))
+
+    assert lines(part=(2, 2)) == ["case-2"]
+    assert lines(only=["case-3"]) == ["case-3"]
+    with pytest.raises(WorkbenchError, match="case is 'case-4'"):
+        lines(only=["case-4"])
 
 
 def test_cases_are_answered_side_by_side(tmp_path: Path) -> None:

@@ -2,20 +2,31 @@
 
 from __future__ import annotations
 
+import inspect
 import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from workbench.cli.as_json import tell
+from workbench.cli.plant import options_of
 from workbench.errors import WorkbenchError
+
+if TYPE_CHECKING:
+    from workbench.evaluation.kept import Answer, Case
 
 evaluate = typer.Typer(no_args_is_help=True)
 
 Answers = Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")]
 Seeds = Annotated[int | None, typer.Option(help="Seed of the first case.")]
 Part = Annotated[str, typer.Option(help="K/N: every Nth case from the Kth on.")]
+Only = Annotated[
+    list[str] | None,
+    typer.Option(help="Name of a case, such as own-2003, or of a machine; several times."),
+]
 Jobs = Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)]
 Side = Annotated[int, typer.Option(help="Cases that are diagnosed side by side.", min=1)]
 Cluster = Annotated[
@@ -25,6 +36,43 @@ Cluster = Annotated[
         metavar="ADDRESS",
     ),
 ]
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Which cases of a plan are answered, by how many processes, and where answers are kept."""
+
+    out: Path
+    part: str
+    only: list[str] | None
+    jobs: int
+    dask: str | None
+
+    def run(
+        self,
+        cases: Sequence[Case],
+        answer: Answer,
+        line_of: Callable[[Mapping[str, Any]], str],
+    ) -> int:
+        """Answer the cases and print a line for each."""
+        from workbench.evaluation.kept import run_cases
+
+        _one_thread()
+        part, only = part_of(self.part), self.only or ()
+        kept = self.out, answer, line_of
+        for line in run_cases(cases, *kept, part=part, only=only, jobs=self.jobs, dask=self.dask):
+            typer.echo(line)
+        return 0
+
+
+_CAMPAIGN: dict[str, tuple[Any, Any]] = {
+    "out": (Answers, inspect.Parameter.empty),
+    "part": (Part, "1/1"),
+    "only": (Only, None),
+    "jobs": (Side, 1),
+    "dask": (Cluster, None),
+}
+with_campaign = options_of("campaign", _CAMPAIGN, Campaign)
 
 
 def blind(
@@ -59,16 +107,11 @@ def blind(
     return 0
 
 
+@with_campaign
 def own_cases(
-    out: Answers,
+    campaign: Campaign,
     count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 110,
     seeds: Seeds = None,
-    part: Part = "1/1",
-    only: Annotated[
-        list[str] | None, typer.Option(help="Name of a case, such as own-2003; several times.")
-    ] = None,
-    jobs: Side = 1,
-    dask: Cluster = None,
     baselines: Annotated[bool, typer.Option(help="Whether the baselines answer too.")] = True,
 ) -> int:
     """Make cases of the arm on a second simulator, diagnose them and keep the answers.
@@ -77,22 +120,10 @@ def own_cases(
     and several processes, or a cluster, share the work. 'workbench evaluate report OUT' makes the
     tables.
     """
-    _one_thread()
-    from workbench.evaluation.own_cases.run import run_plan
+    from workbench.evaluation.own_cases import run
 
-    share = part_of(part)
-    for line in run_plan(
-        out,
-        count,
-        seeds,
-        part=share,
-        only=only or (),
-        jobs=jobs,
-        baselines=baselines,
-        dask=dask,
-    ):
-        typer.echo(line)
-    return 0
+    answer = run.answer if baselines else run.answer_alone
+    return campaign.run(run.cases(count, seeds, campaign.only or ()), answer, run.line_of)
 
 
 def experiments(
@@ -100,9 +131,7 @@ def experiments(
     count: Annotated[int, typer.Option(help="Cases that are to end as classes.", min=1)] = 10,
     seeds: Seeds = None,
     part: Part = "1/1",
-    only: Annotated[
-        list[str] | None, typer.Option(help="Name of a case, such as own-40003; several times.")
-    ] = None,
+    only: Only = None,
     jobs: Jobs = 1,
 ) -> int:
     """Play what a diagnosis proposes on the machine of poorly recorded cases, and judge again.
@@ -120,54 +149,39 @@ def experiments(
     return 0
 
 
+@with_campaign
 def foreign(
-    out: Answers,
+    campaign: Campaign,
     count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 60,
     seeds: Seeds = None,
-    part: Part = "1/1",
-    only: Annotated[
-        list[str] | None, typer.Option(help="Name of a case, such as foreign-7003; several times.")
-    ] = None,
-    jobs: Side = 1,
-    dask: Cluster = None,
 ) -> int:
     """Diagnose machines that the workbench does not know, on first models of a newcomer.
 
     A drive, a circuit, a tank and a crane of a second simulator, with one effect, two or nothing
     concealed. Finished cases are kept in OUT as with own-cases.
     """
-    _one_thread()
-    from workbench.evaluation.foreign.run import run_plan
+    from workbench.evaluation.foreign import plan, run
 
-    share = part_of(part)
-    for line in run_plan(out, count, seeds, part=share, only=only or (), jobs=jobs, dask=dask):
-        typer.echo(line)
-    return 0
+    first = plan.FIRST_SEED if seeds is None else seeds
+    return campaign.run(plan.plan(count, first), run.answer, run.line_of)
 
 
+@with_campaign
 def machines(
-    out: Annotated[Path, typer.Argument(help="Folder of the results.", metavar="OUT")],
+    campaign: Campaign,
     data: Annotated[
         Path | None,
         typer.Option(help="Folder with the recordings; WORKBENCH_DATA, or fetched, without it."),
     ] = None,
-    only: Annotated[
-        list[str] | None, typer.Option(help="Name of a machine, such as emps; several times.")
-    ] = None,
-    jobs: Side = 1,
-    dask: Cluster = None,
 ) -> int:
     """Diagnose recordings of real machines, each from the first model that comes to mind.
 
     A line per machine: what was named, the error on held-out recordings before and after, and what
     it lacks against what is published.
     """
-    _one_thread()
-    from workbench.evaluation.machines.run import run_all
+    from workbench.evaluation.machines import run
 
-    for line in run_all(out, data=data, only=only or (), jobs=jobs, dask=dask):
-        typer.echo(line)
-    return 0
+    return campaign.run([run.Machine(name, data) for name in run.table()], run.answer, run.line_of)
 
 
 def left_out(

@@ -5,14 +5,19 @@ from __future__ import annotations
 import json
 import math
 import subprocess
+import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
+from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import SCHEMA
-from workbench.errors import WorkbenchError
+from workbench.errors import WorkbenchError, check_choice
 from workbench.files import check_folder, write_whole
+from workbench.model import Model
+from workbench.recordings import Recording
 from workbench.work.processes import parallel
 
 
@@ -26,6 +31,34 @@ class Case(Protocol):
 
 Answer = Callable[[Any, int], dict[str, Any]]
 """Answers a case with a number of processes; a function that other processes find by its name."""
+
+
+def run_cases(
+    cases: Sequence[Case],
+    out: Path,
+    answer: Answer,
+    line_of: Callable[[Mapping[str, Any]], str],
+    *,
+    part: tuple[int, int] = (1, 1),
+    only: Sequence[str] = (),
+    jobs: int = 1,
+    dask: str | None = None,
+) -> Iterator[str]:
+    """Answer a part of a plan, see `answered`; yields one line per case.
+
+    Args:
+        part: Part K of N, counted from 1: every Nth case.
+        only: Names of cases; all of them without a name.
+
+    Raises:
+        WorkbenchError: If there is no case of a name.
+    """
+    known = [case.name for case in cases]
+    for name in only:
+        check_choice("case", name, known)
+    k, n = part
+    chosen = [case for case in cases if not only or case.name in only][k - 1 :: n]
+    yield from map(line_of, answered(chosen, out, answer, jobs=jobs, dask=dask))
 
 
 def answered(
@@ -79,6 +112,36 @@ def read_kept(out: Path) -> list[dict[str, Any]]:
             f"{out} holds no answers; run 'workbench evaluate own-cases' or 'foreign' first"
         )
     return rows
+
+
+def diagnosed(
+    row: dict[str, Any],
+    model: Model,
+    fit: Sequence[Recording],
+    hold_out: Sequence[Recording],
+    *,
+    jobs: int,
+    more: Callable[[Diagnosis], Mapping[str, Any]] = lambda found: {},
+) -> dict[str, Any]:
+    """Diagnose and return a row with verdict, times in s, and what more is kept of a diagnosis.
+
+    A diagnosis that fails is a result too, and does not end the run.
+    """
+    wall, processor = time.perf_counter(), time.process_time()
+
+    def times() -> dict[str, float]:
+        return {
+            "seconds": time.perf_counter() - wall,
+            "processor_seconds": time.process_time() - processor,
+        }
+
+    try:
+        found = diagnose(model, fit, hold_out, jobs=jobs, advise=False)
+        took = times()
+        assert found.verdict is not None
+        return row | {"verdict": found.verdict.as_data(), **took, **more(found)}
+    except Exception as error:  # noqa: BLE001
+        return row | {"verdict": silent("failed", error), **times()}
 
 
 def silent(kind: str, error: Exception | None = None) -> dict[str, Any]:

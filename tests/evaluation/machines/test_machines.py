@@ -10,7 +10,6 @@ import pytest
 
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
-from workbench.errors import WorkbenchError
 from workbench.evaluation.machines import run as machines
 from workbench.evaluation.machines.plants import axis, axis_in_loop, muscle, pendulum, piston, tanks
 from workbench.model import Model
@@ -77,5 +76,3 @@ def test_the_table_names_a_case_or_a_map_for_each_machine() -> None:
         if "map" in entry:
             continue
         assert (machines.HERE / entry["case"] / "case.toml").is_file(), name
-    with pytest.raises(WorkbenchError, match="machine is 'robot'"):
-        list(machines.run_all(Path("nowhere"), only=["robot"]))

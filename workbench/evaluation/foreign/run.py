@@ -2,49 +2,21 @@
 
 from __future__ import annotations
 
-import time
 from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from workbench.diagnosis.diagnose import diagnose
 from workbench.evaluation.answer_key import Names, Truth
 from workbench.evaluation.blind_round import Line, score_case
 from workbench.evaluation.claims import answer_of, error_ratio
-from workbench.evaluation.foreign.plan import FIRST_SEED, Case, plan
-from workbench.evaluation.kept import answered, silent, version
+from workbench.evaluation.foreign.plan import Case
+from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.rates import Rate
 
 SCHEMA = "foreign_case/1"
 
 LARGEST_RATIO = 1.5
 """Held-out error over that of the truth which still counts as reached, dimensionless."""
-
-
-def run_plan(
-    out: Path,
-    count: int,
-    first_seed: int | None = None,
-    *,
-    part: tuple[int, int] = (1, 1),
-    only: Sequence[str] = (),
-    jobs: int = 1,
-    dask: str | None = None,
-) -> Iterator[str]:
-    """Diagnose a part of the plan; yields one line per case.
-
-    Args:
-        out: Where finished cases are kept, one JSON file each; those found there are not run again.
-        first_seed: Seed of the first case; None for that of the plan.
-        part: Part K of N, counted from 1: every Nth case.
-        only: Names of cases; all of them without a name.
-        dask: Address of a Dask scheduler that diagnoses, instead of local processes.
-    """
-    cases = plan(count, FIRST_SEED if first_seed is None else first_seed)
-    k, n = part
-    chosen = [c for c in cases if not only or c.name in only][k - 1 :: n]
-    yield from map(line_of, answered(chosen, out, answer, jobs=jobs, dask=dask))
 
 
 def answer(case: Case, jobs: int) -> dict[str, Any]:
@@ -61,23 +33,8 @@ def answer(case: Case, jobs: int) -> dict[str, Any]:
         "limit": case.limit(held_out),
         "version": version(),
     }
-    wall, processor = time.perf_counter(), time.process_time()
-    try:
-        found = diagnose(
-            case.build(),
-            [r for name, r in made.items() if name.startswith("fit")],
-            held_out,
-            jobs=jobs,
-            advise=False,
-        )
-        assert found.verdict is not None
-        row["verdict"] = found.verdict.as_data()
-    except Exception as error:  # noqa: BLE001
-        # A diagnosis that fails is a result too, and must not end the run.
-        row["verdict"] = silent("failed", error)
-    row["seconds"] = time.perf_counter() - wall
-    row["processor_seconds"] = time.process_time() - processor
-    return row
+    fit_on = [r for name, r in made.items() if name.startswith("fit")]
+    return diagnosed(row, case.build(), fit_on, held_out, jobs=jobs)
 
 
 def judge(row: Mapping[str, Any]) -> Line:

@@ -6,9 +6,8 @@ Units: SI.
 from __future__ import annotations
 
 import math
-import time
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -16,11 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
-from workbench.errors import check_choice
-from workbench.evaluation.kept import answered, silent, version
+from workbench.diagnosis.stages import Diagnosis
+from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.machines.plants import muscle
 from workbench.model import Model
 from workbench.model.units import from_si, quantity, to_si
@@ -60,28 +58,6 @@ class Machine:
 
     name: str
     data: Path | None = None
-
-
-def run_all(
-    out: Path,
-    *,
-    data: Path | None = None,
-    only: Sequence[str] = (),
-    jobs: int = 1,
-    dask: str | None = None,
-) -> Iterator[str]:
-    """Diagnose the machines; yields one line each.
-
-    Args:
-        out: Where results are kept, one JSON file each; those found there are not run again.
-        data: Folder with the recordings, see `Machine`.
-        only: Names of machines; all of them without a name.
-        dask: Address of a Dask scheduler that diagnoses, instead of local processes.
-    """
-    for name in only:
-        check_choice("machine", name, table())
-    chosen = [Machine(name, data) for name in only or table()]
-    yield from map(line_of, answered(chosen, out, answer, jobs=jobs, dask=dask))
 
 
 def task_of(name: str, data: Path | None = None) -> Task:
@@ -133,23 +109,16 @@ def answer(machine: Machine, jobs: int) -> dict[str, Any]:
     """Diagnose one machine."""
     name = machine.name
     task, entry = task_of(name, machine.data), table()[name]
-    row: dict[str, Any] = {"schema": "machine/1", "machine": name, "version": version()}
-    began = time.perf_counter()
-    try:
-        found = diagnose(task.model, task.fit, task.hold_out, jobs=jobs, advise=False)
+    row = {"schema": "machine/1", "machine": name, "version": version(), "held_out": {}}
+
+    def held_out(found: Diagnosis) -> dict[str, Any]:
         assert found.verdict is not None
-        row["verdict"] = found.verdict.as_data()
         models = {"refitted": found.base.model, "extended": found.verdict.model}
         if entry.get("in_loop"):
-            errors = {k: _in_loop(m, task, entry["output"]) for k, m in models.items()}
-        else:
-            errors = {k: found.verdict.fit[k][entry["output"]] for k in models}
-        row["held_out"] = errors
-    except Exception as error:  # noqa: BLE001
-        # A diagnosis that fails is a result too, and must not end the run.
-        row |= {"verdict": silent("failed", error), "held_out": {}}
-    row["seconds"] = time.perf_counter() - began
-    return row
+            return {"held_out": {k: _in_loop(m, task, entry["output"]) for k, m in models.items()}}
+        return {"held_out": {k: found.verdict.fit[k][entry["output"]] for k in models}}
+
+    return diagnosed(row, task.model, task.fit, task.hold_out, jobs=jobs, more=held_out)
 
 
 def _in_loop(model: Model, task: Task, output: str) -> float:

@@ -51,7 +51,11 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
         _sizes(rows),
         _effects(by_effect(rows)),
     ]
-    failures = [f"{r['case']} {r['title']}: {r['failure']}" for r in rows if r.get("failure")]
+    failures = [
+        f"{r['case']} {r['title']}: {failure}"
+        for r in rows
+        if (failure := r["verdict"].get("failure"))
+    ]
     if failures:
         parts.append("\n".join(["diagnoses that failed", *(f"  {line}" for line in failures)]))
     return "\n\n".join(parts)

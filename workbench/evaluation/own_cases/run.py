@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import json
 import tempfile
-import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.benchmark.baselines import answers
-from workbench.evaluation.kept import answered, silent, version
+from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.own_cases.limit import limited_errors
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
 from workbench.evaluation.rig.cases import SPREAD, make_case
@@ -38,35 +36,21 @@ def made(case: Planned, folder: Path, *, seconds: float = 20.0) -> Path:
     )
 
 
-def run_plan(
-    out: Path,
-    count: int,
-    first_seed: int | None = None,
-    *,
-    part: tuple[int, int] = (1, 1),
-    only: Sequence[str] = (),
-    jobs: int = 1,
-    baselines: bool = True,
-    dask: str | None = None,
-) -> Iterator[str]:
-    """Run a part of the plan; yields one line per case.
+def cases(count: int, first_seed: int | None, only: Sequence[str] = ()) -> tuple[Planned, ...]:
+    """Return the first cases of the plan, or all of it where some are asked for by name.
 
     Args:
-        out: Where finished cases are kept, one JSON file each; those found there are not run again.
         first_seed: Seed of the first case; None for that of the plan.
-        part: Part K of N, counted from 1: every Nth case.
-        only: Names of cases; all of them without a name.
-        baselines: Whether the baselines answer too.
-        dask: Address of a Dask scheduler that diagnoses, instead of local processes.
     """
-    cases = plan(FIRST_SEED if first_seed is None else first_seed)
-    chosen = [c for c in cases if c.name in only] if only else cases[:count]
-    k, n = part
-    ask = answer if baselines else answer_alone
-    for row in answered(chosen[k - 1 :: n], out, ask, jobs=jobs, dask=dask):
-        found = ", ".join(f["effect"] or "?" for f in row["verdict"]["findings"]) or "-"
-        said = row["verdict"]["verdict"]
-        yield f"{row['case']} {row['title']:<38} -> {said:<16} {found}  ({row['seconds']:.0f} s)"
+    planned = plan(FIRST_SEED if first_seed is None else first_seed)
+    return planned if only else planned[:count]
+
+
+def line_of(row: Mapping[str, Any]) -> str:
+    """Return one line about a kept case."""
+    found = ", ".join(f["effect"] or "?" for f in row["verdict"]["findings"]) or "-"
+    said = row["verdict"]["verdict"]
+    return f"{row['case']} {row['title']:<38} -> {said:<16} {found}  ({row['seconds']:.0f} s)"
 
 
 def answer_alone(case: Planned, jobs: int) -> dict[str, Any]:
@@ -93,30 +77,28 @@ def answer(case: Planned, jobs: int, *, baselines: bool = True) -> dict[str, Any
             "background": {k: v for k, v in truth["parameters"].items() if k in SPREAD},
             "limit": limited_errors(folder),
             "version": version(),
+            "baselines": {},
         }
         found = read_case(folder)
         fit_on, hold_out = list(found.fit.values()), list(found.hold_out.values())
-        plant = found.model()
-        wall, processor = time.perf_counter(), time.process_time()
-        try:
-            diagnosis = diagnose(plant, fit_on, hold_out, jobs=jobs, advise=False)
-        except Exception as error:  # noqa: BLE001
-            # A diagnosis that fails is a result too, and must not end the run.
-            row["verdict"] = silent("failed", error)
-            row["failure"] = row["verdict"]["failure"]
-            row |= {"seconds": time.perf_counter() - wall, "baselines": {}}
-            return row
-        row["seconds"] = time.perf_counter() - wall
-        row["processor_seconds"] = time.process_time() - processor
-        assert diagnosis.verdict is not None
-        row["verdict"] = diagnosis.verdict.as_data()
-        row["located"] = diagnosis.before.best if diagnosis.before else None
-        row["shares"] = _shares(diagnosis)
-        row["excess"] = diagnosis.excess
-        row["withdrawn"] = [c.entry.name for c, _ in diagnosis.withdrawn]
-        row["scores"], row["rounds"] = _scores(diagnosis), _rounds(diagnosis)
-        row["baselines"] = answers(diagnosis, ASKED) if diagnosis.runs and baselines else {}
-    return row
+
+        def more(diagnosis: Diagnosis) -> dict[str, Any]:
+            return _details(diagnosis) | {
+                "baselines": answers(diagnosis, ASKED) if diagnosis.runs and baselines else {}
+            }
+
+        return diagnosed(row, found.model(), fit_on, hold_out, jobs=jobs, more=more)
+
+
+def _details(diagnosis: Diagnosis) -> dict[str, Any]:
+    return {
+        "located": diagnosis.before.best if diagnosis.before else None,
+        "shares": _shares(diagnosis),
+        "excess": diagnosis.excess,
+        "withdrawn": [c.entry.name for c, _ in diagnosis.withdrawn],
+        "scores": _scores(diagnosis),
+        "rounds": _rounds(diagnosis),
+    }
 
 
 def _changed(parameters: Mapping[str, float]) -> dict[str, float]:
