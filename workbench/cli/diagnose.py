@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -106,38 +106,146 @@ def diagnose(
         )
     own = own_laws(problem.model, effects or (), folder=Path.cwd())
     machine = None if experiment is None else _machine(experiment, loaded)
-    found = _finished(loaded, own, workers, out, begin, limit, as_json=as_json)
+    asked = _Asked(loaded, own, workers, out, begin, limit, as_json)
+    found = asked.diagnosed()
     if propose is not None:
         _propose(found, propose, as_json=as_json)
     if machine is not None:
-        found = _after_experiment(
-            found, machine, loaded, own, workers, out, begin, limit, as_json=as_json
-        )
+        found = asked.after_experiment(found, machine)
     if as_json:
         assert found.verdict is not None
-        typer.echo(_text(found.verdict, loaded))
+        typer.echo(asked.text(found.verdict))
     return 0
 
 
-def _finished(
-    loaded: Loaded,
-    own: tuple[Law | Hypothesis, ...],
-    jobs: int,
-    out: Path | None,
-    begin: float,
-    limit: float | None,
-    *,
-    as_json: bool,
-) -> Diagnosis:
-    """Diagnose, print the verdict and write verdict and page."""
-    from workbench.work.counted import in_words
+@dataclass(frozen=True)
+class _Asked:
+    """What is diagnosed, how, and since when, in s of a running clock."""
 
-    found = _run(loaded, own, jobs, out, begin, limit)
-    typer.echo(f"{found.verdict}\nwork: {in_words(found.work)}", err=as_json)
-    if out is not None and not (found.verdict and found.verdict.interrupted):
-        _write(found, loaded, out)
-        typer.echo(f"open {out / 'report.html'}", err=as_json)
-    return found
+    loaded: Loaded
+    own: tuple[Law | Hypothesis, ...]
+    jobs: int
+    out: Path | None
+    begin: float
+    limit: float | None
+    as_json: bool
+
+    def diagnosed(self) -> Diagnosis:
+        """Diagnose, print the verdict and write verdict and page."""
+        from workbench.work.counted import in_words
+
+        found = self._until_limit()
+        typer.echo(f"{found.verdict}\nwork: {in_words(found.work)}", err=self.as_json)
+        if self.out is not None and not (found.verdict and found.verdict.interrupted):
+            self._write(found, self.out)
+            typer.echo(f"open {self.out / 'report.html'}", err=self.as_json)
+        return found
+
+    def after_experiment(self, found: Diagnosis, machine: Machine) -> Diagnosis:
+        """Play the next input, and diagnose again with its recording."""
+        from workbench.diagnosis.experiment.play import plan_csv, with_experiment
+        from workbench.files import write_whole
+        from workbench.recordings.saving import write_recording
+        from workbench.registry import user_code
+
+        plan, problem = _plan(found), self.loaded.problem
+        if plan is None or (found.verdict and found.verdict.interrupted):
+            return found
+        typer.echo(f"{time.perf_counter() - self.begin:6.1f} s  playing {plan.text}", err=True)
+        with user_code("the machine"):
+            recording, fit, hold_out = with_experiment(
+                problem.model, plan, machine, problem.fit, problem.hold_out
+            )
+        folder = None if self.out is None else self.out / "experiment"
+        if folder is not None:
+            write_whole(folder / "plan.csv", plan_csv(found.nominal, plan))
+            write_recording(recording, folder / "recording.csv")
+        again = replace(self.loaded, problem=replace(problem, fit=fit, hold_out=hold_out))
+        second = replace(self, loaded=again, out=folder).diagnosed()
+        assert found.verdict is not None and second.verdict is not None
+        for when, verdict in (("before", found.verdict), ("after", second.verdict)):
+            typer.echo(f"{when} the experiment: {verdict.brief}", err=self.as_json)
+        return second
+
+    def _until_limit(self) -> Diagnosis:
+        from workbench.cli.ending import TimeUp
+        from workbench.cli.ending import time_limit as until
+        from workbench.diagnosis.conclude import conclude_early
+        from workbench.diagnosis.diagnose import stages
+        from workbench.files import write_whole
+
+        problem = self.loaded.problem
+        step = "starting"
+        left = (
+            None
+            if self.limit is None
+            else max(self.limit - (time.perf_counter() - self.begin), 0.01)
+        )
+        found: Diagnosis | None = None
+        reached: Diagnosis
+
+        def say(text: str) -> None:
+            nonlocal step
+            step = text
+            typer.echo(f"{time.perf_counter() - self.begin:6.1f} s  {text}", err=True)
+
+        try:
+            with until(left):
+                for reached in stages(
+                    problem.model,
+                    problem.fit,
+                    problem.hold_out,
+                    extra=self.own,
+                    jobs=self.jobs,
+                    folder=self.out,
+                    progress=say,
+                ):
+                    found = reached
+        except KeyboardInterrupt as end:
+            asked = self.limit if isinstance(end, TimeUp) else None
+            if found is not None:
+                early = conclude_early(found, step, after=asked)
+                found = replace(found, verdict=early)
+                if self.out is not None:
+                    write_whole(self.out / "verdict.json", self.text(early))
+            if asked is None:
+                raise
+            if found is None:
+                raise WorkbenchError(
+                    f"nothing was found within {asked:g} s, which ended while {step}; give more"
+                    " time"
+                ) from None
+        assert found is not None
+        return found
+
+    def text(self, verdict: Verdict) -> str:
+        """Return the verdict's JSON, with its model as a plant that every verb takes."""
+        from workbench.plants.saved import saved_plant
+
+        own = self.loaded.chosen
+        return verdict.to_json(saved_plant(own.reference, own.options, own.nominal, verdict.model))
+
+    def _write(self, found: Diagnosis, out: Path) -> None:
+        from workbench.cli.typed import typed
+        from workbench.diagnosis.comparison import proof_of
+        from workbench.diagnosis.nonparametric.law_file import law_file
+        from workbench.files import whole_folder, write_whole
+        from workbench.reports.diagnosis_page import diagnosis_page
+        from workbench.reports.page import write_page
+
+        assert found.verdict is not None
+        with whole_folder(out) as folder:
+            write_whole(folder / "verdict.json", self.text(found.verdict))
+            page = diagnosis_page(
+                found,
+                proof_of(found),
+                name=self.loaded.problem.name,
+                commands=tuple(filter(None, (typed(),))),
+            )
+            term = found.nonparametric
+            if term is not None and term.accepted and not found.accepted:
+                write_whole(folder / "law.py", law_file(term, found.nominal.name))
+            write_page(page, folder / "report.html", pictures=folder / "figures")
 
 
 def _machine(name: str, loaded: Loaded) -> Machine:
@@ -187,44 +295,6 @@ def _propose(found: Diagnosis, path: Path, *, as_json: bool) -> None:
         typer.echo(f"{plan.text}: written to {path}", err=as_json)
 
 
-def _after_experiment(
-    found: Diagnosis,
-    machine: Machine,
-    loaded: Loaded,
-    own: tuple[Law | Hypothesis, ...],
-    jobs: int,
-    out: Path | None,
-    begin: float,
-    limit: float | None,
-    *,
-    as_json: bool,
-) -> Diagnosis:
-    """Play the next input, and diagnose again with its recording."""
-    from workbench.diagnosis.experiment.play import plan_csv, with_experiment
-    from workbench.files import write_whole
-    from workbench.recordings.saving import write_recording
-    from workbench.registry import user_code
-
-    plan, problem = _plan(found), loaded.problem
-    if plan is None or (found.verdict and found.verdict.interrupted):
-        return found
-    typer.echo(f"{time.perf_counter() - begin:6.1f} s  playing {plan.text}", err=True)
-    with user_code("the machine"):
-        recording, fit, hold_out = with_experiment(
-            problem.model, plan, machine, problem.fit, problem.hold_out
-        )
-    folder = None if out is None else out / "experiment"
-    if folder is not None:
-        write_whole(folder / "plan.csv", plan_csv(found.nominal, plan))
-        write_recording(recording, folder / "recording.csv")
-    again = replace(loaded, problem=replace(problem, fit=fit, hold_out=hold_out))
-    second = _finished(again, own, jobs, folder, begin, limit, as_json=as_json)
-    assert found.verdict is not None and second.verdict is not None
-    for when, verdict in (("before", found.verdict), ("after", second.verdict)):
-        typer.echo(f"{when} the experiment: {verdict.brief}", err=as_json)
-    return second
-
-
 def _limit(seconds: float | None, *, quick: bool) -> float | None:
     if quick and seconds is not None:
         raise WorkbenchError(
@@ -234,88 +304,3 @@ def _limit(seconds: float | None, *, quick: bool) -> float | None:
     if quick:
         return QUICK_S
     return None if seconds is None else check_range("time limit", seconds, 1.0, 1e6, "s")
-
-
-def _run(
-    loaded: Loaded,
-    own: tuple[Law | Hypothesis, ...],
-    jobs: int,
-    out: Path | None,
-    begin: float,
-    limit: float | None,
-) -> Diagnosis:
-    from workbench.cli.ending import TimeUp
-    from workbench.cli.ending import time_limit as until
-    from workbench.diagnosis.conclude import conclude_early
-    from workbench.diagnosis.diagnose import stages
-    from workbench.files import write_whole
-
-    problem = loaded.problem
-    step = "starting"
-    left = None if limit is None else max(limit - (time.perf_counter() - begin), 0.01)
-    found: Diagnosis | None = None
-    reached: Diagnosis
-
-    def say(text: str) -> None:
-        nonlocal step
-        step = text
-        typer.echo(f"{time.perf_counter() - begin:6.1f} s  {text}", err=True)
-
-    try:
-        with until(left):
-            for reached in stages(
-                problem.model,
-                problem.fit,
-                problem.hold_out,
-                extra=own,
-                jobs=jobs,
-                folder=out,
-                progress=say,
-            ):
-                found = reached
-    except KeyboardInterrupt as end:
-        asked = limit if isinstance(end, TimeUp) else None
-        if found is not None:
-            early = conclude_early(found, step, after=asked)
-            found = replace(found, verdict=early)
-            if out is not None:
-                write_whole(out / "verdict.json", _text(early, loaded))
-        if asked is None:
-            raise
-        if found is None:
-            raise WorkbenchError(
-                f"nothing was found within {asked:g} s, which ended while {step}; give more time"
-            ) from None
-    assert found is not None
-    return found
-
-
-def _text(verdict: Verdict, loaded: Loaded) -> str:
-    """Return the verdict's JSON, with its model as a plant that every verb takes."""
-    from workbench.plants.saved import saved_plant
-
-    own = loaded.chosen
-    return verdict.to_json(saved_plant(own.reference, own.options, own.nominal, verdict.model))
-
-
-def _write(found: Diagnosis, loaded: Loaded, out: Path) -> None:
-    from workbench.cli.typed import typed
-    from workbench.diagnosis.comparison import proof_of
-    from workbench.diagnosis.nonparametric.law_file import law_file
-    from workbench.files import whole_folder, write_whole
-    from workbench.reports.diagnosis_page import diagnosis_page
-    from workbench.reports.page import write_page
-
-    assert found.verdict is not None
-    with whole_folder(out) as folder:
-        write_whole(folder / "verdict.json", _text(found.verdict, loaded))
-        page = diagnosis_page(
-            found,
-            proof_of(found),
-            name=loaded.problem.name,
-            commands=tuple(filter(None, (typed(),))),
-        )
-        term = found.nonparametric
-        if term is not None and term.accepted and not found.accepted:
-            write_whole(folder / "law.py", law_file(term, found.nominal.name))
-        write_page(page, folder / "report.html", pictures=folder / "figures")
