@@ -18,12 +18,7 @@ State = TypeVar("State")
 
 
 def flat(state: Any) -> tuple[Number, ...]:
-    """Return the entries of a state, one after the other.
-
-    Example:
-        >>> flat((1.0, (2.0, np.array([3.0, 4.0]))))
-        (1.0, 2.0, 3.0, 4.0)
-    """
+    """Return the entries of a state, one after the other."""
     return tuple(entry for _, entry in _entries("", state))
 
 
@@ -39,12 +34,7 @@ def names(state: Any) -> tuple[str, ...]:
 
 
 def restored(example: State, entries: Sequence[Number]) -> State:
-    """Return a state of the form of another from its entries.
-
-    Example:
-        >>> restored((0.0, (0.0, 0.0)), [1.0, 2.0, 3.0])
-        (1.0, (2.0, 3.0))
-    """
+    """Return a state of the form of another from its entries."""
     taken = iter(entries)
     found: State = _taken(example, taken)
     return found

@@ -37,10 +37,6 @@ class Uncertainty:
 
     Raises:
         WorkbenchError: If a range is not one of times, or the frequency is not positive.
-
-    Example:
-        >>> Uncertainty().known_delay, len(Uncertainty().corners), len(NONE.corners)
-        (0.004, 4, 1)
     """
 
     delay: tuple[float, float] = (0.0, 0.008)
@@ -83,10 +79,6 @@ class Uncertainty:
 
         Returns:
             Ranges around both, in s; the model is trusted at all frequencies.
-
-        Example:
-            >>> Uncertainty.known(0.008).known_delay
-            0.008
         """
         ranges = [(max(v - within, 0.0), v + within) for v in (delay, sensor_lag)]
         return cls(delay=ranges[0], sensor_lag=ranges[1], trusted_frequency=math.inf)

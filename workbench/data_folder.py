@@ -18,10 +18,6 @@ def shipped_folder() -> Path:
 
     Raises:
         WorkbenchError: If neither place exists, which means an incomplete installation.
-
-    Example:
-        >>> shipped_folder().is_dir()
-        True
     """
     package = Path(__file__).resolve().parent
     for folder in (package / "_data", package.parent / "data"):
@@ -53,10 +49,6 @@ def shipped_data(name: str) -> Path:
 
     Raises:
         WorkbenchError: If no case of that name ships with the package.
-
-    Example:
-        >>> sorted(path.name for path in shipped_data("practice-07").iterdir())[:2]
-        ['case.toml', 'identify_closed.csv.gz']
     """
     return shipped_folder() / check_choice("shipped case", name, shipped_cases())
 
@@ -69,10 +61,6 @@ def data_folder(given: str | os.PathLike[str] | None = None) -> Path:
 
     Raises:
         WorkbenchError: If no folder is named or the named one is not a readable folder.
-
-    Example:
-        >>> data_folder(shipped_folder()) == shipped_folder()
-        True
     """
     if given is not None:
         origin, text = "data folder", os.fspath(given)
@@ -106,10 +94,6 @@ def external_data(relative: str, given: str | os.PathLike[str] | None = None) ->
     Raises:
         WorkbenchError: If the data folder is missing or does not hold the path, or the path
             leaves the data folder.
-
-    Example:
-        >>> external_data("practice-07/case.toml", shipped_folder()).name
-        'case.toml'
     """
     folder = data_folder(given)
     path = folder / relative

@@ -72,11 +72,6 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
 
     Raises:
         WorkbenchError: If it is a file or cannot be written.
-
-    Example:
-        >>> with tempfile.TemporaryDirectory() as place:
-        ...     check_folder(Path(place) / "out").is_dir()
-        True
     """
     target = Path(path)
     if target.exists() and not target.is_dir():

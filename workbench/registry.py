@@ -150,10 +150,6 @@ def load_object(kind: str, reference: str, *, folder: Path | None = None) -> Any
     Raises:
         WorkbenchError: If the reference is not of that form, the module cannot be imported or has
             no such object; a mistake inside the module is told with its file and line.
-
-    Example:
-        >>> load_object("number", "math:pi")
-        3.141592653589793
     """
     module_name, sign, path = reference.partition(":")
     if not sign or not path or not module_name.replace(".", "_").isidentifier():

@@ -47,12 +47,6 @@ class JointSchedule:
         high: The same at the higher one, in SI.
         mean_low: Lower mean gauge pressure, in Pa.
         mean_high: Higher mean gauge pressure, in Pa.
-
-    Example:
-        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
-        >>> schedule = JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5)
-        >>> schedule.at(0.5, 3.5e5).a0
-        100.0
     """
 
     first_angle: float

@@ -19,10 +19,6 @@ def product(matrix: Matrix, vector: npt.ArrayLike) -> Matrix:
     Args:
         matrix: Shape (m, n), in any units.
         vector: Shape (n,), in any units.
-
-    Example:
-        >>> product(np.array([[1.0, 2.0], [3.0, 4.0]]), (1.0, 1.0)).tolist()
-        [3.0, 7.0]
     """
     if len(matrix) == 1:
         # A sum of one row would be taken in pairs; a running sum is not.

@@ -34,13 +34,7 @@ Compile = Callable[[ca.Function], ca.Function]
 
 @dataclass(frozen=True, eq=False)
 class Called:
-    """A CasADi function of vectors and matrices, called through buffers.
-
-    Example:
-        >>> x = ca.SX.sym("x", 2)
-        >>> Called(ca.Function("f", [x], [2 * x, ca.sum1(x)]))(np.array([1.0, 2.0]))[0].ravel()
-        array([2., 4.])
-    """
+    """A CasADi function of vectors and matrices, called through buffers."""
 
     function: ca.Function
 

@@ -42,13 +42,6 @@ class ConicProgram:
         variables: Number n of variables.
         constraints: Number m of rows of A.
         plugin: One of `OPTIONS`.
-
-    Example:
-        >>> one = np.ones(1)
-        >>> qp = ConicProgram(1, 1, "daqp")
-        >>> x = qp.solve(np.eye(1), -3 * one, np.eye(1), -one, one, -9 * one, 9 * one).x
-        >>> x.round(9)
-        array([1.])
     """
 
     def __init__(self, variables: int, constraints: int, plugin: str) -> None:

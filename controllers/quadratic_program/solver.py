@@ -125,12 +125,6 @@ def solve(
         g: Gradient at x = 0, shape (n,), dimensionless.
         lower: Lower limits of A x, then of x, shape (m + n,), in their units; may be -inf.
         limit: Number of iterations after which it is given up (dimensionless).
-
-    Example:
-        >>> problem = factored(np.eye(1), np.eye(1))
-        >>> one = np.ones(2)
-        >>> solve(problem, np.array([-3.0]), -one, one).x
-        array([1.])
     """
     began = time.perf_counter()
     rows, n = problem.rows, len(g)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from tests.fuzz.damage import damaged, damaged_json, damaged_toml
+from tests.recordings.example import example_recording
 from tests.study.gate import STUDY
 from workbench.data_folder import shipped_folder
 from workbench.evaluation.answer_key import (
@@ -31,7 +32,6 @@ from workbench.recordings import (
     write_recording,
 )
 from workbench.recordings.column_matching import driven_by
-from workbench.recordings.example import example_recording
 from workbench.study.baseline import box_changes, changes, read_baseline
 from workbench.study.bless import bless
 from workbench.study.conditions import condition_changes

@@ -39,7 +39,6 @@ ALLOWED = {
     "physics/supply.py": "supply_pressure is a role of ports",
     "diagnosis/experiment/menu.py": "settings of rigs that a user can change",
     "diagnosis/nonparametric/dependence.py": "angle is a quantity",
-    "recordings/example.py": "makes up the recording of an arm",
 }
 
 

@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.recordings.example import example_recording
 from workbench.errors import WorkbenchError
 from workbench.recordings import Recording, Signal, align, clock_shift, resample
-from workbench.recordings.example import example_recording
 
 
 @pytest.mark.parametrize("shift", [-0.7, 0.0, 0.0031, 1.2])

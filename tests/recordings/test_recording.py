@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from tests.recordings.example import example_recording
 from workbench.errors import WorkbenchError
 from workbench.recordings import Recording, Signal, Span
-from workbench.recordings.example import example_recording
 
 
 def test_arrays_cannot_be_changed() -> None:

@@ -4,9 +4,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.recordings.example import example_recording
 from workbench.errors import WorkbenchError
 from workbench.recordings import Recording, Signal, Span, read_recording, write_recording
-from workbench.recordings.example import example_recording
 
 
 def assert_equal(a: Recording, b: Recording) -> None:

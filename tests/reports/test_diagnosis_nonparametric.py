@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from tests.diagnosis.example_diagnosis import example_diagnosis
 from tests.diagnosis.unnamed_case import shaken, sprung
 from workbench.diagnosis.comparison import Proof, proof_of
 from workbench.diagnosis.conclude import conclude
-from workbench.diagnosis.example_diagnosis import example_diagnosis
 from workbench.diagnosis.selection.selected import Withdrawn
 from workbench.diagnosis.stages import Diagnosis, Fitted, Prepared
 from workbench.diagnosis.verdict import Verdict

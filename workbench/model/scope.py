@@ -20,11 +20,6 @@ class Names(Mapping[str, Expression]):
 
     Raises:
         WorkbenchError: If a name is asked for that does not exist.
-
-    Example:
-        >>> names = Names("parameter", {"mass": 3.0})
-        >>> names.mass, names["mass"]
-        (3.0, 3.0)
     """
 
     def __init__(self, kind: str, values: Mapping[str, Expression]) -> None:
@@ -180,14 +175,6 @@ class Scope:
         ports: The ports opened so far, in the order of the equations.
         values: Final value of every port and published signal so far, by name, in its SI unit.
         units: Those SI units, by name of port or signal.
-
-    Example:
-        >>> from workbench.model.regularisation import EXACT
-        >>> scope = Scope(Names("state", {}), Names("input", {}), Names("parameter", {}), EXACT)
-        >>> scope.port("joint.torque", 2.0, unit="N m", scale=10.0)
-        2.0
-        >>> [port.name for port in scope.ports]
-        ['joint.torque']
     """
 
     x: Names

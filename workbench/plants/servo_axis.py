@@ -30,10 +30,6 @@ def servo_axis() -> Model:
 
     Returns:
         Model with the input ``force`` (N), the output ``position`` (m) and the port ``axis.force``.
-
-    Example:
-        >>> [effect.name for effect in servo_axis().effects]
-        ['viscous_friction', 'coulomb_friction']
     """
     return Model(
         "servo axis",

@@ -50,14 +50,6 @@ def diagnosis_page(
 
     Raises:
         ValueError: If the diagnosis has no verdict.
-
-    Example:
-        >>> from workbench.diagnosis.comparison import proof_of
-        >>> from workbench.diagnosis.example_diagnosis import example_diagnosis
-        >>> found, _ = example_diagnosis()
-        >>> page = diagnosis_page(found, proof_of(found), name="axis")
-        >>> [section.name for section in page.sections]
-        ['held-out', 'where', 'parameters', 'alternatives', 'limits', 'recordings']
     """
     verdict = diagnosis.verdict
     if verdict is None:

@@ -13,14 +13,7 @@ _MARKS: dict[str, Mark] = {"pass": "met", "unfit": "missed"}
 
 
 def recording_page(report: CheckReport, *, command: str) -> Page:
-    """Lay out a recording with its checks.
-
-    Example:
-        >>> from workbench.recordings import check_recording
-        >>> from workbench.recordings.example import example_recording
-        >>> recording_page(check_recording(example_recording(seconds=4.0)), command="again").title
-        'Recording example'
-    """
+    """Lay out a recording with its checks."""
     seen = report.original
     blocks: list[Block] = [_signals(seen)]
     if seen.mapping is not None:

@@ -17,11 +17,6 @@ def compiled(function: ca.Function) -> ca.Function:
 
     Returns:
         A function with the same signature and the same results.
-
-    Example:
-        >>> x = ca.SX.sym("x")
-        >>> float(compiled(ca.Function("twice", [x], [2 * x]))(3.0))
-        6.0
     """
     if compiler() is None:
         return function

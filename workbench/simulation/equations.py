@@ -38,13 +38,6 @@ class Equations:
 
     Args:
         functions: Functions of dense arguments and results, one library for all.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> equations = Equations([axis.form("exact").rates_function])
-        >>> equations(0, [0.0, 0.0], [1.0], axis.values)[0].shape
-        (2,)
     """
 
     def __init__(self, functions: Sequence[ca.Function]) -> None:

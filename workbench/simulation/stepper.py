@@ -29,12 +29,6 @@ class Stepper:
 
     Raises:
         WorkbenchError: If the sample time or the tolerance is outside its range.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> stepper = Stepper(servo_axis(), 0.001)
-        >>> stepper.step([0.0, 1.0], [0.0])[0] > 0.0
-        np.True_
     """
 
     model: Model

@@ -186,15 +186,6 @@ def find_violations(
 
     Returns:
         One entry per state or published signal that left its range, empty if none did.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> zero = np.zeros
-        >>> find_violations(
-        ...     axis, zero(2), zero((2, 2)), zero((2, 1)), form=EXACT, values=axis.values
-        ... )
-        ()
     """
     traced = model.form(form)
     checks = [(q.name, q.unit, q.lower, q.upper) for q in model.states]

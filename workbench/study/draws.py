@@ -40,10 +40,6 @@ def scaled(box: Box, unit: Vector) -> Vector:
 
     Returns:
         Points, shape (n, n_parameters), in SI; 9 digits, so that a stored run is found again.
-
-    Example:
-        >>> scaled(Box({"load": (2.0, 4.0)}, ("step",)), np.array([[0.5]])).tolist()
-        [[3.0]]
     """
     ends = np.array(list(box.ranges.values()))
     values = ends[:, 0] + unit * (ends[:, 1] - ends[:, 0])

@@ -218,11 +218,6 @@ def step_scenario(
 
     Raises:
         WorkbenchError: If a number is outside its range.
-
-    Example:
-        >>> step = step_scenario("angle", 15, 45, unit="deg", back=True)
-        >>> step.references["angle"].changes[0][0]
-        0.5
     """
     levels = check_finite("step", (begin, end, begin) if back else (begin, end))
     values = tuple(float(to_si(level, unit)) for level in levels)

@@ -88,10 +88,6 @@ def in_order(calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None
 
     Raises:
         WorkbenchError: As `parallel` does.
-
-    Example:
-        >>> in_order([(max, (1, 2)), (min, (1, 2))])
-        [2, 1]
     """
     numbered: list[Call[tuple[int, T]]] = [(_numbered, (i, *call)) for i, call in enumerate(calls)]
     found = dict(parallel(numbered, jobs=jobs, dask=dask))

@@ -23,10 +23,6 @@ def side_by_side(calls: Sequence[Call[T]]) -> list[T]:
     """Return the results of calls in their order; the first runs in this thread.
 
     Each call works on memory of its own.
-
-    Example:
-        >>> side_by_side([(max, (1, 2)), (min, (1, 2))])
-        [2, 1]
     """
     if threads() < 2 or len(calls) < 2:
         return [function(*arguments) for function, arguments in calls]

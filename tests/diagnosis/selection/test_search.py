@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from workbench.diagnosis.example_diagnosis import example_diagnosis
+from tests.diagnosis.example_diagnosis import example_diagnosis
 from workbench.diagnosis.selection.rules import LEAST_SHARE
 from workbench.diagnosis.selection.search import Task, _withdrawn
 from workbench.diagnosis.selection.selected import Accepted

@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from tests.recordings.example import example_recording
 from workbench.recordings import check_recording
-from workbench.recordings.example import example_recording
 
 TRIAL = example_recording(seconds=4.0)
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from tests.recordings.example import example_recording
 from workbench.recordings import Recording, Signal, check_recording
 from workbench.recordings.checks import estimate_delay
 from workbench.recordings.checks.loop import feedback_strength
-from workbench.recordings.example import example_recording
 
 
 def loop(gain: float, delay: int, seed: int, n: int = 8000) -> Recording:

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
+from tests.recordings.example import example_recording
 from workbench.errors import WorkbenchError
 from workbench.model import Input, Model, Output, State
 from workbench.recordings import check_recording
 from workbench.recordings.checks import CHECKS, Check, Finding
-from workbench.recordings.example import example_recording
 
 TRIAL = example_recording(seconds=4.0)
 

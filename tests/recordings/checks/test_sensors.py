@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.recordings.example import example_recording
 from workbench.evaluation.foreign.plan import plan
 from workbench.plants.arm.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings import Recording, Signal, check_recording
 from workbench.recordings.checks.expected import Expected, response_signs
 from workbench.recordings.checks.signs import check_signs
-from workbench.recordings.example import example_recording
 
 TRIAL = example_recording(seconds=6.0)
 SIGNS = {

@@ -3,8 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from tests.recordings.example import example_recording
 from workbench.recordings import Recording, check_recording
-from workbench.recordings.example import example_recording
 
 TRIAL = example_recording(seconds=4.0)
 

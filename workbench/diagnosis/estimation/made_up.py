@@ -38,11 +38,6 @@ def made_up(
 
     Raises:
         WorkbenchError: If a parameter is unknown or the inputs do not fit.
-
-    Example:
-        >>> seen = made_up(servo_axis(), np.full(50, 100.0), sample_time=0.01)
-        >>> seen.outputs.shape
-        (50, 1)
     """
     return observe(
         model,

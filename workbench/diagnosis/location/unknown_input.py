@@ -81,13 +81,6 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
     Raises:
         WorkbenchError: If a port does not exist.
         NumericalError: If the filter cannot follow the recording.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> found = unknown_input(servo_axis(), made_up_axis(samples=100), ["axis.force"])
-        >>> found.signal.shape, found.units
-        ((100, 1), ('N',))
     """
     known = {port.name: i for i, port in enumerate(model.ports)}
     for name in ports:

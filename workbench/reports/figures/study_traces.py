@@ -73,9 +73,5 @@ def breakable(text: str) -> str:
 
     Returns:
         The text with places, invisible, at which a line may end.
-
-    Example:
-        >>> len(breakable("joint.torque")) - len("joint.torque")
-        1
     """
     return re.sub(r"([A-Za-z])([._:])(?=[A-Za-z])", "\\1\\2\u200b", text)

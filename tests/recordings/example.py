@@ -34,12 +34,6 @@ def example_recording(
 
     Raises:
         WorkbenchError: If the duration is outside its range.
-
-    Example:
-        >>> print(example_recording(seconds=2.0).select(["valve"]))
-        example: 1000 samples, 1.998 s, 500 Hz
-        signal  kind     role     unit  minimum  maximum  missing
-        valve   voltage  command  V     3.84033  5.75195  0
     """
     check_range("seconds", seconds, 2.0, 600.0, "s")
     rng = np.random.default_rng(seed)
