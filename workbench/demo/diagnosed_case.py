@@ -187,7 +187,7 @@ def _section(found: DiagnosedCase) -> Section:
             Method(
                 (
                     ("free run", "the model gets the recorded commands and the start that the first"
-                     " half second shows, and no measurement after it"),
+                     " fortieth of the recording shows, and no measurement after it"),
                     ("refitted", "nominal equations, parameters fitted to other recordings"),
                     ("extended", "with the effect that was found; parameters fitted likewise"),
                     ("designed before, after", f"{DESIGN} on the refitted and on the extended"

@@ -226,6 +226,7 @@ class Law:
         stiff: Whether it brings rates well beyond 1000 1/s.
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
         whole: Whether the largest size is all that there can be.
+        downhill: Whether it acts at the first of its ports, the others only take what it gives off.
         same_as: Names of hypotheses that give the very same measurements, of a model and the
             place where the law acts.
         family: Name that it shares with laws of the same kind; its own by default.
@@ -260,6 +261,7 @@ class Law:
     stiff: bool = False
     far: bool = False
     whole: bool = False
+    downhill: bool = False
     same_as: Callable[[Survey, Place], tuple[str, ...]] = lambda *_: ()
     family: str = ""
     source: str = ""

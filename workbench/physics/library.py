@@ -48,21 +48,24 @@ def library(
     own = {hypothesis.name for hypothesis in given}
     offered = [h for law in laws for h in law.hypotheses(survey) if h.name not in own]
     taken = {effect.name for effect in model.effects}
+    downhill = {law.name for law in laws if law.downhill}
     found = [
         h
         for h in (*offered, *given)
-        if h.name not in taken and not any(_same(h, e) for e in model.effects)
+        if h.name not in taken and not any(_same(h, e, downhill) for e in model.effects)
     ]
     return tuple(sorted(found, key=lambda h: h.group == "sensor"))
 
 
-def _same(hypothesis: Hypothesis, attached: Effect) -> bool:
+def _same(hypothesis: Hypothesis, attached: Effect, downhill: set[str]) -> bool:
     if hypothesis.group == "sensor" and hypothesis.ports == attached.ports:
         # A second memory of one sensor is the shape of the first: a lag beside a delay.
         alike = hypothesis.law in attached.about.look_alikes
         if alike and hypothesis.effect.states and attached.states:
             return True
     if hypothesis.effect.about.equation == attached.about.equation:
+        if hypothesis.law in downhill:
+            return hypothesis.ports[0] == attached.ports[0]
         return bool(set(hypothesis.ports) & set(attached.ports))
     places = [{p.split(".")[0] for p in ports} for ports in (hypothesis.ports, attached.ports)]
     return hypothesis.law == attached.name and bool(places[0] & places[1])

@@ -101,6 +101,7 @@ overflow = Law(
         for limit in _brims(at)
         for caught in (0.0, 1.0)[: 1 + bool(at.others)]
     ],
+    downhill=True,
     source="broad-crested brim, linearised",
     look_alikes=("saturation",),
     separated_by="fill slowly beyond the brim: the level stops rising",

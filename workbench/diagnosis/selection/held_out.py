@@ -30,8 +30,9 @@ Vector = npt.NDArray[np.float64]
 Runs = Mapping[str, FreeRun]
 """Free runs by recording."""
 
-_START_S = 0.5
-_START_SAMPLES = 10
+_START_SHARE, _START_SAMPLES = 1 / 40, 10
+"""Part of a recording, and least number of samples, that tell where its hidden states start."""
+
 _SPOILT = 1.25
 _DRAWS = 4
 
@@ -43,7 +44,7 @@ _WINDOW_SAMPLES = 25
 
 
 def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
-    """Run a model freely along a recording, from a start fitted to its first half second.
+    """Run a model freely along a recording, from a start fitted to its first fortieth.
 
     Temperatures and speeds before the first sample are not read.
 
@@ -53,7 +54,7 @@ def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
         observed: The recording.
     """
     begun = extended_start(observed, nominal, model)
-    wanted = max(_START_SAMPLES, round(_START_S / begun.sample_time))
+    wanted = max(_START_SAMPLES, round(_START_SHARE * len(begun.outputs)))
     samples = min(len(begun.outputs), wanted)
     return free_run(model, fitted_start(model, begun, samples=samples))
 

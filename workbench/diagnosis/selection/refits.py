@@ -171,11 +171,11 @@ def decided(
         # Of two that the data cannot tell apart, the one without a doubt.
         sure = (c for c in passing if not c.doubts and not told_apart(best.blocks, c.blocks))
         best = next(sure, best)
-    if best is not None and _is_sensor(best):
+    if best is not None and is_sensor(best):
         # Where the process explains the runs better, it is the process.
         closest: Candidate | None = None
         for c in passing:
-            if _is_sensor(c):
+            if is_sensor(c):
                 continue
             than = best if closest is None else closest
             if c.run is not None and than.run is not None and c.run.closer_than(than.run):
@@ -205,7 +205,7 @@ def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Can
     if candidate.refused or candidate.run is None:
         return candidate
     why = ""
-    if _is_sensor(candidate) or shown:
+    if is_sensor(candidate) or shown:
         if not candidate.run.closer_than(without):
             why = "with it the model does not run closer to the held-out recordings"
     elif candidate.run.spoilt_from(without):
@@ -213,13 +213,14 @@ def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Can
     return replace(candidate, refused=why, rule="free run") if why else candidate
 
 
-def _is_sensor(candidate: Candidate) -> bool:
+def is_sensor(candidate: Candidate) -> bool:
+    """Whether an effect stands between process and measurement."""
     return candidate.entry.group == "sensor"
 
 
 def _outrun(candidate: Candidate, by: Candidate) -> Candidate:
     """Refuse what a sensor does where a law of the process runs closer to the recordings."""
-    if candidate.refused or not _is_sensor(candidate):
+    if candidate.refused or not is_sensor(candidate):
         return candidate
     why = f"with {by.entry.name} the model runs closer to the held-out recordings"
     return replace(candidate, refused=why, rule="free run")

@@ -41,11 +41,14 @@ from workbench.diagnosis.selection.held_out import (
     told_apart,
 )
 from workbench.diagnosis.selection.refits import (
+    decided,
     entry_priors,
+    is_sensor,
     refit_candidates,
     untried,
 )
 from workbench.diagnosis.selection.rules import (
+    HELD_OUT,
     LEAST_AT_FIRST,
     LEAST_EXPLAINED,
     LEAST_OF_ALL,
@@ -55,6 +58,7 @@ from workbench.diagnosis.selection.rules import (
     LEAST_TOGETHER,
     NEAR_NOISE,
     SAME,
+    SHARE,
     SURPASSED,
     Limits,
     selection_penalty,
@@ -84,11 +88,17 @@ MOST_FINDINGS = 3
 MOST_SEARCHES = 3
 """How many effects may be tried as the first one found."""
 
-_RIVALS = 3
+_OPENINGS = 2
+"""Effects beside which another is searched for where none passes alone."""
+
+_RIVALS = 4
 """Rivals of an effect among which is chosen again after the next one was found."""
 
 _MOST_AT_FIRST, _MOST_AGAIN = 18, 8
 """Laws that are refitted for their score, before and after the first one was found."""
+
+_STIFF = 5
+"""Laws that are refitted in the time of a stiff one."""
 
 _BUDGET = 6000
 """Work that laws beyond the best scores may take together: each costs the square of the number of
@@ -223,12 +233,25 @@ def _to_refit(task: Task, scores: Scores, most: int) -> tuple[tuple[Score, ...],
     best = max(alone.values(), default=0.0)
     located = {group for group, gain in alone.items() if gain > 0.0 and gain >= 0.5 * best}
     cost = len(task.base.model.states) ** 2 * (len(task.priors) + 1)
-    room = _BUDGET * most // _MOST_AT_FIRST // cost
-    rest = [s for s in scores.scores if not s.entry.stiff and s not in chosen]
+    room = _BUDGET * most / _MOST_AT_FIRST / cost
+    rest = [s for s in scores.scores if s not in chosen]
     here = [s for s in rest if any(groups.get(port) in located for port in s.entry.ports)]
+    taken = _within(here, room)
     elsewhere = [s for s in rest if s not in here]
     # A small plant has room for the whole library, wherever the mismatch was located.
-    return (*chosen, *here[:room]), tuple(elsewhere) if len(rest) <= room else ()
+    later = tuple(elsewhere) if _within(rest, room) == rest else ()
+    return (*chosen, *taken), later
+
+
+def _within(scores: Sequence[Score], room: float) -> list[Score]:
+    """Return the first scores that there is room for; a stiff law takes that of several."""
+    taken = []
+    for score in scores:
+        needed = _STIFF if score.entry.stiff else 1
+        if needed <= room:
+            taken.append(score)
+            room -= needed
+    return taken
 
 
 def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
@@ -297,7 +320,7 @@ def likely(state: Selected) -> Selected:
     and so predicts the next sample of anything.
     """
     aside = [a for a in state.aside if a.candidate.held_out[1] > 0.0]
-    aside = [a for a in aside if a.candidate.entry.group != "sensor"]
+    aside = [a for a in aside if not is_sensor(a.candidate)]
     if state.accepted or not aside:
         return state
     best = max(aside, key=lambda a: a.candidate.held_out[0])
@@ -335,6 +358,12 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         chosen, later = _to_refit(task, scores, _MOST_AGAIN if number else _MOST_AT_FIRST)
         samples = sum(_independent(r) for r in task.fitting)
         penalty = selection_penalty(len(scores.scores), samples, 2)
+        limits = Limits(
+            penalty,
+            least,
+            scored.near_noise(task.base),
+            perfect=current.noise_scale <= PERFECT and bool(number),
+        )
 
         def refitted(some: Sequence[Score]) -> tuple[Candidate, ...]:
             return refit_candidates(
@@ -343,12 +372,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
                 state.free,
                 begun,
                 task.started(task.judging, current.model),
-                limits=Limits(
-                    penalty,
-                    least,
-                    scored.near_noise(task.base),
-                    perfect=current.noise_scale <= PERFECT and bool(number),
-                ),
+                limits=limits,
                 jobs=task.jobs,
                 progress=task.say,
             )
@@ -365,27 +389,113 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         )
         state = replace(state, rounds=(*state.rounds, Round(scores, candidates)), penalty=penalty)
         passing = [c for c in candidates if not c.refused]
-    best = passing[0] if passing else None
-    if best is None or best.fit is None:
+        if not passing:
+            state = _with_pair(task, state, limits)
+    if passing:
+        task.say(f"found {passing[0].entry.name}")
+        rivals = [c for c in candidates if c.entry.name not in state.failed]
+        state = _with_candidate(task, state, passing[0], Round(scores, tuple(rivals)))
+    if state.extended is current:
         return state, False
-    task.say(f"found {best.entry.name}")
-    rivals = [c for c in candidates if c.entry.name not in state.failed]
-    scored_best = next(s for s in scores.scores if s.entry.name == best.entry.name)
-    own = entry_priors(replace(scored_best, entry=best.entry))[0]
-    free = (*state.free, *own)
-    extended = _polished(best.fit, task.started(task.fitting, best.fit.model), free)
-    state = replace(
-        state,
-        began=state.began or best.entry.name,
-        accepted=(*state.accepted, Accepted(best, _alike(best, rivals, scores))),
-        free=free,
-        extended=extended,
-        fits=(*state.fits, extended),
-    )
     if len(state.accepted) > 1:
         state = _exchanged(task, scored, state)
     became_perfect = state.extended.noise_scale <= PERFECT < current.noise_scale
     return state, not (became_perfect and _near_noise(task, state))
+
+
+def _with_candidate(task: Task, state: Selected, found: Candidate, beside: Round) -> Selected:
+    """Add an effect to the model, refitted to the end.
+
+    Args:
+        beside: The round in which it was found.
+    """
+    assert found.fit is not None
+    scored = by_name(beside.scores)[found.name]
+    free = (*state.free, *entry_priors(replace(scored, entry=found.entry))[0])
+    extended = _polished(found.fit, task.started(task.fitting, found.fit.model), free)
+    alike = _alike(found, beside.candidates, beside.scores)
+    return replace(
+        state,
+        began=state.began or found.name,
+        accepted=(*state.accepted, Accepted(found, alike)),
+        free=free,
+        extended=extended,
+        fits=(*state.fits, extended),
+    )
+
+
+def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
+    """Add two effects of which neither passes alone, but both together do.
+
+    Two laws may hide each other: with the wrong outflow a tank never reaches its brim. What gains
+    much alone, and is refused only because it does not explain enough or not everywhere, opens; the
+    second is searched for beside it; the two are judged as one.
+    """
+    if limits.near_noise or len(state.rounds) >= MOST_FINDINGS:
+        return state
+    current, round_ = state.extended, state.rounds[-1]
+    before = (blocks_of_cost(current, task.started(task.judging, current.model)),)
+    without = run_errors(current, task.nominal, task.judging)
+    twice = replace(limits, penalty=2.0 * limits.penalty)
+    best: Selected | None = None
+    for opening in _openings(round_.candidates, limits):
+        told = f"only together with another effect: {opening.refused}"
+        first = replace(opening, refused="", rule="", doubts=(told,))
+        begun = _with_candidate(task, state, first, round_)
+        model = begun.extended.model
+        task.say(f"searching for what {first.name} hides")
+        fitting = task.started(task.fitting, model)
+        scores = score_library(
+            model, fitting, begun.free, task.tried(model), noise_scale=begun.extended.noise_scale
+        )
+        seconds = refit_candidates(
+            begun.extended,
+            _to_refit(task, scores, _MOST_AGAIN)[0],
+            begun.free,
+            fitting,
+            task.started(task.judging, model),
+            limits=limits,
+            jobs=task.jobs,
+            progress=task.say,
+        )
+        pairs = tuple(
+            replace(
+                c,
+                gain=current.cost - c.fit.cost,
+                held_out=gain_interval(before[0], c.blocks[1]),
+                refused="",
+                rule="",
+                doubts=(),
+            )
+            for c in seconds
+            if c.followed and c.fit and len(c.blocks) > 1 and c.gain >= limits.penalty
+        )
+        found = next((c for c in decided(pairs, without, twice) if not c.refused), None)
+        if found is None or found.fit is None:
+            continue
+        if best is None or found.fit.cost < best.extended.cost:
+            kept = tuple(first if c is opening else c for c in round_.candidates)
+            rounds = (*state.rounds[:-1], Round(round_.scores, kept), Round(scores, seconds))
+            best = _with_candidate(task, replace(begun, rounds=rounds), found, Round(scores, pairs))
+    if best is None:
+        return state
+    task.say("found " + " and ".join(a.candidate.name for a in best.accepted[-2:]))
+    return best
+
+
+def _openings(candidates: Sequence[Candidate], limits: Limits) -> list[Candidate]:
+    """Return what may open a pair: what gains much, each with another explanation.
+
+    What a sensor does is not: it colours the noise, and so predicts the next sample of anything.
+    """
+    found: list[Candidate] = []
+    for c in candidates:
+        worthy = c.followed and c.fit is not None and c.gain >= limits.penalty
+        if not worthy or is_sensor(c) or c.rule not in (SHARE.name, HELD_OUT.name):
+            continue
+        if len(found) < _OPENINGS and all(told_apart(c.blocks, o.blocks) for o in found):
+            found.append(c)
+    return found
 
 
 def _near_noise(task: Task, state: Selected) -> bool:
@@ -518,23 +628,27 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
             base.model, begun, free, task.tried(base.model), noise_scale=base.noise_scale
         )
         known = by_name(scores)
-        earlier = [c for c in state.rounds[number].candidates if c.followed and c.fit is not None]
-        again = [found.candidate.name, *(c.name for c in earlier[:_RIVALS])]
-        tried = [known[name] for name in again if name in known]
+        followed = [c.name for c in state.rounds[number].candidates if c.followed and c.fit]
+        rivals = [name for name in followed if name != found.candidate.name][:_RIVALS]
+        tried = [known[name] for name in (found.candidate.name, *rivals) if name in known]
         if found is not state.accepted[-1]:
             tried += shortlist(scores, most=_RIVALS)
-        candidates = refit_candidates(
-            base,
-            tuple({s.entry.name: s for s in tried}.values()),
-            free,
-            begun,
-            task.started(task.judging, base.model),
-            limits=Limits(
-                state.penalty, _least(scored, base, number), scored.near_noise(task.base)
-            ),
-            jobs=task.jobs,
-            progress=task.say,
-        )
+        try:
+            candidates = refit_candidates(
+                base,
+                tuple({s.entry.name: s for s in tried}.values()),
+                free,
+                begun,
+                task.started(task.judging, base.model),
+                limits=Limits(
+                    state.penalty, _least(scored, base, number), scored.near_noise(task.base)
+                ),
+                jobs=task.jobs,
+                progress=task.say,
+            )
+        except NumericalError:
+            # Without the effect the recordings cannot be followed: it is needed as it is.
+            continue
         best = next((c for c in candidates if not c.refused), None)
         if best is None or best.fit is None:
             continue
@@ -617,7 +731,7 @@ def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> 
     """
     same = []
     for c in candidates:
-        if c is best or not c.followed or c.fit is None or c.gain <= 0:
+        if c.name == best.name or not c.followed or c.fit is None or c.gain <= 0:
             continue
         apart = not c.blocks or told_apart(best.blocks, c.blocks)
         if (_passed(c) and not apart) or (
