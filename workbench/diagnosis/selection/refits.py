@@ -18,6 +18,7 @@ from workbench.diagnosis.estimation.process_noise import (
     blocks_of_cost,
     extended_start,
     fit_with_process_noise,
+    gain_interval,
     start_values,
 )
 from workbench.diagnosis.selection.candidate import Candidate
@@ -31,6 +32,7 @@ from workbench.diagnosis.selection.held_out import (
 from workbench.diagnosis.selection.rules import (
     HELD_OUT,
     LEAST_EXPLAINED,
+    SAME,
     SHARE,
     SURPASSED,
     UNTRIED,
@@ -188,9 +190,23 @@ def decided(
         # Of those that explain the recordings as well, the one with the fewest parameters; then
         # the likeliest on all recordings together.
         same = [c for c in passing if len(c.doubts) <= len(best.doubts)]
-        same = [c for c in same if c is best or not told_apart(best.blocks, c.blocks)]
+        same = [
+            c
+            for c in same
+            if not told_apart(best.blocks, c.blocks)
+            # What lies within a few units where both were fitted, unseen recordings decide.
+            or (best.gain - c.gain < SAME.value and preferred(c, best))
+            or c is best
+        ]
         best = min(same, key=lambda c: (c.own_parameters, -c.gain - c.held_out[0]))
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
+
+
+def preferred(one: Candidate, other: Candidate) -> bool:
+    """Whether the held-out recordings clearly prefer one effect to another."""
+    if len(one.blocks) < 2 or len(other.blocks) < 2:
+        return False
+    return gain_interval(other.blocks[1], one.blocks[1])[1] > 0.0
 
 
 def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Candidate:

@@ -44,6 +44,7 @@ from workbench.diagnosis.selection.refits import (
     decided,
     entry_priors,
     is_sensor,
+    preferred,
     refit_candidates,
     untried,
 )
@@ -490,7 +491,7 @@ def _openings(candidates: Sequence[Candidate], limits: Limits) -> list[Candidate
     """
     found: list[Candidate] = []
     for c in candidates:
-        worthy = c.followed and c.fit is not None and c.gain >= limits.penalty
+        worthy = c.followed and min(c.gain, c.held_out[0]) >= limits.penalty
         if not worthy or is_sensor(c) or c.rule not in (SHARE.name, HELD_OUT.name):
             continue
         if len(found) < _OPENINGS and all(told_apart(c.blocks, o.blocks) for o in found):
@@ -735,17 +736,10 @@ def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> 
             continue
         apart = not c.blocks or told_apart(best.blocks, c.blocks)
         if (_passed(c) and not apart) or (
-            abs(best.gain - c.gain) < SAME.value and not _worse(c, best)
+            abs(best.gain - c.gain) < SAME.value and not preferred(best, c)
         ):
             same.append(c.entry.name)
     names = {s.entry.name for s in scores.scores if s.testable}
     known = {s.entry.name for s in scores.scores}
     equal = [n for n in best.entry.same_as if n in known and n not in same]
     return (best.entry.name, *[n for n in same if n in names], *equal)
-
-
-def _worse(one: Candidate, best: Candidate) -> bool:
-    """Whether the held-out recordings clearly prefer the accepted effect."""
-    if len(one.blocks) < 2 or len(best.blocks) < 2:
-        return False
-    return gain_interval(one.blocks[1], best.blocks[1])[1] > 0.0
