@@ -7,8 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.refit_report import run_refit
 from workbench.diagnosis.problem import problem_of_case
+from workbench.evaluation.machines.run import task_of
 from workbench.recordings.case import read_case
 from workbench.recordings.public_data import public_file
 
@@ -80,3 +82,13 @@ def test_servo_follows_on_the_motion_held_out(external_folder: Path) -> None:
     assert sum(r.refitted for r in report.rows) < 0.9 * sum(r.nominal for r in report.rows)
     assert not report.reaches_floor
     assert 0.05 < report.refit.estimate("gear_friction.coefficient").value < 0.4
+
+
+def test_two_brims_that_hide_each_other_are_found_together(external_folder: Path) -> None:
+    task = task_of("tanks", external_folder)
+    found = diagnose(task.model, task.fit, task.hold_out, advise=False).verdict
+    assert found is not None
+    assert {"overflow_upper", "overflow_lower"} <= {f.effect for f in found.findings}
+    fit = found.fit
+    # Networks: 0.306 V; two Torricelli tanks: 0.69 V; the upper brim alone: 0.50 V.
+    assert fit["extended"]["level"] < 0.32 < 0.45 * fit["nominal"]["level"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -12,7 +13,7 @@ import pytest
 from tests.diagnosis.axis_case import diagnosed
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors
-from workbench.diagnosis.selection.refits import decided
+from workbench.diagnosis.selection.refits import decided, preferred
 from workbench.diagnosis.selection.rules import LEAST_GAIN, Limits, selection_penalty
 from workbench.diagnosis.selection.score import Score, Scores
 from workbench.diagnosis.selection.shortlist import shortlist, where
@@ -185,3 +186,20 @@ def test_what_explains_little_is_likely_if_it_takes_much_of_the_free_run(
 def test_what_can_be_run_is_closer_than_what_cannot(entries: dict[str, Hypothesis]) -> None:
     assert WITHOUT.closer_than(NO_RUNS) and not NO_RUNS.closer_than(WITHOUT)
     assert NO_RUNS.spoilt_from(WITHOUT) and not WITHOUT.spoilt_from(NO_RUNS)
+
+
+def test_what_lies_within_a_few_units_unseen_recordings_decide(
+    entries: dict[str, Hypothesis],
+) -> None:
+    first = _candidate(entries["valve_offset"], 500.0, 0.5)
+    other = _candidate(entries["stribeck_friction"], 490.0, 0.5)
+    unseen = replace(
+        other, held_out=(530.0, 500.0, 560.0), blocks=(other.blocks[0], other.blocks[1] - 1.0)
+    )
+    assert preferred(unseen, first) and not preferred(first, unseen)
+    for given, taken in ((other, first), (unseen, other)):
+        found = decided([first, given], WITHOUT, Limits(20.0, 100.0))
+        assert _taken(found) == [taken.name]
+    # What explains clearly more where it was fitted is not given up.
+    far = replace(unseen, gain=400.0)
+    assert _taken(decided([first, far], WITHOUT, Limits(20.0, 100.0))) == [first.name]

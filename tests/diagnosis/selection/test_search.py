@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.selection.rules import LEAST_SHARE
-from workbench.diagnosis.selection.search import Task, _withdrawn
+from workbench.diagnosis.selection.rules import HELD_OUT, LEAST_SHARE, SHARE, Limits
+from workbench.diagnosis.selection.search import Task, _openings, _with_pair, _withdrawn
 from workbench.diagnosis.selection.selected import Accepted
 
 
@@ -28,3 +28,25 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
     # Free runs show it: it stays, with a doubt.
     ((kept, _),) = _withdrawn(task, given.selected, little).accepted
     assert kept.name == "coulomb_friction" and why in kept.doubts[-1]
+
+
+def test_only_what_gains_where_it_was_not_fitted_opens_a_pair() -> None:
+    given, _ = example_diagnosis()
+    assert given.selected is not None
+    candidate = given.selected.accepted[0].candidate
+    asked = Limits(penalty=0.5 * min(candidate.gain, candidate.held_out[0]))
+    for rule in (SHARE.name, HELD_OUT.name):
+        refused = replace(candidate, refused="too little", rule=rule)
+        assert _openings([refused, refused], asked) == [refused]
+        assert _openings([replace(refused, held_out=(0.0, -1.0, 1.0))], asked) == []
+        assert _openings([replace(refused, gain=0.0)], asked) == []
+    assert _openings([replace(candidate, refused="failed", rule="refit")], asked) == []
+
+
+def test_near_the_noise_no_pair_is_searched_for() -> None:
+    given, _ = example_diagnosis()
+    assert given.selected is not None
+    prepared = given.prepared
+    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    begun = replace(given.selected, accepted=(), extended=given.base)
+    assert _with_pair(task, begun, Limits(0.0, near_noise=True)) is begun

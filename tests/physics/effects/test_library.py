@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from workbench.evaluation.machines.plants import tanks
 from workbench.model import Model
 from workbench.physics.braid_volume import flattened_ends
 from workbench.physics.gas_energy import isothermal_gas
@@ -253,3 +254,17 @@ def test_entry_refuses_an_unknown_size() -> None:
     entry = LIBRARY["servo"][0]
     with pytest.raises(Exception, match="size"):
         replace(entry, size_parameter="size")
+
+
+def test_each_store_keeps_its_own_brim_beside_that_of_another() -> None:
+    model = tanks()
+    over = {h.name: h for h in library(model) if h.law == "overflow"}
+    assert set(over) == {"overflow_upper", "overflow_lower"}
+    for name in over:
+        left = {h.name for h in library(model.with_effect(over[name].at_size(1.0)))}
+        assert left & set(over) == set(over) - {name}
+    # What both sensors of a kind do is not offered again for one of them.
+    both = next(h for h in library(arm(3)) if h.name == "sensor_gain_pressures")
+    assert "sensor_gain_pressure_2" not in {
+        h.name for h in library(arm(3).with_effect(both.at_size(0.0)))
+    }

@@ -190,14 +190,10 @@ def decided(
         # Of those that explain the recordings as well, the one with the fewest parameters; then
         # the likeliest on all recordings together.
         same = [c for c in passing if len(c.doubts) <= len(best.doubts)]
-        same = [
-            c
-            for c in same
-            if not told_apart(best.blocks, c.blocks)
-            # What lies within a few units where both were fitted, unseen recordings decide.
-            or (best.gain - c.gain < SAME.value and preferred(c, best))
-            or c is best
-        ]
+        # What lies within a few units where both were fitted, unseen recordings decide.
+        better = [c for c in same if abs(best.gain - c.gain) < SAME.value and preferred(c, best)]
+        best = max(better, key=lambda c: c.held_out[0], default=best)
+        same = [c for c in same if c is best or not told_apart(best.blocks, c.blocks)]
         best = min(same, key=lambda c: (c.own_parameters, -c.gain - c.held_out[0]))
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
 
