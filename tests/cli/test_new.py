@@ -35,7 +35,7 @@ def test_what_is_written_runs_as_it_says(
         results = json.loads(Path("comparison/results.json").read_text())
         assert results["passed"] and results["robustness"]
     elif verb == "new-controller":
-        assert "my PID on servo axis" in said and "settling_time" in said
+        assert f"{Path(name).stem}:design on servo axis" in said and "settling_time" in said
     else:
         assert Path("run.csv").read_text().count("\n") > 900
 

@@ -73,7 +73,7 @@ def test_a_starter_of_another_plant_runs_too(
     words = ["--plant", "servo-axis", "--position", "100mm", "-p", "mass=80kg"]
     code = written(tmp_path / "axis.ipynb", *words)
     assert "{'position': to_si(100, 'mm')}" in code
-    assert "full = plant.model(options, parameters=['mass=80kg'])" in code
+    assert "full = plant.model(options, parameters=['mass=80 kg'])" in code
     found = in_this_process(code)
     assert found["full"].parameter("mass").value == 80.0  # type: ignore[attr-defined]
     assert len(found["runs"]) >= 2  # type: ignore[arg-type]

@@ -223,7 +223,8 @@ class _Asked:
         from workbench.plants.saved import saved_plant
 
         own = self.loaded.chosen
-        return verdict.to_json(saved_plant(own.reference, own.options, own.nominal, verdict.model))
+        chosen = own.recipe.kind, dict(own.recipe.options)
+        return verdict.to_json(saved_plant(*chosen, own.nominal, verdict.model))
 
     def _write(self, found: Diagnosis, out: Path) -> None:
         from workbench.cli.typed import typed
@@ -272,9 +273,8 @@ def _shared(name: str, loaded: Loaded) -> dict[str, object]:
     from workbench.plants.registry import PLANTS
 
     plant = PLANTS.get(name, folder=Path.cwd())
-    return {
-        o.name: v for o in plant.options if (v := loaded.chosen.options.get(o.name)) is not None
-    }
+    known = {o.name for o in plant.options}
+    return {name: value for name, value in loaded.chosen.recipe.options if name in known}
 
 
 def _plan(found: Diagnosis) -> Experiment | None:

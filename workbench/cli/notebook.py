@@ -30,16 +30,7 @@ def notebook(
         raise WorkbenchError(f"file {str(out)!r} does not end in .ipynb; try starter.ipynb")
     if out.exists():
         raise WorkbenchError(f"file {str(out)!r} exists; give another name, nothing was changed")
-    begin = Beginning(
-        chosen.plant,
-        chosen.reference,
-        chosen.nominal,
-        options=chosen.options,
-        effects=chosen.effects,
-        without=chosen.without,
-        parameters=chosen.parameters,
-        at=chosen.design_point,
-    )
+    begin = Beginning(chosen.plant, chosen.recipe, chosen.nominal, chosen.design_point)
     write_whole(out, starter_notebook(begin))
     typer.echo(f"written to {out}; open it: jupyter lab {out}")
     return 0

@@ -12,7 +12,7 @@ import difflib
 import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,6 +26,7 @@ from workbench.plants import DEFAULT_PLANT
 if TYPE_CHECKING:
     from workbench.model import Model
     from workbench.plants.plant import Plant
+    from workbench.study.plants import PlantRecipe
 
 PlantName = Annotated[
     str,
@@ -153,26 +154,20 @@ class Chosen:
     """A plant as the options of a verb describe it.
 
     Args:
-        reference: Its name, ``module:object`` or file, as it was given.
-        options: Its options that were given, checked, by name.
+        recipe: What was chosen: its name, ``module:object`` or file, options, effects, parameters.
         nominal: Its model with the options, without effects and changed parameters: what a design
             is made for.
         at: Values at rest that were given, by name, in SI.
         inputs: Steps of inputs by name: times, in s, and values, in SI.
-        effects: Effects that were attached, by the word that was given.
         design: Words ``--design-NAME VALUE``, as ``NAME=VALUE``.
     """
 
-    reference: str
+    recipe: PlantRecipe
     plant: Plant
-    options: Mapping[str, Any]
     model: Model
     nominal: Model
     at: Mapping[str, float]
     inputs: Mapping[str, tuple[tuple[float, float], ...]]
-    effects: tuple[str, ...]
-    without: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = ()
     design: tuple[str, ...] = ()
 
     @property
@@ -270,7 +265,9 @@ def chosen_plant(
     Raises:
         WorkbenchError: If a word is unknown, or a value outside its range or in a wrong unit.
     """
+    from workbench.plants.plant import parse_parameter
     from workbench.plants.registry import PLANTS
+    from workbench.study.plants import PlantRecipe
 
     folder = folder or Path.cwd()
     plant = PLANTS.get(name, folder=folder)
@@ -292,7 +289,8 @@ def chosen_plant(
         else:
             rest.append((word, value))
     checked = plant.parse({**(defaults or {}), **given})
-    nominal = plant.model(checked, folder=folder)
+    base = PlantRecipe(name, tuple(checked.items()), folder=folder)
+    nominal = base.build()
     known = {"at": _resting(nominal), "input": {q.name for q in nominal.inputs}}
     for word, value in rest:
         plain = word.replace("-", "_")
@@ -311,19 +309,17 @@ def chosen_plant(
             raise _UnknownOptionError(f"No such option: --{word}{hint}")
         if not value:
             raise _UnknownOptionError(f"option --{word} requires a value")
-    less, changed = tuple(without or ()), tuple(parameter or ())
-    model = plant.model(checked, effects=attached, without=less, parameters=changed, folder=folder)
+    recipe = replace(base, effects=tuple(attached), without=tuple(without or ()))
+    changed = [parse_parameter(recipe.build(), text) for text in parameter or ()]
+    recipe = replace(recipe, parameters=tuple(changed))
+    model = recipe.build()
     return Chosen(
-        name,
+        recipe,
         plant,
-        checked,
         model,
         nominal,
         dict(value_at_rest(model, text) for text in states),
         _steps(model, driven),
-        tuple(attached),
-        less,
-        changed,
         tuple(design),
     )
 

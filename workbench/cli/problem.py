@@ -152,7 +152,7 @@ def _loaded(
             **{**changes, **_joined(read.changes if same else {}, changes)},
         )
         if same:
-            read.check_options(chosen.options)
+            read.check_options(dict(chosen.recipe.options))
         problem = problem_of_case(read, chosen.model)
         base = read.refit
     else:

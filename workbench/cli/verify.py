@@ -114,7 +114,7 @@ def _nominal(chosen: Chosen, changes: Sequence[str] = ()) -> ControllerRecipe:
     from workbench.study.designs import ControllerRecipe
     from workbench.study.plants import PlantRecipe
 
-    options, at = dict(chosen.options), dict(chosen.plant.design_point)
+    options, at = dict(chosen.recipe.options), dict(chosen.plant.design_point)
     known = {n for o in chosen.plant.options for n in (o.name, o.keyword)}
     for text in changes:
         name, _, value = text.partition("=")
@@ -122,7 +122,7 @@ def _nominal(chosen: Chosen, changes: Sequence[str] = ()) -> ControllerRecipe:
             options |= chosen.plant.parse({name: value})
         else:
             at |= dict([value_at_rest(chosen.nominal, text)])
-    plant = PlantRecipe(chosen.reference, tuple(options.items()), folder=Path.cwd())
+    plant = PlantRecipe(chosen.recipe.kind, tuple(options.items()), folder=chosen.recipe.folder)
     return ControllerRecipe("", "", plant, tuple(at.items()))
 
 
@@ -130,18 +130,9 @@ def _study(
     chosen: Chosen, recipes: Sequence[ControllerRecipe], scenario: Scenario, require: Sequence[str]
 ) -> Study:
     """Return the study of the one step: controllers for the nominal plant, on the chosen one."""
-    from workbench.plants.plant import parse_parameter
-    from workbench.study.plants import PlantRecipe
     from workbench.study.study import NOMINAL, Case, Study, Variation
 
-    plant = PlantRecipe(
-        chosen.reference,
-        tuple(chosen.options.items()),
-        chosen.effects,
-        chosen.without,
-        tuple(parse_parameter(chosen.model, text) for text in chosen.parameters),
-        folder=Path.cwd(),
-    )
+    plant = chosen.recipe
     controllers, scenarios = {r.name: r for r in recipes}, {scenario.name: scenario}
     demands, metrics = _demands(chosen, require, scenario, controllers)
     return Study(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,6 +15,7 @@ from workbench.model import Model
 from workbench.model.units import from_si, shown_unit
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
+from workbench.study.plants import PlantRecipe
 
 SAMPLE_TIME = 0.002
 """Sample time of the controllers, in s."""
@@ -25,19 +26,14 @@ class Beginning:
     """What a starter notebook begins with.
 
     Args:
-        reference: Name of the plant, ``module:object`` or file.
-        effects: Effects to attach; no design knows them.
+        recipe: What is chosen of it; no design knows its effects and changed parameters.
         model: The plant's model with the options alone, for which designs are made.
         at: Values at rest by name, in SI; empty for the nominal inputs.
     """
 
     plant: Plant
-    reference: str
+    recipe: PlantRecipe
     model: Model
-    options: Mapping[str, Any] = field(default_factory=dict)
-    effects: Sequence[str] = ()
-    without: Sequence[str] = ()
-    parameters: Sequence[str] = ()
     at: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -63,15 +59,19 @@ def starter_notebook(begin: Beginning) -> str:
 
 
 def _plant(begin: Beginning) -> list[tuple[str, str]]:
-    plant = begin.plant
+    plant, recipe = begin.plant, begin.recipe
     options = {}
-    for name, value in begin.options.items():
+    for name, value in recipe.options:
         unit = plant.option(name).unit
         options[name] = f"{value:g} {unit}" if unit else value
-    changes = {"effects": begin.effects, "without": begin.without, "parameters": begin.parameters}
+    units = {q.name: "" if q.unit == "1" else q.unit for q in recipe.build().parameters}
+    parameters = [
+        f"{name}={value:.10g} {units[name]}".rstrip() for name, value in recipe.parameters
+    ]
+    changes = {"effects": recipe.effects, "without": recipe.without, "parameters": parameters}
     given = [f"{name}={list(words)!r}" for name, words in changes.items() if words]
-    own = "\n\nIts module must stand beside this notebook." if ":" in begin.reference else ""
-    told = f"`workbench plants {begin.reference}` tells what may be chosen about it."
+    own = "\n\nIts module must stand beside this notebook." if ":" in recipe.kind else ""
+    told = f"`workbench plants {recipe.kind}` tells what may be chosen about it."
     summary = f"{plant.summary[:1].upper()}{plant.summary[1:]}. " if plant.summary else ""
     return [
         ("title-text", f"# {plant.name}\n\n{summary}{told}{own}"),
@@ -87,7 +87,7 @@ from workbench.model.units import to_si
 from workbench.plants.registry import PLANTS
 from workbench.verification import Scenario, Steps
 
-plant = PLANTS.get({begin.reference!r}, folder=Path.cwd())
+plant = PLANTS.get({recipe.kind!r}, folder=Path.cwd())
 options = {options!r}
 nominal = plant.model(options)
 full = {f"plant.model(options, {', '.join(given)})" if given else "nominal"}
