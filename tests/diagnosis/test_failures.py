@@ -36,7 +36,7 @@ def _given() -> tuple[Model, list[Recording], list[Hypothesis]]:
 
 def _law(name: str, transform: Callable[[PortView], Expression]) -> Hypothesis:
     size = Parameter("size", "N", 10.0, value=0.0, lower=0.0, upper=50.0, fitted=True)
-    return Hypothesis(Effect(name, ("axis.force",), transform, (size,)), "size", 10.0, 1.0)
+    return Hypothesis(Effect(name, ("axis.force",), transform, (size,)), "size", 10.0)
 
 
 def _raises(at: PortView) -> Expression:

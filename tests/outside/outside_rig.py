@@ -64,7 +64,7 @@ cubic_brake = Law(
     each("force", needs=("speed",)),
     lambda at: (
         size("coefficient", per(at.unit, at.speed.unit, 3), 0.1 * at.scale / at.speed.scale**3,
-             0.005 * at.scale / at.speed.scale**3, 2.0 * at.scale / at.speed.scale**3, "braking"),
+             2.0 * at.scale / at.speed.scale**3, "braking"),
     ),
     lambda at: at.value - at.p.coefficient * at.signals.speed**3,
     source="an outside package",

@@ -23,7 +23,7 @@ magnet = Law(
     "magnet",
     "F = -pull x / (1 + x^2)",
     each("force", needs=("coordinate",)),
-    lambda at: (size("pull", at.unit, 0.1 * at.scale, 0.01 * at.scale, at.scale, "pull"),),
+    lambda at: (size("pull", at.unit, 0.1 * at.scale, at.scale, "pull"),),
     lambda at: at.value - at.p.pull * at.signals.coordinate / (1.0 + at.signals.coordinate**2),
     look_alikes=("linear_spring",),
 )

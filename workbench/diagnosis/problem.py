@@ -262,4 +262,4 @@ def _hypothesis(item: object, reference: str) -> Hypothesis | Law:
     largest = max(abs(size.lower), abs(size.upper))
     # Bounds are all that the user says of sizes; beyond them nothing is plausible.
     typical = abs(size.value) or (0.2 * largest if np.isfinite(largest) else size.scale)
-    return Hypothesis(item.with_parameters({size.name: 0.0}), size.name, typical, 0.05 * typical)
+    return Hypothesis(item.with_parameters({size.name: 0.0}), size.name, typical)

@@ -25,9 +25,7 @@ end_factor = Law(
     "end_factor",
     "F = F(k q, p), k = 1 + excess",
     twins("muscle_tension", "force", needs=_NEEDS, only=lambda at: at.shaped),
-    lambda at: (
-        size("excess", "1", 0.1, 0.01, 2.0, "factor on the contraction less one", signed=True),
-    ),
+    lambda at: (size("excess", "1", 0.1, 2.0, "factor on the contraction less one", signed=True),),
     _further,
     source="B. Tondu and P. Lopez 2000, factor k of the flattened ends",
     look_alikes=("wall_term", "contraction_force_correction", "linear_spring"),
@@ -38,7 +36,7 @@ end_factor = Law(
 def _wall(at: Place) -> tuple[Own, ...]:
     length = at.signals["contraction"]
     return (
-        size("force", at.unit, 0.2 * at.scale, 0.01 * at.scale, 5.0 * at.scale,
+        size("force", at.unit, 0.2 * at.scale, 5.0 * at.scale,
              "force of the wall at the plateau", signed=True),
         shape("reach", length.unit, 0.3 * length.scale, "contraction that leads to the plateau",
               around=(0.05, 20.0)),

@@ -23,7 +23,7 @@ creep = Law(
     "y = u - share [(1 - s)(u - m1) + s (u - m2)], dm/dt = (u - m) / tau",
     first_of(twins("muscle_force"), each(*EFFORTS)),
     lambda at: (
-        size("share", "1", 0.02, 0.003, 1.0, "part that arrives late", signed=True),
+        size("share", "1", 0.02, 1.0, "part that arrives late", signed=True),
         shape("slow_part", "1", 0.5, "part of the share with the slow time constant",
               around=None, between=(0.0, 1.0)),
         shape("time_constant", "s", 1.0, "fast time constant"),

@@ -29,7 +29,7 @@ def _where(survey: Survey) -> Iterator[Fit]:
 def _band(at: Place) -> tuple[Own, ...]:
     usual = (0.1 if at.role == "spool" else 0.05) * at.scale
     return (
-        size("half_width", at.unit, usual, 0.1 * usual, at.scale, "half of the band"),
+        size("half_width", at.unit, usual, at.scale, "half of the band"),
         shape("centre", at.unit, 0.0, "middle of the band", around=None, scale=1.0, source="",
               fitted=False),
     )  # fmt: skip

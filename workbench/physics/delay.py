@@ -17,12 +17,10 @@ def _spare(p: Names) -> Expression:
     return p.floor * p.floor / (p.time + p.floor)
 
 
-def _times(
-    usual: float, least: float, largest: float, lead: float = 0.0
-) -> Callable[[Place], tuple[Own, ...]]:
-    """State a delay by sampling intervals: usual, least worth naming, largest plausible."""
+def _times(usual: float, largest: float, lead: float = 0.0) -> Callable[[Place], tuple[Own, ...]]:
+    """State a delay by sampling intervals: usual, largest plausible."""
     return lambda at: (
-        size("time", "s", usual * at.interval, least * at.interval, largest * at.interval, "delay",
+        size("time", "s", usual * at.interval, largest * at.interval, "delay",
              lower=-lead * at.interval if lead else None),
         floor(at, 1.0),
     )  # fmt: skip
@@ -68,7 +66,7 @@ sensor_delay = Law(
     "sensor_delay",
     "Y / U = exp(-D s), to third order",
     sensors(),
-    _times(5, 1, 100, lead=0.5),
+    _times(5, 100, lead=0.5),
     _delayed,
     states=_states,
     rates=_rates,
@@ -143,7 +141,7 @@ delay = Law(
     "delay",
     "Y / U = exp(-D s), Pade function of second over third order",
     drives(),
-    _times(5, 0.5, 50),
+    _times(5, 50),
     _delayed_command,
     states=_states,
     rates=_command_rates,
@@ -159,7 +157,7 @@ valve_delay = replace(
     delay,
     name="valve_delay",
     where=each("valve_command"),
-    parameters=_times(2.5, 0.5, 50),
+    parameters=_times(2.5, 50),
     look_alikes=("clock_shift", "spool_bandwidth", "slew_limit"),
     separated_by="steps of the command beside a fast spool or flow sensor",
 )
@@ -168,7 +166,7 @@ drive_delay = replace(
     delay,
     name="drive_delay",
     where=each(*EFFORTS, needs=("speed",), only=lambda at: at.driven and at.role not in DRIVES),
-    parameters=_times(2.5, 0.25, 50),
+    parameters=_times(2.5, 50),
     same_as=lambda *_: (),
     look_alikes=("clock_shift", "sensor_delay"),
     separated_by="steps of the command beside a force sensor",

@@ -21,8 +21,7 @@ quadratic_drag = Law(
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
         size("coefficient", per(at.unit, at.speed.unit, 2), 0.02 * at.scale / at.speed.scale**2,
-             0.005 * at.scale / at.speed.scale**2, 0.5 * at.scale / at.speed.scale**2,
-             "drag over squared speed", resists=True),
+             0.5 * at.scale / at.speed.scale**2, "drag over squared speed", resists=True),
     ),
     lambda at: at.value - at.p.coefficient * at.signals.speed * _magnitude(at),
     source="I. Newton, drag of a blunt body; turbulent throttling of a damper",
@@ -36,8 +35,7 @@ cubic_drag = Law(
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
         size("coefficient", per(at.unit, at.speed.unit, 3), 0.02 * at.scale / at.speed.scale**3,
-             0.002 * at.scale / at.speed.scale**3, 5.0 * at.scale / at.speed.scale**3,
-             "drag over cubed speed", resists=True),
+             5.0 * at.scale / at.speed.scale**3, "drag over cubed speed", resists=True),
     ),
     lambda at: at.value - at.p.coefficient * at.signals.speed**3,
     source="damping that grows with the amplitude; wire that its current heats",
@@ -53,7 +51,7 @@ direction_dependent_viscous = Law(
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
         size("difference", per(at.unit, at.speed.unit), 0.025 * at.scale / at.speed.scale,
-             0.005 * at.scale / at.speed.scale, 0.5 * at.scale / at.speed.scale,
+             0.5 * at.scale / at.speed.scale,
              "damping forwards less damping backwards", signed=True),
     ),
     lambda at: at.value - 0.5 * at.p.difference * _magnitude(at),

@@ -28,7 +28,7 @@ def _warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, 
     def parameters(at: Place) -> tuple[Own, ...]:
         s = typical(at) * at.scale
         return (
-            size("amount", at.unit, s, 0.2 * s, 5.0 * s, "final drift", signed=True),
+            size("amount", at.unit, s, 5.0 * s, "final drift", signed=True),
             shape("time_constant", "s", at.duration or 60.0, "time constant of warming up",
                   around=(0.05, 100.0), source="", fitted=False),
         )  # fmt: skip
@@ -60,7 +60,7 @@ gain_fade = Law(
     "y = u (1 + amount w), dw/dt = (1 - w) / tau",
     drives("force", "acceleration", "flow", only=lambda at: at.driven),
     lambda at: (
-        size("amount", "1", 0.1, 0.01, 1.0, "final change of the gain", signed=True),
+        size("amount", "1", 0.1, 1.0, "final change of the gain", signed=True),
         shape("time_constant", "s", at.duration or 60.0, "time constant", around=(0.05, 100.0)),
     ),
     lambda at: at.value * (1.0 + at.p.amount * at.x.warm),
@@ -92,8 +92,7 @@ offset_jump = Law(
     "y = u + amount step(t - time)",
     drives("force", "acceleration", "flow", only=lambda at: at.driven),
     lambda at: (
-        size("amount", at.unit, 0.05 * at.scale, 0.005 * at.scale, at.scale, "height of the jump",
-             signed=True),
+        size("amount", at.unit, 0.05 * at.scale, at.scale, "height of the jump", signed=True),
         *when(at),
     ),
     lambda at: at.value + at.p.amount * passed(at),
@@ -113,7 +112,7 @@ gain_jump = replace(
     name="gain_jump",
     equation="y = u (1 + amount step(t - time))",
     parameters=lambda at: (
-        size("amount", "1", 0.1, 0.01, 1.0, "relative height of the jump", signed=True),
+        size("amount", "1", 0.1, 1.0, "relative height of the jump", signed=True),
         *when(at),
     ),
     transform=lambda at: at.value * (1.0 + at.p.amount * passed(at)),
@@ -125,7 +124,7 @@ sensor_jump = replace(
     name="sensor_jump",
     where=sensors(together=False),
     parameters=lambda at: (
-        size("amount", at.unit, sensor_error(at) * at.scale, 0.1 * sensor_error(at) * at.scale,
+        size("amount", at.unit, sensor_error(at) * at.scale,
              5.0 * sensor_error(at) * at.scale, "height of the jump", signed=True),
         *when(at),
     ),

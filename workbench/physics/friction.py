@@ -12,8 +12,7 @@ coulomb_friction = Law(
     "T = -level tanh(speed / transition_speed)",
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
-        size("level", at.unit, 0.05 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
-             "dry friction level", resists=True),
+        size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale, "dry friction level", resists=True),
         shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,
               "speed scale of the reversal", around=(1e-4, 1e4), fitted=False),
     ),
@@ -32,8 +31,7 @@ viscous_friction = Law(
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
         size("coefficient", per(at.unit, at.speed.unit), 0.05 * at.scale / at.speed.scale,
-             0.005 * at.scale / at.speed.scale, 0.5 * at.scale / at.speed.scale, "damping",
-             resists=True),
+             0.5 * at.scale / at.speed.scale, "damping", resists=True),
     ),
     lambda at: at.value - at.p.coefficient * at.signals.speed,
     source="linear damper",

@@ -37,7 +37,7 @@ polytropic_exchange = Law(
     "polytropic_exchange",
     "V dp/dt = n (R H - p dV/dt)",
     _worked,
-    lambda at: (size("departure", "1", 0.2, 0.03, 0.5, "gamma less the polytropic exponent"),),
+    lambda at: (size("departure", "1", 0.2, 0.5, "gamma less the polytropic exponent"),),
     lambda at: at.value - at.p.departure / (AIR.heat_ratio - 1.0) * _power(at),
     far=True,
     source="polytropic change of state; R. Clausius",

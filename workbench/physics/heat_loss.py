@@ -27,7 +27,7 @@ def _around(at: Place) -> Own:
 
 def _conductance(at: Place, text: str, *, signed: bool = False) -> Own:
     usual = 0.1 * at.scale / at.level.scale
-    return size("conductance", per(at.unit, at.level.unit), usual, 0.05 * usual, 100 * usual, text,
+    return size("conductance", per(at.unit, at.level.unit), usual, 100 * usual, text,
                 signed=signed)  # fmt: skip
 
 

@@ -40,7 +40,7 @@ muscle_hysteresis = Law(
     lambda at: (
         shape("level", "N", 10.0, "half width of the loop without pressure",
               around=None, between=(0.0, 100.0), source="", absent=0.0),
-        size("level_per_pressure", "N/Pa", 7e-5, 5e-6, 5e-4,
+        size("level_per_pressure", "N/Pa", 7e-5, 5e-4,
              "growth of the half width with pressure", scale=1e-4),
         shape("breakaway", "m", 5e-4, "contraction over which the loop turns",
               around=None, between=(5e-5, 1e-2), source=""),
@@ -64,7 +64,7 @@ bouc_wen_hysteresis = Law(
     "T = T0 - level z, dz/dt = (v - |v| |z|^(n-1) z) / breakaway",
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
-        size("level", at.unit, 0.05 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
+        size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
              "half width of the loop", resists=True),
         shape("breakaway", at.coordinate.unit, 1e-2 * at.coordinate.scale,
               "motion over which the loop turns", around=(0.02, 50.0)),

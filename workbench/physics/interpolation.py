@@ -25,7 +25,6 @@ input_interpolation = Law(
             "interval",
             "s",
             10 * at.interval,
-            at.interval,
             5e4 * at.interval,
             "interval between samples",
         ),

@@ -25,7 +25,7 @@ sensor_lag = Law(
     "Y / U = (1 + g s) / (1 + (time + g) s)",
     sensors(),
     lambda at: (
-        size("time", "s", 10 * at.interval, at.interval, 250 * at.interval, "time constant"),
+        size("time", "s", 10 * at.interval, 250 * at.interval, "time constant"),
         floor(at, 0.5),
     ),
     lambda at: at.value - at.p.time / _constant(at.p) * (at.value - at.x.memory),
@@ -47,7 +47,7 @@ drive_lag = replace(
     name="drive_lag",
     where=drives(),
     parameters=lambda at: (
-        size("time", "s", 25 * at.interval, at.interval, 5e6 * at.interval, "time constant"),
+        size("time", "s", 25 * at.interval, 5e6 * at.interval, "time constant"),
         floor(at, 0.5),
     ),
     group="process",

@@ -49,7 +49,6 @@ class Own:
         fitted: Whether refitting may change it.
         relative: Whether the bounds are multiples of the value.
         typical: Of the size of a law: its usual magnitude, in ``unit``; 0 for other parameters.
-        least: Of the size: magnitude below which it is not worth naming, in ``unit``.
         absent: Value in a hypothesis, where that differs, in ``unit``.
         resists: Whether it has the sign of a resistance against the motion.
     """
@@ -65,7 +64,6 @@ class Own:
     fitted: bool = True
     relative: bool = False
     typical: float = 0.0
-    least: float = 0.0
     absent: float | None = None
     resists: bool = False
 
@@ -106,7 +104,6 @@ def size(
     name: str,
     unit: str,
     typical: float,
-    least: float,
     largest: float,
     text: str,
     *,
@@ -121,7 +118,6 @@ def size(
     Args:
         unit: SI unit.
         typical: Usual magnitude, in ``unit``: a first guess from the port's scale.
-        least: Magnitude below which it is not worth naming, in ``unit``.
         largest: Largest plausible magnitude, in ``unit``.
         text: What it is, in a few words.
         signed: Whether it may be negative.
@@ -134,17 +130,13 @@ def size(
     below = lower if lower is not None else (-largest if signed else 0.0)
     return Own(
         name, unit, 0.0, below, largest, text, scale or typical, source,
-        typical=typical, least=least, resists=resists,
+        typical=typical, resists=resists,
     )  # fmt: skip
 
 
-def share(text: str, *, least: float = 0.5) -> Own:
-    """State the share of a law that is either there (1) or not (0).
-
-    Args:
-        least: Share below which it is not worth naming, dimensionless.
-    """
-    return Own("share", "1", 0.0, 0.0, 1.0, text, 1.0, "", False, typical=1.0, least=least)
+def share(text: str) -> Own:
+    """State the share of a law that is either there (1) or not (0)."""
+    return Own("share", "1", 0.0, 0.0, 1.0, text, 1.0, "", False, typical=1.0)
 
 
 def shape(
@@ -239,7 +231,7 @@ class Law:
         ...     "drag",
         ...     "T = -coefficient v",
         ...     each("force", needs=("speed",)),
-        ...     lambda at: (size("coefficient", "N s/m", 1.0, 0.1, 10.0, "damping"),),
+        ...     lambda at: (size("coefficient", "N s/m", 1.0, 10.0, "damping"),),
         ...     lambda at: at.value - at.p.coefficient * at.signals.speed,
         ... )
         >>> from workbench.plants.servo_axis import servo_axis
@@ -331,7 +323,6 @@ class Law:
                 self._effect(sites, name, {own.name: 0.0, **absent}, {}, bounded=True),
                 own.name,
                 own.typical,
-                own.least,
                 self.group,
                 self.family or self.name,
                 tuple(self.shapes(first)),

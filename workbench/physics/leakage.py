@@ -18,7 +18,7 @@ centre_leakage = Law(
     "opening + fraction",
     twins("edge"),
     lambda at: (
-        size("fraction", "1", 0.004, 0.001, 0.014, "leakage of one edge, of full conductance",
+        size("fraction", "1", 0.004, 0.014, "leakage of one edge, of full conductance",
              source="estimate; manufacturer states at most 25 l/min in all"),
     ),
     lambda at: at.value + at.p.fraction,
@@ -32,9 +32,7 @@ edge_leakage = Law(
     "edge_leakage",
     "opening of one edge + fraction",
     each("edge", label=by_end),
-    lambda at: (
-        size("fraction", "1", 0.004, 0.0005, 0.1, "leakage of the edge, of full conductance"),
-    ),
+    lambda at: (size("fraction", "1", 0.004, 0.1, "leakage of the edge, of full conductance"),),
     lambda at: at.value + at.p.fraction,
     source="wear of a metering edge",
     look_alikes=("chamber_leakage", "cross_leakage", "valve_offset"),
@@ -42,7 +40,7 @@ edge_leakage = Law(
 )
 
 
-_conductance = size("conductance", "m3/(s Pa)", 5e-11, 5e-12, 2e-9, "sonic conductance of the leak",
+_conductance = size("conductance", "m3/(s Pa)", 5e-11, 2e-9, "sonic conductance of the leak",
                     scale=1e-10)  # fmt: skip
 
 

@@ -22,7 +22,7 @@ def _volume_and_restriction(conductance: float) -> Callable[[Place], tuple[Own, 
         shape("volume", "m3", 1e-5, "gas volume", around=None, between=(1e-6, 1e-3), source=""),
         shape("conductance", "m3/(s Pa)", conductance, "sonic conductance", around=None,
               between=(1e-9, 1e-6), scale=1e-8, source=""),
-        share("share of the law; 0 is its absence", least=0.5),
+        share("share of the law; 0 is its absence"),
     )  # fmt: skip
     return lambda at: own
 

@@ -34,7 +34,7 @@ load_dependent_friction = Law(
     "T = -coefficient (sum of loads) tanh(v / transition_speed)",
     each(*EFFORTS, needs=("speed", "bearing_load_1")),
     lambda at: (
-        size("coefficient", per(at.unit, _load_unit(at)), _typical(at), 0.1 * _typical(at),
+        size("coefficient", per(at.unit, _load_unit(at)), _typical(at),
              20.0 * _typical(at), "friction over load", resists=True),
         shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,
               "speed scale of the reversal", around=(1e-3, 1e3), fitted=False),
@@ -58,7 +58,7 @@ pressure_friction = Law(
     "F = -coefficient p tanh(v / transition_speed)",
     twins("muscle_force", needs=("contraction_speed", "gauge_pressure")),
     lambda at: (
-        size("coefficient", "N/Pa", 7e-5, 5e-6, 5e-4, "friction over pressure"),
+        size("coefficient", "N/Pa", 7e-5, 5e-4, "friction over pressure"),
         shape("transition_speed", "m/s", 1e-3, "speed scale of the reversal",
               around=(1e-3, 1e3), fitted=False),
     ),

@@ -33,7 +33,7 @@ lugre_friction = Law(
     "T = -level (z + damping_time dz/dt), dz/dt = (v - |v| z / s(v)) / presliding",
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
-        size("level", at.unit, 0.05 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
+        size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
              "friction at high speed", resists=True),
         shape("presliding", at.coordinate.unit, 2e-3 * at.coordinate.scale,
               "displacement over which the bristles bend", around=(0.02, 50.0)),

@@ -75,7 +75,7 @@ def muscle_slip(elements: int = _ELEMENTS) -> Law:
         "F = F0 - level (1 + growth p) sum(w_i z_i) / sum(w_i), z_i elasto-plastic",
         twins("muscle_force", needs=("contraction_speed", "gauge_pressure")),
         lambda at: (
-            size("level", "N", 10.0, 2.0, 100.0, "half width of the loop without pressure"),
+            size("level", "N", 10.0, 100.0, "half width of the loop without pressure"),
             shape("growth", "Pa^-1", 7e-6, "relative growth of the half width with pressure",
                   around=None, between=(0.0, 2e-4), scale=1e-5),
             shape("breakaway", "m", 2.5e-4, "contraction after which the first element slips",
@@ -104,7 +104,7 @@ def prandtl_ishlinskii(elements: int = _ELEMENTS) -> Law:
         "y = y - level sum(w_i z_i) / sum(w_i), z_i stop operators",
         each(*EFFORTS, needs=("speed",)),
         lambda at: (
-            size("level", at.unit, 0.05 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
+            size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
                  "half width of the loop", resists=True),
             shape("breakaway", at.coordinate.unit, 2e-3 * at.coordinate.scale,
                   "motion after which the first element slips", around=(0.05, 20.0)),

@@ -18,7 +18,7 @@ muscle_viscosity = Law(
     "F = F0 - coefficient (1 + growth p) v",
     twins("muscle_force", needs=("contraction_speed", "gauge_pressure")),
     lambda at: (
-        size("coefficient", "N s/m", 300.0, 20.0, 5000.0, "damping without pressure",
+        size("coefficient", "N s/m", 300.0, 5000.0, "damping without pressure",
              source="100 to 800 in the literature"),
         shape("growth", "Pa^-1", 0.0, "relative growth of the damping with pressure", around=None,
               between=(0.0, 2e-4), scale=1e-5, source="", fitted=False),

@@ -21,12 +21,12 @@ from workbench.physics.law import (
 from workbench.physics.place import EFFORTS, Place
 
 
-def _amount(typical: float, least: float, largest: float) -> Callable[[Place], tuple[Own, ...]]:
+def _amount(typical: float, largest: float) -> Callable[[Place], tuple[Own, ...]]:
     """Return the constant, with sizes relative to the port's scale."""
 
     def parameters(at: Place) -> tuple[Own, ...]:
         s = at.scale
-        own = size("amount", at.unit, typical * s, least * s, largest * s, "the constant",
+        own = size("amount", at.unit, typical * s, largest * s, "the constant",
                    signed=True)  # fmt: skip
         return (own,)
 
@@ -42,7 +42,7 @@ offset = Law(
     "offset",
     "y = u + amount",
     drives("flow"),
-    _amount(0.05, 0.005, 1.0),
+    _amount(0.05, 1.0),
     lambda at: at.value + at.p.amount,
     source="zero error",
     look_alikes=("gain",),
@@ -53,7 +53,7 @@ valve_offset = replace(
     offset,
     name="valve_offset",
     where=each("valve_command"),
-    parameters=_amount(0.1, 0.005, 1.0),
+    parameters=_amount(0.1, 1.0),
     look_alikes=("asymmetric_gain", "constant_torque", "edge_gain", "edge_leakage"),
     separated_by="small steps to both sides of the centre against large ones",
 )
@@ -62,7 +62,7 @@ constant_force = replace(
     offset,
     name="constant_force",
     where=each(*EFFORTS, needs=("speed",), only=lambda at: at.unit != "N m"),
-    parameters=_amount(0.05, 0.005, 0.5),
+    parameters=_amount(0.05, 0.5),
     look_alikes=("linear_spring", "ripple"),
     separated_by="hold several positions at two levels of the drive and with two loads",
 )
@@ -71,7 +71,7 @@ constant_torque = replace(
     offset,
     name="constant_torque",
     where=each(*EFFORTS, needs=("speed",), only=lambda at: at.unit == "N m"),
-    parameters=_amount(0.05, 0.005, 0.5),
+    parameters=_amount(0.05, 0.5),
     look_alikes=("tilt_gravity", "force_gain", "linear_spring", "valve_offset"),
     separated_by="hold several positions at two levels of the drive and with two loads",
 )
@@ -80,17 +80,15 @@ sensor_offset = replace(
     offset,
     name="sensor_offset",
     where=sensors(),
-    parameters=lambda at: _amount(sensor_error(at), 0.1 * sensor_error(at), 5 * sensor_error(at))(
-        at
-    ),
+    parameters=lambda at: _amount(sensor_error(at), 5 * sensor_error(at))(at),
     group="sensor",
     look_alikes=("sensor_gain", "sensor_drift", "constant_torque", "force_gain"),
     separated_by="compare with a reference at rest, at two levels",
 )
 
 
-def _excess(typical: float, least: float) -> Callable[[Place], tuple[Own, ...]]:
-    own = size("excess", "1", typical, least, 0.5, "factor less one", signed=True)
+def _excess(typical: float) -> Callable[[Place], tuple[Own, ...]]:
+    own = size("excess", "1", typical, 0.5, "factor less one", signed=True)
     return lambda at: (own,)
 
 
@@ -98,7 +96,7 @@ gain = Law(
     "gain",
     "y = (1 + excess) u",
     drives("flow"),
-    _excess(0.05, 0.01),
+    _excess(0.05),
     lambda at: at.value * (1.0 + at.p.excess),
     source="span error",
     look_alikes=("offset",),
@@ -109,7 +107,7 @@ sensor_gain = replace(
     gain,
     name="sensor_gain",
     where=sensors(),
-    parameters=_excess(0.02, 0.003),
+    parameters=_excess(0.02),
     group="sensor",
     look_alikes=("sensor_offset", "force_gain"),
 )
@@ -126,7 +124,7 @@ edge_gain = replace(
     gain,
     name="edge_gain",
     where=each("edge", label=by_end),
-    parameters=_excess(0.1, 0.02),
+    parameters=_excess(0.1),
     look_alikes=("asymmetric_gain", "valve_offset", "silencer"),
     separated_by="fill and vent each chamber alone over the same pressures",
 )
@@ -136,8 +134,7 @@ asymmetric_gain = Law(
     "y = u + (difference / 2) |u - centre|",
     first_of(each("spool"), each("command", "voltage", label=by_port)),
     lambda at: (
-        size("difference", "1", 0.1, 0.01, 1.0, "factor above the centre less that below",
-             signed=True),
+        size("difference", "1", 0.1, 1.0, "factor above the centre less that below", signed=True),
         shape("centre", at.unit, 0.0, "where the two sides meet", around=None, scale=1.0,
               source="", fitted=False),
     ),

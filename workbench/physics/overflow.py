@@ -72,7 +72,7 @@ def _brim(at: Place) -> tuple[Own, ...]:
     caught = shape("caught", "1", 0.0, "part of the spill that is caught", around=None,
                    between=(0.0, 1.0), scale=0.5, source="")  # fmt: skip
     return (
-        size("coefficient", per(at.unit, level.unit), 10 * rate, 0.5 * rate, 100 * rate,
+        size("coefficient", per(at.unit, level.unit), 10 * rate, 100 * rate,
              "spill over excess level"),
         shape("limit", level.unit, _brims(at)[0], "level of the brim", around=(0.1, 10.0)),
         shape("level_scale", level.unit, level.scale, "typical level", source="", fitted=False),
@@ -133,7 +133,7 @@ orifice_outflow = Law(
     "flow = flow - coefficient sqrt(level / level_scale)",
     _each_store,
     lambda at: (
-        size("coefficient", at.unit, 0.1 * at.scale, 0.01 * at.scale, at.scale,
+        size("coefficient", at.unit, 0.1 * at.scale, at.scale,
              "outflow at the typical level", signed=True),
         *_outlet(at),
     ),
@@ -150,8 +150,7 @@ linear_outflow = Law(
     _each_store,
     lambda at: (
         size("conductance", per(at.unit, at.level.unit), 0.1 * at.scale / at.level.scale,
-             0.01 * at.scale / at.level.scale, 2.0 * at.scale / at.level.scale,
-             "outflow over level", signed=True),
+             2.0 * at.scale / at.level.scale, "outflow over level", signed=True),
         *_outlet(at)[:2],
     ),
     lambda at: at.value - at.p.sense * at.p.conductance * (at.signals.level - at.p.outlet),
@@ -177,7 +176,7 @@ outflow_exponent = Law(
     "flow = flow (level / level_scale)^exponent",
     each("flow", needs=("head",)),
     lambda at: (
-        size("exponent", "1", 0.1, 0.02, 2.0, "exponent beyond that of the model", signed=True),
+        size("exponent", "1", 0.1, 2.0, "exponent beyond that of the model", signed=True),
         _of_head(at),
     ),
     _steeper,
@@ -197,8 +196,7 @@ outlet_head = Law(
     "flow = flow(level + height)",
     each("flow", needs=("head",)),
     lambda at: (
-        size("height", at.signals["head"].unit, 0.05 * _of_head(at).value,
-             0.01 * _of_head(at).value, 2.0 * _of_head(at).value,
+        size("height", at.signals["head"].unit, 0.05 * _of_head(at).value, 2.0 * _of_head(at).value,
              "head of the outlet below the zero of the level", signed=True),
         _of_head(at),
     ),

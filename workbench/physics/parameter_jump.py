@@ -25,9 +25,9 @@ def _each_parameter(survey: Survey) -> Iterator[Fit]:
 
 def _amount(at: Place) -> Own:
     if not at.parameters:
-        return size("amount", "1", 1.0, 0.1, 10.0, "change of the parameter", signed=True)
+        return size("amount", "1", 1.0, 10.0, "change of the parameter", signed=True)
     q = at.parameters[0]
-    return size("amount", q.unit, 0.3 * q.scale, 0.03 * q.scale, 10.0 * q.scale,
+    return size("amount", q.unit, 0.3 * q.scale, 10.0 * q.scale,
                 f"change of {q.name}", signed=True)  # fmt: skip
 
 

@@ -20,8 +20,7 @@ play = Law(
     "y = u - w z, z elasto-plastic with reach w",
     each("spool", needs=("speed",)),
     lambda at: (
-        size("half_width", at.unit, 0.03 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
-             "half of the slack"),
+        size("half_width", at.unit, 0.03 * at.scale, 0.5 * at.scale, "half of the slack"),
         shape("floor", at.unit, 0.005 * at.scale, "motion added to the reach", fitted=False),
     ),
     lambda at: at.value - at.p.half_width * at.x.slack,
@@ -43,8 +42,7 @@ spool_hysteresis = Law(
     "y = u - w z, z elasto-plastic",
     each("spool", needs=("speed",)),
     lambda at: (
-        size("half_width", at.unit, 0.02 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
-             "half of the loop"),
+        size("half_width", at.unit, 0.02 * at.scale, 0.5 * at.scale, "half of the loop"),
         shape("reach", at.unit, 0.05 * at.scale, "motion over which the loop turns",
               around=(0.1, 20.0)),
     ),
@@ -85,8 +83,7 @@ command_play = Law(
     "y = u - clip(u - s, -w, w), s within w of u",
     each("valve_command"),
     lambda at: (
-        size("half_width", at.unit, 0.03 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
-             "half of the slack"),
+        size("half_width", at.unit, 0.03 * at.scale, 0.5 * at.scale, "half of the slack"),
         shape("floor", at.unit, 0.001 * at.scale, "slack added to the follower's", fitted=False),
     ),
     _kept_back,
@@ -132,7 +129,7 @@ elastic_play = Law(
     each(*EFFORTS, needs=("coordinate",), only=lambda at: at.elastic),
     lambda at: (
         size("half_width", at.coordinate.unit, 0.05 * at.coordinate.scale,
-             0.005 * at.coordinate.scale, 5.0 * at.coordinate.scale, "half of the slack"),
+             5.0 * at.coordinate.scale, "half of the slack"),
     ),
     _slack_taken,
     family="backlash",

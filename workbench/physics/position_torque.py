@@ -30,7 +30,7 @@ ripple = Law(
     "T = amplitude sin(frequency x + phase)",
     each(*EFFORTS, needs=("coordinate",)),
     lambda at: (
-        size("amplitude", at.unit, 0.03 * at.scale, 0.005 * at.scale, 0.5 * at.scale,
+        size("amplitude", at.unit, 0.03 * at.scale, 0.5 * at.scale,
              "amplitude of the ripple", signed=True),
         shape("frequency", per("1", at.coordinate.unit), _turns(at)[len(_turns(at)) // 2],
               "ripples per unit of position, times 2 pi",
@@ -78,8 +78,7 @@ local_catch = Law(
     "T = height exp(-((x - centre) / width)^2)",
     each(*EFFORTS, needs=("coordinate",)),
     lambda at: (
-        size("height", at.unit, 0.06 * at.scale, 0.01 * at.scale, 0.5 * at.scale,
-             "height of the bump", signed=True),
+        size("height", at.unit, 0.06 * at.scale, 0.5 * at.scale, "height of the bump", signed=True),
         *_place(at),
     ),
     lambda at: at.value + at.p.height * _local(at),
@@ -94,7 +93,7 @@ local_friction = Law(
     "T = -level exp(-((x - centre) / width)^2) tanh(v / transition_speed)",
     each(*EFFORTS, needs=("coordinate", "speed")),
     lambda at: (
-        size("level", at.unit, 0.06 * at.scale, 0.01 * at.scale, 0.5 * at.scale,
+        size("level", at.unit, 0.06 * at.scale, 0.5 * at.scale,
              "friction at the place", resists=True),
         *_place(at),
         shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,

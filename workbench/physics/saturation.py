@@ -121,7 +121,7 @@ rectification = Law(
     "rectification",
     "y = u + share max(0, -u)",
     drives("flow", only=lambda at: at.role != "heat" and not at.name.endswith(_NAMED)),
-    lambda at: (replace(share("share of the negative part cut", least=0.2), fitted=True),),
+    lambda at: (replace(share("share of the negative part cut"), fitted=True),),
     lambda at: at.value + at.p.share * at.form.ramp(-at.value, 0.01 * at.scale),
     source="check valve, diode, pump that does not suck",
     look_alikes=("saturation", "asymmetric_gain"),
@@ -137,7 +137,7 @@ sensor_rectification = Law(
     "sensor_rectification",
     "y = u + share (|u| - u)",
     sensors(together=False, only=_both_signs),
-    lambda at: (size("share", "1", 1.0, 0.5, 1.0, "share of the magnitude in the reading"),),
+    lambda at: (size("share", "1", 1.0, 1.0, "share of the magnitude in the reading"),),
     lambda at: at.value
     + at.p.share * (at.form.absolute(at.value, 0.01 * at.scale) - at.value),
     far=True,

@@ -35,7 +35,7 @@ series_elasticity = Law(
     "T = T(q + compliance F)",
     twins("muscle_tension", needs=("contraction", "gauge_pressure")),
     lambda at: (
-        size("compliance", "m/N", 7e-6, 1e-6, 2e-5, "stretch of the tendon over its force",
+        size("compliance", "m/N", 7e-6, 2e-5, "stretch of the tendon over its force",
              source="1e5 to 2e5 N/m in the literature"),
     ),
     _stretched,

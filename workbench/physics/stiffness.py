@@ -23,7 +23,7 @@ def _deflection(at: PortView) -> Expression:
 def _linear(at: Place) -> tuple[Own, ...]:
     typical = 0.1 * at.scale / at.coordinate.scale
     return (
-        size("stiffness", per(at.unit, at.coordinate.unit), typical, 0.1 * typical, 20 * typical,
+        size("stiffness", per(at.unit, at.coordinate.unit), typical, 20 * typical,
              "stiffness of the spring", resists=True),
         _rest(at),
     )  # fmt: skip
@@ -44,7 +44,7 @@ linear_spring = Law(
 def _cubic(at: Place) -> tuple[Own, ...]:
     typical = 0.5 * at.scale / at.coordinate.scale**3
     return (
-        size("stiffness", per(at.unit, at.coordinate.unit, 3), typical, 0.1 * typical,
+        size("stiffness", per(at.unit, at.coordinate.unit, 3), typical,
              100 * typical, "cubic stiffness", signed=True),
         _rest(at),
     )  # fmt: skip
@@ -74,7 +74,7 @@ polynomial_stiffness = Law(
     "T = -force (s^2 + cubic s^3 + fifth s^5), s = (x - rest) / reach",
     each(*EFFORTS, needs=("coordinate",)),
     lambda at: (
-        size("force", at.unit, 0.1 * at.scale, 0.01 * at.scale, 5.0 * at.scale,
+        size("force", at.unit, 0.1 * at.scale, 5.0 * at.scale,
              "force of the square at the reach", signed=True),
         shape("cubic", "1", 0.0, "cube over square at the reach", around=None,
               between=(-100.0, 100.0), scale=1.0),

@@ -24,7 +24,7 @@ stop_compliance = Law(
     twins("stop", needs=("penetration",)),
     lambda at: (
         size("stiffness", per(at.unit, COORDINATES.get(at.unit, "1")), 5.0 * at.scale / _travel(at),
-             0.5 * at.scale / _travel(at), 2e3 * at.scale / _travel(at), "stiffness of the bumper"),
+             2e3 * at.scale / _travel(at), "stiffness of the bumper"),
         shape("thickness", COORDINATES.get(at.unit, "1"), 0.05 * _travel(at),
               "distance before the stop at which it touches", around=(0.05, 10.0)),
     ),

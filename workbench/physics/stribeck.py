@@ -24,9 +24,8 @@ stribeck_friction = Law(
     "T = -break_away exp(-(v / stribeck_speed)^2) tanh(v / transition_speed)",
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
-        size("break_away", at.unit, 0.1 * at.scale, 0.01 * at.scale, 0.5 * at.scale,
-             "friction at standstill above the Coulomb level", source="estimate",
-             resists=True),
+        size("break_away", at.unit, 0.1 * at.scale, 0.5 * at.scale,
+             "friction at standstill above the Coulomb level", source="estimate", resists=True),
         shape("stribeck_speed", at.speed.unit, 0.1 * at.speed.scale,
               "speed over which the break-away fades", around=(0.05, 10.0)),
         shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,

@@ -103,7 +103,7 @@ regulator_droop = Law(
     "p = p0 - R q, dq/dt = (flow_drawn - q) / tau",
     _where,
     lambda at: (
-        size("resistance", "Pa s/kg", 1e7, 5e5, 1e8, "droop over flow",
+        size("resistance", "Pa s/kg", 1e7, 1e8, "droop over flow",
              source="0.1 to 0.4 bar at full flow in the literature"),
         shape("time_constant", "s", 0.05, "response of the regulator",
               around=None, between=(0.005, 5.0)),

@@ -24,7 +24,7 @@ def _growth(of: Callable[[Place], Local], *, signed: bool) -> Callable[[Place], 
     def parameters(at: Place) -> tuple[Own, ...]:
         usual = 0.2 / of(at).scale ** 2
         return (
-            size("growth", per("1", of(at).unit, 2), usual, 0.05 * usual, 50.0 * usual,
+            size("growth", per("1", of(at).unit, 2), usual, 50.0 * usual,
                  "relative change over the square", signed=signed),
         )  # fmt: skip
 

@@ -78,7 +78,7 @@ def test_what_cannot_be_tested_or_gains_too_little_is_not_refitted(
 
 def test_location_of_an_effect_is_that_of_its_ports(entries: dict[str, Hypothesis]) -> None:
     assert where(entries["cross_leakage"]) == ("chamber_1", "chamber_2")
-    assert where(Hypothesis(coulomb_friction("joint.torque", level=0.0), "level", 0.5, 0.05)) == (
+    assert where(Hypothesis(coulomb_friction("joint.torque", level=0.0), "level", 0.5)) == (
         "joint",
     )
 

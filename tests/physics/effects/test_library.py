@@ -178,7 +178,7 @@ def test_entries_are_described(case: Excited) -> None:
     assert about.look_alikes
     assert about.separated_by
     assert entry.size.value == 0.0
-    assert 0.0 < entry.least_size <= entry.typical_size <= entry.largest_size
+    assert 0.0 < entry.typical_size <= entry.largest_size
     assert 0.2 * entry.typical_size <= entry.size.scale <= 5.0 * entry.typical_size
     for q in entry.effect.parameters:
         assert q.description or q.source, q.name

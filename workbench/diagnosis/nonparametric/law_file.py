@@ -97,7 +97,6 @@ def parameters(at):
             "size",
             {json.dumps(shape.unit(term.unit, argument.unit))},
             typical={value:.6g},
-            least={0.02 * value:.6g},
             largest={20 * value:.6g},
             text="size of what is missing",
             signed=True,
@@ -198,9 +197,7 @@ def rates(e):
 def parameters(at):
     # As found: amount 1.
     return (
-        size(
-            "amount", "1", typical=1.0, least=0.05, largest=20.0, text="how much of it is there"
-        ),
+        size("amount", "1", typical=1.0, largest=20.0, text="how much of it is there"),
     )
 
 

@@ -32,9 +32,7 @@ tilt_gravity = Law(
     "tilt_gravity",
     "T = -g sin(tilt) sum(m r cos(theta))",
     each("force", needs=("speed", "angle", "load")),
-    lambda at: (
-        size("tilt", "rad", 0.05, 0.005, 0.5, "angle of the plane to the level", signed=True),
-    ),
+    lambda at: (size("tilt", "rad", 0.05, 0.5, "angle of the plane to the level", signed=True),),
     _tilted,
     source="statics of a heavy arm in an inclined plane",
     look_alikes=("constant_torque", "force_gain", "linear_spring"),
@@ -65,7 +63,7 @@ load_error = Law(
     "J = J + mass r^2, T = T - share g mass x cos(theta)",
     _inertia_and_weight,
     lambda at: (
-        size("mass", "kg", 0.5, 0.05, 8.0, "mass in excess of the notes", signed=True),
+        size("mass", "kg", 0.5, 8.0, "mass in excess of the notes", signed=True),
         shape("gravity_share", "1", 1.0 if at.others else 0.0,
               "share of gravity in the plane of motion", around=None, between=(-1.0, 1.0),
               scale=1.0, source="", fitted=False),
@@ -109,7 +107,7 @@ loose_load = Law(
     "J_l d2phi/dt2 = T_c = J_l [w^2 (theta - phi) + 2 d w (omega - dphi/dt)]",
     _inertia_and_torque,
     lambda at: (
-        size("share", "1", 1.0, 0.1, 1.0, "part of the load that is loose"),
+        size("share", "1", 1.0, 1.0, "part of the load that is loose"),
         shape("frequency", "rad/s", 40.0, "natural frequency with the arm held", around=None,
               between=(5.0, 300.0)),
         shape("damping", "1", 0.1, "damping ratio", around=None, between=(0.0, 2.0)),

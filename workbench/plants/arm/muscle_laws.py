@@ -28,7 +28,7 @@ force_shape = Law(
     "force_shape",
     "T = T + share (T_law(q, p) - T)",
     twins("muscle_tension", needs=("contraction", "gauge_pressure")),
-    lambda at: (size("share", "1", 0.5, 0.05, 1.5, "share of the other law", lower=-0.5),),
+    lambda at: (size("share", "1", 0.5, 1.5, "share of the other law", lower=-0.5),),
     _other,
     source="J. Sarosi, Tehnicki vjesnik 22 (2015), for the DMSP-20-200N",
     look_alikes=("contraction_force_correction", "linear_spring", "series_elasticity"),
@@ -40,9 +40,7 @@ contraction_force_correction = replace(
     force_shape,
     name="contraction_force_correction",
     equation="T = T [1 + gain (2 q / q_end - 1)]",
-    parameters=lambda at: (
-        size("gain", "1", 0.1, 0.02, 0.6, "relative change at 30 mm", signed=True),
-    ),
+    parameters=lambda at: (size("gain", "1", 0.1, 0.6, "relative change at 30 mm", signed=True),),
     transform=lambda at: (
         at.value * (1.0 + at.p.gain * (2.0 * at.signals.contraction / REFERENCE_CONTRACTION - 1.0))
     ),
@@ -54,9 +52,7 @@ pressure_force_correction = replace(
     force_shape,
     name="pressure_force_correction",
     equation="T = T [1 + gain (p / p_mid - 1)]",
-    parameters=lambda at: (
-        size("gain", "1", 0.05, 0.01, 0.4, "relative change at 6 bar", signed=True),
-    ),
+    parameters=lambda at: (size("gain", "1", 0.05, 0.4, "relative change at 6 bar", signed=True),),
     transform=lambda at: (
         at.value * (1.0 + at.p.gain * (at.signals.gauge_pressure / REFERENCE_PRESSURE - 1.0))
     ),
@@ -69,7 +65,7 @@ phi_term = replace(
     force_shape,
     name="phi_term",
     equation="T + phi(q)",
-    parameters=lambda at: (size("share", "1", 1.0, 0.1, 2.0, "share of phi(q)", scale=0.5),),
+    parameters=lambda at: (size("share", "1", 1.0, 2.0, "share of phi(q)", scale=0.5),),
     transform=lambda at: at.value + at.p.share * _PAPER.phi(at.signals.contraction, form=at.form),
     source="equation (4) and line [1] of the paper's Figure 3",
     look_alikes=("linear_spring", "contraction_force_correction"),

@@ -34,7 +34,7 @@ heat_exchange = Law(
     _EXCHANGE,
     _at_walls,
     lambda at: (
-        size("coefficient", "W/(m2 K)", 150.0, 20.0, 1e5, "heat transfer coefficient", scale=100.0,
+        size("coefficient", "W/(m2 K)", 150.0, 1e5, "heat transfer coefficient", scale=100.0,
              source="estimate; the paper's model has 200"),
         shape("area", "m2", AREA, "wetted area of one chamber", around=None, between=(1e-5, 1.0),
               source="paper, Figure 2", fitted=False),
@@ -58,7 +58,7 @@ extra_heat_exchange = replace(
     equation="Q + h S (T_wall - T)",
     where=_beside_exchange,
     parameters=lambda at: (
-        size("coefficient", "W/(m2 K)", 200.0, 50.0, 1e4, "heat transfer coefficient in excess",
+        size("coefficient", "W/(m2 K)", 200.0, 1e4, "heat transfer coefficient in excess",
              lower=-150.0),
     ),
     transform=lambda at: at.value + _wall(at, AREA),
