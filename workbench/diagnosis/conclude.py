@@ -12,11 +12,15 @@ from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import explained, held_out_errors
 from workbench.diagnosis.selection.rules import IMPERFECT, NEAR_NOISE
 from workbench.diagnosis.selection.score import COLLINEAR
+from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
 
 _MOST_SAID = 5
-"""Effects that a sentence names."""
+"""Effects that a sentence names, and sets of effects that a verdict weighs."""
+
+_LEAST_WEIGHT = 0.005
+"""Weight below which a set of effects is not worth a line."""
 
 
 def conclude(diagnosis: Diagnosis) -> Verdict:
@@ -50,6 +54,7 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
         improved=_parameters(diagnosis.extended) if diagnosis.improved else {},
         not_testable=_not_testable(diagnosis),
         refused=_refused(diagnosis),
+        weights=tuple(w for w in _weights(diagnosis)[:_MOST_SAID] if w.weight >= _LEAST_WEIGHT),
         next_experiment=validated.advice,
         data=prepared.data,
         location={
@@ -201,6 +206,18 @@ def _own(fit: ProcessNoiseFit, effect: str) -> dict[str, Value]:
     }
 
 
+def _weights(diagnosis: Diagnosis) -> tuple[Weighted, ...]:
+    return diagnosis.selected.weights if diagnosis.selected is not None else ()
+
+
+def _weight(diagnosis: Diagnosis, alike: set[str]) -> float:
+    """Return the weight of all sets of effects that contain one of some look-alikes."""
+    weights = _weights(diagnosis)
+    if not weights:
+        return math.nan
+    return min(1.0, sum(w.weight for w in weights if alike & set(w.effects)))
+
+
 def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]]) -> Finding:
     candidate, alike = diagnosis.accepted[index]
     entry = candidate.entry
@@ -231,6 +248,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
         excess_explained=explained(fit),
         gain=candidate.gain,
         held_out=candidate.held_out,
+        weight=_weight(diagnosis, {entry.effect.name, *alike}),
         p_value=_by_chance(candidate.held_out),
         belief="likely" if candidate.doubts else "sure",
         doubts=candidate.doubts,

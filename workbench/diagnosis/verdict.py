@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from workbench.diagnosis.location.missing_signal import Occurrence
+from workbench.diagnosis.selection.weights import Weighted
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
 from workbench.model import Model
@@ -66,6 +67,8 @@ class Finding:
         p_value: Probability of such a gain on held-out recordings by chance.
         held_out: Log likelihood gained on held-out recordings with its 99 % interval,
             dimensionless.
+        weight: Weight of all sets of effects that contain it or one of ``alike``, 0 to 1; NaN if
+            none was compared.
         belief: Whether every rule agrees with it, or only the recordings do.
         doubts: Rules that speak against it, in words.
         occurrence: When, with which local signal and where it acts; None if that is not known.
@@ -80,6 +83,7 @@ class Finding:
     gain: float = math.nan
     p_value: float = math.nan
     held_out: tuple[float, float, float] = (math.nan, math.nan, math.nan)
+    weight: float = math.nan
     belief: Belief = "sure"
     doubts: tuple[str, ...] = ()
     occurrence: Occurrence | None = None
@@ -98,6 +102,8 @@ class Verdict(Shown):
         improved: Parameters of the improved model; empty where nothing was found.
         not_testable: Effects that these data could not have shown, with the reason.
         refused: Effects that were refused, taken back or could not be tried, with rule and reason.
+        weights: The likeliest sets of effects that were compared, with their weights, see
+            `set_weights`; the empty set is the refitted nominal model.
         next_experiment: What to do next, with the predicted separation.
         data: Checks of the recordings.
         location: Log likelihood gained by an unknown input at each group of ports, before and
@@ -120,6 +126,7 @@ class Verdict(Shown):
     improved: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     not_testable: tuple[Mapping[str, str], ...] = ()
     refused: tuple[Mapping[str, Any], ...] = ()
+    weights: tuple[Weighted, ...] = ()
     next_experiment: Mapping[str, Any] = field(default_factory=dict)
     data: tuple[Mapping[str, str], ...] = ()
     location: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
@@ -157,6 +164,7 @@ class Verdict(Shown):
                         "log_likelihood_gain": f.gain,
                         "held_out_gain": list(f.held_out),
                         "p_value": f.p_value,
+                        "weight": f.weight,
                         "occurrence": f.occurrence.as_data() if f.occurrence else None,
                     }
                     for f in self.findings
@@ -166,6 +174,7 @@ class Verdict(Shown):
                 "improved_parameters": self.improved,
                 "not_testable": list(self.not_testable),
                 "refused": list(self.refused),
+                "weights": [{"effects": list(w.effects), "weight": w.weight} for w in self.weights],
                 "next_experiment": self.next_experiment,
                 "data": list(self.data),
                 "location": self.location,
@@ -230,6 +239,9 @@ class Verdict(Shown):
                 )
                 for label, errors in self.fit.items()
             ]
+        if len(self.weights) > 1:
+            told = (f"{w} {w.weight:.2f}" for w in self.weights)
+            lines.append(f"  likeliest sets of effects: {', '.join(told)}")
         if self.next_experiment:
             lines.append(f"  next: {self.next_experiment.get('sentence', '')}")
         return "\n".join(lines)

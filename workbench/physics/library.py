@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 from workbench.model import Effect, Model
 from workbench.physics.hypothesis import Hypothesis, look_alikes
@@ -20,6 +20,7 @@ def library(
     duration: float = 0.0,
     sample_time: float = 0.0,
     ranges: Mapping[str, tuple[float, float]] | None = None,
+    more_of: Collection[str] = (),
 ) -> tuple[Hypothesis, ...]:
     """Return every law of the library at each place of a model that it fits, at zero size.
 
@@ -35,6 +36,7 @@ def library(
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         ranges: Smallest and largest value along the recordings of ports and states, by name, in
             SI, for limits that lie there.
+        more_of: Names of attached effects of which there may be more than their parameters allow.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -48,11 +50,12 @@ def library(
     own = {hypothesis.name for hypothesis in given}
     offered = [h for law in laws for h in law.hypotheses(survey) if h.name not in own]
     taken = {effect.name for effect in model.effects}
+    known = [effect for effect in model.effects if effect.name not in more_of]
     downhill = {law.name for law in laws if law.downhill}
     found = [
         h
         for h in (*offered, *given)
-        if h.name not in taken and not any(_same(h, e, downhill) for e in model.effects)
+        if h.name not in taken and not any(_same(h, e, downhill) for e in known)
     ]
     return tuple(sorted(found, key=lambda h: h.group == "sensor"))
 

@@ -136,6 +136,8 @@ def _how_sure(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> str:
                 f"gains {number(gain)} of log likelihood on held-out recordings (99 %:"
                 f" {interval(low, high)})"
             )
+        if math.isfinite(finding.weight):
+            said.append(f"weight {finding.weight:.2f} among the sets of effects that were compared")
         if math.isfinite(finding.excess_explained):
             said.append(f"removes {100 * finding.excess_explained:.3g} % of the excess error")
         said += [plain(doubt) for doubt in finding.doubts]

@@ -29,6 +29,7 @@ from workbench.reports.diagnosis_tables import (
     scores_table,
     unfit_sentences,
     unseen_table,
+    weights_table,
 )
 from workbench.reports.figures.diagnosis_answer import diagnosis_answer
 from workbench.reports.figures.diagnosis_law import diagnosis_law, diagnosis_signal
@@ -60,7 +61,7 @@ def diagnosis_page(
             _held_out(diagnosis, proof, verdict),
             _where(diagnosis, proof, verdict),
             _numbers(diagnosis, verdict),
-            _alternatives(diagnosis),
+            _alternatives(diagnosis, verdict),
             _limits(diagnosis, verdict),
         ]
     if verdict.kind == "parameter":
@@ -263,7 +264,7 @@ def _numbers(diagnosis: Diagnosis, verdict: Verdict) -> Section:
     return Section("parameters", title, tuple(blocks), folded=verdict.kind != "parameter")
 
 
-def _alternatives(diagnosis: Diagnosis) -> Section:
+def _alternatives(diagnosis: Diagnosis, verdict: Verdict) -> Section:
     blocks: list[Block] = []
     gone = taken_back(diagnosis)
     for i, (scores, candidates) in enumerate(diagnosis.rounds):
@@ -278,6 +279,7 @@ def _alternatives(diagnosis: Diagnosis) -> Section:
                 " the size of the library, and to improve the held-out recordings beyond chance."
             ),
             *refusals(diagnosis),
+            *([weights_table(verdict)] if verdict.weights else ()),
         ]
     named = bool(diagnosis.accepted) or not diagnosis.rounds
     title = "Alternatives" if named else "What was tried, and why it was refused"

@@ -262,6 +262,17 @@ def scores_table(
     )
 
 
+def weights_table(verdict: Verdict) -> Table:
+    """Tabulate how likely each of the sets of effects is that were compared."""
+    return Table(
+        "How likely each set of effects is",
+        ("effects", "weight"),
+        tuple((plain(str(w)), f"{w.weight:.2f}") for w in verdict.weights),
+        "Share of the posterior over all sets that were refitted to the end, averaged over blocks"
+        " of the recordings drawn with replacement. What spoils free runs is none of them.",
+    )
+
+
 def _size(value: float, unit: str) -> str:
     shown, factor = readable(unit)
     return f"{_value(factor * value)} {shown}".removesuffix(" 1")

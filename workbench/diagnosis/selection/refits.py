@@ -30,6 +30,7 @@ from workbench.diagnosis.selection.held_out import (
     told_apart,
 )
 from workbench.diagnosis.selection.rules import (
+    FREE_RUN,
     HELD_OUT,
     LEAST_EXPLAINED,
     SAME,
@@ -222,7 +223,7 @@ def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Can
             why = "with it the model does not run closer to the held-out recordings"
     elif candidate.run.spoilt_from(without):
         why = "without it the model runs closer to the held-out recordings"
-    return replace(candidate, refused=why, rule="free run") if why else candidate
+    return replace(candidate, refused=why, rule=FREE_RUN) if why else candidate
 
 
 def is_sensor(candidate: Candidate) -> bool:
@@ -235,7 +236,7 @@ def _outrun(candidate: Candidate, by: Candidate) -> Candidate:
     if candidate.refused or not is_sensor(candidate):
         return candidate
     why = f"with {by.entry.name} the model runs closer to the held-out recordings"
-    return replace(candidate, refused=why, rule="free run")
+    return replace(candidate, refused=why, rule=FREE_RUN)
 
 
 def _first_refits(

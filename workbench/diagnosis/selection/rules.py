@@ -12,6 +12,9 @@ from workbench.diagnosis.selection.candidate import Candidate
 UNTRIED = "could not be tried"
 """Name of the rule that a candidate breaks whose refit failed."""
 
+FREE_RUN = "free run"
+"""Name of the rule that what a sensor does has to show in free runs, and no law may spoil them."""
+
 SURPASSED = "another effect explains the recordings better"
 """Why an effect that passed every rule, or was not followed, is not taken."""
 
@@ -168,8 +171,7 @@ DOUBTS = (
 """What lowers the belief in an effect. Where the model without it predicts to the noise, nothing
 calls for an effect, and a doubt refuses it."""
 
-HELD_OUT = RULES[-1]
-SHARE = RULES[-2]
+REFIT, SHARE, HELD_OUT = RULES[0], RULES[-2], RULES[-1]
 
 IMPERFECT = Threshold(
     "imperfect",

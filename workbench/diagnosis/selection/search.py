@@ -49,6 +49,7 @@ from workbench.diagnosis.selection.refits import (
     untried,
 )
 from workbench.diagnosis.selection.rules import (
+    FREE_RUN,
     HELD_OUT,
     LEAST_AT_FIRST,
     LEAST_EXPLAINED,
@@ -58,6 +59,7 @@ from workbench.diagnosis.selection.rules import (
     LEAST_SHOWN,
     LEAST_TOGETHER,
     NEAR_NOISE,
+    REFIT,
     SAME,
     SHARE,
     SURPASSED,
@@ -74,6 +76,7 @@ from workbench.diagnosis.selection.selected import (
     Withdrawn,
 )
 from workbench.diagnosis.selection.shortlist import shortlist
+from workbench.diagnosis.selection.weights import Compared
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.physics.library import Hypothesis, Law, library
@@ -146,6 +149,7 @@ class Task:
                 duration=longest.sample_time * (len(longest.outputs) - 1),
                 sample_time=longest.sample_time,
                 ranges=self._ranges,
+                more_of=self._more_of,
             )
         attached = {effect.name for effect in model.effects}
         return [e for e in entries if e.name not in attached]
@@ -156,6 +160,12 @@ class Task:
             return ranges_along(self.base, self.fitting)
         except NumericalError:
             return {}
+
+    @cached_property
+    def _more_of(self) -> set[str]:
+        """Effects of the nominal model of which the refit would take more than is plausible."""
+        full = [e.name for e in self.base.refit.estimates if e.on_bound and e.value > e.prior.mean]
+        return {name.split(".")[0] for name in full if "." in name}
 
     def started(self, recordings: Sequence[Observed], model: Model) -> list[Observed]:
         """Return recordings with a start for a model with effects attached."""
@@ -213,10 +223,34 @@ def search(task: Task, scored: Scored, begun: Selected | None = None) -> Iterato
     Yields:
         The search after each round; the last one is finished but for a term without a name.
     """
-    state = begun or Selected(task.base, task.priors, fits=(task.base,))
+    state = begun or Selected(
+        task.base, task.priors, fits=(task.base,), compared=_without_any(task)
+    )
     while not state.finished:
         state = _advanced(task, scored, state)
         yield state
+
+
+def _without_any(task: Task) -> tuple[Compared, ...]:
+    try:
+        blocks = tuple(blocks_of_cost(task.base, some) for some in (task.fitting, task.judging))
+    except NumericalError:
+        return ()
+    return (Compared((), blocks),)
+
+
+def _remembered(task: Task, state: Selected, candidates: Sequence[Candidate]) -> Selected:
+    """Remember the sets of effects that were judged on all recordings.
+
+    What failed, or does not show in free runs as it should, is none.
+    """
+    own = {effect.name for effect in task.nominal.effects}
+    sets = tuple(
+        Compared(tuple(sorted(e.name for e in c.fit.model.effects if e.name not in own)), c.blocks)
+        for c in candidates
+        if c.followed and c.fit and len(c.blocks) > 1 and c.rule not in (REFIT.name, FREE_RUN)
+    )
+    return replace(state, compared=(*state.compared, *sets))
 
 
 def _to_refit(task: Task, scores: Scores, most: int) -> tuple[tuple[Score, ...], tuple[Score, ...]]:
@@ -388,6 +422,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             for name, why in scores.failed
             if entry.name == name and name not in scored_names
         )
+        state = _remembered(task, state, candidates)
         state = replace(state, rounds=(*state.rounds, Round(scores, candidates)), penalty=penalty)
         passing = [c for c in candidates if not c.refused]
         if not passing:
@@ -471,6 +506,7 @@ def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
             for c in seconds
             if c.followed and c.fit and len(c.blocks) > 1 and c.gain >= limits.penalty
         )
+        state = _remembered(task, state, seconds)
         found = next((c for c in decided(pairs, without, twice) if not c.refused), None)
         if found is None or found.fit is None:
             continue
@@ -480,6 +516,7 @@ def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
             best = _with_candidate(task, replace(begun, rounds=rounds), found, Round(scores, pairs))
     if best is None:
         return state
+    best = replace(best, compared=state.compared)
     task.say("found " + " and ".join(a.candidate.name for a in best.accepted[-2:]))
     return best
 
@@ -650,6 +687,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         except NumericalError:
             # Without the effect the recordings cannot be followed: it is needed as it is.
             continue
+        state = _remembered(task, state, candidates)
         best = next((c for c in candidates if not c.refused), None)
         if best is None or best.fit is None:
             continue

@@ -14,6 +14,7 @@ from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import Runs
 from workbench.diagnosis.selection.rules import IMPERFECT, NEAR_NOISE
 from workbench.diagnosis.selection.score import Scores
+from workbench.diagnosis.selection.weights import Compared, Weighted, set_weights
 
 
 @dataclass(frozen=True)
@@ -90,6 +91,7 @@ class Selected:
         failed: Effects with which searches began that came to nothing.
         began: Effect with which the present search began; empty if none.
         penalty: Log likelihood that an effect of the last round had to gain, dimensionless.
+        compared: Sets of effects that were refitted to the end and judged on all recordings.
         runs: Free runs on held-out recordings that were done on the way, by model and recording.
         nonparametric: Term without a name that was tried because nothing of the library explained
             the recordings; None if there was no need.
@@ -106,6 +108,12 @@ class Selected:
     failed: tuple[str, ...] = ()
     began: str = ""
     penalty: float = 0.0
+    compared: tuple[Compared, ...] = ()
     runs: Mapping[str, Runs] = field(default_factory=dict)
     nonparametric: NonparametricTerm | None = None
     finished: bool = False
+
+    @property
+    def weights(self) -> tuple[Weighted, ...]:
+        """Weights of the sets of effects that were compared, the likeliest first."""
+        return set_weights(self.compared, self.penalty)
