@@ -50,3 +50,18 @@ def test_near_the_noise_no_pair_is_searched_for() -> None:
     task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
     begun = replace(given.selected, accepted=(), extended=given.base)
     assert _with_pair(task, begun, Limits(0.0, near_noise=True)) is begun
+
+
+def test_what_ends_on_its_upper_bound_may_be_too_little() -> None:
+    given, _ = example_diagnosis()
+    prepared = given.prepared
+    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
+    assert task._more_of == set()
+    estimate = given.base.refit.estimates[0]
+    prior = replace(estimate.prior, name="drag.level", lower=0.0, mean=1.0, upper=2.0)
+    for value, more in ((2.0, {"drag"}), (0.0, set()), (1.0, set())):
+        ended = replace(
+            estimate, name="drag.level", value=value, prior=prior, on_bound=value != 1.0
+        )
+        refit = replace(given.base.refit, estimates=(ended,))
+        assert replace(task, base=replace(given.base, refit=refit))._more_of == more

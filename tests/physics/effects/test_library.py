@@ -268,3 +268,10 @@ def test_each_store_keeps_its_own_brim_beside_that_of_another() -> None:
     assert "sensor_gain_pressure_2" not in {
         h.name for h in library(arm(3).with_effect(both.at_size(0.0)))
     }
+
+
+def test_more_of_what_the_model_has_is_offered_where_its_parameters_are_at_an_end() -> None:
+    assert "coulomb_friction" not in {h.name for h in library(arm(3))}
+    more = {h.name: h for h in library(arm(3), more_of=("bearing_friction",))}
+    assert more["coulomb_friction"].ports == ("joint.torque",)
+    assert set(more) - {h.name for h in library(arm(3))} == {"coulomb_friction"}
