@@ -142,16 +142,6 @@ class Planner:
         """
         return PlannerState(angle, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self.shortest)
 
-    def move_time(self, step: float) -> float:
-        """Return the duration of a move from rest to rest, in s.
-
-        Args:
-            step: Size of the move, in rad.
-        """
-        from controllers.arithmetic import FLOATS
-
-        return float(self._duration(step, 0.0, FLOATS))
-
     def plan(
         self, state: PlannerState, reference: Number, arithmetic: Arithmetic
     ) -> tuple[Plan, PlannerState]:

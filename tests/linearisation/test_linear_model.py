@@ -76,7 +76,7 @@ def test_modes_of_a_known_system() -> None:
     omega, zeta = 12.0, 0.1
     A = np.array([[0, 1, 0], [-(omega**2), -2 * zeta * omega, 0], [0, 0, -4.0]])
     slow, swing = find_modes(A, ("x", "v", "p"))
-    assert slow.pole == pytest.approx(-4.0) and slow.main_state == "p"
+    assert slow.pole == pytest.approx(-4.0) and slow.main_states == ("p",)
     assert swing.frequency_hz == pytest.approx(omega / (2 * math.pi))
     assert swing.damping == pytest.approx(zeta)
     assert sum(swing.participation.values()) == pytest.approx(1.0)

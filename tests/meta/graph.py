@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 
@@ -74,6 +75,56 @@ def public_names(source: str) -> set[str]:
         elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
             found.add(node.target.id)
     return {name for name in found if not name.startswith("_")}
+
+
+def public_members(source: str) -> set[str]:
+    """Return the public methods and properties of the public classes of a module.
+
+    Example:
+        >>> sorted(public_members("class A:\\n def b(self): pass\\n def _c(self): pass"))
+        ['b']
+    """
+    found: set[str] = set()
+    for node in ast.parse(source).body:
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+            found |= {part.name for part in node.body if isinstance(part, ast.FunctionDef)}
+    return {name for name in found if not name.startswith("_")}
+
+
+def without_docstrings(source: str) -> str:
+    """Return a source without its docstrings, whose examples use what nothing else may.
+
+    Example:
+        >>> without_docstrings('def f():\\n    "Return x()."\\n    return 1').splitlines()[1]
+        ''
+    """
+    lines = source.splitlines()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            first = node.body[0] if node.body else None
+            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
+                for number in range(first.lineno, (first.end_lineno or first.lineno) + 1):
+                    lines[number - 1] = ""
+    return "\n".join(lines)
+
+
+def unused_members(pages: Iterable[str], modules: Mapping[Path, str]) -> Iterator[str]:
+    """Yield public methods and properties that stand nowhere but where they are defined."""
+    count: Counter[str] = Counter()
+    for text in (*pages, *map(without_docstrings, modules.values())):
+        count.update(re.findall(r"[A-Za-z_]\w*", text))
+    defined = Counter(
+        part.name
+        for source in modules.values()
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.ClassDef)
+        for part in node.body
+        if isinstance(part, ast.FunctionDef)
+    )
+    for path, source in modules.items():
+        for name in sorted(public_members(source)):
+            if count[name] <= defined[name]:
+                yield f"{path}: {name}"
 
 
 def words(source: str) -> set[str]:

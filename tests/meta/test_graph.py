@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from tests.meta.graph import cycles, imported_modules, unused_names
+from tests.meta.graph import cycles, imported_modules, unused_members, unused_names
 from tests.meta.sources import ROOT, module_files, module_name, texts
 
 SOURCES = {path: path.read_text(encoding="utf-8") for path in module_files()}
@@ -19,9 +19,10 @@ def test_no_cycle_of_imports() -> None:
     assert not list(cycles(arrows))
 
 
-def test_public_names_are_used() -> None:
-    pages = {path: path.read_text(encoding="utf-8") for path in texts({".md", ".toml", ".ipynb"})}
-    unused = list(unused_names(SOURCES | pages, SOURCES))
+def test_public_names_and_members_are_used() -> None:
+    kinds = {".md", ".toml", ".ipynb", ".html"}
+    pages = {path: path.read_text(encoding="utf-8") for path in texts(kinds)}
+    unused = [*unused_names(SOURCES | pages, SOURCES), *unused_members(pages.values(), SOURCES)]
     assert not unused, "\n".join(text.replace(f"{ROOT}/", "") for text in unused)
 
 
@@ -29,3 +30,5 @@ def test_a_cycle_and_an_unused_name_are_found() -> None:
     assert list(cycles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == [("a", "b", "c")]
     sources = {Path("a.py"): "def used(): pass\ndef unused(): pass", Path("b.py"): "used()"}
     assert list(unused_names(sources, {Path("a.py"): sources[Path("a.py")]})) == ["a.py: unused"]
+    room = 'class Room:\n def open(self):\n  "Try shut()."\n def shut(self): self.open()\n'
+    assert list(unused_members(["a text"], {Path("a.py"): room})) == ["a.py: shut"]

@@ -206,17 +206,6 @@ def test_bad_changes_are_refused_before_the_run(
         verify(ConstantCommand((5.0,), controlled=("angle",)), plant, at_30(**changes))
 
 
-def test_integration_error_is_reported(plant: Model) -> None:
-    linear = linearise(operating_point(plant, {"angle": math.radians(30)}), verdict=False)
-    scenario = at_30(changes=(Change(0.2, "load", 5.0),), duration=0.6)
-    coarse, fine = (
-        verify(design_pid(linear), plant, scenario, tolerance=t).integration_error()
-        for t in (1e-3, 1e-7)
-    )
-    assert fine < 1e-4 < 1.0
-    assert fine < coarse
-
-
 def test_what_explicit_steps_cannot_follow_goes_to_rosenbrock() -> None:
     # Speed dies out within 0.1 us: 20,000 such times in a sample.
     grease = Effect("grease", ("axis.force",), lambda at: at.value - 1e9 * at.signals.speed)

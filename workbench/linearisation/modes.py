@@ -39,11 +39,6 @@ class Mode:
         size = abs(self.pole)
         return -self.pole.real / size if size else 1.0
 
-    @property
-    def main_state(self) -> str:
-        """Name of the state that takes the largest part."""
-        return max(self.participation, key=lambda name: self.participation[name])
-
     def share(self, state: str) -> float:
         """Return the share of a state in the mode, dimensionless."""
         return self.participation.get(state, 0.0)

@@ -103,7 +103,8 @@ def _designs() -> str:
     ]
     for name, design in sorted(DESIGNS.members().items()):
         rows = [(f"`{k.name}`", k.meaning, _usual(k.default)) for k in design.keys]
-        parts.append(f"### `{name}`\n\n{design.summary.rstrip('.')}.\n")
+        in_c = "" if design.exports else " It cannot be written as C."
+        parts.append(f"### `{name}`\n\n{design.summary.rstrip('.')}.{in_c}\n")
         if rows:
             parts.append(_rows(("key", "meaning", "if left out"), rows))
     return "\n".join(parts)

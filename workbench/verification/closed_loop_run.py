@@ -13,9 +13,7 @@ import numpy.typing as npt
 from workbench.display import Drawn, Rows
 from workbench.errors import check_choice
 from workbench.model import Input, Model, Output, Quantity
-from workbench.simulation.integrators import METHODS
 from workbench.simulation.trajectory import what_moved
-from workbench.verification.sampled_plant import FullPlant
 from workbench.verification.scenario import Scenario
 
 Vector = npt.NDArray[np.float64]
@@ -104,33 +102,6 @@ class Run(Drawn):
             Values, shape (n,), in the entry's own unit.
         """
         return np.array([float(i.get(name, np.nan)) for i in self.infos])
-
-    def integration_error(self) -> float:
-        """Compute how far the states are from those of a ten times tighter integration.
-
-        The recorded commands are held again on the plant, without the controller, so that
-        rounding of a quantised command does not count as an error of integration.
-
-        Returns:
-            Largest difference of a state over its scale (a ratio); 0 for a linear model.
-        """
-        if self.model is None:
-            return 0.0
-        h = self.scenario.sample_time
-        method = next(name for name in METHODS if self.integrator.startswith(name))
-        plant = FullPlant(
-            self.model, h, self.states[0], tolerance=self.tolerance / 10, method=method
-        )
-        names = [q.name for q in self.model.parameters]
-        before = plant.parameters
-        worst = 0.0
-        for k, (command, values) in enumerate(zip(self.inputs, self.parameters, strict=True)):
-            for i in np.flatnonzero(values != before):
-                plant.set_parameter(names[i], float(values[i]))
-            before = values
-            worst = max(worst, float(np.max(np.abs(plant.state - self.states[k]) / plant.scale)))
-            plant.hold(tuple(command.tolist()))
-        return worst
 
     @cached_property
     def _derived(self) -> dict[str, Vector]:

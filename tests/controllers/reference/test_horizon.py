@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from controllers.arithmetic import FLOATS
 from controllers.mpc.whole_model import lagged
 from controllers.reference.horizon import ReferenceAhead
 from controllers.reference.planned import Planner
@@ -34,7 +35,7 @@ def test_a_planned_step_ends_where_it_is_wanted() -> None:
     assert path[0] == pytest.approx(0.1, abs=1e-12)
     assert np.all(np.diff(path) >= -1e-12)
     np.testing.assert_allclose(path[-1], 0.4, atol=1e-12)
-    duration = planner.move_time(0.3)
+    duration = planner._duration(0.3, 0.0, FLOATS)
     assert np.interp(duration / 2, ahead.times, path) == pytest.approx(0.25, abs=0.01)
 
 

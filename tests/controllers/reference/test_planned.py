@@ -31,7 +31,7 @@ def test_a_step_is_a_move_within_the_limits(step: float) -> None:
     # never beyond the step, and there at the planned time
     assert ((angle - 0.3) / step).max() <= 1.0 + 1e-9
     arrived = np.flatnonzero(np.abs(angle - reference) > 1e-9)[-1] * H - 0.1
-    assert arrived == pytest.approx(PLANNER.move_time(step), abs=2 * H)
+    assert arrived == pytest.approx(PLANNER._duration(step, 0.0, FLOATS), abs=2 * H)
     # the derivatives are those of the planned angle
     np.testing.assert_allclose(
         np.gradient(angle, H)[60:-2], speed[60:-2], atol=0.03 * np.abs(speed).max() + 1e-9

@@ -47,19 +47,6 @@ def test_motion_too_fast_to_tell_is_an_upper_bound() -> None:
     assert not check_recording(slow).noise["x"].upper_bound
 
 
-def test_rest_segments_agree_with_differences(rng: np.random.Generator) -> None:
-    held = np.where((TIME > 5) & (TIME < 12), 3e5, MOTION)
-    valve = np.where((TIME > 5) & (TIME < 12), 5.0, 5.0 + np.sin(2 * TIME))
-    noisy = held + 600 * rng.normal(size=len(TIME))
-    noise = check_recording(
-        Recording(
-            "r", TIME, (Signal("valve", valve, "V", role="command"), Signal("x", noisy, "Pa"))
-        )
-    ).noise["x"]
-    assert noise.rest_rms == pytest.approx(600, rel=0.05)
-    assert 5.0 < noise.rest_seconds < 7.5
-
-
 @pytest.mark.parametrize("step", [0.25, 10 / 4096, 1e-3, 2e-7])
 @pytest.mark.parametrize("rounding", [0.0, 0.02])
 def test_quantum(step: float, rounding: float, rng: np.random.Generator) -> None:

@@ -118,12 +118,6 @@ class Refit:
         self.estimate(name)
         return float(self.inflations[[e.name for e in self.estimates].index(name)])
 
-    @property
-    def correlation(self) -> Vector:
-        """Correlation of the estimates, shape (n_free, n_free), dimensionless."""
-        std = np.sqrt(np.diag(self.covariance))
-        return np.asarray(self.covariance / np.outer(std, std))
-
     def __str__(self) -> str:
         """Return a short aligned table."""
         state = "converged" if self.converged else "NOT CONVERGED"

@@ -94,15 +94,6 @@ class Isolability:
         check_choice("port", port, [*(p for g in self.groups for p in g), *self.unseen])
         return next((g for g in self.groups if port in g), (port,))
 
-    def told_apart(self, one: str, other: str) -> bool:
-        """Say whether some recording could tell two ports apart.
-
-        Raises:
-            WorkbenchError: If there is no such port.
-        """
-        same = other in self.group_of(one) or one in self.group_of(other)
-        return not same and not {one, other} & set(self.unseen)
-
     def sensors_that_split(self, group: Sequence[str] | None = None) -> tuple[Sensor, ...]:
         """Return sensors that would tell more ports apart.
 

@@ -43,11 +43,6 @@ class ClosedRun:
     valve: Array
     infos: Sequence[dict[str, float]]
 
-    def rms_error_deg(self, after: float = 0.0) -> float:
-        """Return the rms tracking error of the true angle from a time on, in degrees."""
-        late = self.time >= after
-        return float(np.degrees(np.sqrt(np.mean((self.reference - self.angle)[late] ** 2))))
-
 
 def follow(
     law: Law,

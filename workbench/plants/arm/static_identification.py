@@ -104,17 +104,6 @@ class StaticForceFit:
             slopes[..., -1] = np.where(q < switch, slope, 0.0)
         return self._around(np.asarray(self.law.phi(1e-3 * q), dtype=float), slopes)
 
-    def gain_interval(self, contraction: npt.ArrayLike) -> tuple[Vector, Vector]:
-        """Return the confidence interval of D, in N/bar, at each of some contractions.
-
-        Args:
-            contraction: Contractions q, any shape, in m.
-        """
-        q = 1e3 * np.asarray(contraction, dtype=float)
-        slopes = np.zeros((*q.shape, len(self.values)))
-        slopes[..., :3] = _powers(q, 2)
-        return self._around(slopes @ self.values, slopes)
-
     def _around(self, middle: Vector, slopes: Vector) -> tuple[Vector, Vector]:
         variance = np.einsum("...i,ij,...j->...", slopes, self.covariance, slopes)
         half = self.quantile * np.sqrt(np.maximum(variance, 0.0))

@@ -29,9 +29,6 @@ class NoiseFloor:
         step: Step of the converter, in the unit of the signal; 0 if none shows.
         noise_rms: Noise without the converter, in the unit of the signal; NaN if the converter
             hides it.
-        rest_rms: Scatter about a straight line while the machine rests, in the unit of the signal;
-            NaN if it never does.
-        rest_seconds: Time for which it rests, in s.
         upper_bound: Whether the signal moves too fast between samples to tell motion from noise,
             so that ``total_rms`` is too large.
     """
@@ -40,8 +37,6 @@ class NoiseFloor:
     total_rms: float
     step: float
     noise_rms: float
-    rest_rms: float
-    rest_seconds: float
     upper_bound: bool
 
     @property
@@ -85,45 +80,7 @@ def white_rms(values: npt.ArrayLike, *, order: int = _ORDER, quantile: float = 0
     return float(np.quantile(moving, quantile)) if moving.size else 0.0
 
 
-def rest_mask(recording: Recording, window: int) -> npt.NDArray[np.bool_]:
-    """Return which windows show no motion: command held, and no drift above the scatter.
-
-    Args:
-        window: Samples per window.
-    """
-    count = len(recording) // window
-    rest = np.ones(count, dtype=bool)
-    for signal in recording.signals:
-        blocks = signal.values[: count * window].reshape(count, window)
-        if signal.zero_order_hold:
-            rest &= np.ptp(blocks, axis=1) == 0
-            continue
-        scatter = white_rms(signal.values) + recorded_quantum(recording, signal.name) / sqrt(12)
-        third = max(1, window // 3)
-        drift = np.abs(blocks[:, -third:].mean(axis=1) - blocks[:, :third].mean(axis=1))
-        middle = np.abs(
-            blocks[:, third:-third].mean(axis=1)
-            - 0.5 * (blocks[:, -third:].mean(axis=1) + blocks[:, :third].mean(axis=1))
-        )
-        # The mean of a third scatters by the noise over the root of its size.
-        limit = 4 * scatter * sqrt(2 / third) + 0.1 * scatter
-        rest &= (drift < limit) & (middle < limit)
-    return rest
-
-
-def _rest_rms(values: Vector, rest: npt.NDArray[np.bool_], window: int) -> float:
-    blocks = values[: len(rest) * window].reshape(len(rest), window)[rest]
-    if not len(blocks):
-        return float("nan")
-    x = np.arange(window) - (window - 1) / 2
-    slope = blocks @ x / (x @ x)
-    flat = blocks - blocks.mean(axis=1, keepdims=True) - slope[:, None] * x
-    return float(np.sqrt(np.sum(flat**2) / (len(blocks) * (window - 2))))
-
-
-def noise_of(
-    recording: Recording, name: str, rest: npt.NDArray[np.bool_], window: int
-) -> NoiseFloor:
+def noise_of(recording: Recording, name: str) -> NoiseFloor:
     """Estimate the noise of a signal and take its converter apart.
 
     Rounding to steps of q adds q^2/12 to the variance as long as the noise is not much smaller
@@ -131,7 +88,6 @@ def noise_of(
 
     Args:
         recording: Recording as it was sampled; interpolation would smooth the noise.
-        window: Samples per window.
     """
     values = recording[name]
     step = recorded_quantum(recording, name)
@@ -147,8 +103,6 @@ def noise_of(
         total,
         step,
         noise,
-        _rest_rms(values, rest, window),
-        float(rest.sum() * window * recording.sample_time),
         bound,
     )
 
@@ -168,14 +122,11 @@ def _phrase(signal: Signal, floor: NoiseFloor) -> str:
 
 def check_noise(recording: Recording, expected: Expected) -> Finding:
     """Estimate the noise floor of every measured signal."""
-    window = max(20, round(0.2 / recording.sample_time))
-    window = min(window, max(20, len(recording) // 20))
-    rest = rest_mask(recording, window)
     floors: dict[str, NoiseFloor] = {}
     problems = []
     for name in recording.measurements:
         signal = recording.signal(name)
-        floors[name] = noise_of(recording, name, rest, window)
+        floors[name] = noise_of(recording, name)
         low, high = np.quantile(signal.values, [0.01, 0.99])
         if (
             name in expected.required
@@ -186,10 +137,7 @@ def check_noise(recording: Recording, expected: Expected) -> Finding:
                 f"{name} moves by {high - low:.3g} {signal.unit}, no more than its noise of "
                 f"{floors[name].floor:.3g} {signal.unit} rms"
             )
-    values: Mapping[str, object] = {
-        "floors": floors,
-        "rest_seconds": float(rest.sum() * window * recording.sample_time),
-    }
+    values: Mapping[str, object] = {"floors": floors}
     if problems:
         return Finding("unfit", "; ".join(problems), values)
     note = "; ".join(_phrase(recording.signal(n), f) for n, f in floors.items())

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
-from workbench.errors import WorkbenchError, check_choice
+from workbench.errors import check_choice
 from workbench.recordings.aligned_table import aligned_table
 
 if TYPE_CHECKING:
@@ -96,17 +96,6 @@ class CheckReport:
         """
         check_choice("check", name, [c.name for c in self.checks])
         return next(c for c in self.checks if c.name == name)
-
-    def require_fit(self) -> Recording:
-        """Return the corrected recording.
-
-        Raises:
-            WorkbenchError: If a check found it unfit; the text says why.
-        """
-        for check in self.checks:
-            if check.result == "unfit":
-                raise WorkbenchError(f"recording {self.name} is unfit ({check.name}): {check.note}")
-        return self.recording
 
     def as_data(self) -> list[dict[str, str]]:
         """Return one entry per check, as a verdict lists them."""
