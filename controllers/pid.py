@@ -233,8 +233,9 @@ class CascadePID(ValveLaw):
         back = b * (clipped - opening) / (inner * self.tracking_time)
         if within is not asked:
             back = back + b * (within - asked) / self.tracking_time
+        front = self.tracking.sent(front, clipped, arithmetic)
         following = PIDState(
-            self.tracking.sent(front, clipped),
+            front,
             state.integral + h * (ki * (target - now.angle) + back),
             derivative,
             weighted,
@@ -245,7 +246,7 @@ class CascadePID(ValveLaw):
             "plan": target,
             "asked_difference": within + (clipped - opening) / inner,
         }
-        return (self.valve.command(clipped, arithmetic),), following, info
+        return (self.tracking.command(self.valve, front, clipped, arithmetic),), following, info
 
 
 def cascade_pid(
@@ -417,7 +418,7 @@ def design_scheduled_pid(
     """Design a cascaded PID over the whole range from a map of linear models, for its load.
 
     Example:
-        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0))
+        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0, 0.0))
         >>> pid = design_scheduled_pid(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
         >>> pid.step(pid.initial_state((0.5, 3e5, 3e5)), (0.5, 3e5, 3e5), (0.5,))[0]
         (5.0,)

@@ -151,12 +151,14 @@ class SlidingMode(ValveLaw):
         opening = (jerk + joint.a1 * acceleration + joint.a0 * now.speed) / (joint.b * joint.g) + (
             joint.e * now.speed + joint.d * (now.difference - joint.difference)
         ) / joint.g
+        opening = opening + joint.opening
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
         twisted = 1.1 * self.rate_bound * side if self.kind == "super-twisting" else 0.0
         summed = 0.0 if self.kind == "boundary layer" else x
+        front = self.tracking.sent(front, clipped, arithmetic)
         following = SlidingModeState(
-            self.tracking.sent(front, clipped),
+            front,
             state.error_integral + free * h * summed,
             state.twist + free * h * twisted,
             arrived_opening(state.arrived, clipped - now.opening, self.lag, h),
@@ -167,7 +169,7 @@ class SlidingMode(ValveLaw):
             "speed": now.speed,
             "plan": now.plan.angle,
         }
-        return (self.valve.command(clipped, arithmetic),), following, info
+        return (self.tracking.command(self.valve, front, clipped, arithmetic),), following, info
 
 
 @dataclass(frozen=True)

@@ -7,10 +7,11 @@ angle x, speed v, pressure difference y and the integral q obey, at every angle 
 
 The gain K(theta) minimises, for the sampled system, the sum of
 
-    (w^3 x)^2 + (w_i w^3 q)^2 + (b g (o - o_r))^2
+    (w^3 x)^2 + (w_i w^3 q)^2 + (w_p b y)^2 + (b g (o - o_r))^2
 
-in which the opening counts as the jerk it makes: without stiffness the poles are a Butterworth
-pattern of radius w. Sample k:
+in which the opening counts as the jerk it makes: without stiffness, and with w_p = 0, the poles are
+a Butterworth pattern of radius w. Where a margin keeps w low, pressures that follow at w_p are
+worth having all the same: what the valve does wrong does not reach the joint. Sample k:
 
     y    = dp_r - w_hat / b - dp            what the observer finds unexplained is compensated
     o[k] = o_r - K(theta) (x, v, y, q), clipped to -1..1, then the inverse curve
@@ -111,13 +112,14 @@ class StateFeedback(ValveLaw):
         opening = now.opening - asked
         clipped = arithmetic.clip(opening, -1.0, 1.0)
         free = arithmetic.where(arithmetic.largest(opening, -opening) < 1.0, 1.0, 0.0)
+        front = self.tracking.sent(front, clipped, arithmetic)
         following = StateFeedbackState(
-            self.tracking.sent(front, clipped),
+            front,
             state.error_integral + free * self.sample_time * x,
             arrived_opening(state.arrived, clipped - now.opening, self.lag, self.sample_time),
         )
         info = {"opening": clipped, "plan": now.plan.angle}
-        return (self.valve.command(clipped, arithmetic),), following, info
+        return (self.tracking.command(self.valve, front, clipped, arithmetic),), following, info
 
 
 def error_dynamics(joint: JointModel) -> tuple[Matrix, Matrix]:
@@ -149,17 +151,21 @@ class StateFeedbackSpecification(TrackingSpecification):
         integral: Speed w_i of the integral action as a fraction of the radius.
         compensation: Share of the unexplained acceleration that is compensated, 0..1,
             dimensionless.
+        pressure_speed: Speed w_p at which the pressure difference follows at least, in rad/s; 0
+            leaves it to the radius.
         lag: Lag of spool and sample that is a state of the design, in s; 0 for none.
     """
 
     radius: float = 45.0
     integral: float = 0.33
     compensation: float = 0.3
+    pressure_speed: float = 0.0
     lag: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("lag of spool and sample", self.lag, 0.0, 0.1, "s")
+        check_range("speed of the pressures", self.pressure_speed, 0.0, 1e3, "rad/s")
         check_range("radius of the poles", self.radius, 0.1, 0.5 / self.sample_time, "rad/s")
         check_range("speed of the integral action", self.integral, 1e-3, 1.0)
 
@@ -176,7 +182,7 @@ def design_state_feedback(
     columns = []
     for joint in schedule.models(want.mean_pressure):
         a, b = error_dynamics(joint)
-        weight = np.diag([w**6, 0.0, 0.0, (speed * w**3) ** 2])
+        weight = np.diag([w**6, 0.0, want.pressure_speed**2, (speed * w**3) ** 2])
         if lag > 0.0:
             a = np.block([[a, b], [np.zeros((1, 4)), np.array([[-1.0 / lag]])]])
             b = np.vstack([np.zeros((4, 1)), [[1.0 / lag]]])

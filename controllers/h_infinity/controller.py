@@ -100,8 +100,9 @@ class HInfinity(ValveLaw):
             for row, b, gain in zip(self.A, self.B, self.L, strict=True)
         )
         info = {"opening": clipped, "plan": now.plan.angle}
-        command = self.valve.command(clipped, arithmetic)
-        return (command,), HInfinityState(self.tracking.sent(front, clipped), following), info
+        front = self.tracking.sent(front, clipped, arithmetic)
+        command = self.tracking.command(self.valve, front, clipped, arithmetic)
+        return (command,), HInfinityState(front, following), info
 
 
 @dataclass(frozen=True, kw_only=True)

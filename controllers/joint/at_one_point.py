@@ -20,6 +20,7 @@ from controllers.joint.observer import JointEstimate, JointObserver
 from controllers.joint.tracking import Context, Start
 from controllers.reference.horizon import lagged
 from controllers.reference.planned import Plan
+from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
 UNIT = JointModel(b=1.0, a1=0.0, a0=0.0, g=1.0, e=0.0, d=0.0)
@@ -77,9 +78,21 @@ class LaggedReference:
         context = Context(plan, UNIT, angle, 0.0, 0.0, 0.0, difference, 0.0, 0.0)
         return context, LaggedState(filtered, target, difference)
 
-    def sent(self, state: LaggedState, opening: Number) -> LaggedState:
+    def sent(
+        self, state: LaggedState, opening: Number, arithmetic: Arithmetic = FLOATS
+    ) -> LaggedState:
         """Return the state as it is: around one point nothing is predicted over a latency."""
         return state
+
+    def command(
+        self,
+        valve: ValveInverse,
+        state: LaggedState,
+        opening: Number,
+        arithmetic: Arithmetic = FLOATS,
+    ) -> Number:
+        """Return the voltage, in V, that the valve's curve gives."""
+        return valve.command(opening, arithmetic)
 
 
 class ReferenceModelState(NamedTuple):
@@ -158,7 +171,7 @@ class ReferenceModel:
             now.unexplained,
             difference,
             joint.difference + push / joint.b,
-            (rate + joint.e * r.speed) / joint.g,
+            joint.opening + (rate + joint.e * r.speed) / joint.g,
         )
         following = ReferenceModelState(
             self.observer.predict(now, difference),
@@ -169,6 +182,18 @@ class ReferenceModel:
         )
         return context, following
 
-    def sent(self, state: ReferenceModelState, opening: Number) -> ReferenceModelState:
+    def sent(
+        self, state: ReferenceModelState, opening: Number, arithmetic: Arithmetic = FLOATS
+    ) -> ReferenceModelState:
         """Return the state as it is: around one point nothing is predicted over a latency."""
         return state
+
+    def command(
+        self,
+        valve: ValveInverse,
+        state: ReferenceModelState,
+        opening: Number,
+        arithmetic: Arithmetic = FLOATS,
+    ) -> Number:
+        """Return the voltage, in V, that the valve's curve gives."""
+        return valve.command(opening, arithmetic)

@@ -3,8 +3,8 @@
     d2theta/dt2 = b dp - a1 dtheta/dt - a0 theta          joint driven by the pressure difference
     d(dp)/dt    = g o - e dtheta/dt - d dp                pressure difference driven by the opening
 
-with the pressure difference dp = pressure_1 - pressure_2 and the signed valve opening o. The six
-numbers are fitted to frequency responses between the linear model's command and its measurements,
+with the pressure difference dp = pressure_1 - pressure_2 and the signed valve opening o, all as
+deviations from rest, where a valve that leaks needs an opening too. The six numbers are fitted to frequency responses between the linear model's command and its measurements,
 so that nothing of the plant's inside is needed. What is faster (the spool) is left to the margin.
 """
 
@@ -39,6 +39,7 @@ class JointModel(NamedTuple):
         g: Rate of the pressure difference per opening, in Pa/s.
         e: Rate of the pressure difference per angular speed, in Pa/rad.
         d: Decay of the pressure difference, in 1/s.
+        opening: Opening that holds the pressures there, a fraction.
         difference: Pressure difference that holds the joint there, in Pa.
         angle: The angle, in rad.
         misfit: Largest relative distance to the linear model's responses on the fitted grid.
@@ -50,6 +51,7 @@ class JointModel(NamedTuple):
     g: Number
     e: Number
     d: Number
+    opening: Number = 0.0
     difference: Number = 0.0
     angle: Number = 0.0
     misfit: float = 0.0
@@ -67,7 +69,8 @@ class JointModel(NamedTuple):
             speed: Angular speed, in rad/s.
             difference: Pressure difference, in Pa.
         """
-        return self.g * opening - self.e * speed - self.d * (difference - self.difference)
+        driven = self.g * (opening - self.opening) - self.e * speed
+        return driven - self.d * (difference - self.difference)
 
 
 class OpeningInput(NamedTuple):
@@ -157,6 +160,7 @@ def joint_model(
         g=g,
         e=e,
         d=d,
+        opening=entry.at_rest,
         angle=measurements[sensors[0]],
         difference=measurements[sensors[1]] - measurements[sensors[2]],
         misfit=misfit,

@@ -1,10 +1,10 @@
 """The joint over its range: the third-order model interpolated over angle and mean pressure.
 
-At every point of a map of linear models the six numbers of `controllers.joint.model` and the
+At every point of a map of linear models the six numbers of `controllers.joint.model`, opening and
 pressure difference at rest are read off; a controller then works with
 
     d2theta/dt2 = b (dp - dp0(theta, pm)) - a1 dtheta/dt + w
-    d(dp)/dt    = g o - e dtheta/dt - d (dp - dp0)
+    d(dp)/dt    = g (o - o0(theta, pm)) - e dtheta/dt - d (dp - dp0)
 
 whose numbers move with the measured angle and the measured mean pressure pm. Forces of muscles are
 straight lines over pressure, so two mean pressures give ``dp0`` for all. Straight lines between the
@@ -31,7 +31,7 @@ from workbench.errors import WorkbenchError
 if TYPE_CHECKING:
     from workbench.linearisation.operating_map import OperatingMap
 
-NAMES = ("b", "a1", "a0", "g", "e", "d", "difference")
+NAMES = ("b", "a1", "a0", "g", "e", "d", "opening", "difference")
 """Numbers of the joint model that are scheduled."""
 
 
@@ -42,7 +42,7 @@ class JointSchedule:
     Args:
         first_angle: First angle, in rad.
         spacing: Distance of two angles, in rad.
-        low: Rows of numbers over angle at the lower mean pressure, 7 rows in the order of
+        low: Rows of numbers over angle at the lower mean pressure, 8 rows in the order of
             `JointModel`, in SI.
         high: The same at the higher one, in SI.
         mean_low: Lower mean gauge pressure, in Pa.
@@ -84,8 +84,7 @@ class JointSchedule:
             found.append(value + near * (arithmetic.between(inside, high) - value))
         rest = arithmetic.between(place, self.low[-1])
         rest = rest + share * (arithmetic.between(place, self.high[-1]) - rest)
-        b, a1, a0, g, e, d = found
-        return JointModel(b, a1, a0, g, e, d, rest, angle)
+        return JointModel(*found, rest, angle)
 
     def with_inertia_of(self, heavier: JointSchedule) -> JointSchedule:
         """Return this schedule with the inertia of another load.

@@ -14,14 +14,15 @@ At sample k, from the angle y, the pressures p1 and p2 and the reference r:
 and the inverse model along the plan, the feedforward:
 
     dp_r = dp0(theta_r, pm) + (alpha_r + a1 omega_r) / b
-    o_r  = [(j_r' + a1 alpha_r' + a0 omega_r') / b + e omega_r'] / g
+    o_r  = o0 + [(j_r' + a1 alpha_r' + a0 omega_r') / b + e omega_r'] / g
 
-where ' is the plan as it will be when the opening has arrived, a lead later.
+where ' is the plan as it will be when the opening has arrived, a lead later, and o0 holds the
+pressures there in a valve that leaks.
 
 With a known latency T between measurement and valve, a command meets the joint T later. The front
 end remembers the openings that are on their way, lets the joint model go on under them over T,
 
-    d2theta/dt2 = alpha,   d(dp)/dt = g o - e omega - d (dp - dp0)
+    d2theta/dt2 = alpha,   d(dp)/dt = g (o - o0) - e omega - d (dp - dp0)
 
 and tells the feedback where joint and plan will be then: the loop is that without latency, as far
 as the model is right (a state predictor). A known lag tau of the pressure sensors is undone by the
@@ -33,6 +34,14 @@ joint more than any model of its motion says, and the feedforward may integrate 
     d(held)/dt = rho (a0 / b) (theta_r - theta),   dp_r = ... + held
 
 faded in over a time at rest and out with speed: margins are those of the joint in motion.
+
+What else than o0 holds the joint at rest is learned there, m, at a speed sigma: the centre of the
+valve lies elsewhere than known. Its curve is bent, so that an opening asked for around a wrong
+centre is wrong by far more than m; with the valve's curve f, the voltage for an opening o is
+
+    f(o - m) + f(o0 + m) - f(o0)
+
+which is f(o) at rest, where o = o0 + m: what is learned moves nothing there, and is no integrator.
 
 w collects friction, muscle hysteresis and wrong loads. It is an acceleration, so the observer is
 the same for every angle and load: what the map knows enters with the acceleration.
@@ -54,6 +63,7 @@ from controllers.joint.model import JointModel
 from controllers.joint.observer import kalman_correction
 from controllers.joint.schedule import JointSchedule
 from controllers.reference.planned import Plan, Planner, PlannerState
+from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
 
@@ -111,8 +121,29 @@ class Tracking(Protocol):
     ) -> tuple[Context, Any]:
         """Plan and estimate one sample; return what the feedback is told and the next state."""
 
-    def sent(self, state: Any, opening: Number) -> Any:
+    def sent(self, state: Any, opening: Number, arithmetic: Arithmetic = FLOATS) -> Any:
         """Remember an opening, a fraction, that is on its way."""
+
+    def command(
+        self, valve: ValveInverse, state: Any, opening: Number, arithmetic: Arithmetic = FLOATS
+    ) -> Number:
+        """Return the voltage, in V, for an opening, a fraction."""
+
+
+class AtRest(NamedTuple):
+    """What a `JointTracking` knows from rest.
+
+    Args:
+        time: For how long plan and joint have rested, in s.
+        held: Pressure difference that was integrated, in Pa.
+        opening: Opening that holds the joint, beside that of the map, a fraction.
+        known: Opening of the map at the measured angle, a fraction.
+    """
+
+    time: Number = 0.0
+    held: Number = 0.0
+    opening: Number = 0.0
+    known: Number = 0.0
 
 
 class TrackingState(NamedTuple):
@@ -126,8 +157,7 @@ class TrackingState(NamedTuple):
         mean: Filtered mean pressure, in Pa.
         turn: Position in the loop of the compensated hysteresis, -1..1.
         sent: Openings that are on their way, fractions, the oldest first.
-        rested: For how long plan and joint have rested, in s; None if nothing depends on it.
-        held: Pressure difference that was integrated at rest, in Pa; None likewise.
+        rest: What is known from rest; None if nothing is learned there.
     """
 
     plan: PlannerState
@@ -138,8 +168,7 @@ class TrackingState(NamedTuple):
     mean: Number
     turn: Number
     sent: Numbers = ()
-    rested: Number | None = None
-    held: Number | None = None
+    rest: AtRest | None = None
 
 
 @dataclass(frozen=True)
@@ -157,6 +186,7 @@ class JointTracking:
             samples count.
         sensor_lag: Known lag of the pressure sensors, in s.
         rest_integration: Speed rho of the integration at rest, in 1/s; 0 for none.
+        centring: Speed sigma at which the valve's centre is learned at rest, in 1/s; 0 for none.
     """
 
     schedule: JointSchedule
@@ -169,6 +199,7 @@ class JointTracking:
     latency: float = 0.0
     sensor_lag: float = 0.0
     rest_integration: float = 0.0
+    centring: float = 0.0
 
     @property
     def on_their_way(self) -> int:
@@ -190,8 +221,7 @@ class JointTracking:
             mean,
             turn=0.0,
             sent=(0.0,) * self.on_their_way,
-            rested=0.0 if self.rest_integration else None,
-            held=0.0 if self.rest_integration else None,
+            rest=AtRest() if self.rest_integration or self.centring else None,
         )
         return Start(state, joint, holding)
 
@@ -222,18 +252,19 @@ class JointTracking:
                 arrived, omega, filtered
             )
         alpha = joint.b * (difference - joint.difference) - joint.a1 * omega + w
-        if state.held is not None:
+        if state.rest is not None:
             # What friction takes accelerates nothing, and is not compensated twice.
-            alpha = alpha - joint.b * state.held
+            alpha = alpha - joint.b * state.rest.held
         now = plan
         if state.sent:
             now = self.planner.ahead(planner, plan, self.latency, arithmetic)
         planned = self.schedule.at(now.angle, mean, arithmetic)
         forward = planned.difference + (now.acceleration + planned.a1 * now.speed) / planned.b
-        turn = state.turn
+        turn, losing = state.turn, 0.0
         if self.hysteresis is not None:
             turn = self.hysteresis.turned(turn, now.speed, h, arithmetic)
             lost = self.hysteresis.difference(turn, mean)
+            losing = (lost - self.hysteresis.difference(state.turn, mean)) / h
             forward = forward + lost
             alpha = alpha - joint.b * lost
         following = (
@@ -249,47 +280,69 @@ class JointTracking:
             omega = omega + h * alpha
             alpha = alpha + h * (joint.b * rate - joint.a1 * alpha - joint.a0 * omega)
             difference = difference + h * rate
-        rested, held = self._held(state, plan, measurement[0], following[1], joint, arithmetic)
-        if state.held is not None:
-            forward = forward + state.held
+        rest = None
+        if state.rest is not None:
+            rest = self._rest(state.rest, plan, measurement[0], following[1], joint, arithmetic)
+            forward = forward + state.rest.held
         then = now
         if self.lead:
             lead = self.latency + self.lead if state.sent else self.lead
             then = self.planner.ahead(planner, plan, lead, arithmetic)
         rate = (
             then.jerk + planned.a1 * then.acceleration + planned.a0 * then.speed
-        ) / planned.b + planned.e * then.speed
-        opening = rate / planned.g
+        ) / planned.b + (planned.e * then.speed + losing)
+        opening = planned.opening + rate / planned.g
         context = Context(now, joint, angle, omega, alpha, w, difference, forward, opening)
-        return context, TrackingState(planner, *following, turn, state.sent, rested, held)
+        return context, TrackingState(planner, *following, turn, state.sent, rest)
 
-    def _held(
+    def _rest(
         self,
-        state: TrackingState,
+        state: AtRest,
         plan: Plan,
         angle: Number,
         speed: Number,
         joint: JointModel,
         arithmetic: Arithmetic,
-    ) -> tuple[Number | None, Number | None]:
+    ) -> AtRest:
         """Return for how long joint and plan have rested, and what was integrated meanwhile."""
-        if state.rested is None or state.held is None:
-            return None, None
         h = self.sample_time
         moving = arithmetic.largest(speed, -speed) + arithmetic.largest(plan.speed, -plan.speed)
         calm = arithmetic.clip(1.0 - moving / REST_SPEED, 0.0, 1.0)
-        rested = arithmetic.where(
-            calm > 0.0, arithmetic.clip(state.rested + h, 0.0, REST_TIME), 0.0
-        )
-        rate = self.rest_integration * calm * state.rested / REST_TIME * joint.a0 / joint.b
+        time = arithmetic.where(calm > 0.0, arithmetic.clip(state.time + h, 0.0, REST_TIME), 0.0)
+        rate = self.rest_integration * calm * state.time / REST_TIME * joint.a0 / joint.b
         held = state.held + h * rate * (plan.angle - angle)
-        return rested, arithmetic.clip(held, -HELD_LIMIT, HELD_LIMIT)
+        held = arithmetic.clip(held, -HELD_LIMIT, HELD_LIMIT)
+        return AtRest(time, held, state.opening, joint.opening)
 
-    def sent(self, state: TrackingState, opening: Number) -> TrackingState:
-        """Remember an opening, a fraction, that is on its way."""
+    def sent(
+        self, state: TrackingState, opening: Number, arithmetic: Arithmetic = FLOATS
+    ) -> TrackingState:
+        """Remember an opening, a fraction, that is on its way, and learn from it at rest."""
+        if self.centring and state.rest is not None:
+            rest = state.rest
+            rate = self.sample_time * self.centring * rest.time / REST_TIME
+            learned = rest.opening + rate * (opening - rest.known - rest.opening)
+            learned = arithmetic.clip(learned, -LEARNED_LIMIT, LEARNED_LIMIT)
+            state = state._replace(rest=rest._replace(opening=learned))
         if not state.sent:
             return state
         return state._replace(sent=(*state.sent[1:], opening))
+
+    def command(
+        self,
+        valve: ValveInverse,
+        state: TrackingState,
+        opening: Number,
+        arithmetic: Arithmetic = FLOATS,
+    ) -> Number:
+        """Return the voltage, in V, for an opening, a fraction, around the learned centre."""
+        if not self.centring or state.rest is None:
+            return valve.command(opening, arithmetic)
+        learned, known = state.rest.opening, state.rest.known
+        moved = valve.command(known + learned, arithmetic) - valve.command(known, arithmetic)
+        voltage = valve.command(opening - learned, arithmetic) + moved
+        reach = valve.full_stroke
+        return arithmetic.clip(voltage, valve.centre - reach, valve.centre + reach)
 
 
 def arrived_opening(there: Number, asked: Number, lag: float, sample_time: float) -> Number:
@@ -323,6 +376,9 @@ REST_SPEED = 0.05
 
 REST_TIME = 0.05
 """Time at rest after which the integration at rest is whole, in s."""
+
+LEARNED_LIMIT = 0.008
+"""Largest opening that is learned as an offset of the valve, a fraction: 0.3 V."""
 
 HELD_LIMIT = 1.5e5
 """Largest pressure difference from the integration at rest, in Pa."""
@@ -358,6 +414,10 @@ class TrackingSpecification:
             rad/s, in the place of what the noises say; 0 for that. A load that swings on its own
             is unexplained too, and must not be compensated where its phase is unknown.
         rest_integration: Speed of an integration where plan and joint rest, in 1/s; 0 for none.
+        centring: Speed at which the valve's centre is learned where plan and joint rest, in 1/s; 0
+            for none.
+        hysteresis: Hysteresis of the muscles that is compensated along planned moves, whether it
+            was fitted or is what such muscles have; None for none.
         sample_time: Time between steps, in s.
     """
 
@@ -374,12 +434,15 @@ class TrackingSpecification:
     acceleration_walk: float = 100.0
     unexplained_bandwidth: float = 0.0
     rest_integration: float = 0.0
+    centring: float = 0.0
+    hysteresis: HysteresisCompensation | None = None
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
         check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
         check_range("share of the opening for a planned move", self.jerk_share, 0.01, 1.0)
         check_range("speed of the integration at rest", self.rest_integration, 0.0, 1e2, "1/s")
+        check_range("speed of the valve's centring", self.centring, 0.0, 1e2, "1/s")
         check_range("believed bandwidth", self.unexplained_bandwidth, 0.0, 1e3, "rad/s")
         check_range("lead of the feedforward", self.lead, 0.0, 0.1, "s")
         check_range("known latency", self.latency, 0.0, 50 * self.sample_time, "s")
@@ -423,4 +486,6 @@ class TrackingSpecification:
             latency=self.latency,
             sensor_lag=self.sensor_lag,
             rest_integration=self.rest_integration,
+            centring=self.centring,
+            hysteresis=self.hysteresis,
         )

@@ -180,7 +180,7 @@ class ScheduledMPC(ValveController):
         opening = min(max(forward + move, -1.0), 1.0)
         info = {**told(opening, solution, slack), "plan": problem.plan}
         after = self.after(state, problem, front, opening, FLOATS)
-        return (self.valve.command(opening),), after, info
+        return (self.tracking.command(self.valve, after.tracking, opening),), after, info
 
     def _neighbours(self, angle: float) -> tuple[Prediction, Prediction, float]:
         """Return the predictions around an angle, and the share of the second."""
@@ -223,7 +223,7 @@ class ScheduledMPC(ValveController):
         summed = arithmetic.where(free, self.sample_time * problem.errors.angle, 0.0)
         move = opening - arithmetic.clip(problem.opening, -1.0, 1.0)
         arrived = arrived_opening(state.arrived, move, self.lag, self.sample_time)
-        front = self.tracking.sent(front, opening)
+        front = self.tracking.sent(front, opening, arithmetic)
         return ScheduledMPCState(front, state.error_integral + summed, move, arrived)
 
     def linear_law(
@@ -297,6 +297,7 @@ class ScheduledMPC(ValveController):
                 "STATES": len(states),
                 "FRONT_STATES": front,
                 "DEVIATION": states.index("deviation"),
+                **self._learned(states),
                 "MOVES": n - 1,
                 "LIMITED": (m - n + 1) // 2,
                 "ANGLES": len(self.predictions),
@@ -323,6 +324,13 @@ class ScheduledMPC(ValveController):
             + 2 * (n + m) * n
             + (m + n) * (n + 8),
         )
+
+    def _learned(self, states: tuple[str, ...]) -> dict[str, int]:
+        """Return where the opening at rest stands, if the valve's centre is learned."""
+        if not self.tracking.centring:
+            return {}
+        found = {"LEARNED": "opening", "KNOWN": "known"}
+        return {name: states.index(f"tracking.rest.{entry}") for name, entry in found.items()}
 
     def _kernels(self, name: str) -> tuple[ca.Function, ca.Function, ca.Function]:
         """Trace the start, the front end (errors; bias, opening, plan; its state) and the end."""

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from controllers.design import DESIGNS
+from controllers.joint.hysteresis_compensation import HysteresisCompensation
 from controllers.joint.schedule import JointSchedule
 from workbench.linearisation import LinearModel
 
@@ -37,6 +38,8 @@ CLOSED_FORM: dict[str, Make] = {
         sensor_lag=0.005,
         unexplained_bandwidth=10.0,
         rest_integration=5.0,
+        centring=3.0,
+        hysteresis=HysteresisCompensation(10.0, 7e-5, 5e-4, 0.0295, 7.6e-5),
     ),
     "boundary layer": family("scheduled-sliding-mode", kind="boundary layer"),
     "integral": family("scheduled-sliding-mode", kind="integral"),
@@ -47,6 +50,7 @@ CLOSED_FORM: dict[str, Make] = {
 
 MPCS: dict[str, Make] = {
     "scheduled MPC": family("scheduled-mpc", latency=0.004),
+    "tolerant MPC": family("scheduled-mpc", rest_integration=5.0, centring=3.0),
     "linear MPC": family("mpc"),
     "linear MPC with preview": family("mpc", preview=True),
     "linear MPC with tight limits": family(

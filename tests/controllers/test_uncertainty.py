@@ -104,4 +104,4 @@ def test_integration_at_rest_is_no_part_of_the_loop_in_motion(
     state = patient.initial_state(at_rest)
     for _ in range(200):
         _, state, _ = patient.step(state, at_rest, (0.505,))
-    assert state.tracking.held > 0.0 == plain.initial_state(at_rest).tracking.turn
+    assert state.tracking.rest.held > 0.0 and plain.initial_state(at_rest).tracking.rest is None
