@@ -4,8 +4,9 @@
     d(dp)/dt    = g o - e dtheta/dt - d dp                pressure difference driven by the opening
 
 with the pressure difference dp = pressure_1 - pressure_2 and the signed valve opening o, all as
-deviations from rest, where a valve that leaks needs an opening too. The six numbers are fitted to frequency responses between the linear model's command and its measurements,
-so that nothing of the plant's inside is needed. What is faster (the spool) is left to the margin.
+deviations from rest, where a valve that leaks needs an opening too. The six numbers are fitted to
+frequency responses between the linear model's command and its measurements, so that nothing of the
+plant's inside is needed. What is faster (the spool) is left to the margin.
 """
 
 from __future__ import annotations
