@@ -24,9 +24,7 @@ def law(schedule: JointSchedule, **numbers: Any) -> Any:
 
 def test_a_valve_that_leaks_is_held_open_by_the_feedforward(schedule: JointSchedule) -> None:
     # At 30 degrees the muscles are alike; away from there the leak of the one is larger.
-    middle, above, below = (
-        schedule.at(math.radians(a), 3.8e5).opening for a in (30.0, 50.0, 10.0)
-    )
+    middle, above, below = (schedule.at(math.radians(a), 3.8e5).opening for a in (30.0, 50.0, 10.0))
     assert above == pytest.approx(-below, rel=1e-3) and 1e-3 < above < 4e-3
     assert abs(middle) < 1e-6
     own = law(schedule)
