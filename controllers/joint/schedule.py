@@ -84,7 +84,8 @@ class JointSchedule:
             found.append(value + near * (arithmetic.between(inside, high) - value))
         rest = arithmetic.between(place, self.low[-1])
         rest = rest + share * (arithmetic.between(place, self.high[-1]) - rest)
-        return JointModel(*found, rest, angle)
+        b, a1, a0, g, e, d, opening = found
+        return JointModel(b, a1, a0, g, e, d, opening, rest, angle)
 
     def with_inertia_of(self, heavier: JointSchedule) -> JointSchedule:
         """Return this schedule with the inertia of another load.
