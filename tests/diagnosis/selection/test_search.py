@@ -43,13 +43,15 @@ def test_only_what_gains_where_it_was_not_fitted_opens_a_pair() -> None:
     assert _openings([replace(candidate, refused="failed", rule="refit")], asked) == []
 
 
-def test_near_the_noise_no_pair_is_searched_for() -> None:
+def test_where_the_equations_leave_nothing_out_no_pair_is_searched_for() -> None:
     given, _ = example_diagnosis()
     assert given.selected is not None
     prepared = given.prepared
     task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
     begun = replace(given.selected, accepted=(), extended=given.base)
     assert _with_pair(task, begun, Limits(0.0, near_noise=True)) is begun
+    perfect = replace(begun, extended=replace(given.base, noise_scale=0.03))
+    assert _with_pair(task, perfect, Limits(0.0)) is perfect
 
 
 def test_what_ends_on_its_upper_bound_may_be_too_little() -> None:

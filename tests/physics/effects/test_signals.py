@@ -16,6 +16,7 @@ from workbench.physics.play import command_play, play, spool_hysteresis
 from workbench.physics.saturation import lower_saturation, rectification, saturation
 from workbench.physics.slew_limit import slew_limit
 from workbench.plants.servo_axis import servo_axis
+from workbench.simulation.simulate import simulate
 
 
 def one_lag(time: float):
@@ -214,3 +215,21 @@ def test_the_limit_of_a_saturation_is_refitted() -> None:
     ]
     assert len(limits) == 2
     assert all(q.fitted and 0.0 < q.lower < 0.1 * q.value < 10 * q.value < q.upper for q in limits)
+
+
+@pytest.mark.parametrize("time", [0.02, 0.1])
+def test_a_sensor_that_filters_its_samples(time: float) -> None:
+    h = 0.01
+    axis, pushed = servo_axis(), np.repeat(np.random.default_rng(1).uniform(-200, 200, 40), 5)
+    plain = simulate(axis, pushed, sample_time=h).outputs[:, 0]
+    kept = np.exp(-h / time)
+    filtered = plain.copy()
+    for k in range(1, len(plain)):
+        filtered[k] = kept * filtered[k - 1] + (1.0 - kept) * plain[k]
+
+    def off(sampled: float) -> float:
+        lag = sensor_lag("position.reading", time=time, sampled=sampled, floor=0.5 * h)
+        read = simulate(axis.with_effect(lag), pushed, sample_time=h).outputs[:, 0]
+        return float(np.abs(read - filtered).max() / np.abs(plain - filtered).max())
+
+    assert off(1.0) < 0.02 < 0.04 < off(0.0)

@@ -51,6 +51,7 @@ from workbench.diagnosis.selection.refits import (
 from workbench.diagnosis.selection.rules import (
     FREE_RUN,
     HELD_OUT,
+    IMPERFECT,
     LEAST_AT_FIRST,
     LEAST_EXPLAINED,
     LEAST_OF_ALL,
@@ -467,9 +468,10 @@ def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
     much alone, and is refused only because it does not explain enough or not everywhere, opens; the
     second is searched for beside it; the two are judged as one.
     """
-    if limits.near_noise or len(state.rounds) >= MOST_FINDINGS:
-        return state
     current, round_ = state.extended, state.rounds[-1]
+    complete = limits.near_noise or current.noise_scale <= IMPERFECT.value
+    if complete or len(state.rounds) >= MOST_FINDINGS:
+        return state
     before = (blocks_of_cost(current, task.started(task.judging, current.model)),)
     without = run_errors(current, task.nominal, task.judging)
     twice = replace(limits, penalty=2.0 * limits.penalty)
