@@ -1,12 +1,11 @@
-"""Read, check, resample and align recordings of real machines."""
+"""Read, check and resample recordings of real machines."""
 
-from workbench.recordings.alignment import align, clock_shift
 from workbench.recordings.case import Case, read_case
 from workbench.recordings.checks import Check, CheckReport, Finding, check_recording
 from workbench.recordings.mapping import ColumnRule, MappingRules, read_mapping
 from workbench.recordings.read import Table, read_recording, read_table
 from workbench.recordings.recording import ColumnMapping, MappedColumn, Recording, Signal, Span
-from workbench.recordings.resampling import decimate, resample
+from workbench.recordings.resampling import resample
 from workbench.recordings.saving import write_recording
 
 __all__ = [
@@ -22,10 +21,7 @@ __all__ = [
     "Signal",
     "Span",
     "Table",
-    "align",
     "check_recording",
-    "clock_shift",
-    "decimate",
     "read_case",
     "read_mapping",
     "read_recording",

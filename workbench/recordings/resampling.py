@@ -117,24 +117,3 @@ def resample(
         signals.append(replace(signal, values=_interpolated(source, time, instants)))
     note = f"resampled from {1 / old:.6g} Hz to {1 / new:.6g} Hz"
     return replace(recording, time=instants, signals=tuple(signals)).noted(note)
-
-
-def decimate(recording: Recording, factor: int) -> Recording:
-    """Return every ``factor``-th sample; measurements are low-passed first.
-
-    Args:
-        factor: Number of samples that become one, 1 or more.
-
-    Returns:
-        The recording at the instants 0, factor, 2 factor, ..., with a note.
-
-    Raises:
-        WorkbenchError: If the factor is not a whole number or leaves fewer than two samples.
-    """
-    if int(factor) != factor:
-        raise WorkbenchError(f"factor is {factor!r}; decimation takes whole numbers")
-    _require_increasing(recording, "decimation")
-    check_range("factor", factor, 1, max(1, len(recording) - 1), fix="keep two samples or more")
-    if factor == 1:
-        return recording
-    return resample(recording, times=recording.time[:: int(factor)])

@@ -53,11 +53,6 @@ def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Pr
     return tuple(priors)
 
 
-def without_prior(priors: Sequence[Prior], *names: str) -> tuple[Prior, ...]:
-    """Return priors without those of some parameters, which then stay fixed."""
-    return tuple(p for p in priors if p.name not in names)
-
-
 def widened(prior: Prior, factor: float) -> Prior:
     """Return a prior with a larger standard deviation.
 

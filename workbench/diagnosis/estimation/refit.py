@@ -20,7 +20,7 @@ from workbench.diagnosis.estimation.prediction_error import (
     PredictionError,
     stack,
 )
-from workbench.diagnosis.estimation.priors import Prior, default_priors, widened, without_prior
+from workbench.diagnosis.estimation.priors import Prior, default_priors, widened
 from workbench.diagnosis.estimation.refit_result import Estimate, Outcome, Refit, summarise
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
@@ -241,5 +241,4 @@ __all__ = [
     "default_priors",
     "refit",
     "widened",
-    "without_prior",
 ]
