@@ -12,6 +12,7 @@ from workbench.evaluation.claims import answer_of, error_ratio
 from workbench.evaluation.foreign.plan import Case
 from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.rates import Rate
+from workbench.evaluation.reliability import reliability_lines, told
 
 SCHEMA = "foreign_case/1"
 
@@ -92,6 +93,12 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
             f"{machine:<10} {own['false names']!s:<24} {own['right name or class']!s:<28}"
             f" {own['held-out error within 1.5 of the truth']}"
         )
+    weighed = [
+        pair
+        for row in rows
+        for pair in told(row["verdict"], [name for t in row["hidden"] for name in t["library"]])
+    ]
+    lines += ["", *reliability_lines(weighed)]
     by_effect: dict[str, list[str]] = defaultdict(list)
     for row in rows:
         by_effect[row["title"]].append(judge(row).remark)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from workbench.evaluation.own_cases.judge import judge
+from workbench.evaluation.own_cases.judge import judge, truths_of, verdict_of
 from workbench.evaluation.own_cases.plan import FACTORS
 from workbench.evaluation.own_cases.statistics import (
     BARS,
@@ -20,6 +20,7 @@ from workbench.evaluation.own_cases.statistics import (
     scores,
 )
 from workbench.evaluation.rates import Rate
+from workbench.evaluation.reliability import reliability_lines, told
 
 COLOURS = {
     "right": "#1b7837",
@@ -50,6 +51,7 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
         _kinds(rows),
         _sizes(rows),
         _effects(by_effect(rows)),
+        *_weights(rows),
     ]
     failures = [
         f"{r['case']} {r['title']}: {failure}"
@@ -59,6 +61,17 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
     if failures:
         parts.append("\n".join(["diagnoses that failed", *(f"  {line}" for line in failures)]))
     return "\n\n".join(parts)
+
+
+def _weights(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    weighed = [
+        pair
+        for row in rows
+        if (verdict := verdict_of(row, "tool")) is not None
+        for pair in told(verdict, [name for t in truths_of(row) for name in t.library])
+    ]
+    lines = reliability_lines(weighed)
+    return ["\n".join(lines)] if lines else []
 
 
 def _met(name: str, rate: Rate) -> bool:
