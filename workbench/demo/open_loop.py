@@ -148,7 +148,6 @@ def open_loop(
     speed: npt.ArrayLike,
     *,
     variants: Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]] | None = None,
-    stops: tuple[float, float] = (0.0, np.pi / 3),
 ) -> Figure:
     """Draw pulses on the valve and the run from stop to stop, over time in s.
 
@@ -158,13 +157,12 @@ def open_loop(
         angle: Angle, shape (n,), in rad.
         speed: Angular speed, shape (n,), in rad/s.
         variants: Angle (rad) and speed (rad/s) of plants that lack something, by what they lack.
-        stops: Angles of the stops, in rad.
     """
     figure, (command, position, rate) = new_figure([0.75, 1.9, 1.5])
     t = np.asarray(time, dtype=float)
     command.step(t, voltage, where="post", color=INK.light, linewidth=1.1)
-    for stop in stops:
-        position.axhline(np.degrees(stop), color=REFERENCE.light, linewidth=0.9, linestyle=":")
+    for stop in (0.0, 60.0):
+        position.axhline(stop, color=REFERENCE.light, linewidth=0.9, linestyle=":")
     drawn = []
     others = dict(variants or {})
     for (name, (other, other_speed)), colour in zip(others.items(), FURTHER, strict=False):

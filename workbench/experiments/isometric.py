@@ -26,6 +26,9 @@ CONTRACTIONS = (0.0, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3, 18e-3, 22e-3, 26e-3, 
 STOP_ANGLES = tuple(math.radians(a) for a in (0, 6, 13, 20, 27, 34, 41, 48, 54, 57, 60))
 """Angles at which the lower stop is fastened in turn, rad: muscle 2 at 30 to 0 mm."""
 
+FILLING_V = 4.9
+"""Valve voltage that fills muscle 2, a little below the centre, V."""
+
 _LOAD_CELL = OUTPUTS[3]
 _PRESSURE = OUTPUTS[1]
 
@@ -124,7 +127,6 @@ def isometric_experiment_on_arm(
     model: Model,
     *,
     stop_angles: Sequence[float] = STOP_ANGLES,
-    command_V: float = 4.9,
     ramp_time: float = 30.0,
     sample_time: float = 0.2,
     noise: float = 1.0,
@@ -138,7 +140,6 @@ def isometric_experiment_on_arm(
 
     Args:
         stop_angles: Angles of the lower stop, in rad.
-        command_V: Valve voltage that fills muscle 2, a little below the centre, in V.
         ramp_time: Duration of a ramp, in s.
         sample_time: Time between samples, in s.
         noise: Noise and resolution of the sensors, as a ratio to those of the arm; 0 for none.
@@ -153,7 +154,6 @@ def isometric_experiment_on_arm(
     Source:
         The paper's identification experiment: arm on the lower stop, load cell, geometric ratios.
     """
-    check_range("valve voltage", command_V, 4.0, 4.99, "V", fix="just below the centre of 5 V")
     check_range("ramp time", ramp_time, 1.0, 600.0, "s")
     check_range("sample time", sample_time, 1e-3, ramp_time / 10, "s")
     check_range("sensor noise", noise, 0.0, 1e3)
@@ -169,7 +169,7 @@ def isometric_experiment_on_arm(
         check_range("stop angle", stop, 0.0, TRAVEL, "rad", fix="30 deg is 0.524 rad")
         fastened = model.with_parameters({"lower_stop": stop, "upper_stop": TRAVEL})
         start = {"pressure_1": ambient, "pressure_2": ambient, "angle": stop}
-        run = simulate(fastened, np.full(count, command_V), sample_time=sample_time, start=start)
+        run = simulate(fastened, np.full(count, FILLING_V), sample_time=sample_time, start=start)
         angle = run["angle"]
         if np.max(angle) > stop + math.radians(0.5):
             raise NumericalError(

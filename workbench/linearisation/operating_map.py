@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from workbench.errors import WorkbenchError, check_choice, check_finite
+from workbench.errors import WorkbenchError, check_finite
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.linearise import linearise
 from workbench.model import Model
@@ -89,7 +89,6 @@ def operating_map(
     model: Model,
     axes: Mapping[str, npt.ArrayLike],
     *,
-    state: str = "",
     input: str = "",  # noqa: A002 -- The word of the field.
     amplitude: Mapping[str, float] | None = None,
 ) -> OperatingMap:
@@ -100,7 +99,6 @@ def operating_map(
     Args:
         axes: Values in SI, by the name of a parameter, or of what `operating_point` takes: an
             output, a state, an input, or a sum that the plant declares.
-        state: State whose oscillation the map describes; the first axis that is one by default.
         input: Name of the input, as for `linearise`; by default that of a curve that a controller
             inverts, where the plant declares one.
         amplitude: Amplitudes of states by name, in SI, as for `linearise`.
@@ -120,9 +118,9 @@ def operating_map(
     if not grid or any(values.ndim != 1 for values in grid.values()):
         raise WorkbenchError("a map needs one or more axes, each a list of numbers")
     input = input or default_input(model)  # noqa: A001
+    # The oscillation of the first axis that is a state is what the map describes.
     states = [q.name for q in model.states]
-    state = state or next((name for name in grid if name in states), states[0])
-    check_choice("state", state, states)
+    state = next((name for name in grid if name in states), states[0])
     parameters = {q.name for q in model.parameters}
     first, *rest = grid
     models: dict[Index, LinearModel] = {}

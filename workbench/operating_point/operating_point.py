@@ -120,7 +120,6 @@ def operating_point(
     model: Model,
     given: Mapping[str, float] | None = None,
     *,
-    drifting: Mapping[str, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     near: OperatingPoint | None = None,
 ) -> OperatingPoint:
@@ -138,8 +137,6 @@ def operating_point(
         given: Values of measurements, states or inputs by name, in SI, at most one per input (and
             one per drifting direction); measurements are looked up first. By default the inputs at
             rest.
-        drifting: Direction in which the rates may differ from zero, as weights of states by name,
-            in SI; that of a drifting sum by default.
         bounds: Smallest and largest value of states and inputs by name, in SI, inside those of
             the model and the limits that the plant declares.
         near: An operating point of a similar model to start from.
@@ -162,7 +159,7 @@ def operating_point(
     """
     wanted = _checked(model, given)
     sums = [total for total in model.traits.sums if total.name in _drifting(model, wanted)]
-    direction = _direction(model, sums, drifting)
+    direction = _direction(model, sums)
     problem = Problem(
         model,
         _conditions(model, wanted, sums),
@@ -285,16 +282,11 @@ def _conditions(
     return tuple(found)
 
 
-def _direction(
-    model: Model, sums: Sequence[DriftingSum], drifting: Mapping[str, float] | None
-) -> Vector:
+def _direction(model: Model, sums: Sequence[DriftingSum]) -> Vector:
+    """Return the direction in which the rates may differ from zero: that of drifting sums."""
     names = [q.name for q in model.states]
-    if drifting is None:
-        drifting = {name: weight for total in sums for name, weight in total.drifting}
     direction = np.zeros(len(names))
-    for name, weight in drifting.items():
-        check_choice("drifting state", name, names)
-        check_finite(f"weight of {name}", weight)
+    for name, weight in (pair for total in sums for pair in total.drifting):
         # The drift is counted in scales of the states, so that it is of the size of the rest.
         direction[names.index(name)] = weight * model.states[names.index(name)].scale
     return direction

@@ -261,9 +261,7 @@ def _singular_values(slope: Vector) -> tuple[Vector, Vector]:
     return singular, right
 
 
-def conditions_of(
-    model: Model, given: Sequence[tuple[str, float]], *, label: str = ""
-) -> tuple[Condition, ...]:
+def conditions_of(model: Model, given: Sequence[tuple[str, float]]) -> tuple[Condition, ...]:
     """Turn given values into conditions; a name is looked up in measurements, states, then inputs.
 
     Args:
@@ -276,7 +274,7 @@ def conditions_of(
         index = names.index(name)
         weights = np.zeros(len(names))
         weights[index] = 1.0
-        found.append(Condition(label or name, weights, float(value), everything[index].scale))
+        found.append(Condition(name, weights, float(value), everything[index].scale))
     return tuple(found)
 
 

@@ -49,7 +49,6 @@ def chamber_rates(
     enthalpy_flow: Expression,
     heat: Expression = 0.0,
     *,
-    gas: Gas = AIR,
     printed_work_sign: bool = False,
 ) -> tuple[Expression, Expression]:
     """Return the rates of pressure, Pa/s, and temperature, K/s, of an open chamber.
@@ -81,13 +80,13 @@ def chamber_rates(
     """
     work = pressure * volume_rate
     sign = -1.0 if printed_work_sign else 1.0
-    inner = gas.heat_ratio * gas.gas_constant * enthalpy_flow + (gas.heat_ratio - 1) * (
+    inner = AIR.heat_ratio * AIR.gas_constant * enthalpy_flow + (AIR.heat_ratio - 1) * (
         heat - sign * work
     )
     pressure_rate = (inner - work) / volume
     # m dT/dt = (inner / R) - T mdot, written with 1/m = R T / (p V)
     temperature_rate = (
-        temperature / (pressure * volume) * (inner - gas.gas_constant * temperature * mass_flow)
+        temperature / (pressure * volume) * (inner - AIR.gas_constant * temperature * mass_flow)
     )
     return pressure_rate, temperature_rate
 

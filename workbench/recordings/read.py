@@ -273,41 +273,31 @@ def _as_requested(recording: Recording, requested: Sequence[Requested]) -> Recor
     return recording.select([*names, *(n for n in recording.names if n not in names)])
 
 
-def read_table(
-    path: str | Path,
-    *,
-    mapping: MappingLike = None,
-    signals: Any = None,
-    columns: Sequence[str] = (),
-    name: str | None = None,
-) -> Table:
+def read_table(path: str | Path, *, mapping: MappingLike = None) -> Table:
     r"""Read columns that are not a recording over time, such as a force map.
 
     Args:
         path: The file, in any format of `read_recording`.
         mapping: TOML file or its content; None to map by name and unit.
-        signals: Names requested, a mapping from name to unit, or None for every column of numbers.
-        columns: Names of the columns, for a file without header.
-        name: Name of the table; by default the file name.
 
     Returns:
-        The columns in SI.
+        Every column of numbers, in SI.
 
     Raises:
         WorkbenchError: If the file cannot be read, or a column is missing, of another unit or text.
     """
     file = Path(path)
-    rules = rules_of(mapping, columns, None)
+    rules = rules_of(mapping, (), None)
     found = read_columns(file, rules)
     _named(found, file, rules)
-    assigned = assign(found, rules, requested_signals(signals))
+    assigned = assign(found, rules, ())
     if not assigned.signals:
         raise WorkbenchError(f"{file.name} holds no columns of numbers")
     signals_ = assigned.signals
     if assigned.time is not None:
         signals_ = (Signal("time", assigned.time, "s"), *signals_)
     return Table(
-        name or _title(file),
+        _title(file),
         signals_,
         file.name,
         assigned.notes,

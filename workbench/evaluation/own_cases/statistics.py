@@ -202,9 +202,9 @@ def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
     return tuple(result)
 
 
-def by_size(rows: Sequence[Mapping[str, Any]], who: str = "tool") -> dict[float, dict[str, Rate]]:
+def by_size(rows: Sequence[Mapping[str, Any]]) -> dict[float, dict[str, Rate]]:
     """Return rates of single effects by their size over the rig's own."""
-    judged = [j for row in rows if row["kind"] == "single" and (j := judge(row, who)) is not None]
+    judged = [j for row in rows if row["kind"] == "single" and (j := judge(row)) is not None]
     result = {}
     for factor in sorted(FACTORS):
         own = [j for j in judged if j.factor == factor]

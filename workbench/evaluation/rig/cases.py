@@ -32,11 +32,9 @@ def background(rng: np.random.Generator, load: float, *, spread: float = 1.0) ->
     return p
 
 
-def settled(
-    parameters: dict[str, float], *, seconds: float, angle_deg: float = 30.0, bar: float = 3.0
-) -> NDArray[np.float64]:
-    """Return the state after a pre-history at 5 V from rest with equal pressures."""
-    start = plant.initial(angle_deg, (bar, bar), parameters)
+def settled(parameters: dict[str, float], *, seconds: float) -> NDArray[np.float64]:
+    """Return the state after a pre-history at 5 V from rest at 30 degrees with 3 bar twice."""
+    start = plant.initial(30.0, (3.0, 3.0), parameters)
     n = round(seconds / simulate.STEP)
     _, x = fast.run(parameters, start, np.full(n, 5.0), step=simulate.STEP, keep=max(1, n))
     return x

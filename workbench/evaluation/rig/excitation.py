@@ -13,7 +13,7 @@ RATE = 500.0
 """Samples per second of every recording."""
 
 
-def random_pulses(rng: np.random.Generator, seconds: float, *, amplitude: float = 1.3) -> Array:
+def random_pulses(rng: np.random.Generator, seconds: float) -> Array:
     """Return 5 V with random pulses; a third of the holds returns to 5 V."""
     n = round(seconds * RATE)
     u = np.full(n, 5.0)
@@ -21,9 +21,7 @@ def random_pulses(rng: np.random.Generator, seconds: float, *, amplitude: float 
     while i < n:
         hold = round(rng.uniform(0.25, 1.1) * RATE)
         if rng.random() < 0.7:
-            u[i : i + hold] = 5.0 + rng.choice([-1.0, 1.0]) * rng.uniform(
-                0.4 * amplitude, amplitude
-            )
+            u[i : i + hold] = 5.0 + rng.choice([-1.0, 1.0]) * rng.uniform(0.52, 1.3)
         i += hold
     return u
 
@@ -40,10 +38,10 @@ def random_steps(rng: np.random.Generator, seconds: float) -> Array:
     return r
 
 
-def pulse_train(seconds: float = 16.0, *, amplitude: float = 0.9, period: float = 4.0) -> Array:
-    """Return the pulse train of the open-loop experiment, 5 V +- amplitude."""
+def pulse_train(seconds: float) -> Array:
+    """Return the pulse train of the open-loop experiment, 5 +- 0.9 V with 4 s period."""
     t = np.arange(round(seconds * RATE)) / RATE
-    return 5.0 + np.where(t % period < period / 2, amplitude, -amplitude)
+    return 5.0 + np.where(t % 4.0 < 2.0, 0.9, -0.9)
 
 
 def sines(rng: np.random.Generator, seconds: float) -> Array:

@@ -76,9 +76,8 @@ def initial(
     parameters: dict[str, float],
     *,
     spool: float = 0.0,
-    slip: tuple[float, float] = (0.0, 0.0),
 ) -> NDArray[np.float64]:
-    """Return a state at rest; `slip` presets the hysteresis memories to a share in -1..1."""
+    """Return a state at rest."""
     p = namespace(parameters)
     x = np.zeros(len(STATES))
     x[0] = x[INDEX["load_angle"]] = np.radians(angle_deg)
@@ -98,9 +97,6 @@ def initial(
         x[INDEX[f"line_{k + 1}"]] = pressure * p.line_volume / rt
         for name in ("creep_fast", "creep_slow"):
             x[INDEX[f"{name}_{k + 1}"]] = pressure - p.ambient_pressure
-        x[INDEX[f"memory_{k + 1}"]] = slip[k]
-        for i, d, _ in p.slip:
-            x[(SLIP_1, SLIP_2)[k] + i] = slip[k] * d
     return x
 
 

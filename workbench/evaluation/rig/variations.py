@@ -182,12 +182,9 @@ valve, 0.1 to 2 N m of friction, hysteresis up to twice the usual, creep, tendon
 swings, leaks, offsets, 2 kg more or less, 4.5 to 7 bar."""
 
 
-def draws(count: int, seed: int, load: float = 3.0) -> tuple[Draw, ...]:
-    """Draw machines: in turn one kind, each as often as the others, and three kinds at random.
-
-    Args:
-        load: Load that a design knows, in kg.
-    """
+def draws(count: int, seed: int) -> tuple[Draw, ...]:
+    """Draw machines: in turn one kind, each as often as the others, and three kinds at random."""
+    load = 3.0
     rng, found = np.random.default_rng(seed), []
     names = list(KINDS)
     for i in range(count):

@@ -268,19 +268,13 @@ def muscle_laws(
     return MuscleLaws(base, volume, printed_work_sign), tuple(effects)
 
 
-def force_correction(
-    law: PaperLaw | None = None,
-    ports: tuple[str, ...] = ("muscle_1.tension", "muscle_2.tension"),
-    *,
-    name: str = "force_correction",
-) -> Effect:
+def force_correction(law: PaperLaw | None = None) -> Effect:
     """Build the pressure-independent term phi(q) of the paper's force law.
 
     ``T = T + phi(q)``
 
     Args:
         law: The law whose phi(q) it is; the paper's identified one by default.
-        ports: Ports of muscle tensions, with the local signal ``contraction``.
     """
     paper = law or PaperLaw()
 
@@ -288,8 +282,8 @@ def force_correction(
         return at.value + at.p.gain * paper.phi(at.signals.contraction, form=at.form)
 
     return Effect(
-        name,
-        ports,
+        "force_correction",
+        ("muscle_1.tension", "muscle_2.tension"),
         transform,
         parameters=(
             Parameter(
@@ -306,19 +300,13 @@ def force_correction(
     )
 
 
-def end_flattening(
-    braid: BraidedCylinder | None = None,
-    ports: tuple[str, ...] = ("muscle_1.volume", "muscle_2.volume"),
-    *,
-    name: str = "end_flattening",
-) -> Effect:
+def end_flattening(braid: BraidedCylinder | None = None) -> Effect:
     """Build what the flattened ends take off the volume of the cylinder.
 
     ``V = V - (2 pi / 3) h^3``, with h the height of a flattened end.
 
     Args:
         braid: Geometry of the braid; that of the DMSP-20-200N by default.
-        ports: Ports of braid volumes, with the local signal ``fibre_length``.
     """
     geometry = braid or BraidedCylinder()
 
@@ -326,8 +314,8 @@ def end_flattening(
         return at.value + geometry.end_flattening(at.signals.fibre_length, form=at.form)
 
     return Effect(
-        name,
-        ports,
+        "end_flattening",
+        ("muscle_1.volume", "muscle_2.volume"),
         transform,
         about=About("V + dV_ends(s)", "lines [8] to [10] of the paper's Figure 3"),
     )

@@ -10,12 +10,7 @@ VOLUME_PORTS = ("muscle_1.volume", "muscle_2.volume")
 """Ports of the braid volumes of both muscles."""
 
 
-def constant_volume(
-    volume: float | None = None,
-    ports: tuple[str, ...] = VOLUME_PORTS,
-    *,
-    name: str = "constant_volume",
-) -> Effect:
+def constant_volume(volume: float | None = None) -> Effect:
     """Build muscles whose gas volume does not change with their length.
 
     ``V = volume``: the simplification of many muscle models, which loses the ripple of the
@@ -34,8 +29,8 @@ def constant_volume(
         return at.p.volume
 
     return Effect(
-        name,
-        ports,
+        "constant_volume",
+        VOLUME_PORTS,
         transform,
         parameters=(
             Parameter(
@@ -52,15 +47,10 @@ def constant_volume(
     )
 
 
-def printed_volume(
-    ports: tuple[str, ...] = VOLUME_PORTS, *, name: str = "printed_volume"
-) -> Effect:
+def printed_volume() -> Effect:
     """Build the gas volume as it is printed in the paper, with its four defects.
 
     ``V = V_cyl(s) + 2 V_zone`` with n in the unit of a length and without the square root in d.
-
-    Args:
-        ports: Ports of braid volumes, with the local signal ``fibre_length``.
     """
     braid = BraidedCylinder(printing="as_printed")
 
@@ -68,8 +58,8 @@ def printed_volume(
         return braid.volume(at.signals.fibre_length, form=at.form)
 
     return Effect(
-        name,
-        ports,
+        "printed_volume",
+        VOLUME_PORTS,
         transform,
         about=About("V = V_cyl(s) + 2 V_zone", "lines [6] to [10] of the paper's Figure 3"),
     )
