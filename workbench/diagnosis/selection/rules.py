@@ -208,6 +208,12 @@ LEAST_OF_ALL = Threshold(
     0.05,
     "Less may be the wrong shape of an effect that was found, and is not worth a wrong name.",
 )
+LEAST_LEFT = Threshold(
+    "share left for a pair",
+    0.5,
+    "Share of the first excess that has to be left for two effects to be searched for at once: two"
+    " laws together fit what the wrong shape of another has left.",
+)
 LEAST_EXPLAINED = Threshold(
     "share of the free run",
     0.3,

@@ -54,6 +54,7 @@ from workbench.diagnosis.selection.rules import (
     IMPERFECT,
     LEAST_AT_FIRST,
     LEAST_EXPLAINED,
+    LEAST_LEFT,
     LEAST_OF_ALL,
     LEAST_OF_REST,
     LEAST_SHARE,
@@ -426,7 +427,8 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         state = _remembered(task, state, candidates)
         state = replace(state, rounds=(*state.rounds, Round(scores, candidates)), penalty=penalty)
         passing = [c for c in candidates if not c.refused]
-        if not passing:
+        rest = current.cost - scored.perfect
+        if not passing and rest >= LEAST_LEFT.value * scored.excess:
             state = _with_pair(task, state, limits)
     if passing:
         task.say(f"found {passing[0].entry.name}")
