@@ -29,7 +29,7 @@ def test_each_recipe_runs(tmp_path: Path) -> None:
     assert {"my_plants.py", "my_physics.py", "my_controllers.py", "my_metrics.py"} <= set(names)
     commands = re.findall(r"^    ((?:workbench|python) .+)$", PAGE, re.MULTILINE)
     kinds = {shlex.split(command)[1] for command in commands}
-    assert {"plants", "simulate", "linearise", "compare", "recording"} <= kinds
+    assert {"plants", "simulate", "linearise", "verify", "compare", "recording"} <= kinds
     for command in commands:
         program, *words = shlex.split(command)
         run = subprocess.run(

@@ -85,6 +85,10 @@ def answer_of(data: Mapping[str, Any], case: str, names: Names) -> Answer:
     )
 
 
+LARGEST_RATIO = 1.5
+"""Held-out error over that of the true model which still counts as within the noise."""
+
+
 def error_ratio(above: Mapping[str, Any], below: Mapping[str, Any]) -> float:
     """Return the ratio of errors, root mean square over the outputs; NaN if there are none."""
     ratios = [

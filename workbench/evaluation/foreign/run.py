@@ -8,16 +8,13 @@ from typing import Any
 
 from workbench.evaluation.answer_key import Names, Truth
 from workbench.evaluation.blind_round import Line, score_case
-from workbench.evaluation.claims import answer_of, error_ratio
+from workbench.evaluation.claims import LARGEST_RATIO, answer_of, error_ratio
 from workbench.evaluation.foreign.plan import Case
 from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.rates import Rate
 from workbench.evaluation.reliability import reliability_lines, told
 
 SCHEMA = "foreign_case/1"
-
-LARGEST_RATIO = 1.5
-"""Held-out error over that of the truth which still counts as reached, dimensionless."""
 
 
 def answer(case: Case, jobs: int) -> dict[str, Any]:

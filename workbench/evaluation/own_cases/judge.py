@@ -14,8 +14,8 @@ from workbench.evaluation.own_cases.plan import names
 from workbench.evaluation.own_cases.sizes import COUNTERPARTS, SIZES
 from workbench.evaluation.rig.parameters import nominal
 
-ANSWERERS = ("tool", "refit only", "greedy", "sindy")
-"""Who answers on each case: the diagnosis and the baselines."""
+ANSWERERS = {"tool": "#35618f", "refit only": "#b0b0b0", "greedy": "#e08214", "sindy": "#8073ac"}
+"""Who answers on each case, the diagnosis and the baselines, and its colour."""
 
 REGIONS: dict[str, str] = {
     "motion": "motion",

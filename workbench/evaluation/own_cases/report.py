@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from workbench.evaluation.own_cases.judge import judge, truths_of, verdict_of
+from workbench.evaluation.own_cases.judge import ANSWERERS, judge, truths_of, verdict_of
 from workbench.evaluation.own_cases.plan import FACTORS
 from workbench.evaluation.own_cases.statistics import (
     BARS,
@@ -31,14 +31,6 @@ COLOURS = {
     "wrong name": "#b2182b",
 }
 """Colour of an outcome; the worst one of a case counts."""
-
-
-ANSWERER_COLOURS = {
-    "tool": "#35618f",
-    "refit only": "#b0b0b0",
-    "greedy": "#e08214",
-    "sindy": "#8073ac",
-}
 
 
 def tables(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -283,7 +275,7 @@ def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
     top.bar(
         names,
         [100 * s.points / s.most if s.most else 0.0 for s in scored],
-        color=[ANSWERER_COLOURS[n] for n in names],
+        color=[ANSWERERS[n] for n in names],
     )
     top.axhline(0.0, color="black", lw=0.8)
     top.set(ylabel="points, % of most", title="Points by the rules of a blind round")
@@ -305,7 +297,7 @@ def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
             yerr=spans,
             label=score.who,
             error_kw={"lw": 0.8},
-            color=ANSWERER_COLOURS[score.who],
+            color=ANSWERERS[score.who],
         )
     bottom.set_xticks(range(len(shown)), [n.replace(" or ", "\nor ") for n in shown], fontsize=8)
     bottom.set(ylabel="%", ylim=(0, 112), title="Rates with 95 % intervals")

@@ -11,14 +11,14 @@ from typing import Any
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.benchmark.baselines import answers
 from workbench.evaluation.kept import diagnosed, version
+from workbench.evaluation.own_cases.judge import ANSWERERS
 from workbench.evaluation.own_cases.limit import limited_errors
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
 from workbench.evaluation.rig.cases import SPREAD, make_case
 from workbench.evaluation.rig.parameters import nominal
 from workbench.recordings import read_case
 
-ASKED = ("refit only", "greedy", "sindy")
-"""Baselines that answer beside the tool."""
+_BASELINES = [who for who in ANSWERERS if who != "tool"]
 
 
 def made(case: Planned, folder: Path, *, seconds: float = 20.0) -> Path:
@@ -84,7 +84,7 @@ def answer(case: Planned, jobs: int, *, baselines: bool = True) -> dict[str, Any
 
         def more(diagnosis: Diagnosis) -> dict[str, Any]:
             return _details(diagnosis) | {
-                "baselines": answers(diagnosis, ASKED) if diagnosis.runs and baselines else {}
+                "baselines": answers(diagnosis, _BASELINES) if diagnosis.runs and baselines else {}
             }
 
         return diagnosed(row, found.model(), fit_on, hold_out, jobs=jobs, more=more)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from workbench.evaluation.blind_round import score_round
-from workbench.evaluation.claims import answer_of
+from workbench.evaluation.claims import LARGEST_RATIO, answer_of
 from workbench.evaluation.own_cases.judge import (
     ANSWERERS,
     Judged,
@@ -35,9 +35,6 @@ BARS: dict[str, tuple[str, float]] = {
     "held out within 1.5 of the limit": ("at least", 0.5),
 }
 """What the tool must reach; the last one at the median."""
-
-LARGEST_RATIO = 1.5
-"""Held-out error over that of the true model which still counts as within the noise."""
 
 
 @dataclass(frozen=True)
