@@ -72,11 +72,8 @@ def _kept_back(at: PortView) -> Expression:
 
 def _follow(view: EffectView) -> dict[str, Expression]:
     e, w = view.here.value - view.x.follower, view.p.half_width + view.p.floor
-    return {"follower": (maximum(e - w, 0.0) - maximum(-e - w, 0.0)) / _TIME}
+    return {"follower": (maximum(e - w, 0.0) - maximum(-e - w, 0.0)) / view.p.time}
 
-
-_TIME = 0.002
-"""Time in which the follower comes near, s."""
 
 command_play = Law(
     "command_play",
@@ -85,6 +82,8 @@ command_play = Law(
     lambda at: (
         size("half_width", at.unit, 0.03 * at.scale, 0.5 * at.scale, "half of the slack"),
         shape("floor", at.unit, 0.001 * at.scale, "slack added to the follower's", fitted=False),
+        shape("time", "s", at.interval, "time in which the follower comes near",
+              around=(1.0, 1.0), source="", fitted=False),
     ),
     _kept_back,
     states=lambda at: (State("follower", at.unit, at.scale, "position of the follower"),),
