@@ -140,7 +140,7 @@ def test_every_verb_takes_what_an_outside_package_brings(installed: bool, tmp_pa
     )
     parts = said.split("\n$ ")
     assert installed == ("outside-hoist" in parts[0])
-    assert "1 to 20 kg" in parts[1]
+    assert "1 to 20 kg" in parts[1] and installed == ("outside_cubic_brake" in parts[1])
     assert "verify passed: 2 of 2" in parts[4]
     estimated = json.loads((tmp_path / "refit" / "results.json").read_text())["parameters"]
     assert {"mass", "brake"} <= set(estimated)

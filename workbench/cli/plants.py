@@ -14,11 +14,12 @@ def plants(
         typer.Argument(help="Plant, or module:object of your own.", metavar="[NAME]"),
     ] = None,
 ) -> int:
-    """List the plants, or what one of them takes: options, inputs, outputs, effects, parameters.
+    """List the plants, or what one takes: options, inputs, outputs, parameters, laws to attach.
 
     Example: 'workbench plants arm'.
     """
     from workbench.model.units import written_unit
+    from workbench.physics.library import library
     from workbench.plants.registry import PLANTS
 
     if name is None:
@@ -37,4 +38,6 @@ def plants(
         named = (f"{q.name} ({written_unit(q.unit) or 'ratio'})" for q in quantities)
         typer.echo(f"  {kind}: {', '.join(named) or 'none'}")
     typer.echo(f"  effects: {', '.join(effect.name for effect in model.effects) or 'none'}")
+    offered = sorted(hypothesis.name for hypothesis in library(model))
+    typer.echo(f"  --effect takes: {', '.join(offered) or 'only what is your own'}")
     return 0
