@@ -211,8 +211,8 @@ LEAST_OF_ALL = Threshold(
 LEAST_LEFT = Threshold(
     "share left for a pair",
     0.5,
-    "Share of the first excess that has to be left for two effects to be searched for at once: two"
-    " laws together fit what the wrong shape of another has left.",
+    "Share of the free run's error that has to be left for two effects to be searched for at once:"
+    " two laws together fit what the wrong shape of another has left.",
 )
 LEAST_EXPLAINED = Threshold(
     "share of the free run",

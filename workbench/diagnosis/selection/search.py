@@ -427,8 +427,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         state = _remembered(task, state, candidates)
         state = replace(state, rounds=(*state.rounds, Round(scores, candidates)), penalty=penalty)
         passing = [c for c in candidates if not c.refused]
-        rest = current.cost - scored.perfect
-        if not passing and rest >= LEAST_LEFT.value * scored.excess:
+        if not passing and _most_is_left(task, state):
             state = _with_pair(task, state, limits)
     if passing:
         task.say(f"found {passing[0].entry.name}")
@@ -523,6 +522,11 @@ def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
     best = replace(best, compared=state.compared)
     task.say("found " + " and ".join(a.candidate.name for a in best.accepted[-2:]))
     return best
+
+
+def _most_is_left(task: Task, state: Selected) -> bool:
+    """Whether free runs on held-out recordings keep most of their error with what was found."""
+    return not state.accepted or _run_freely(task, state)[1] <= 1.0 - LEAST_LEFT.value
 
 
 def _openings(candidates: Sequence[Candidate], limits: Limits) -> list[Candidate]:
