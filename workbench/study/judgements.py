@@ -143,8 +143,7 @@ def _judgement(demand: Demand, record: Record) -> Judgement:
             measured[demand.requirement.metric], value=found.value, reason=found.reason
         )
         measured = replace(measured, values=(metric,))
-    verdict = judge(demand.requirement, measured)
-    return Judgement(*identity, verdict.value, verdict.score, verdict.reason)
+    return Judgement(*identity, *judge(demand.requirement, measured))
 
 
 def worst_score(judgements: Sequence[Judgement]) -> float:

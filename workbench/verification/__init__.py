@@ -11,11 +11,7 @@ from workbench.verification.metrics import (
     Tolerance,
     metrics,
 )
-from workbench.verification.requirements import (
-    Requirement,
-    RequirementResult,
-    judge,
-)
+from workbench.verification.requirements import Requirement, judge
 from workbench.verification.scenario import (
     Change,
     Disturbance,
@@ -44,7 +40,6 @@ __all__ = [
     "Ramps",
     "Recorded",
     "Requirement",
-    "RequirementResult",
     "Run",
     "Scenario",
     "Signal",

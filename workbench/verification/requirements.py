@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from workbench.errors import WorkbenchError, check_choice, check_finite
 from workbench.model.units import convert
@@ -42,19 +42,16 @@ class Requirement:
             )
 
 
-@dataclass(frozen=True)
-class RequirementResult:
+class Score(NamedTuple):
     """How well a requirement is met.
 
     Args:
         value: The metric, in the requirement's unit; NaN if there is none.
         score: Value over limit (or limit over value), a ratio: at most 1 means met, infinite that
             there is no value.
+        reason: Why there is no value.
     """
 
-    requirement: Requirement
-    controller: str
-    scenario: str
     value: float
     score: float
     reason: str = ""
@@ -64,23 +61,12 @@ class RequirementResult:
         """Whether the requirement is met."""
         return self.score <= 1.0
 
-    def __str__(self) -> str:
-        """Return one line."""
-        required = self.requirement
-        sign = "<=" if required.kind == "at_most" else ">="
-        state = "met" if self.met else ("FAILED" if required.hard else "missed")
-        tail = f"  ({self.reason})" if self.reason else ""
-        return (
-            f"{required.metric:<24} {self.value:>10.4g} {sign} {required.limit:<8.4g}"
-            f" {required.unit:<6} score {self.score:>6.3g}  {state}{tail}"
-        )
 
-
-def judge(requirement: Requirement, measured: Metrics) -> RequirementResult:
+def judge(requirement: Requirement, measured: Metrics) -> Score:
     """Judge one requirement on the metrics of a run.
 
     Returns:
-        The verdict; a metric that is NaN is never met.
+        The score; a metric that is NaN is never met.
 
     Raises:
         WorkbenchError: If the run has no such metric or the units do not fit.
@@ -88,8 +74,8 @@ def judge(requirement: Requirement, measured: Metrics) -> RequirementResult:
     Example:
         >>> from workbench.verification.metrics import MetricValue
         >>> run = Metrics("pid", "arm", "step", (MetricValue("settling_time", 0.4, "s"),))
-        >>> print(judge(Requirement("settling_time", 0.5, unit="s"), run))
-        settling_time                   0.4 <= 0.5      s      score    0.8  met
+        >>> judge(Requirement("settling_time", 0.5, unit="s"), run)
+        Score(value=0.4, score=0.8, reason='')
     """
     metric = measured[requirement.metric]
     value = metric.value
@@ -102,6 +88,4 @@ def judge(requirement: Requirement, measured: Metrics) -> RequirementResult:
         score = value / limit if limit > 0 else (0.0 if value <= 0 else math.inf)
     else:
         score = limit / value if value > 0 else math.inf
-    return RequirementResult(
-        requirement, measured.controller, measured.scenario, value, score, metric.reason
-    )
+    return Score(value, score, metric.reason)
