@@ -67,8 +67,8 @@ class Finding:
         p_value: Probability of such a gain on held-out recordings by chance.
         held_out: Log likelihood gained on held-out recordings with its 99 % interval,
             dimensionless.
-        weight: Weight of all sets of effects that contain it or one of ``alike``, 0 to 1; NaN if
-            none was compared.
+        weight: Weight of all sets of effects that contain it or one of ``alike``, 0 to 1,
+            dimensionless; NaN if none was compared.
         belief: Whether every rule agrees with it, or only the recordings do.
         doubts: Rules that speak against it, in words.
         occurrence: When, with which local signal and where it acts; None if that is not known.

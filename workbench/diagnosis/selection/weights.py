@@ -33,7 +33,11 @@ class Compared(NamedTuple):
 
 
 class Weighted(NamedTuple):
-    """A set of effects and its weight, 0 to 1, dimensionless."""
+    """A set of effects with its weight.
+
+    Args:
+        weight: Weight among the sets that were compared, 0 to 1, dimensionless.
+    """
 
     effects: tuple[str, ...]
     weight: float
