@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.study.small_study import small_study
-from workbench.cli.main import INTERRUPTED, run
+from workbench.cli.main import INTERRUPTED, WRONG_USE, run
 from workbench.data_folder import shipped_folder
 from workbench.model.units import quantity
 from workbench.operating_point import operating_point
@@ -105,6 +105,14 @@ def test_verify_scores_a_controller(tmp_path: Path, capsys: pytest.CaptureFixtur
     # The page is that of any study, with the run on the linear model beside that on the plant.
     page = (tmp_path / "out" / "report.html").read_text()
     assert "workbench verify" in page and "step 15 to 45 deg and back" in page
+
+
+def test_verify_leaves_out_what_does_not_command_every_input(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(["verify", "--plant", "pendulum"]) == WRONG_USE
+    said = capsys.readouterr().err
+    assert "lqi: it does not command" in said and "no design of the workbench fits" in said
 
 
 def test_verify_says_when_a_requirement_is_missed(capsys: pytest.CaptureFixture[str]) -> None:

@@ -247,7 +247,9 @@ def _recipes(
     found = []
     for made in map(recipe, names or [design.name for design in designs_for(linear)]):
         try:
-            made.build()
+            commanded = made.build().actuators
+            if idle := [n for n in linear.input_names if n not in commanded and not names]:
+                raise WorkbenchError(f"it does not command {', '.join(idle)}")
         except WorkbenchError as error:
             # Of designs that nobody asked for, those count that suit the plant.
             if names or made.kind().sensors:

@@ -159,4 +159,5 @@ TWO_VALVE_ARM = Plant(
     controlled=("angle", "mean_pressure"),
     design_point={**ARM.design_point, "mean_pressure": 3e5},
     effects=ARM.effects,
+    step=ARM.step,
 )
