@@ -97,8 +97,9 @@ MOST_SEARCHES = 3
 _OPENINGS = 2
 """Effects beside which another is searched for where none passes alone."""
 
-_RIVALS = 4
-"""Rivals of an effect among which is chosen again after the next one was found."""
+_RIVALS, _NEWCOMERS = 4, 3
+"""Rivals of an effect, and laws that score best then, among which is chosen again after the next
+one was found."""
 
 _MOST_AT_FIRST, _MOST_AGAIN = 18, 8
 """Laws that are refitted for their score, before and after the first one was found."""
@@ -678,7 +679,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         rivals = [name for name in followed if name != found.candidate.name][:_RIVALS]
         tried = [known[name] for name in (found.candidate.name, *rivals) if name in known]
         if found is not state.accepted[-1]:
-            tried += shortlist(scores, most=_RIVALS)
+            tried += shortlist(scores, most=_NEWCOMERS)
         try:
             candidates = refit_candidates(
                 base,
