@@ -54,6 +54,7 @@ from workbench.diagnosis.selection.selected import (
     Selected,
     Withdrawn,
 )
+from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.stages import Fitted, Located, Prepared, Validated
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
@@ -72,6 +73,7 @@ _CLASSES: dict[str, Any] = {
     cls.__name__: cls
     for cls in (
         *(
+            Compared,
             Prepared,
             Fitted,
             Located,
