@@ -141,13 +141,13 @@ def unused_names(texts: Mapping[Path, str], modules: Mapping[Path, str]) -> Iter
     """
     where: dict[str, set[Path]] = {}
     for path, text in texts.items():
-        for word in words(text):
-            where.setdefault(word, set()).add(path)
+        # A package that only offers a name does not use it.
+        if path.name != "__init__.py":
+            for word in words(text):
+                where.setdefault(word, set()).add(path)
     for path, source in modules.items():
         body = ast.parse(source)
         own = [n.id for n in ast.walk(body) if isinstance(n, ast.Name)]
-        # What stands in `__all__` is meant for users.
-        own += re.findall(r'"(\w+)"', "".join(re.findall(r"__all__ = \[[^]]*\]", source)))
         for name in sorted(public_names(source)):
             if not where.get(name, set()) - {path} and own.count(name) == 0:
                 yield f"{path}: {name}"

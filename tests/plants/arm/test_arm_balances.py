@@ -10,12 +10,34 @@ import pytest
 from scipy.integrate import trapezoid
 
 from workbench.experiments import pulse_train
-from workbench.plants.arm import arm, arm_joint
+from workbench.model import Input, Model, Output, Scope
+from workbench.model.trace import Equations
+from workbench.plants.arm import arm, joint
+from workbench.plants.arm.geometry import ArmGeometry
+from workbench.plants.arm.inertia import ArmBody
 from workbench.plants.arm.wall_heat import heat_exchange
 from workbench.simulation import Trajectory, simulate
 
 GAMMA, GAS_CONSTANT, AMBIENT = 1.4, 287.05, 293.15
 C_V = GAS_CONSTANT / (GAMMA - 1)
+
+
+def arm_joint(load_kg: float) -> Model:
+    """The joint alone in the horizontal plane, without friction, pulled by prescribed forces."""
+    geometry, body = ArmGeometry(), ArmBody()
+
+    def equations(m: Scope) -> Equations:
+        motion = joint.joint(m, forces=(m.u.force_1, m.u.force_2), geometry=geometry, body=body)
+        return motion.rates, {"angle": m.x.angle, "load_cell": motion.load_cell}
+
+    return Model(
+        "arm joint",
+        equations,
+        states=joint.STATES,
+        inputs=tuple(Input(f"force_{i}", "N", 100.0) for i in (1, 2)),
+        outputs=(Output("angle", "rad"), Output("load_cell", "N", 100.0)),
+        parameters=joint.PARAMETERS,
+    ).with_parameters({"load": load_kg})
 
 
 @pytest.fixture(scope="module")
@@ -102,7 +124,7 @@ def test_sealed_gas_as_printed_has_the_exponent_0_6() -> None:
 
 @pytest.mark.parametrize("speed", [0.5, 3.0])
 def test_a_stop_takes_energy_and_gives_none(speed: float) -> None:
-    model = arm_joint(3.0).without("damper", "bearing_friction")
+    model = arm_joint(3.0)
     stiffness = {q.name: q.value for q in model.parameters}["stop_stiffness"]
     start = {"angle": np.radians(59.9), "speed": speed}
     run = simulate(model, np.zeros((2000, 2)), sample_time=1e-4, start=start, tolerance=1e-9)
@@ -116,7 +138,7 @@ def test_a_stop_takes_energy_and_gives_none(speed: float) -> None:
 
 def test_restitution_of_a_stop_matches_a_damped_oscillator() -> None:
     # Contact of m x'' = -(c x' + k x), pushing only: it ends where c x' + k x crosses zero.
-    model = arm_joint(3.0).without("damper", "bearing_friction")
+    model = arm_joint(3.0)
     p = {q.name: q.value for q in model.parameters}
     start = {"angle": np.radians(60.0), "speed": 2.0}
     run = simulate(model, np.zeros((1000, 2)), sample_time=1e-4, start=start, tolerance=1e-9)

@@ -6,9 +6,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from workbench.model import About, Effect, Input, Model, Output, Parameter, PortView, Scope, State
+from workbench.model import About, Effect, Parameter, PortView, Scope, State
 from workbench.model.regularisation import Expression, where
-from workbench.model.trace import Equations
 from workbench.physics.friction import coulomb_friction, viscous_friction
 from workbench.plants.arm.geometry import ArmGeometry
 from workbench.plants.arm.inertia import MAXIMUM_LOAD, ArmBody, Plane
@@ -220,44 +219,4 @@ def damper_and_bearing() -> tuple[Effect, Effect]:
             source="estimate",
             name="bearing_friction",
         ),
-    )
-
-
-def arm_joint(load_kg: float = 0.0, *, plane: Plane = "horizontal") -> Model:
-    """Build the joint alone, pulled by prescribed forces.
-
-    Args:
-        load_kg: Mass of the plates, 0 to 8 kg.
-
-    Returns:
-        Model with the inputs ``force_1`` and ``force_2`` (N) and the outputs ``angle`` (rad) and
-        ``load_cell`` (N).
-
-    Raises:
-        WorkbenchError: If the load or the plane is outside its range.
-
-    Example:
-        >>> model = arm_joint(3.0)
-        >>> round(float(model.rates([0.5, 0.0], [500.0, 500.0])[1]), 2)
-        0.56
-    """
-    geometry, body = ArmGeometry(), ArmBody()
-
-    def equations(m: Scope) -> Equations:
-        motion = joint(m, forces=(m.u.force_1, m.u.force_2), geometry=geometry, body=body)
-        return motion.rates, {"angle": m.x.angle, "load_cell": motion.load_cell}
-
-    weight = (gravity(plane),) if plane == "vertical" else ()
-    return (
-        Model(
-            "arm joint",
-            equations,
-            states=STATES,
-            inputs=tuple(Input(f"force_{i}", "N", 100.0) for i in (1, 2)),
-            outputs=(Output("angle", "rad", display_unit="deg"), Output("load_cell", "N", 100.0)),
-            parameters=PARAMETERS,
-            description="arm with plates between two stops",
-        )
-        .with_effect(*weight, *damper_and_bearing())
-        .with_parameters({"load": load_kg})
     )
