@@ -2,20 +2,38 @@
 
 Linear models see what has a slope at rest. Dry friction and hysteresis have none, so they are left
 out of the linear models; hysteresis of the muscles is compensated along the planned move instead.
+
+A latency of the command and a lag of the pressure sensors are predicted over by scheduled designs,
+so they are left out of the linear models too and stand in the specification. What is slower than
+the joint's third-order model beside them, spool, lines and sample, is one lag T more,
+
+    T = -arg(G(j w) / G_3(j w)) / w + h / 2,    w = 2 pi 15 Hz,
+
+with G from opening to angle and G_3 its third-order model: the feedforward leads by it, and laws
+that know of a lag predict over it.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import is_dataclass
 from typing import Any
 
-from controllers.design import DESIGNS
+import numpy as np
+
+from controllers.design import DESIGNS, Design
 from controllers.joint.hysteresis_compensation import with_compensation
+from controllers.joint.model import joint_model, opening_input
 from controllers.joint.schedule import joint_schedule
-from workbench.linearisation import linearise
-from workbench.linearisation.operating_map import operating_map
+from controllers.valve_inverse import ValveInverse
+from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation.operating_map import OperatingMap, operating_map
+from workbench.linearisation.transfer import transfer_function
 from workbench.model import Model
 from workbench.operating_point import operating_point
+from workbench.physics.delay import clock_shift, valve_delay
+from workbench.physics.lag import sensor_lag
 from workbench.plants.plant import Plant
 from workbench.simulation.compiled import compiled
 
@@ -34,7 +52,8 @@ def redesign(
         design: Name of a design, or ``module:function`` of one's own.
 
     Returns:
-        The controller; with compensation where the model has hysteresis of the muscles.
+        The controller; with compensation where the model has hysteresis of the muscles, and
+        predicting over latency and lags that were found.
 
     Raises:
         WorkbenchError: If the model cannot rest there, or the design does not fit the plant.
@@ -51,12 +70,66 @@ def redesign(
     smooth = model.without(*model.dry_effects)
     source: Any
     given: dict[str, Any] = {}
+    wanted = dict(specification or {})
     if kind.needs == "map":
-        source = joint_schedule(operating_map(smooth, plant.design_map))
+        known = found_lags(model)
+        found = operating_map(smooth.without(*known), plant.design_map)
+        source = joint_schedule(found)
+        wanted = {**_predicting(kind, known, found), **wanted}
     elif kind.needs == "linear":
         source = linearise(operating_point(smooth, plant.design_point), verdict=False)
     else:
         rest = operating_point(smooth, plant.design_point)
         source, given = smooth, {"rest": rest.x, "compile_function": compiled}
-    law = kind.controller(source, kind.specified(specification or {}), given=given)
+    law = kind.controller(source, kind.specified(wanted), given=given)
     return with_compensation(law, model)
+
+
+def found_lags(model: Model) -> dict[str, tuple[str, float]]:
+    """Return the latencies and sensor lags that a model has.
+
+    Returns:
+        What it is, ``latency`` or ``sensor_lag``, and how long, in s, by the name of the effect.
+    """
+    values = {q.name: q.value for q in model.parameters}
+    found = {}
+    for effect in model.effects:
+        time = values.get(f"{effect.name}.time", 0.0)
+        if effect.name in (valve_delay.name, clock_shift.name):
+            found[effect.name] = ("latency", time)
+        elif effect.name.startswith(f"{sensor_lag.name}_pressure"):
+            found[effect.name] = ("sensor_lag", time)
+    return found
+
+
+def _predicting(
+    kind: Design, known: Mapping[str, tuple[str, float]], found: OperatingMap
+) -> dict[str, float]:
+    """Return the entries of a specification by which a design predicts over known lags."""
+    fields = getattr(kind.specification, "__dataclass_fields__", {})
+    if not known or not is_dataclass(kind.specification):
+        return {}
+    latency = sum(time for what, time in known.values() if what == "latency")
+    lags = [time for what, time in known.values() if what == "sensor_lag"]
+    slow = float(np.median([_slower(linear) for linear in found.models.values()]))
+    slow += 0.5 * fields["sample_time"].default
+    asked = {
+        "latency": latency,
+        "sensor_lag": max(lags, default=0.0),
+        "lead": slow,
+        "lag": slow,
+    }
+    return {name: max(value, 0.0) for name, value in asked.items() if name in fields}
+
+
+def _slower(linear: LinearModel) -> float:
+    """Return the lag between a linear model and its third-order model, in s."""
+    valve = ValveInverse()
+    joint, entry = joint_model(linear, valve=valve), opening_input(linear, valve)
+    s = 2j * math.pi * 15.0
+    whole = transfer_function(linear.A, linear.B, linear.C, linear.D, np.array([s]))
+    angle = linear.output_names.index("angle")
+    of = whole[0, angle, linear.input_names.index(entry.name)] * entry.per_opening
+    third = joint.b / (s**2 + joint.a1 * s + joint.a0)
+    third = third * joint.g / (s + joint.d + joint.e * s * third)
+    return float(-np.angle(of / third) / s.imag)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.errors import NumericalError
+from workbench.errors import WorkbenchError
 from workbench.evaluation.kept import answered
 from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.closed_loop import follow
@@ -141,7 +141,7 @@ class Trial:
 
 
 def run_trial(trial: Trial, _jobs: int) -> dict[str, Any]:
-    """Run every design on one drawn machine; a run that cannot be simulated has a reason."""
+    """Run every design on one drawn machine; a machine that cannot rest or run has a reason."""
     study = tolerant_study()
     scenario = next(iter(study.scenarios.values()))
     found: dict[str, Any] = {}
@@ -149,7 +149,7 @@ def run_trial(trial: Trial, _jobs: int) -> dict[str, Any]:
         try:
             run = _RUNS[trial.simulator]
             row = run(recipe.build(), trial.draw, scenario)
-        except NumericalError as error:
+        except WorkbenchError as error:
             row = {"reason": str(error)}
         found[name] = row
     kinds = list(trial.draw.kinds)
