@@ -176,3 +176,20 @@ def _real_least_squares(left: Complex, *columns: Complex) -> list[float]:
     size = np.linalg.norm(stacked, axis=0)
     solution = np.linalg.lstsq(stacked / size, target, rcond=None)[0] / size
     return [float(value) for value in solution]
+
+
+def lag_beside(linear: LinearModel) -> float:
+    """Return the lag of a linear model beside the third-order model of its joint, in s.
+
+    ``T = -arg(G(j w) / G_3(j w)) / w`` at w = 2 pi 15 Hz, with G from opening to angle and G_3 its
+    third-order model: what spool and lines are slower by.
+    """
+    valve = ValveInverse()
+    joint, entry = joint_model(linear, valve=valve), opening_input(linear, valve)
+    s = 2j * np.pi * 15.0
+    whole = transfer_function(linear.A, linear.B, linear.C, linear.D, np.array([s]))
+    angle = linear.output_names.index("angle")
+    of = whole[0, angle, linear.input_names.index(entry.name)] * entry.per_opening
+    third = joint.b / (s**2 + joint.a1 * s + joint.a0)
+    third = third * joint.g / (s + joint.d + joint.e * s * third)
+    return float(-np.angle(of / third) / s.imag)

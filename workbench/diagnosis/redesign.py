@@ -5,17 +5,12 @@ out of the linear models; hysteresis of the muscles is compensated along the pla
 
 A latency of the command and a lag of the pressure sensors are predicted over by scheduled designs,
 so they are left out of the linear models too and stand in the specification. What is slower than
-the joint's third-order model beside them, spool, lines and sample, is one lag T more,
-
-    T = -arg(G(j w) / G_3(j w)) / w + h / 2,    w = 2 pi 15 Hz,
-
-with G from opening to angle and G_3 its third-order model: the feedforward leads by it, and laws
-that know of a lag predict over it.
+the joint's third-order model beside them, spool, lines and sample, is one lag more (`lag_beside`,
+and half a sample): the feedforward leads by it, and laws that know of a lag predict over it.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import is_dataclass
 from typing import Any
@@ -24,12 +19,10 @@ import numpy as np
 
 from controllers.design import DESIGNS, Design
 from controllers.joint.hysteresis_compensation import with_compensation
-from controllers.joint.model import joint_model, opening_input
+from controllers.joint.model import lag_beside
 from controllers.joint.schedule import joint_schedule
-from controllers.valve_inverse import ValveInverse
-from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation import linearise
 from workbench.linearisation.operating_map import OperatingMap, operating_map
-from workbench.linearisation.transfer import transfer_function
 from workbench.model import Model
 from workbench.operating_point import operating_point
 from workbench.physics.delay import clock_shift, valve_delay
@@ -111,7 +104,7 @@ def _predicting(
         return {}
     latency = sum(time for what, time in known.values() if what == "latency")
     lags = [time for what, time in known.values() if what == "sensor_lag"]
-    slow = float(np.median([_slower(linear) for linear in found.models.values()]))
+    slow = float(np.median([lag_beside(linear) for linear in found.models.values()]))
     slow += 0.5 * fields["sample_time"].default
     asked = {
         "latency": latency,
@@ -120,16 +113,3 @@ def _predicting(
         "lag": slow,
     }
     return {name: max(value, 0.0) for name, value in asked.items() if name in fields}
-
-
-def _slower(linear: LinearModel) -> float:
-    """Return the lag between a linear model and its third-order model, in s."""
-    valve = ValveInverse()
-    joint, entry = joint_model(linear, valve=valve), opening_input(linear, valve)
-    s = 2j * math.pi * 15.0
-    whole = transfer_function(linear.A, linear.B, linear.C, linear.D, np.array([s]))
-    angle = linear.output_names.index("angle")
-    of = whole[0, angle, linear.input_names.index(entry.name)] * entry.per_opening
-    third = joint.b / (s**2 + joint.a1 * s + joint.a0)
-    third = third * joint.g / (s + joint.d + joint.e * s * third)
-    return float(-np.angle(of / third) / s.imag)
