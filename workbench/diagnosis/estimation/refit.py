@@ -206,8 +206,10 @@ class _Problem:
         """Return gradient and Hessian of the linearised cost in scaled parameters."""
         errors, jacobian = stack(parts)
         prior = (self._scale / self._std) ** 2
-        gradient = jacobian.T @ errors + prior * (values - self._mean) / self._scale
-        return gradient, jacobian.T @ jacobian + np.diag(prior)
+        # Derivatives beyond the range of numbers end a step, not the search.
+        with np.errstate(over="ignore", invalid="ignore"):
+            gradient = jacobian.T @ errors + prior * (values - self._mean) / self._scale
+            return gradient, jacobian.T @ jacobian + np.diag(prior)
 
     def step(
         self, normal: tuple[Vector, Vector], values: Vector, damping: float

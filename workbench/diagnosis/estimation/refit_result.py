@@ -215,6 +215,7 @@ def _inverse(information: Vector) -> Vector:
     return np.asarray((vectors / kept) @ vectors.T / np.outer(size, size))
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def _information(part: Innovations, sample_time: float) -> tuple[Vector, Vector]:
     """Information of white errors, and the scatter of the score over blocks of each length."""
     errors = np.nan_to_num(part.whitened)
