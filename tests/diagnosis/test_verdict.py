@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from tests.diagnosis.example_diagnosis import example_diagnosis
+from workbench.diagnosis.conclude import conclude
+from workbench.diagnosis.selection.weights import Compared
 from workbench.diagnosis.verdict import SCHEMA, Finding, Value, Verdict
 from workbench.plants.servo_axis import servo_axis
 
@@ -58,3 +65,26 @@ def test_a_printed_verdict_holds_its_numbers() -> None:
     text = str(_verdict())
     assert text.startswith("named: Missing: friction.")
     assert "break_away" in text and "25" in text and "Move slowly." in text
+
+
+def test_what_has_a_weight_instead_of_a_finding_cannot_be_told_from_it() -> None:
+    given, _ = example_diagnosis()
+    assert given.selected is not None and given.verdict is not None
+    name = "coulomb_friction"
+    assert [f.alike for f in given.verdict.findings] == [(name,)]
+
+    def said(*others: tuple[tuple[str, ...], float]) -> tuple[tuple[str, ...], float, str]:
+        sets = [Compared(e, (np.full(20, c / 40),) * 2) for e, c in (((name,), 0.0), *others)]
+        assert given.selected is not None
+        selected = replace(given.selected, compared=tuple(sets), penalty=20.0)
+        verdict = conclude(replace(given, selected=selected))
+        (finding,) = verdict.findings
+        return finding.alike, finding.weight, verdict.kind
+
+    alike, weight, kind = said((("linear_spring",), 1.0), ((), 100.0))
+    assert (alike, kind) == ((name, "linear_spring"), "named_class")
+    assert weight == pytest.approx(1.0)
+    # What is hardly as likely, or has another effect beside it, is not meant.
+    assert said((("linear_spring",), 5.0))[::2] == ((name,), "named")
+    alike, weight, _ = said((("linear_spring", "creep"), -20.0))
+    assert alike == (name,) and weight == pytest.approx(0.5)

@@ -19,6 +19,9 @@ from workbench.diagnosis.verdict import Finding, Kind, Value, Verdict
 _MOST_SAID = 5
 """Effects that a sentence names, and sets of effects that a verdict weighs."""
 
+_LEAST_ALIKE = 0.1
+"""Weight from which what stands for an effect in a set of effects cannot be told from it."""
+
 _LEAST_WEIGHT = 0.005
 """Weight below which a set of effects is not worth a line."""
 
@@ -210,6 +213,17 @@ def _weights(diagnosis: Diagnosis) -> tuple[Weighted, ...]:
     return diagnosis.selected.weights if diagnosis.selected is not None else ()
 
 
+def _instead(diagnosis: Diagnosis, name: str) -> list[str]:
+    """Return the effects with which, instead of one, a set of all others has a weight."""
+    beside = {a.candidate.entry.effect.name for a in diagnosis.accepted} - {name}
+    found = []
+    for effects, weight in _weights(diagnosis):
+        other = set(effects) - beside
+        if weight >= _LEAST_ALIKE and len(other) == 1 and len(effects) == len(beside) + 1:
+            found += [n for n in other if n != name]
+    return found
+
+
 def _weight(diagnosis: Diagnosis, alike: set[str]) -> float:
     """Return the weight of all sets of effects that contain one of some look-alikes."""
     weights = _weights(diagnosis)
@@ -221,6 +235,7 @@ def _weight(diagnosis: Diagnosis, alike: set[str]) -> float:
 def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]]) -> Finding:
     candidate, alike = diagnosis.accepted[index]
     entry = candidate.entry
+    alike = (*alike, *(n for n in _instead(diagnosis, entry.effect.name) if n not in alike))
     parameters = _own(diagnosis.extended, entry.effect.name)
     size = parameters.get(entry.size_parameter)
     about = entry.effect.about
