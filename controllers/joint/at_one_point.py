@@ -12,7 +12,7 @@ joint shall be from a third-order model of the reference with its poles at omega
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers
 from controllers.joint.model import JointModel
@@ -35,8 +35,29 @@ class LaggedState(NamedTuple):
     difference: Number
 
 
+State = TypeVar("State")
+
+
+class _AroundOnePoint(Generic[State]):
+    """What no front end around one point does: predict over a latency, learn the valve's centre."""
+
+    def sent(self, state: State, opening: Number, arithmetic: Arithmetic = FLOATS) -> State:
+        """Return the state as it is: around one point nothing is predicted over a latency."""
+        return state
+
+    def command(
+        self,
+        valve: ValveInverse,
+        state: State,
+        opening: Number,
+        arithmetic: Arithmetic = FLOATS,
+    ) -> Number:
+        """Return the voltage, in V, that the valve's curve gives."""
+        return valve.command(opening, arithmetic)
+
+
 @dataclass(frozen=True)
-class LaggedReference:
+class LaggedReference(_AroundOnePoint[LaggedState]):
     """Two lags of the reference and a filter of the pressure difference.
 
     Args:
@@ -78,22 +99,6 @@ class LaggedReference:
         context = Context(plan, UNIT, angle, 0.0, 0.0, 0.0, difference, 0.0, 0.0)
         return context, LaggedState(filtered, target, difference)
 
-    def sent(
-        self, state: LaggedState, opening: Number, arithmetic: Arithmetic = FLOATS
-    ) -> LaggedState:
-        """Return the state as it is: around one point nothing is predicted over a latency."""
-        return state
-
-    def command(
-        self,
-        valve: ValveInverse,
-        state: LaggedState,
-        opening: Number,
-        arithmetic: Arithmetic = FLOATS,
-    ) -> Number:
-        """Return the voltage, in V, that the valve's curve gives."""
-        return valve.command(opening, arithmetic)
-
 
 class ReferenceModelState(NamedTuple):
     """What a `ReferenceModel` remembers.
@@ -110,7 +115,7 @@ class ReferenceModelState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ReferenceModel:
+class ReferenceModel(_AroundOnePoint[ReferenceModelState]):
     """Third-order model of the reference, and observer of the joint at one point.
 
     Args:
@@ -181,19 +186,3 @@ class ReferenceModel:
             ),
         )
         return context, following
-
-    def sent(
-        self, state: ReferenceModelState, opening: Number, arithmetic: Arithmetic = FLOATS
-    ) -> ReferenceModelState:
-        """Return the state as it is: around one point nothing is predicted over a latency."""
-        return state
-
-    def command(
-        self,
-        valve: ValveInverse,
-        state: ReferenceModelState,
-        opening: Number,
-        arithmetic: Arithmetic = FLOATS,
-    ) -> Number:
-        """Return the voltage, in V, that the valve's curve gives."""
-        return valve.command(opening, arithmetic)
