@@ -403,21 +403,10 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
             perfect=current.noise_scale <= PERFECT and bool(number),
         )
 
-        def refitted(some: Sequence[Score]) -> tuple[Candidate, ...]:
-            return refit_candidates(
-                current,
-                some,
-                state.free,
-                begun,
-                task.started(task.judging, current.model),
-                limits=limits,
-                jobs=task.jobs,
-                progress=task.say,
-            )
-
-        candidates = refitted(chosen)
+        candidates = _refits(task, current, state.free, chosen, limits)
         if later and all(c.refused for c in candidates):
-            candidates = tuple(sorted((*refitted(later), *candidates), key=lambda c: -c.gain))
+            more = _refits(task, current, state.free, later, limits)
+            candidates = tuple(sorted((*more, *candidates), key=lambda c: -c.gain))
         scored_names = {s.entry.name for s in scores.scores}
         candidates += tuple(
             untried(entry, why)
@@ -428,7 +417,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         state = _remembered(task, state, candidates)
         state = replace(state, rounds=(*state.rounds, Round(scores, candidates)), penalty=penalty)
         passing = [c for c in candidates if not c.refused]
-        if not passing and _most_is_left(task, state):
+        if not passing:
             state = _with_pair(task, state, limits)
     if passing:
         task.say(f"found {passing[0].entry.name}")
@@ -440,6 +429,26 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
         state = _exchanged(task, scored, state)
     became_perfect = state.extended.noise_scale <= PERFECT < current.noise_scale
     return state, not (became_perfect and _near_noise(task, state))
+
+
+def _refits(
+    task: Task,
+    base: ProcessNoiseFit,
+    free: Sequence[Prior],
+    chosen: Sequence[Score],
+    limits: Limits,
+) -> tuple[Candidate, ...]:
+    """Refit effects beside what a model has, judged on the held-out recordings."""
+    return refit_candidates(
+        base,
+        chosen,
+        free,
+        task.started(task.fitting, base.model),
+        task.started(task.judging, base.model),
+        limits=limits,
+        jobs=task.jobs,
+        progress=task.say,
+    )
 
 
 def _with_candidate(task: Task, state: Selected, found: Candidate, beside: Round) -> Selected:
@@ -474,35 +483,37 @@ def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
     complete = limits.near_noise or current.noise_scale <= IMPERFECT.value
     if complete or len(state.rounds) >= MOST_FINDINGS:
         return state
-    before = (blocks_of_cost(current, task.started(task.judging, current.model)),)
+    openings = _openings(round_.candidates, limits)
+    if not openings or not _most_is_left(task, state):
+        return state
+    before = blocks_of_cost(current, task.started(task.judging, current.model))
     without = run_errors(current, task.nominal, task.judging)
     twice = replace(limits, penalty=2.0 * limits.penalty)
     best: Selected | None = None
-    for opening in _openings(round_.candidates, limits):
+    for opening in openings:
         told = f"only together with another effect: {opening.refused}"
         first = replace(opening, refused="", rule="", doubts=(told,))
         begun = _with_candidate(task, state, first, round_)
         model = begun.extended.model
         task.say(f"searching for what {first.name} hides")
-        fitting = task.started(task.fitting, model)
         scores = score_library(
-            model, fitting, begun.free, task.tried(model), noise_scale=begun.extended.noise_scale
-        )
-        seconds = refit_candidates(
-            begun.extended,
-            _to_refit(task, scores, _MOST_AGAIN)[0],
+            model,
+            task.started(task.fitting, model),
             begun.free,
-            fitting,
-            task.started(task.judging, model),
-            limits=limits,
-            jobs=task.jobs,
-            progress=task.say,
+            task.tried(model),
+            noise_scale=begun.extended.noise_scale,
         )
+        chosen, _ = _to_refit(task, scores, _MOST_AGAIN)
+        try:
+            seconds = _refits(task, begun.extended, begun.free, chosen, limits)
+        except NumericalError:
+            # What opens the pair cannot be followed along the held-out recordings.
+            continue
         pairs = tuple(
             replace(
                 c,
                 gain=current.cost - c.fit.cost,
-                held_out=gain_interval(before[0], c.blocks[1]),
+                held_out=gain_interval(before, c.blocks[1]),
                 refused="",
                 rule="",
                 doubts=(),
@@ -680,19 +691,10 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         tried = [known[name] for name in (found.candidate.name, *rivals) if name in known]
         if found is not state.accepted[-1]:
             tried += shortlist(scores, most=_NEWCOMERS)
+        asked = Limits(state.penalty, _least(scored, base, number), scored.near_noise(task.base))
+        chosen = tuple({s.entry.name: s for s in tried}.values())
         try:
-            candidates = refit_candidates(
-                base,
-                tuple({s.entry.name: s for s in tried}.values()),
-                free,
-                begun,
-                task.started(task.judging, base.model),
-                limits=Limits(
-                    state.penalty, _least(scored, base, number), scored.near_noise(task.base)
-                ),
-                jobs=task.jobs,
-                progress=task.say,
-            )
+            candidates = _refits(task, base, free, chosen, asked)
         except NumericalError:
             # Without the effect the recordings cannot be followed: it is needed as it is.
             continue

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 from workbench.diagnosis.estimation.priors import Prior
@@ -113,7 +114,7 @@ class Selected:
     nonparametric: NonparametricTerm | None = None
     finished: bool = False
 
-    @property
+    @cached_property
     def weights(self) -> tuple[Weighted, ...]:
         """Weights of the sets of effects that were compared, the likeliest first."""
         return set_weights(self.compared, self.penalty)
