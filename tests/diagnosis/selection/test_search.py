@@ -44,14 +44,31 @@ def test_only_what_gains_where_it_was_not_fitted_opens_a_pair() -> None:
 
 
 def test_where_the_equations_leave_nothing_out_no_pair_is_searched_for() -> None:
+    said: list[str] = []
     given, _ = example_diagnosis()
     assert given.selected is not None
     prepared = given.prepared
-    task = Task(given.nominal, given.base, prepared.fitting, prepared.judging, prepared.priors)
-    begun = replace(given.selected, accepted=(), extended=given.base)
-    assert _with_pair(task, begun, Limits(0.0, near_noise=True)) is begun
-    perfect = replace(begun, extended=replace(given.base, noise_scale=0.03))
-    assert _with_pair(task, perfect, Limits(0.0)) is perfect
+    task = Task(
+        given.nominal,
+        given.base,
+        prepared.fitting,
+        prepared.judging,
+        prepared.priors,
+        entries=tuple(s.entry for s in given.selected.rounds[0].scores.scores),
+        say=said.append,
+    )
+    opening = replace(given.selected.accepted[0].candidate, refused="too little", rule=SHARE.name)
+    asked = Limits(0.5 * min(opening.gain, opening.held_out[0]))
+    assert _openings([opening], asked) == [opening]
+    rounds = (given.selected.rounds[0]._replace(candidates=(opening,)),)
+    base = replace(given.base, noise_scale=0.3)
+    begun = replace(given.selected, accepted=(), rounds=rounds, extended=base, free=prepared.priors)
+    assert _with_pair(task, begun, replace(asked, near_noise=True)) is begun
+    perfect = replace(begun, extended=replace(base, noise_scale=0.03))
+    assert _with_pair(task, perfect, asked) is perfect
+    assert said == []
+    _with_pair(task, begun, asked)
+    assert said[0] == "searching for what coulomb_friction hides"
 
 
 def test_what_ends_on_its_upper_bound_may_be_too_little() -> None:
