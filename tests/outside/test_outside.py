@@ -92,10 +92,10 @@ def _brake(x: npt.NDArray[np.float64], pull: float) -> npt.NDArray[np.float64]:
     return np.array([x[1], (pull - 8.0 * x[1] - 9.0 * x[1] ** 3) / 5.0])
 
 
-def _log(folder: Path, name: str, seed: int) -> Path:
-    """Write a log of the hoist, made by a fixed-step Runge-Kutta method of its own."""
+def _log(folder: Path, name: str, seed: int, n: int = 1200) -> Path:
+    """Write a log of n samples, made by a fixed-step Runge-Kutta method of its own."""
     rng = np.random.default_rng(seed)
-    h, n = 0.01, 1200
+    h = 0.01
     pull = np.repeat(rng.uniform(-40.0, 40.0, n // 40), 40)
     x, height = np.zeros(2), np.zeros(n)
     for k in range(n):
@@ -160,9 +160,9 @@ def test_every_kind_of_member_serves_in_a_study_and_its_page(tmp_path: Path) -> 
         assert shown in page
 
 
-@pytest.mark.long
 def test_a_law_and_a_format_serve_in_a_diagnosis(tmp_path: Path) -> None:
-    logs = [_log(tmp_path, name, seed) for seed, name in enumerate(("a", "b"))]
+    # Recordings of 4 s of a plant with two states: the whole library is tried within seconds.
+    logs = [_log(tmp_path, name, seed, 400) for seed, name in enumerate(("a", "b"))]
     _workbench(
         ["diagnose", "--plant", "outside-hoist", "--option", "mass=5kg"]
         + ["--fit", str(logs[0]), "--hold-out", str(logs[1]), "--out", "out", "--jobs", "1"],
