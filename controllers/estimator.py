@@ -25,12 +25,12 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
+from workbench.arrays import Matrix
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
 
-Matrix = npt.NDArray[np.float64]
 
 MOST_SENSORS = 5
 """Every subset of the sensors has its gain; a controller that reads more has no estimator."""

@@ -21,8 +21,7 @@ from controllers.arithmetic import SYMBOLS
 from controllers.guard import unguarded
 from controllers.named_state import flat, restored
 from controllers.protocol import Controller
-
-Matrix = npt.NDArray[np.float64]
+from workbench.arrays import Matrix
 
 
 class LinearLaw(NamedTuple):

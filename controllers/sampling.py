@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.arithmetic import Number, Numbers
+from workbench.arrays import Matrix
 
-Matrix = npt.NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
 
 

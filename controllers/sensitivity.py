@@ -14,14 +14,13 @@ from controllers.joint.model import OPENING
 from controllers.linear_law import linear_law
 from controllers.protocol import Controller
 from controllers.valve_inverse import ValveInverse
+from workbench.arrays import Matrix
 from workbench.errors import check_choice
 from workbench.linearisation.transfer import transfer_function
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
-
-Matrix = npt.NDArray[np.float64]
 
 
 def peak_sensitivities(

@@ -46,8 +46,8 @@ from controllers.joint.tracking import (
     TrackingState,
     arrived_opening,
 )
-from controllers.sampling import Matrix
 from controllers.valve_inverse import ValveLaw
+from workbench.arrays import Matrix
 from workbench.errors import check_range
 from workbench.linearisation.zero_order_hold import zero_order_hold
 

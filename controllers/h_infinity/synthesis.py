@@ -31,14 +31,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.joint.model import JointModel
+from workbench.arrays import Matrix
 from workbench.errors import NumericalError, WorkbenchError, check_range
 from workbench.linearisation.transfer import transfer_function
 
-Matrix = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 System = tuple[Matrix, Matrix, Matrix, Matrix]
 """Matrices A, B, C and D of a system in continuous time."""
 

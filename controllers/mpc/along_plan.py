@@ -32,7 +32,6 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from controllers.arithmetic import FLOATS, SYMBOLS, Arithmetic, Number
 from controllers.c_source import CSource, generated
@@ -53,9 +52,8 @@ from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
 from controllers.state_feedback import error_dynamics
 from controllers.valve_inverse import ValveController
+from workbench.arrays import Matrix
 from workbench.errors import check_range
-
-Matrix = npt.NDArray[np.float64]
 
 
 class ScheduledMPCState(NamedTuple):

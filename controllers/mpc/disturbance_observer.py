@@ -26,16 +26,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
+from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
-
-Matrix = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

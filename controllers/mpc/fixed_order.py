@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-Matrix = npt.NDArray[np.float64]
+from workbench.arrays import Matrix
 
 
 def product(matrix: Matrix, vector: npt.ArrayLike) -> Matrix:

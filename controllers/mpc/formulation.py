@@ -23,11 +23,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError
-
-Matrix = npt.NDArray[np.float64]
 
 LINEAR = 1e-9
 """What rounding may leave of a part that has to vanish, relative to the rest."""

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.mpc.fixed_order import product
 from controllers.mpc.formulation import Change, condensed, formulated
 from controllers.quadratic_program.solver import Factored, factored
+from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError
 from workbench.linearisation.zero_order_hold import zero_order_hold
-
-Matrix = npt.NDArray[np.float64]
 
 SLACK_SCALE = 1e4
 """The slack is counted in 0.1 bar, so that the variables of the problem are of one size."""

@@ -33,7 +33,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from controllers.arithmetic import Arithmetic, Number
 from controllers.c_source import CSource
@@ -54,13 +53,12 @@ from controllers.quadratic_program.plugins import OPTIONS, OWN, program
 from controllers.quadratic_program.solver import Solution
 from controllers.reference.horizon import lagged
 from controllers.valve_inverse import ValveController, ValveInverse
+from workbench.arrays import Matrix
 from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
-
-Matrix = npt.NDArray[np.float64]
 
 
 class MPCState(NamedTuple):

@@ -59,11 +59,10 @@ from controllers.quadratic_program.solver import quadratic_program
 from controllers.reference.horizon import ReferenceAhead
 from controllers.reference.planned import Planner
 from controllers.valve_inverse import ThroughValve, ValveInverse
+from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.actuator_inverse import straightened
 from workbench.model import Model
-
-Matrix = npt.NDArray[np.float64]
 
 _UNIT_PRESSURE = 1e5
 

@@ -18,11 +18,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.nonlinear_mpc.prediction import Called, Dynamics
-
-Matrix = npt.NDArray[np.float64]
+from workbench.arrays import Matrix
 
 START_SPREAD = 0.01
 """Standard deviation of the states at the start, as a fraction of their scales."""

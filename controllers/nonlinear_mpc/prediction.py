@@ -24,10 +24,10 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model import Model
 
-Matrix = npt.NDArray[np.float64]
 Compile = Callable[[ca.Function], ca.Function]
 """Turns a CasADi function into a faster one with the same results."""
 

@@ -32,8 +32,9 @@ from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
 from controllers.plain.single_loop import LoopSpecification, PlainLaw, SingleLoop
 from controllers.reference.horizon import lagged
-from controllers.sampling import Matrix, Rows, rows, total
+from controllers.sampling import Rows, rows, total
 from controllers.sensitivity import peak_sensitivities
+from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_range
 from workbench.linearisation.zero_order_hold import zero_order_hold
 

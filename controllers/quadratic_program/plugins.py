@@ -7,7 +7,6 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from controllers.quadratic_program.solver import (
     LIMITED,
@@ -17,9 +16,8 @@ from controllers.quadratic_program.solver import (
     Solution,
     quadratic_program,
 )
+from workbench.arrays import Matrix
 from workbench.errors import check_choice
-
-Matrix = npt.NDArray[np.float64]
 
 OWN = "own"
 

@@ -31,9 +31,8 @@ import numpy as np
 import numpy.typing as npt
 
 from controllers.quadratic_program.compiled import solver_library
+from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError
-
-Matrix = npt.NDArray[np.float64]
 
 SUCCESS, LIMITED, INFEASIBLE, NOT_FINITE = (
     "SOLVER_RET_SUCCESS",

@@ -15,12 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.arithmetic import FLOATS, Number
 from controllers.reference.planned import Planner, PlannerState
-
-Vector = npt.NDArray[np.float64]
+from workbench.arrays import Vector
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.data_folder import shipped_data
 from workbench.demo.part import Part
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
@@ -37,7 +38,6 @@ from workbench.verification import Scenario, Sine, verify
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Vector = npt.NDArray[np.float64]
 
 CASE = "practice-08"
 

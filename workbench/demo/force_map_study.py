@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_choice
 from workbench.physics.force_laws import ForceLaw, PaperLaw, Petrovic, Sarosi, TonduLopez
-
-Vector = npt.NDArray[np.float64]
 
 LAW_LENGTH = 0.2
 """Nominal length of the muscle for which the laws were published, in m."""

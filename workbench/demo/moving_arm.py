@@ -6,14 +6,13 @@ import json
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.plants.arm.drawing import arm_drawing
 from workbench.reports.page import Moving, template
 from workbench.reports.style import FURTHER, INK, SIMULATED, Colour
 from workbench.simulation import Trajectory
 
-Vector = npt.NDArray[np.float64]
 Trace = tuple[str, tuple[tuple[Vector, Colour], ...]]
 """Quantity with its unit, and the curves that are drawn over time, with their colours."""
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_range
 from workbench.model import Model, Output
 from workbench.physics.force_laws import ForceLaw
@@ -17,8 +18,6 @@ from workbench.plants.arm.arm import OUTPUTS
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
 from workbench.plants.arm.muscle import pneumatic_muscle
 from workbench.simulation import simulate
-
-Vector = npt.NDArray[np.float64]
 
 CONTRACTIONS = (0.0, 1e-3, 2e-3, 4e-3, 7e-3, 10e-3, 14e-3, 18e-3, 22e-3, 26e-3, 30e-3)
 """Contractions of the experiment, m; close to each other where phi bends."""

@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import check_range
 from workbench.experiments.transits import TransitFigures, measure_transits
 from workbench.model import Model
 from workbench.simulation import Trajectory, simulate
-
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_finite, check_range
-
-Vector = npt.NDArray[np.float64]
 
 SMOOTHING = 0.03
 """Width of the window over which speeds are taken from angles, in s: a fifteenth of a ripple."""

@@ -14,11 +14,10 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model import ActuatorCurve, Model, Trace
 from workbench.operating_point import OperatingPoint
-
-Vector = npt.NDArray[np.float64]
 
 _POINTS = 201
 _PLANTS: WeakKeyDictionary[Trace, dict[tuple[str, bytes], Model]] = WeakKeyDictionary()

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.transfer import transfer_function
@@ -21,8 +21,6 @@ from workbench.model import Model, Output, Parameter, Scope
 from workbench.model.trace import Equations
 from workbench.operating_point import OperatingPoint
 from workbench.simulation.stepper import Stepper
-
-Vector = npt.NDArray[np.float64]
 
 SAMPLE_TIME = 0.002
 """Time between samples of the comparison, s."""

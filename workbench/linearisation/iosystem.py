@@ -5,12 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.model import EXACT, Form, Model
 from workbench.operating_point import Derivatives
-
-Vector = npt.NDArray[np.float64]
 
 
 def to_iosystem(model: Model, *, form: Form = EXACT) -> Any:

@@ -6,13 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.linearisation.linear_model import LinearModel
 from workbench.model.units import rate_unit
 from workbench.operating_point import Derivatives, OperatingPoint
-
-Vector = npt.NDArray[np.float64]
 
 _AT_ONCE = 1e-7
 _REACH = 0.05

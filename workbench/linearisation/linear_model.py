@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.modes import Mode, find_modes
@@ -17,7 +18,6 @@ from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model.units import from_si
 from workbench.operating_point import OperatingPoint
 
-Vector = npt.NDArray[np.float64]
 Inverse = Callable[[npt.ArrayLike], Vector]
 """Turns an input of the linear model into the input of the plant, in SI."""
 

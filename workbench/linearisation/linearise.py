@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.actuator_inverse import ActuatorInverse, straightened
 from workbench.linearisation.kinks import find_kinks
@@ -17,8 +17,6 @@ from workbench.linearisation.validity import DescribingFunction, Validity
 from workbench.model import EXACT, ActuatorCurve, Form
 from workbench.model.units import rate_unit
 from workbench.operating_point import OperatingPoint, derivatives_of
-
-Vector = npt.NDArray[np.float64]
 
 
 def linearise(

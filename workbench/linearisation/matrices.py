@@ -15,13 +15,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import check_choice, check_range
 from workbench.model import Model
 from workbench.operating_point import Derivatives
-
-Vector = npt.NDArray[np.float64]
 
 _POINTS = 32
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_finite
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.linearise import linearise
 from workbench.model import Model
 from workbench.operating_point import OperatingPoint, operating_point
 
-Vector = npt.NDArray[np.float64]
 Index = tuple[int, ...]
 
 

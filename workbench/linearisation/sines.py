@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_range
 from workbench.linearisation.comparison import BLOCK, SAMPLE_TIME, Comparison, horizon_of
 from workbench.linearisation.linear_model import LinearModel
-
-Vector = npt.NDArray[np.float64]
 
 _HIGHEST_HZ = 1.0 / (20 * SAMPLE_TIME)
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_choice
 from workbench.linearisation.linear_model import LinearModel
 from workbench.model import Input, Model, Output, Scope, State
@@ -19,7 +19,6 @@ from workbench.operating_point import OperatingPoint
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-Vector = npt.NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
 
 

@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_range
 from workbench.linearisation.comparison import BLOCK, SAMPLE_TIME, Comparison, horizon_of
 from workbench.linearisation.linear_model import LinearModel
 from workbench.model.units import from_si
-
-Vector = npt.NDArray[np.float64]
 
 _GRID = 13
 _BISECTIONS = 4

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Complex
+
 if TYPE_CHECKING:
     from workbench.linearisation.linear_model import LinearModel
-
-Complex = npt.NDArray[np.complex128]
 
 
 def transfer_function(A: Any, B: Any, C: Any, D: Any, s: npt.ArrayLike) -> Complex:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-Matrix = npt.NDArray[np.float64]
+from workbench.arrays import Matrix
 
 
 def zero_order_hold(a: Matrix, b: Matrix, sample_time: float) -> tuple[Matrix, Matrix]:

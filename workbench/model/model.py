@@ -12,6 +12,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite
 from workbench.model.effect import Effect
@@ -21,7 +22,6 @@ from workbench.model.scope import Names, Port
 from workbench.model.trace import Equations, Trace, trace
 from workbench.model.traits import Traits
 
-Vector = npt.NDArray[np.float64]
 Own = TypeVar("Own", State, Parameter)
 
 

@@ -6,7 +6,6 @@ from functools import singledispatch
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from workbench.diagnosis.stages import Diagnosis
 from workbench.errors import WorkbenchError, check_choice
@@ -28,8 +27,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from matplotlib.figure import Figure
-
-Vector = npt.NDArray[np.float64]
 
 
 def plot(shown: Any, *what: Any) -> Figure:

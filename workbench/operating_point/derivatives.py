@@ -11,13 +11,10 @@ from typing import cast
 from weakref import WeakKeyDictionary
 
 import casadi as ca
-import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.model import Form, Model, Trace
 from workbench.simulation.equations import Buffered
-
-Vector = npt.NDArray[np.float64]
 
 _LOCAL = threading.local()
 

@@ -14,8 +14,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
 from workbench.model import EXACT, DriftingSum, Input, Model, Output, Quantity, State
@@ -31,8 +31,6 @@ from workbench.operating_point.trim import (
     limits_of,
     solve,
 )
-
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

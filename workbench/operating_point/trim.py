@@ -10,13 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.model import EXACT, REGULARISED, Form, Input, Model, State
 from workbench.model.traits import bound_value
 from workbench.operating_point.derivatives import derivatives_of
-
-Vector = npt.NDArray[np.float64]
 
 RESIDUAL_TOLERANCE = 1e-8
 """Largest residual, in scales of a state per second and scales of a measurement."""

@@ -8,6 +8,7 @@ from typing import cast
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit, same_dimension, to_si
 from workbench.recordings.column_matching import Requested, guess_role, is_time, match_requested
@@ -15,7 +16,7 @@ from workbench.recordings.columns import Columns, without_giants
 from workbench.recordings.headers import Header, read_header, read_unit, tidy_name
 from workbench.recordings.mapping import ColumnRule, MappingRules
 from workbench.recordings.quantity_kinds import kind_of
-from workbench.recordings.recording import ColumnMapping, MappedColumn, Role, Scalar, Signal, Vector
+from workbench.recordings.recording import ColumnMapping, MappedColumn, Role, Scalar, Signal
 
 AMBIENT_PA = 101325.0
 _STEP_NAMES = ("ts", "dt", "sampletime", "samplingtime", "sampleperiod")

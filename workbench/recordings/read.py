@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_range
 from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.column_assignment import assign, find_time, header_list
@@ -22,7 +23,7 @@ from workbench.recordings.formats.format import (
     format_of,
 )
 from workbench.recordings.mapping import MappingRules, read_mapping, rules_from
-from workbench.recordings.recording import ColumnMapping, Recording, Signal, Vector
+from workbench.recordings.recording import ColumnMapping, Recording, Signal
 from workbench.recordings.saving import restore_recording
 from workbench.registry import user_code
 

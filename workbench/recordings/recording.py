@@ -9,13 +9,13 @@ from typing import Literal, overload
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.display import Drawn, Rows
 from workbench.errors import WorkbenchError, check_choice
 from workbench.model.units import from_si, same_dimension
 from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.quantity_kinds import kind_of
 
-Vector = npt.NDArray[np.float64]
 Role = Literal["command", "reference", "measurement"]
 Scalar = str | int | float | bool
 

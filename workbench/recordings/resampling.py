@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_finite, check_range
-from workbench.recordings.recording import Recording, Signal, Vector
+from workbench.recordings.recording import Recording, Signal
 
 
 def _require_increasing(recording: Recording, what: str) -> None:

@@ -11,10 +11,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.simulation.compiled import generated
 from workbench.work.machine_code import FAST, SOON, USUAL, built, compiler
-
-Vector = npt.NDArray[np.float64]
 
 _HERE = Path(__file__).parent
 

@@ -10,13 +10,13 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.model import Trace
 from workbench.simulation.compiled import compiled
 from workbench.simulation.equations import Buffered, Equations
 from workbench.simulation.runge_kutta import MOST_STEPS, RungeKutta
 from workbench.work.machine_code import compiler
 
-Vector = npt.NDArray[np.float64]
 Method = Literal["erk", "rosenbrock"]
 
 METHODS: tuple[Method, ...] = ("erk", "rosenbrock")

@@ -16,11 +16,10 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.model import Trace
 from workbench.simulation.equations import Buffered, CFunction, Equations, address, in_c
 from workbench.work.counted import count, place
-
-Vector = npt.NDArray[np.float64]
 
 MOST_STEPS = 2000
 """Steps in one sample, at most."""

@@ -8,14 +8,13 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_finite
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector
 from workbench.simulation.integrators import METHODS, Method
 from workbench.simulation.stepper import Stepper
 from workbench.simulation.trajectory import Trajectory, find_violations, read_outputs
-
-Vector = npt.NDArray[np.float64]
 
 
 def simulate(

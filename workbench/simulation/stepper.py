@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice, check_range
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector
 from workbench.simulation.integrators import METHODS, Method, integrator_of, name_of
 from workbench.simulation.runge_kutta import MOST_STEPS
-
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass

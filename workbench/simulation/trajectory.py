@@ -7,16 +7,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.display import Drawn, Rows
 from workbench.errors import check_choice
 from workbench.model import EXACT, Form, Model, Quantity, Trace
 from workbench.model.units import from_si, shown_unit
 from workbench.simulation.equations import Equations
 from workbench.simulation.runge_kutta import at_every_row
-
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

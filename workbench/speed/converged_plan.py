@@ -16,12 +16,10 @@ from typing import Literal, NamedTuple
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from controllers.nonlinear_mpc.controller import NonlinearMPC
+from workbench.arrays import Matrix
 from workbench.errors import NumericalError, check_choice
-
-Matrix = npt.NDArray[np.float64]
 
 _BAR = 1e5
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.filter import substeps_of
 from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
 from workbench.diagnosis.estimation.prediction_error import (
@@ -27,8 +27,6 @@ from workbench.plants.servo_axis import servo_axis
 from workbench.simulation.equations import Equations, address
 from workbench.simulation.runge_kutta import integrator_library
 from workbench.speed.measure import Comparison, Way, timed, tried
-
-Vector = npt.NDArray[np.float64]
 
 _STIFFNESS = 200.0
 _STEP_S = 0.01

@@ -10,9 +10,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-
-Vector = npt.NDArray[np.float64]
 
 REPEATS = 3
 

@@ -10,11 +10,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from controllers.guard import Guarded
 from controllers.pid import design_pid
 from controllers.protocol import Controller
+from workbench.arrays import Vector
 from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
@@ -25,7 +25,6 @@ from workbench.speed.measure import Comparison, Times, Way, timed, tried
 from workbench.verification import Scenario, step_scenario, verify
 from workbench.verification.sampled_plant import FullPlant
 
-Vector = npt.NDArray[np.float64]
 Rates = Callable[[Vector, float], Vector]
 Step = Callable[[Vector, float], Vector]
 

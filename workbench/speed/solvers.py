@@ -9,12 +9,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from controllers.mpc.whole_model import LinearMPC, design_mpc
 from controllers.nonlinear_mpc.controller import NonlinearMPC, design_nonlinear_mpc
 from controllers.nonlinear_mpc.prediction import discrete
 from controllers.quadratic_program.solver import quadratic_program
+from workbench.arrays import Vector
 from workbench.linearisation import linearise
 from workbench.model import Model
 from workbench.operating_point import operating_point
@@ -23,8 +23,6 @@ from workbench.speed.converged_plan import transcribed
 from workbench.speed.do_mpc_plan import do_mpc_plan
 from workbench.speed.measure import Comparison, Times, Way, timed, tried
 from workbench.verification import step_scenario, verify
-
-Vector = npt.NDArray[np.float64]
 
 _CONIC = ("daqp", "osqp", "proxqp", "qrqp")
 """Solvers of quadratic programs that CasADi may have."""

@@ -9,11 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.study.study import Box
-
-Vector = npt.NDArray[np.float64]
 
 CONFIDENCE = 0.95
 """Probability that an interval covers."""

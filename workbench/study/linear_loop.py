@@ -19,17 +19,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.protocol import Controller, Measurement
 from controllers.sensitivity import frequencies, gain_of, loop_matrices
+from workbench.arrays import Complex, Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.registry import user_code
 from workbench.study.study import Study
-
-Vector = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 
 @dataclass(frozen=True)

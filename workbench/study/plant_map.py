@@ -5,14 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.linearisation.operating_map import operating_map
 from workbench.linearisation.transfer import frequency_response
 from workbench.study.study import Study
-
-Vector = npt.NDArray[np.float64]
 
 GAIN_HZ = 0.5
 """Frequency of the gain, in Hz: above slow drifts, below the oscillation of most machines."""

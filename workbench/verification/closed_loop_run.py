@@ -8,15 +8,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.display import Drawn, Rows
 from workbench.errors import check_choice
 from workbench.model import Input, Model, Output, Quantity
 from workbench.simulation.trajectory import what_moved
 from workbench.verification.scenario import Scenario
-
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)

@@ -7,12 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.responses import Value, overshoot, settling_time
-
-Vector = npt.NDArray[np.float64]
 
 _ROUNDING = 1e-9
 """A time computed as k h may fall short of its decimal value by one rounding, s."""

@@ -13,19 +13,17 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
 from controllers.estimator import MOST_SENSORS, Estimator, design_estimator
 from controllers.guard import CommandLimits, Guard, Guarded, ReferenceLimits, SensorLimits
 from controllers.protocol import Controller
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation import LinearModel, linearise
 from workbench.model import Model, Output
 from workbench.model.traits import bound_value
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation import simulate
-
-Vector = npt.NDArray[np.float64]
 
 TOLERANCE = 0.02
 """Error that a plant that moves does not keep, as a fraction of the range."""

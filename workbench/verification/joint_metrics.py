@@ -6,13 +6,11 @@ from collections.abc import Set
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import check_choice
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.metrics import Metric, Tolerance, extremes
-
-Vector = npt.NDArray[np.float64]
 
 _STOP = "_stop.torque"
 

@@ -15,8 +15,8 @@ from itertools import count
 from typing import Literal, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.display import Rows, Shown
 from workbench.errors import check_choice
 from workbench.model import Model
@@ -26,8 +26,6 @@ from workbench.verification import responses
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.each_step import each_step
 from workbench.verification.responses import Value
-
-Vector = npt.NDArray[np.float64]
 
 _ORDER = count()
 

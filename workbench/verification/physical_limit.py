@@ -32,8 +32,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_choice, check_range
 from workbench.files import write_whole
 from workbench.model import Model
@@ -42,8 +42,6 @@ from workbench.model.units import from_si
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation.stepper import Stepper
 from workbench.work.machine_code import cache_folder
-
-Vector = npt.NDArray[np.float64]
 
 _FORMULATION = "1"
 _SHORTEST, _LONGEST = 5e-3, 5.0

@@ -13,9 +13,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
-Vector = npt.NDArray[np.float64]
+from workbench.arrays import Vector
 
 BAND = 0.02
 """Half width of the settling band, as a fraction of the step."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model import EXACT, Form, Model, Quantity
@@ -17,7 +18,6 @@ from workbench.simulation.integrators import Method, integrator_of, name_of
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
 
-Vector = npt.NDArray[np.float64]
 Q = TypeVar("Q", bound=Quantity)
 
 TOLERANCE = 1e-6

@@ -11,11 +11,10 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
 from workbench.model.units import to_si
 from workbench.registry import Registry, user_code
-
-Vector = npt.NDArray[np.float64]
 
 FREQUENCIES_HZ = (1e-4, 1e3)
 """Lowest and highest frequency of a sine, in Hz."""

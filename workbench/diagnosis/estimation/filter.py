@@ -16,11 +16,10 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.model import Model, Trace
 from workbench.simulation.equations import CFunction, Equations, address, in_c
 from workbench.work.counted import count
-
-Vector = npt.NDArray[np.float64]
 
 OUTLIER_SIGMA = 5.0
 """Innovations beyond this many standard deviations are taken as outliers: their variance is

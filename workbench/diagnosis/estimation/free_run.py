@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import check_vector, index_of
 from workbench.simulation import simulate
-
-Vector = npt.NDArray[np.float64]
 
 _TOLERANCE = 1e-6
 

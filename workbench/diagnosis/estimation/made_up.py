@@ -7,14 +7,13 @@ from collections.abc import Mapping
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.model import Model
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording, Signal
 from workbench.simulation import simulate
-
-Vector = npt.NDArray[np.float64]
 
 
 def made_up(

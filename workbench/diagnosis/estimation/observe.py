@@ -6,14 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.recordings.recording import Recording
-
-Vector = npt.NDArray[np.float64]
 
 _START_SAMPLES = 3
 """Samples averaged for the first measurement, which is the best known of a rig at rest."""

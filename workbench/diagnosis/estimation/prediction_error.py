@@ -14,13 +14,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.filter import Asked, Filter, substeps_of
 from workbench.errors import NumericalError, WorkbenchError, check_choice
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import index_of
 from workbench.work.threads import side_by_side, threads
-
-Vector = npt.NDArray[np.float64]
 
 CORRELATION_TIME = 0.1
 """Time over which an unmodelled signal at a port is taken as correlated, s."""

@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import (
     Innovations,
     Observed,
@@ -25,8 +25,6 @@ from workbench.diagnosis.estimation.refit_result import Estimate, Outcome, Refit
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
-
-Vector = npt.NDArray[np.float64]
 
 STAGES = (1.0, 0.03)
 """Process-noise scales that the filter allows in successive passes."""

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
@@ -21,8 +20,6 @@ from workbench.model import Model
 from workbench.model.model import index_of
 from workbench.model.units import parse_unit
 from workbench.work.counted import Work, done, since
-
-Vector = npt.NDArray[np.float64]
 
 FLOOR_FACTOR = 3.0
 """A held-out error up to this many times the noise-limited one counts as reaching it: the latter is

@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Innovations, Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
 from workbench.model.units import written_unit
-
-Vector = npt.NDArray[np.float64]
 
 _BLOCKS_S = (0.5, 2.0)
 """Lengths over which prediction errors may be correlated, for the intervals, s."""

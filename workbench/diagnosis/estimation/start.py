@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import check_range
 from workbench.model import Model
-
-Vector = npt.NDArray[np.float64]
 
 _ITERATIONS = 12
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
@@ -20,8 +21,6 @@ from workbench.model.model import index_of
 from workbench.model.units import from_si
 from workbench.simulation import simulate
 from workbench.simulation.stepper import Stepper
-
-Vector = npt.NDArray[np.float64]
 
 LONGEST = 20.0
 """Duration of an experiment, in s; a thousand samples where they are longer apart.

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import (
     CORRELATION_TIME,
     Innovations,
@@ -28,8 +28,6 @@ from workbench.diagnosis.experiment.menu import Experiment
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.physics.library import Hypothesis
-
-Vector = npt.NDArray[np.float64]
 
 SENSOR_NOISE = 0.01
 """Noise of a sensor that is not there yet, as a share of the scale of what it reads."""

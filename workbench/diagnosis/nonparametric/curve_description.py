@@ -6,9 +6,8 @@ from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-Vector = npt.NDArray[np.float64]
+from workbench.arrays import Vector
 
 DRAWS = 100
 """Curves drawn from the uncertainty of the ordinates."""

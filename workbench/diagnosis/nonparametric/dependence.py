@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.physics.free_form import Curve
-
-Vector = npt.NDArray[np.float64]
 
 SURROGATES = 99
 """Shifted signals against which a dependence is tested; the smallest p-value is 0.01."""

@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.location.unknown_input import unknown_input
@@ -21,8 +22,6 @@ from workbench.errors import WorkbenchError
 from workbench.model import Effect, Model, PortView
 from workbench.model.model import index_of
 from workbench.model.regularisation import Expression
-
-Vector = npt.NDArray[np.float64]
 
 _ROWS = 1500
 _LEAST_KNOWN = 100

@@ -15,8 +15,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
@@ -48,8 +48,6 @@ from workbench.diagnosis.nonparametric.result import (
 from workbench.diagnosis.nonparametric.shapes import matched
 from workbench.errors import NumericalError
 from workbench.physics.free_form import Curve
-
-Vector = npt.NDArray[np.float64]
 
 KNOTS = (6, 12)
 """Knots per argument: the fewer, unless the more predict better."""

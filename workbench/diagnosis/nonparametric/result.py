@@ -9,13 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.nonparametric.curve_description import Term
 from workbench.errors import check_choice
 from workbench.model import Effect
 from workbench.physics.free_form import Curve, free_form
-
-Vector = npt.NDArray[np.float64]
 
 EFFECT_NAME = "nonparametric"
 """Name of the effect in the extended model."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
@@ -27,8 +27,6 @@ from workbench.errors import NumericalError
 from workbench.model import Effect, Parameter, PortView
 from workbench.model.regularisation import Expression
 from workbench.physics.place import per
-
-Vector = npt.NDArray[np.float64]
 
 EFFECT_NAME = "shape"
 """Name of the effect while a shape is refitted."""

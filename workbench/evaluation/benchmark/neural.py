@@ -16,8 +16,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
@@ -26,8 +26,6 @@ from workbench.diagnosis.location.unknown_input import unknown_input
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model, PortView
 from workbench.model.regularisation import Expression
-
-Vector = npt.NDArray[np.float64]
 
 HIDDEN = 8
 """Units of the hidden layer."""

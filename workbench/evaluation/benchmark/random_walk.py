@@ -16,8 +16,8 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import (
     Observed,
     PredictionError,
@@ -26,8 +26,6 @@ from workbench.diagnosis.estimation.prediction_error import (
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
 from workbench.diagnosis.location.locate import groups_of
 from workbench.model import Effect, Model, Parameter
-
-Vector = npt.NDArray[np.float64]
 
 SIGNIFICANT = 30.0
 """Gain of log likelihood from which a walk counts as significant."""

@@ -12,12 +12,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.plants.arm.arm import ArmEquations
 from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
-
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

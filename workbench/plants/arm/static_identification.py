@@ -14,10 +14,9 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.errors import NumericalError, WorkbenchError, check_finite, check_range
 from workbench.physics.force_laws import BAR, SLACK_WIDTH, PaperLaw
-
-Vector = npt.NDArray[np.float64]
 
 LEVEL_WIDTH = 0.25e-3
 """Contractions closer than this count as one level of the experiment, m."""

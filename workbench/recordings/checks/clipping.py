@@ -8,12 +8,13 @@ from math import log
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import MAX_EXCLUDED, Check, Finding, Hypothesis
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import runs
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.checks.quantisation import quantum
-from workbench.recordings.recording import Recording, Span, Vector
+from workbench.recordings.recording import Recording, Span
 
 _MIN_SAMPLES = 5
 _MIN_LEVELS = 20

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
-from workbench.recordings.recording import Recording, Vector
+from workbench.recordings.recording import Recording
 
 _RARE = 0.995
 """Share of the steps between samples that are usual."""

@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MEMORY, correlation, surprises
 from workbench.recordings.checks.loop import check_loop
-from workbench.recordings.recording import Recording, Vector
+from workbench.recordings.recording import Recording
 
 _THRESHOLD = 4.5
 _PEAK = 5.5

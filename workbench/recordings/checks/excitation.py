@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
-from workbench.recordings.recording import Recording, Signal, Vector
+from workbench.recordings.recording import Recording, Signal
 
 _BINS = 20
 _MOTIONS = ("angle", "length")

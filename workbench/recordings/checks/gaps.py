@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import MAX_EXCLUDED, Check, Finding
 from workbench.recordings.checks.expected import Expected
-from workbench.recordings.recording import Recording, Span, Vector
+from workbench.recordings.recording import Recording, Span
 
 FILLED_ROWS = 5
 """Missing rows in a row that are interpolated; a longer gap splits the recording."""

@@ -8,7 +8,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 import numpy.typing as npt
 
-from workbench.recordings.recording import Recording, Vector
+from workbench.arrays import Vector
+from workbench.recordings.recording import Recording
 
 MEMORY = 12
 """Samples of the past used for prediction."""

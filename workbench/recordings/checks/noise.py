@@ -9,11 +9,12 @@ from math import comb, sqrt
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.checks.uniformity import jitter
-from workbench.recordings.recording import Recording, Signal, Vector
+from workbench.recordings.recording import Recording, Signal
 
 _BLOCK = 100
 _ORDER = 4

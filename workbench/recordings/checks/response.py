@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MAX_SAMPLES, MEMORY, innovations, surprises
 from workbench.recordings.checks.noise import white_rms
-from workbench.recordings.recording import Recording, Vector
+from workbench.recordings.recording import Recording
 
 _BLOCKS = (1, 5, 25)
 """Samples of which a block takes the mean: slow responses show in long blocks."""

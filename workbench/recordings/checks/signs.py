@@ -8,11 +8,12 @@ from itertools import combinations
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.delay import response_correlation
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MEMORY
-from workbench.recordings.recording import Recording, Vector
+from workbench.recordings.recording import Recording
 from workbench.recordings.resampling import low_pass
 
 _SURE = 6.0

@@ -7,12 +7,13 @@ from math import log
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import MAX_EXCLUDED, Check, Finding
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import filled, runs
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.checks.quantisation import quantum
-from workbench.recordings.recording import Recording, Vector
+from workbench.recordings.recording import Recording
 
 _MIN_RUN = 10
 _NEIGHBOURS = 10

@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
-from workbench.recordings.recording import Recording, Vector
+from workbench.recordings.recording import Recording
 
 _EPOCH = (1e9, 4e9)
 """Seconds since 1970 from 2001 to 2096."""

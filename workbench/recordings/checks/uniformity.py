@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.recordings.checks.check import Check, Finding
 from workbench.recordings.checks.expected import Expected
-from workbench.recordings.recording import Recording, Vector
+from workbench.recordings.recording import Recording
 from workbench.recordings.resampling import resample
 
 _TOLERANCE = 0.02

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Complex, Vector
 from workbench.reports.style import REFERENCE, key, label, new_figure, ramp
 from workbench.study.linear_loop import crossings
 
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Vector = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 _SAME = 5e-3
 

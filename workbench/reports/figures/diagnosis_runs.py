@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.model.units import readable
 from workbench.reports.figures.diagnosis_units import titled
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
-Vector = npt.NDArray[np.float64]
 
 BEFORE = FURTHER[1]
 """Colour of the refitted nominal model."""

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import breakable
 from workbench.reports.metrics_table import demand_text, metric_title, score_cell
@@ -20,8 +20,6 @@ from workbench.study.summary import parameter_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
-
-Vector = npt.NDArray[np.float64]
 
 
 def _draw_scores(scores: Mapping[str, tuple[Vector, int]]) -> Drawing:

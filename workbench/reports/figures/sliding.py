@@ -6,15 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.reports.figure import Figure
-from workbench.reports.figures.study_traces import (
-    Vector,
-    nominal_runs,
-    output_of,
-    shown,
-    vector,
-    written,
-)
+from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.style import INK, REFERENCE, Colour, colours, key, label, new_figure

@@ -6,15 +6,13 @@ import re
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.model.quantities import Output
 from workbench.model.units import from_si, with_unit
 from workbench.study.result import StudyResult
 from workbench.study.study import Study
 from workbench.study.tasks import Record
-
-Vector = npt.NDArray[np.float64]
 
 
 def vector(values: Any) -> Vector:

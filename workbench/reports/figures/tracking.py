@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.model.units import convert, with_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import nominal_runs, output_of, shown, vector, written
@@ -29,8 +30,6 @@ from workbench.study.tasks import Record
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
-
-Vector = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
