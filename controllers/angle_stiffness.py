@@ -109,16 +109,12 @@ class Air:
     def weights(
         self, pressure: Number, angle: Number, side: float, arithmetic: Arithmetic
     ) -> tuple[Number, Number]:
-        """Return (V / V_0) (q_0 / q) of a muscle for filling and for venting.
+        """Return (V / V_0) (q_0 / q) of a muscle for filling and for venting (ISO 6358-1).
 
         Args:
             pressure: Gauge pressure, in Pa.
             angle: Angle, in rad.
-            side: 1 for the muscle that shortens with the angle, -1 for the other;
-                dimensionless.
-
-        Source:
-            ISO 6358-1.
+            side: 1 for the muscle that shortens with the angle, -1 for the other; dimensionless.
         """
         usual = 0.5 * sum(self._flows(self.pressure, arithmetic))
         filling, venting = self._flows(pressure, arithmetic)

@@ -43,15 +43,14 @@ class Arithmetic(Protocol):
         """
 
     def place(self, x: Number, first: float, spacing: float, count: int) -> tuple[Number, Number]:
-        """Find x on an even grid.
+        """Find x on an even grid of ``count`` points: index of the interval, fraction within it.
+
+        The fraction is below 0 or above 1 outside the grid.
 
         Args:
+            x: The value, in any unit.
             first: First point of the grid, in the unit of x.
             spacing: Distance of two points, in the unit of x.
-            count: Number of points, at least 2.
-
-        Returns:
-            Index of the interval and fraction within it; below 0 or above 1 outside the grid.
         """
 
     def between(self, place: tuple[Number, Number], values: tuple[float, ...]) -> Number:

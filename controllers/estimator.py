@@ -96,7 +96,7 @@ class Estimator:
         """Return states and offsets with some measurements taken in, shape (n,), in SI.
 
         Args:
-            z: States and offsets, shape (n,), in SI.
+            z: States and offsets before, shape (n,), in SI.
             residual: Measurements less what was expected of them, shape (n_sensors,), in SI.
             believed: The set of sensors that are believed, sensor i counting 2^i (dimensionless).
         """

@@ -23,13 +23,7 @@ def flat(state: Any) -> tuple[Number, ...]:
 
 
 def names(state: Any) -> tuple[str, ...]:
-    """Return the names of the entries; those of nested states are joined by a point.
-
-    Example:
-        >>> from controllers.joint.observer import JointEstimate
-        >>> names((JointEstimate(0.0, 0.0, 0.0), 0.0))
-        ('0.angle', '0.speed', '0.unexplained', '1')
-    """
+    """Return the names of the entries; those of nested states are joined by a point."""
     return tuple(name for name, _ in _entries("", state))
 
 

@@ -26,14 +26,12 @@ if TYPE_CHECKING:
 def peak_sensitivities(
     controller: Controller, linear: LinearModel, *, points: int = 300
 ) -> tuple[float, float]:
-    """Compute Ms and Mt of the loop opened at the measured first sensor.
+    """Compute Ms and Mt, ratios, of the loop opened at the measured first sensor.
 
-    All other loops stay closed: for a cascade this is the outer loop. The plant is discretised
-    with held inputs at the controller's sample time, so the delay of sampling is included. What the
-    measurements do not show, such as an angle where a speed is controlled, does not count.
-
-    Returns:
-        Both ratios, infinite if the loop is not stable.
+    All other loops stay closed: for a cascade this is the outer loop. The plant is discretised with
+    held inputs at the controller's sample time, so the delay of sampling is included. What the
+    measurements do not show, such as an angle where a speed is controlled, does not count. Both are
+    infinite if the loop is not stable.
 
     Source:
         Åström and Hägglund, Advanced PID Control, 2006, section 4.6.

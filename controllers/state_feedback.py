@@ -123,13 +123,10 @@ class StateFeedback(ValveLaw):
 
 
 def error_dynamics(joint: JointModel) -> tuple[Matrix, Matrix]:
-    """Return A and B of the errors (x, v, b y, q) along the plan, driven by the opening.
+    """Return A, shape (4, 4), and B of the errors (x, v, b y, q) along the plan, in SI.
 
-    The pressure difference counts in units of the acceleration it makes, so that every state is of
-    similar size.
-
-    Returns:
-        Shapes (4, 4) and (4, 1), in SI.
+    The input is the opening. The pressure difference counts in units of the acceleration it makes,
+    so that every state is of similar size.
     """
     A = np.array(
         [

@@ -12,9 +12,7 @@ ENVIRONMENT_VARIABLE = "WORKBENCH_DATA"
 
 
 def shipped_folder() -> Path:
-    """Return the folder of the recordings that ship with the package.
-
-    An installed package carries them inside itself, a checkout at its root.
+    """Return the folder of shipped recordings: in an installed package, or at a checkout's root.
 
     Raises:
         WorkbenchError: If neither place exists, which means an incomplete installation.
@@ -33,19 +31,12 @@ def shipped_cases() -> tuple[str, ...]:
 
     Raises:
         WorkbenchError: If the installation carries no recordings.
-
-    Example:
-        >>> shipped_cases()
-        ('practice-07', 'practice-08')
     """
     return tuple(sorted(path.parent.name for path in shipped_folder().glob("*/case.toml")))
 
 
 def shipped_data(name: str) -> Path:
-    """Return the folder of a shipped case.
-
-    Returns:
-        Folder with ``case.toml`` and the recordings as ``*.csv.gz``.
+    """Return the folder of a shipped case, with ``case.toml`` and its recordings.
 
     Raises:
         WorkbenchError: If no case of that name ships with the package.
@@ -54,10 +45,7 @@ def shipped_data(name: str) -> Path:
 
 
 def data_folder(given: str | os.PathLike[str] | None = None) -> Path:
-    """Return the user's data folder: the one given, else the environment's.
-
-    Args:
-        given: Folder from an option such as ``--data``; None reads ``WORKBENCH_DATA``.
+    """Return the user's data folder: the one given, else that of ``WORKBENCH_DATA``.
 
     Raises:
         WorkbenchError: If no folder is named or the named one is not a readable folder.
@@ -85,11 +73,7 @@ def data_folder(given: str | os.PathLike[str] | None = None) -> Path:
 
 
 def external_data(relative: str, given: str | os.PathLike[str] | None = None) -> Path:
-    """Return a file or folder inside the user's data folder.
-
-    Args:
-        relative: Path inside the data folder, with forward slashes.
-        given: Data folder from an option; None reads ``WORKBENCH_DATA``.
+    """Return a file or folder, by its path with forward slashes, inside the user's data folder.
 
     Raises:
         WorkbenchError: If the data folder is missing or does not hold the path, or the path

@@ -62,7 +62,7 @@ class ExtendedKalmanFilter:
     def correct(
         self, estimate: Matrix, covariance: Matrix, measurement: tuple[float, ...], u: float
     ) -> tuple[Matrix, Matrix]:
-        """Correct a prediction and its covariance by the measurements, scaled.
+        """Correct a prediction and its covariance, scaled, by the measurements.
 
         Args:
             estimate: Prediction, shape (n + n_w,), scaled.
@@ -82,11 +82,11 @@ class ExtendedKalmanFilter:
         return estimate + gain @ residual, 0.5 * (corrected + corrected.T)
 
     def predict(self, estimate: Matrix, covariance: Matrix, u: float) -> tuple[Matrix, Matrix]:
-        """Predict estimate and covariance of the next sample, scaled.
+        """Predict estimate and covariance of the next sample, scaled, as `correct` takes them.
 
         Args:
-            estimate: Estimate, shape (n + n_w,), scaled.
-            covariance: Its covariance, shape (n + n_w, n + n_w), scaled.
+            estimate: Shape (n + n_w,), scaled.
+            covariance: Shape (n + n_w, n + n_w), scaled.
             u: Input held until then, in SI.
         """
         n = len(self.rest)

@@ -180,10 +180,7 @@ def shooting(stage: ca.Function, stages: int) -> ca.Function:
 
 
 def measurements(model: Model, sensors: tuple[str, ...]) -> ca.Function:
-    """Build the regularised measurements of some sensors in scaled states, with their derivatives.
-
-    Returns:
-        Function (z, u) -> (measurements in SI, their derivatives by z).
+    """Build the function (z, u) -> regularised measurements in SI, their derivatives by scaled z.
 
     Raises:
         WorkbenchError: If a name is unknown.

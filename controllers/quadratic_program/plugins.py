@@ -34,13 +34,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 class ConicProgram:
-    """A solver of CasADi's for problems of one size.
-
-    Args:
-        variables: Number n of variables.
-        constraints: Number m of rows of A.
-        plugin: One of `OPTIONS`.
-    """
+    """A solver of CasADi's, one of `OPTIONS`, for problems of n variables and m rows of A."""
 
     def __init__(self, variables: int, constraints: int, plugin: str) -> None:
         check_choice("solver", plugin, OPTIONS)
@@ -80,7 +74,7 @@ class ConicProgram:
     def solve_factored(
         self, problem: Factored, g: Matrix, lower: Matrix, upper: Matrix
     ) -> Solution:
-        """Solve a problem whose matrices were factored, from these matrices.
+        """Solve a problem from its factored matrices, as `solve` of the own solver does.
 
         Args:
             g: Gradient at x = 0, shape (n,), dimensionless.
@@ -96,12 +90,7 @@ _MADE: dict[tuple[int, int, str], ConicProgram] = {}
 
 
 def program(variables: int, constraints: int, solver: str = OWN) -> QuadraticProgram | ConicProgram:
-    """Return a solver for problems of a size, made once.
-
-    Args:
-        variables: Number n of variables.
-        constraints: Number m of rows of A.
-        solver: ``"own"``, or a plugin of CasADi's, one of `OPTIONS`.
+    """Return a solver for n variables and m rows, made once: ``"own"`` or one of `OPTIONS`.
 
     Raises:
         WorkbenchError: If the solver is unknown.

@@ -261,7 +261,7 @@ class QuadraticProgram:
     def solve_factored(
         self, problem: Factored, g: Matrix, lower: Matrix, upper: Matrix
     ) -> Solution:
-        """Solve a problem whose matrices were factored before.
+        """Solve a problem whose matrices were factored before, as `solve` does.
 
         Args:
             g: Gradient at x = 0, shape (n,), dimensionless.

@@ -48,11 +48,7 @@ class ReferenceAhead:
     def follow(
         self, state: tuple[float, ...], reference: float
     ) -> tuple[Vector, tuple[float, ...]]:
-        """Take in one sample of the reference.
-
-        Args:
-            state: State of the sample before, in SI.
-            reference: Reference now, in rad.
+        """Take in one sample of the reference, in rad, after the state before, in SI.
 
         Returns:
             Wanted angles over the horizon, shape (n,), in rad, and the next state.

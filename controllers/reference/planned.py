@@ -145,14 +145,7 @@ class Planner:
     def plan(
         self, state: PlannerState, reference: Number, arithmetic: Arithmetic
     ) -> tuple[Plan, PlannerState]:
-        """Plan one sample.
-
-        Args:
-            reference: Reference now, in rad.
-
-        Returns:
-            Where the joint shall be now, in SI, and the next state.
-        """
+        """Plan one sample: where the joint shall be now, in SI, for a reference in rad."""
         h, where = self.sample_time, arithmetic.where
         elapsed = arithmetic.clip(state.elapsed + h, 0.0, state.duration)
         offset, speed, acceleration, _ = _offset(state, elapsed)

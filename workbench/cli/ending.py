@@ -18,10 +18,7 @@ class TimeUp(KeyboardInterrupt):
 
 @contextmanager
 def time_limit(seconds: float | None) -> Iterator[None]:
-    """End what is done inside after a time.
-
-    Args:
-        seconds: The time, in s, above 0; None sets no limit.
+    """End what is done inside after a time in s, above 0; None sets no limit.
 
     Raises:
         TimeUp: When the time is up.

@@ -184,20 +184,15 @@ def machines(
     return campaign.run([run.Machine(name, data) for name in run.table()], run.answer, run.line_of)
 
 
-def left_out(
-    out: Answers,
-    jobs: Jobs = 2,
-) -> int:
+@with_campaign
+def left_out(campaign: Campaign) -> int:
     """Leave out one piece of the arm's physics after the other and look for it.
 
-    OUT receives each verdict and 'table.txt'.
+    A line per piece; finished ones are kept in OUT as with own-cases.
     """
-    from workbench.evaluation.left_out.run import run_all
+    from workbench.evaluation.left_out import plan, run
 
-    for line in run_all(out, jobs=jobs):
-        typer.echo(line, err=True)
-    typer.echo((out / "table.txt").read_text(), nl=False)
-    return 0
+    return campaign.run(plan.PLAN, run.answer, run.line_of)
 
 
 def cases(

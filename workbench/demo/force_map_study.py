@@ -290,13 +290,9 @@ def study_map(
 
 
 def families_for(largest_force: float) -> dict[str, Family]:
-    """Return the laws with starting numbers for a muscle of some strength.
+    """Return the laws with starting numbers for a muscle whose largest force is given, in N.
 
-    Args:
-        largest_force: Largest force of the map, in N.
-
-    Returns:
-        The laws by short name; equation (4) with phi of every order of `ORDERS`.
+    Equation (4) comes with phi of every order of `ORDERS`.
     """
     size = largest_force / _DMSP_20_FORCE
     found = {}
@@ -322,8 +318,8 @@ def families_for(largest_force: float) -> dict[str, Family]:
 def fit_law(family: Family, points: ForceMap) -> tuple[Vector, Vector, ForceLaw]:
     """Fit a law to a force map by least squares of the force.
 
-    A slack muscle measures zero; the law's own clamp says the same of every tension below zero,
-    so slack points bound the tension without pulling it to zero.
+    A slack muscle measures zero; the law's own clamp says the same of every tension below zero, so
+    slack points bound the tension without pulling it to zero.
 
     Returns:
         Fitted numbers and their standard deviations, in the law's own units, and the law.

@@ -28,14 +28,10 @@ _DASHES_PER_VOLT_SECOND = 60.0
 
 
 def moving_arm(run: Trajectory, *, start: float, stop: float, caption: str) -> Moving:
-    """Draw a simulated run of the arm as an animation.
+    """Draw a simulated run of the arm, from ``start`` to ``stop`` in s, as an animation.
 
     It plays without a network, has a button and a slider, and rests where the reader asks for
     reduced motion, on paper, and without scripts.
-
-    Args:
-        start: First time shown, in s.
-        stop: Last time shown, in s.
     """
     time = np.arange(start, stop + 0.5 * FRAME_TIME, FRAME_TIME)
 

@@ -79,7 +79,6 @@ def conclude_early(diagnosis: Diagnosis, step: str, *, after: float | None = Non
     """Put what was found before an interruption into a verdict that claims nothing beyond it.
 
     Args:
-        diagnosis: A diagnosis as far as it came.
         step: What was being done, in plain words.
         after: Time limit that ended it, in s; None if it was interrupted.
     """

@@ -46,10 +46,6 @@ class Names:
     Args:
         groups: Beginnings of port names by group.
         effects: Truth by word of the key.
-
-    Example:
-        >>> read_names().effects["tilt"].library
-        ('tilt_gravity',)
     """
 
     groups: Mapping[str, tuple[str, ...]]
@@ -115,9 +111,6 @@ def _group(port: str, groups: Mapping[str, tuple[str, ...]]) -> str:
 def read_key(path: str | Path) -> dict[str, Mapping[str, Any]]:
     """Read an answer key: ``truth`` (a list of effects) by case.
 
-    Returns:
-        The answers as they stand in the file, by case.
-
     Raises:
         WorkbenchError: If the file cannot be read or has another form.
     """
@@ -156,10 +149,7 @@ def commitments(answer: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def check_commitments(key: Mapping[str, Mapping[str, Any]], path: str | Path) -> int:
-    """Check that the answers of a key are those that were committed beforehand.
-
-    Returns:
-        Number of answers checked.
+    """Check that a key's answers are those committed beforehand; returns how many were checked.
 
     Raises:
         WorkbenchError: If the file cannot be read, or an answer was not committed or differs.

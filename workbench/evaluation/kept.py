@@ -17,6 +17,7 @@ from workbench.diagnosis.verdict import SCHEMA
 from workbench.errors import WorkbenchError, check_choice
 from workbench.files import check_folder, write_whole
 from workbench.model import Model
+from workbench.physics.library import Hypothesis
 from workbench.recordings import Recording
 from workbench.work.processes import parallel
 
@@ -121,6 +122,7 @@ def diagnosed(
     hold_out: Sequence[Recording],
     *,
     jobs: int,
+    entries: Sequence[Hypothesis] | None = None,
     more: Callable[[Diagnosis], Mapping[str, Any]] = lambda found: {},
 ) -> dict[str, Any]:
     """Diagnose and return a row with verdict, times in s, and what more is kept of a diagnosis.
@@ -136,7 +138,7 @@ def diagnosed(
         }
 
     try:
-        found = diagnose(model, fit, hold_out, jobs=jobs, advise=False)
+        found = diagnose(model, fit, hold_out, entries=entries, jobs=jobs, advise=False)
         took = times()
         assert found.verdict is not None
         return row | {"verdict": found.verdict.as_data(), **took, **more(found)}

@@ -82,10 +82,7 @@ class Comparison:
         return np.asarray(response[:, self.index] - self.model.y0[self.index])
 
     def plant(self, change: Vector) -> Vector:
-        """Compute how the output of the exact plant changes, shape (n,), in SI.
-
-        Args:
-            change: Change of the first input, shape (n,) with whole blocks, in SI.
+        """Compute how the exact plant's output changes, shape (n,), with its first input, in SI.
 
         Raises:
             NumericalError: If the integrator gives up.

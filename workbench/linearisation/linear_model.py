@@ -123,10 +123,7 @@ class LinearModel(Drawn):
         return find_modes(self.A, self.state_names)
 
     def mode_of(self, state: str) -> Mode:
-        """Return the oscillation that a state takes the largest part in.
-
-        Returns:
-            The mode; where no mode oscillates, the one with the largest part of the state.
+        """Return the oscillation in which a state takes the largest part; where none is, the mode.
 
         Raises:
             WorkbenchError: If there is no such state.
@@ -210,10 +207,7 @@ class LinearModel(Drawn):
         )
 
     def discretise(self, sample_time: float) -> tuple[Vector, Vector, Vector, Vector]:
-        """Return the matrices for inputs that are held over a sample.
-
-        Args:
-            sample_time: Time between samples h, in s.
+        """Return the matrices for inputs that are held over a sample, in s.
 
         Raises:
             WorkbenchError: If the sample time is outside its range.

@@ -41,10 +41,7 @@ def speeds(model: Model, jacobian: Vector) -> dict[str, float]:
 
 
 def check_amplitude(model: Model, amplitude: Mapping[str, float]) -> dict[str, float]:
-    """Return amplitudes of states as floats, in SI, if they are sensible.
-
-    Args:
-        amplitude: Amplitude by name of state, in SI.
+    """Return amplitudes by name of state as floats, in SI.
 
     Raises:
         WorkbenchError: If a name is unknown or an amplitude not positive.

@@ -36,13 +36,10 @@ def transfer_function(A: Any, B: Any, C: Any, D: Any, s: npt.ArrayLike) -> Compl
 
 
 def frequency_response(linear: LinearModel, output: str, frequency_Hz: npt.ArrayLike) -> Complex:
-    """Return the response of an output to the first input.
+    """Return the response of an output to the first input, shape (n,), in SI per SI.
 
     Args:
         frequency_Hz: Frequencies, shape (n,), in Hz.
-
-    Returns:
-        Responses, shape (n,), in SI of the output per SI of the input.
     """
     s = 2j * np.pi * np.asarray(frequency_Hz, dtype=float)
     row = linear.output_names.index(output)

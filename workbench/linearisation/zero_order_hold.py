@@ -8,20 +8,15 @@ from workbench.arrays import Matrix
 
 
 def zero_order_hold(a: Matrix, b: Matrix, sample_time: float) -> tuple[Matrix, Matrix]:
-    """Discretise dx/dt = a x + b u exactly, for inputs that are held over a sample.
+    """Discretise dx/dt = a x + b u exactly, for inputs that are held over a sample, in s.
 
     Args:
-        a: Shape (n, n).
-        b: Shape (n, m).
+        a: Shape (n, n), in SI.
+        b: Shape (n, m), in SI.
         sample_time: Time between samples, in s.
 
     Source:
         Van Loan, IEEE Trans. AC-23, 1978.
-
-    Example:
-        >>> phi, gamma = zero_order_hold(np.array([[0.0]]), np.array([[2.0]]), 0.5)
-        >>> float(gamma[0, 0])
-        1.0
     """
     from scipy.linalg import expm
 

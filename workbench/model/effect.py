@@ -87,10 +87,7 @@ class Effect:
             raise WorkbenchError(f"effect {self.name!r} uses a name twice: {', '.join(own)}")
 
     def with_parameters(self, values: Mapping[str, float]) -> Effect:
-        """Return the same effect with other values of the parameters that are named.
-
-        Args:
-            values: New values by short name, in each parameter's unit.
+        """Return the same effect with other values by short name, in each parameter's unit.
 
         Raises:
             WorkbenchError: If a name is unknown or a value outside its bounds.

@@ -92,10 +92,7 @@ class Model(Shown):
         return {k: v for k, v in self.__dict__.items() if k not in ("exact", "regularised")}
 
     def form(self, form: Form | str) -> Trace:
-        """Return one form of the equations.
-
-        Args:
-            form: `EXACT`, `REGULARISED`, ``"exact"`` or ``"regularised"``.
+        """Return the equations as `EXACT` or `REGULARISED`, which may be given by name.
 
         Raises:
             WorkbenchError: If the form is unknown.
@@ -120,10 +117,7 @@ class Model(Shown):
         return np.array([q.nominal for q in self.inputs], dtype=float)
 
     def parameter(self, name: str) -> Parameter:
-        """Return a parameter by name.
-
-        Args:
-            name: Name of the parameter; ``effect.name`` for one of an effect.
+        """Return a parameter by name; ``effect.name`` for one of an effect.
 
         Raises:
             WorkbenchError: If there is no such parameter.
@@ -140,10 +134,7 @@ class Model(Shown):
         return next(e for e in self.effects if e.name == name)
 
     def with_effect(self, *effects: Effect) -> Model:
-        """Return a model with effects attached, acting after those that are there.
-
-        Returns:
-            A copy with the effects' states and parameters behind those that are there.
+        """Return a model with effects attached, behind those that are there.
 
         Raises:
             WorkbenchError: If a port does not exist or an effect of the name is attached already.
@@ -192,10 +183,7 @@ class Model(Shown):
         )
 
     def with_parameters(self, values: Mapping[str, float]) -> Model:
-        """Return a model with other values of the parameters that are named.
-
-        Args:
-            values: New values by name, in each parameter's SI unit.
+        """Return a model with other values by name, in each parameter's SI unit.
 
         Raises:
             WorkbenchError: If a name is unknown or a value outside its bounds.
@@ -337,10 +325,7 @@ class Model(Shown):
 
 
 def index_of(kind: str, name: str, quantities: Sequence[Quantity]) -> int:
-    """Return the position of a quantity by name.
-
-    Args:
-        kind: What is looked for, for the message: ``"state"``, ``"parameter"``, ...
+    """Return the position of a quantity by name; ``kind`` says in the message what it is.
 
     Raises:
         WorkbenchError: If there is none of that name; names the nearest.
@@ -353,10 +338,7 @@ def index_of(kind: str, name: str, quantities: Sequence[Quantity]) -> int:
 def check_vector(kind: str, values: npt.ArrayLike, quantities: Sequence[Quantity]) -> Vector:
     """Return values as a finite vector with one entry per quantity, shape (n,), in SI.
 
-    Args:
-        kind: What the vector is, for the message: ``"state"``, ``"input"``, ...
-        values: Numbers in SI, shape (n,).
-        quantities: The n quantities that the numbers belong to.
+    ``kind`` says in the message what the vector is.
 
     Raises:
         WorkbenchError: If the length is wrong or a value is not finite.

@@ -148,10 +148,7 @@ class Parameter(Quantity):
             )
 
     def with_value(self, value: float) -> Parameter:
-        """Return the same parameter, with its bounds and its source, with another value.
-
-        Args:
-            value: New value, in the parameter's unit.
+        """Return the same parameter, with its bounds and source, with another value, in its unit.
 
         Raises:
             WorkbenchError: If the value is outside the bounds.

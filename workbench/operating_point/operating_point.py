@@ -217,11 +217,7 @@ def _checked(model: Model, given: Mapping[str, float] | None) -> dict[str, float
 
 
 def check_value(model: Model, name: str, value: float, *, what: str = "") -> None:
-    """Check that an input, a state, an output or a sum of a plant can have a value.
-
-    Args:
-        value: The value, in SI.
-        what: How it is called in the sentence; by its name if empty.
+    """Check that an input, a state, an output or a sum of a plant can have a value, in SI.
 
     Raises:
         WorkbenchError: If it is outside the range of the plant's laws or of the sensor.

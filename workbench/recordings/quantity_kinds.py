@@ -9,13 +9,7 @@ from workbench.model.units import Unit, parse_unit
 
 @dataclass(frozen=True)
 class Kind:
-    """A physical quantity.
-
-    Args:
-        name: Name of the quantity, such as ``angle``.
-        unit: SI unit.
-        display_unit: Unit in which people of the field read it.
-    """
+    """A physical quantity, its SI unit, and the unit in which people of the field read it."""
 
     name: str
     unit: str

@@ -275,14 +275,9 @@ def _as_requested(recording: Recording, requested: Sequence[Requested]) -> Recor
 
 
 def read_table(path: str | Path, *, mapping: MappingLike = None) -> Table:
-    r"""Read columns that are not a recording over time, such as a force map.
+    r"""Read every column of numbers, in SI, of a file that is no recording, such as a force map.
 
-    Args:
-        path: The file, in any format of `read_recording`.
-        mapping: TOML file or its content; None to map by name and unit.
-
-    Returns:
-        Every column of numbers, in SI.
+    The file may have any format of `read_recording`, and a mapping as it takes it.
 
     Raises:
         WorkbenchError: If the file cannot be read, or a column is missing, of another unit or text.

@@ -78,7 +78,7 @@ class Signal:
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of a recording in which a signal was not measured.
+    """A stretch, ``start`` to ``stop`` in s, in which a signal was not measured.
 
     Args:
         start: First instant concerned, in s.
@@ -302,11 +302,7 @@ class Recording(Drawn):
         )
 
     def between(self, start: float, stop: float) -> Recording:
-        """Return the samples with ``start <= time <= stop``.
-
-        Args:
-            start: First instant, in s.
-            stop: Last instant, in s.
+        """Return the samples with ``start <= time <= stop``, in s.
 
         Raises:
             WorkbenchError: If fewer than two samples lie between.

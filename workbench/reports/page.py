@@ -151,9 +151,8 @@ LONG_TABLE = 14
 def html(page: Page) -> str:
     """Write a page as HTML that needs nothing but itself.
 
-    Returns:
-        The document: styles and pictures inside it, no links to elsewhere, and no scripts but
-        those of drawings that move.
+    Styles and pictures are inside it; it has no links to elsewhere, and no scripts but those of
+    drawings that move.
     """
     sections = [(section, _grouped(section.blocks)) for section in page.sections]
     return template("workbench.reports", "page.html").render(

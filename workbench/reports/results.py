@@ -9,14 +9,7 @@ from typing import Any
 
 
 def json_text(results: Mapping[str, Any]) -> str:
-    """Write results as JSON text.
-
-    Args:
-        results: Numbers, arrays, words and nested mappings of them, with units in their names.
-
-    Returns:
-        Indented JSON with a newline at its end; NaN and infinity become null.
-    """
+    """Write numbers, arrays and words by name as JSON text; NaN and infinity become null."""
     return json.dumps(_plain(results), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
 
 

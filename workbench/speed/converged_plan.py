@@ -60,15 +60,10 @@ def converged(
     """Solve the problem of one sample to the end.
 
     Args:
-        controller: The controller whose problem it is.
         start: Scaled states now, shape (n,).
         disturbances: Scaled disturbances per second, shape (n_w,).
         path: Wanted angles now and at the end of every stage, shape (N + 1,), in rad.
         before: Opening applied before, a fraction.
-        solver: Which solver.
-
-    Returns:
-        The plan.
 
     Raises:
         NumericalError: If the solver does not converge.
@@ -91,8 +86,7 @@ def transcribed(
 
     Args:
         n_w: Number of disturbances.
-        solver: Which solver.
-        tolerance: Its tolerance, dimensionless.
+        tolerance: Tolerance of the solver, dimensionless.
 
     Raises:
         NumericalError: From what it returns, if the solver does not converge.

@@ -235,11 +235,9 @@ def baseline_text(
     conditions: Mapping[str, Any] | None = None,
     box: Sequence[Mapping[str, Any]] = (),
 ) -> str:
-    """Return a baseline as text that changes only where numbers do.
+    """Return a baseline as JSON that changes only where numbers do.
 
-    Returns:
-        JSON with one run per entry, sorted, numbers to 9 digits, nothing that differs from machine
-        to machine.
+    One run per entry, sorted, numbers to 9 digits, nothing that differs from machine to machine.
     """
     rows = []
     for record in sorted(records, key=lambda r: r.key):

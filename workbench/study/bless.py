@@ -35,10 +35,7 @@ _RESULTS = TableShape(
 
 
 def bless(folder: str | Path, baseline: str | Path) -> str:
-    """Write the results in a folder as a baseline.
-
-    Returns:
-        In words, what changes against the file that was there.
+    """Write the results in a folder as a baseline; returns in words what changes.
 
     Raises:
         WorkbenchError: If there are no results, or the baseline is of another study or cannot be

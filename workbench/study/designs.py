@@ -80,10 +80,7 @@ class ControllerRecipe:
         return DESIGNS.get(self.design, folder=self.plant.folder)
 
     def linear(self, at: Pairs | None = None) -> LinearModel:
-        """Return the linear model of the design, or the one at another operating point.
-
-        Args:
-            at: Given values by name, in SI; those of the design by default.
+        """Return the linear model of the design, or the one where other values, in SI, are given.
 
         Raises:
             WorkbenchError: If the plant cannot rest there.
@@ -115,10 +112,7 @@ class ControllerRecipe:
         return guarded(controller, self.plant.build(), at=dict(self.at))
 
     def checked_specification(self, given: Mapping[str, Any] | None = None) -> Any:
-        """Return the specification: an object of the design's class, or a mapping.
-
-        Args:
-            given: Fields of the specification; those of the recipe by default.
+        """Return the specification, by default the recipe's: of the design's class, or a mapping.
 
         Raises:
             WorkbenchError: If a key is unknown or a value outside its range.
@@ -298,10 +292,7 @@ def with_plan(controller: Controller, *, duration: float = 1.0, lead: float = 0.
 def bandwidth_against_delay(
     recipe: ControllerRecipe, shares: Sequence[float]
 ) -> tuple[tuple[float, float], ...]:
-    """Search the fastest designs for shares of the uncertainty that a recipe tolerates.
-
-    Args:
-        shares: Parts of delay and lag, ratios.
+    """Search the fastest designs for shares (ratios) of the delay and lag that a recipe tolerates.
 
     Returns:
         Largest delay in s and speed in rad/s for each share; no speed, NaN, meets the limits where

@@ -31,13 +31,9 @@ def unit_draws(parameters: int, draws: int, seed: int) -> Vector:
 
 
 def scaled(box: Box, unit: Vector) -> Vector:
-    """Return points of the box for points of the unit cube.
+    """Return points of the box, in SI, for points of the unit cube, both shape (n, n_parameters).
 
-    Args:
-        unit: Points, shape (n, n_parameters), 0 to 1.
-
-    Returns:
-        Points, shape (n, n_parameters), in SI; 9 digits, so that a stored run is found again.
+    They have 9 digits, so that a stored run is found again.
     """
     ends = np.array(list(box.ranges.values()))
     values = ends[:, 0] + unit * (ends[:, 1] - ends[:, 0])

@@ -11,12 +11,11 @@ _NOT_XML = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def junit(outcome: StudyResult) -> str:
-    """Write the outcome as JUnit XML.
+    """Write the outcome as JUnit XML, one suite per controller.
 
-    Returns:
-        One suite per controller. A test per requirement, scenario and variation fails if a hard
-        one is missed, and is skipped, with the reason, if a soft one is; a test per run is an error
-        if the run failed; a test per run fails if it is worse than the baseline.
+    A test per requirement, scenario and variation fails if a hard one is missed, and is skipped,
+    with the reason, if a soft one is; a test per run is an error if the run failed, and fails if it
+    is worse than the baseline.
     """
     root = ET.Element("testsuites", name=_clean(outcome.study.name))
     suites = {}

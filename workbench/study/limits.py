@@ -181,10 +181,9 @@ def find_limits(
     dask: str | None = None,
     progress: Progress | None = None,
 ) -> dict[Move, Value]:
-    """Find the physical limit of every step of a study on its nominal plant.
+    """Find the physical limit of every step on the nominal plant, in s, or NaN with a reason.
 
-    Returns:
-        Limit by move, in s, or NaN with a reason; none if the study does not ask.
+    It is empty if the study does not ask.
 
     Raises:
         WorkbenchError: If the number of processes is outside its range or there is no cluster.

@@ -9,10 +9,7 @@ from workbench.errors import check_choice
 
 
 def shipped_study(name: str) -> Path:
-    """Return the file of a shipped study.
-
-    Returns:
-        Path of its TOML file; its baseline stands beside it as ``NAME.baseline.json``.
+    """Return the file of a shipped study; its baseline stands beside it as ``NAME.baseline.json``.
 
     Raises:
         WorkbenchError: If no study of that name ships.

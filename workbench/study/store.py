@@ -54,11 +54,10 @@ class Store:
         return hashlib.sha256(f"{self.code}\0{task!r}".encode()).hexdigest()[:32]
 
     def get(self, key: str, shape: Shape = anything) -> dict[str, Any] | None:
-        """Return what was kept under a key, or None.
+        """Return what was kept under a key, whose work now counts as done.
 
-        Returns:
-            The table, whose work now counts as done; None if there is none, only a damaged one, or
-            something that it was made from has changed since.
+        None if there is nothing, only a damaged one, or something that it was made from has
+        changed.
         """
         known = f"{key}.json" in self.touched
         self.touched.add(f"{key}.json")

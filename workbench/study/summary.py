@@ -232,24 +232,14 @@ def _mark(outcome: StudyResult, met: bool, box: Robustness | None) -> str:
 
 
 def score_text(value: float, *, capped: bool = False) -> str:
-    """Write a score.
-
-    Args:
-        value: The score, a ratio.
-        capped: Whether 10 stands for 10 and above.
-    """
+    """Write a score, a ratio; where ``capped``, 10 stands for 10 and above."""
     if math.isinf(value) or math.isnan(value):
         return "no value"
     return "≥ 10" if capped and value >= 10.0 else f"{value:.2f}"
 
 
 def parameter_text(value: float, unit: str) -> str:
-    """Write the value of a parameter as people read it.
-
-    Args:
-        value: The value, in ``unit``.
-        unit: Its SI unit.
-    """
+    """Write the value of a parameter, in its SI unit, as people read it."""
     shown = "bar" if unit == "Pa" else unit
     number = float(from_si(value, shown))
     return f"{number:.3g}" if shown == "1" else f"{number:.3g} {shown}"

@@ -173,10 +173,7 @@ RECORD = TableShape(
 
 
 def record_from_table(table: Mapping[str, Any]) -> Record:
-    """Return the record that a table describes.
-
-    Args:
-        table: What `Record.table` returned, with ``traces`` if they were kept.
+    """Return the record of what `Record.table` returned, with ``traces`` if they were kept.
 
     Raises:
         KeyError: If the table is incomplete.

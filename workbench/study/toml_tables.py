@@ -29,10 +29,7 @@ class TomlTables:
 
     @contextmanager
     def at(self, *path: str | int) -> Iterator[None]:
-        """Add file and line to a mistake, unless a place further inside did.
-
-        Args:
-            path: Path of the entry that is being read: keys, and indices of arrays.
+        """Add file and line of an entry to a mistake, unless a place further inside did.
 
         Raises:
             WorkbenchError: The mistake, with its place.

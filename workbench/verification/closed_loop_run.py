@@ -82,10 +82,7 @@ class Run(Drawn):
         return self.model.exact.signal_names if self.model else ()
 
     def measurement(self, name: str) -> Vector:
-        """Return what one of the controller's sensors read.
-
-        Returns:
-            Measurements, shape (n,), in SI.
+        """Return what one of the controller's sensors read, shape (n,), in SI.
 
         Raises:
             WorkbenchError: If the controller has no such sensor.

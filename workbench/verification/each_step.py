@@ -78,14 +78,11 @@ class StepResponse(NamedTuple):
 
 
 def each_step(time: Vector, changes: Sequence[tuple[float, float, float]]) -> tuple[StepPart, ...]:
-    """Cut a trajectory into its steps.
+    """Cut a trajectory into its steps, of which those count that begin within it.
 
     Args:
         time: Sample times, shape (n,), in s.
         changes: Time in s, value before and value after of every step, as `Steps.changes` has them.
-
-    Returns:
-        One part per step that begins within the trajectory; the last one ends with it.
     """
     own = [change for change in changes if change[0] < time[-1]]
     begins = [int(np.searchsorted(time, change[0] - _ROUNDING)) for change in own]

@@ -16,16 +16,10 @@ _STOP = "_stop.torque"
 
 
 def joint_stiffness(run: Run) -> Vector:
-    """Compute the joint's stiffness at constant pressures, ``-d torque / d angle``.
-
-    Args:
-        run: A run on a full plant with the port ``joint.torque`` and the state ``angle``.
-
-    Returns:
-        Stiffness, shape (n,), in N m/rad.
+    """Compute the joint's stiffness at constant pressures, ``-d torque / d angle``, in N m/rad.
 
     Raises:
-        WorkbenchError: If the plant has no such port or state.
+        WorkbenchError: If the plant has no port ``joint.torque`` or no state ``angle``.
     """
     check_choice("signal", "joint.torque", run.signal_names)
     check_choice("state", "angle", run.state_names)

@@ -187,12 +187,9 @@ def tolerance_of(label: str, own: Iterable[Metric] = ()) -> Tolerance:
 
 
 def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
-    """Compute every metric of a run.
+    """Compute every metric of a run, and those of a user's own.
 
     Of several steps the worst counts. Metrics of an output use the plant's output without noise.
-
-    Args:
-        own: Metrics of a user's own, beside those of `METRICS`.
     """
     found: list[MetricValue] = []
     told = run.infos[0] if run.infos else {}

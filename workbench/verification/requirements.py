@@ -63,19 +63,10 @@ class Score(NamedTuple):
 
 
 def judge(requirement: Requirement, measured: Metrics) -> Score:
-    """Judge one requirement on the metrics of a run.
-
-    Returns:
-        The score; a metric that is NaN is never met.
+    """Judge one requirement on the metrics of a run; a metric that is NaN is never met.
 
     Raises:
         WorkbenchError: If the run has no such metric or the units do not fit.
-
-    Example:
-        >>> from workbench.verification.metrics import MetricValue
-        >>> run = Metrics("pid", "arm", "step", (MetricValue("settling_time", 0.4, "s"),))
-        >>> judge(Requirement("settling_time", 0.5, unit="s"), run)
-        Score(value=0.4, score=0.8, reason='')
     """
     metric = measured[requirement.metric]
     value = metric.value

@@ -63,10 +63,7 @@ class FullPlant:
         self.outputs: list[float] = self._y.tolist()
 
     def set_parameter(self, name: str, value: float) -> None:
-        """Change a parameter from now on.
-
-        Args:
-            value: New value, in its SI unit.
+        """Change a parameter, in its SI unit, from now on.
 
         Raises:
             WorkbenchError: If there is no such parameter or the value is outside its bounds.
@@ -90,10 +87,7 @@ class FullPlant:
         return self._x
 
     def hold(self, command: tuple[float, ...]) -> None:
-        """Hold a command for one sample and read the sensors at its end.
-
-        Args:
-            command: Inputs, shape (n_inputs,), in SI.
+        """Hold a command, shape (n_inputs,), in SI, for one sample and read the sensors at its end.
 
         Raises:
             NumericalError: If the integrator gives up or the states are no longer finite.

@@ -117,12 +117,7 @@ class SignalFault:
             )
 
     def of(self, value: float, first: float) -> float:
-        """Return what is given in the place of a value, in SI.
-
-        Args:
-            value: The right one, in SI.
-            first: The right one when the fault began, in SI.
-        """
+        """Return what is given for a value; ``first`` was it when the fault began; both in SI."""
         if self.kind == "missing":
             return math.nan
         return {"stuck": first, "offset": value + self.level, "value": self.level}[self.kind]

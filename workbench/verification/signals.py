@@ -152,10 +152,7 @@ class Recorded(_Points):
 
     @classmethod
     def read(cls, path: str | Path, column: str, *, unit: str = "1") -> Recorded:
-        """Read a reference from a CSV file with a header and the times, in s, in its first column.
-
-        Args:
-            unit: Unit of its values.
+        """Read a reference in ``unit`` from a CSV file: header, and times in s in the first column.
 
         Raises:
             WorkbenchError: If the file cannot be read, has no such column or holds no numbers.

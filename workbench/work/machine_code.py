@@ -44,13 +44,9 @@ _DIGEST = hashlib.sha256().digest_size
 
 @functools.cache
 def compiler() -> str | None:
-    """Return the path of a C compiler, or None where there is none.
+    """Return the path of a C compiler; None where there is none, and models are interpreted.
 
-    The environment variable ``WORKBENCH_CC`` names another compiler; ``none`` means that models
-    are interpreted.
-
-    Returns:
-        Path of the program, or None if models are interpreted.
+    The environment variable ``WORKBENCH_CC`` names another compiler, or ``none``.
 
     Raises:
         WorkbenchError: If ``WORKBENCH_CC`` names a program that does not exist.

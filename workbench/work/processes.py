@@ -30,9 +30,6 @@ def parallel(
         jobs: Number of processes; 1 stays in this one.
         dask: Address of a Dask scheduler such as ``tcp://host:8786``, or None.
 
-    Yields:
-        What the calls return, in the order in which they finish.
-
     Raises:
         WorkbenchError: If the number of processes is outside its range, or Dask is not installed or
             its scheduler not there.
@@ -80,15 +77,7 @@ def parallel(
 
 
 def in_order(calls: Sequence[Call[T]], *, jobs: int = 1, dask: str | None = None) -> list[T]:
-    """Return the results of calls in their order, however they were shared.
-
-    Args:
-        jobs: Number of processes; 1 stays in this one.
-        dask: Address of a Dask scheduler such as ``tcp://host:8786``, or None.
-
-    Raises:
-        WorkbenchError: As `parallel` does.
-    """
+    """Return the results of calls in their order, however `parallel` shared them."""
     numbered: list[Call[tuple[int, T]]] = [(_numbered, (i, *call)) for i, call in enumerate(calls)]
     found = dict(parallel(numbered, jobs=jobs, dask=dask))
     return [found[i] for i in range(len(calls))]

@@ -24,12 +24,6 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
 
     ``P = (J^T J + diag(prior variances)^-1)^-1`` over free and held parameters together, of which
     the block of the free ones is kept; the estimates stay.
-
-    Args:
-        recordings: Its recordings, with a start for its model.
-
-    Returns:
-        The same refit with wider intervals; unchanged where its model holds nothing of that kind.
     """
     model = fit.model
     estimates = {e.name: e.value for e in fit.refit.estimates}

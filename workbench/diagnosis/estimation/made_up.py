@@ -25,18 +25,10 @@ def made_up(
     seed: int = 0,
     name: str = "made up",
 ) -> Observed:
-    """Simulate a recording of a model, with the noise and the resolution of its sensors.
+    """Simulate a recording as `made_up_recording` does, and observe it.
 
-    Args:
-        inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI.
-        sample_time: Time between samples, in s.
-        values: True values of some parameters by name, in SI; the model's own by default.
-
-    Returns:
-        The recording as `observe` returns it for the model with its own values.
-
-    Raises:
-        WorkbenchError: If a parameter is unknown or the inputs do not fit.
+    It is returned as `observe` returns it for the model with its own values. Inputs, sample time
+    and values are in SI.
     """
     return observe(
         model,
@@ -81,16 +73,7 @@ def made_up_recording(
 
 
 def pushes(samples: int, *, largest: float, hold: int = 40, seed: int = 0) -> Vector:
-    """Return random levels, each held for some samples.
-
-    Args:
-        samples: Number of samples.
-        largest: Largest level, in the unit of the input.
-        hold: Samples per level.
-
-    Returns:
-        Levels, shape (samples,), in the unit of the input.
-    """
+    """Return random levels up to ``largest``, in its unit, shape (samples,), each held a while."""
     levels = np.random.default_rng(seed).uniform(-largest, largest, samples // hold + 1)
     return np.repeat(levels, hold)[:samples]
 

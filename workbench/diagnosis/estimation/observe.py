@@ -25,15 +25,12 @@ def observe(
 ) -> Observed:
     """Bring a recording into the shape that the filter of a model needs.
 
+    Noise follows from the sensors' data; states that the first measurements determine start there,
+    the others where the model starts.
+
     Args:
-        model: The plant; signals of the recording are found by the names of its inputs and
-            outputs.
         used: Names of the outputs to use; all that were recorded by default.
         every: Use every n-th measurement; inputs are all used.
-
-    Returns:
-        Inputs, measurements, noise from the sensors' data, and the start: states that the first
-        measurements determine from those, the others where the model starts.
 
     Raises:
         WorkbenchError: If an input is missing, no output was recorded, or the time is not uniform.

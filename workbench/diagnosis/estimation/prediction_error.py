@@ -141,10 +141,7 @@ class PredictionError:
         self._filters: list[Filter] = []
 
     def run(self, observed: Observed, values: npt.ArrayLike) -> Innovations:
-        """Run the filter along a recording.
-
-        Args:
-            values: Parameter values, shape (n_parameters,), in SI.
+        """Run the filter along a recording with parameter values, shape (n_parameters,), in SI.
 
         Raises:
             NumericalError: If the filter leaves the finite numbers.
@@ -155,10 +152,7 @@ class PredictionError:
         """Run the filter along several recordings, side by side where there are cores for it.
 
         Args:
-            values: Parameter values, shape (n_parameters,), in SI.
-
-        Raises:
-            NumericalError: If the filter leaves the finite numbers.
+            values: As for `run`, in SI.
         """
         short = sum(len(observed.outputs) for observed in recordings) < _SHORT
         count = 1 if short else min(threads(), len(recordings))
@@ -208,13 +202,10 @@ class PredictionError:
 
 
 def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
-    """Return the disturbance at each port, as a multiple of what is expected there.
+    """Return the disturbance at each port, rms in its SI unit: what is expected, times the scale.
 
     Args:
         noise_scale: Process-noise scale, dimensionless.
-
-    Returns:
-        Root mean square by name of port, in each port's SI unit.
     """
     return {
         q.name: noise_scale * q.disturbance for q in model.ports if noise_scale * q.disturbance > 0

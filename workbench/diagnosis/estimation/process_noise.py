@@ -69,15 +69,10 @@ class ProcessNoiseFit:
 
 
 def extended_start(observed: Observed, model: Model, extended: Model) -> Observed:
-    """Return a recording whose start covers the states of attached effects.
+    """Return a recording whose start covers the states of attached effects, where these put them.
 
-    Args:
-        observed: The recording, with a start for ``model``.
-        model: The model that the recording was brought into shape for.
-
-    Returns:
-        The recording with the states of the effects where the effects put them. A state that was
-        known from a sensor that the effects may shift is known no better than the model says.
+    A state that was known from a sensor that the effects may shift is known no better than the
+    model says. ``model`` is that for which the recording was brought into shape.
     """
     if len(extended.effects) == len(model.effects):
         return observed
@@ -209,11 +204,9 @@ def _first_scale(
 
 
 def blocks_of_cost(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> Vector:
-    """Return minus the log likelihood of recordings under a fitted model, by blocks of time.
+    """Return minus the log likelihood, dimensionless, under a fitted model by blocks of time.
 
-    Args:
-        fit: The fitted model and its process-noise scale.
-        recordings: Recordings with a start for this model, used or not used for the fit.
+    The recordings, used or not used for the fit, have a start for this model.
 
     Raises:
         NumericalError: If the filter leaves the finite numbers.
@@ -234,13 +227,10 @@ def blocks_of_cost(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> Vect
 def ranges_along(
     fit: ProcessNoiseFit, recordings: Sequence[Observed]
 ) -> dict[str, tuple[float, float]]:
-    """Return the smallest and largest value of every port and state along recordings.
+    """Return smallest and largest value of every port and state along recordings, in SI.
 
-    Those of a sensor's port are measured, all others follow from the filtered states. A few of
-    the samples at each end are left out.
-
-    Returns:
-        Lower and upper end by name, in SI.
+    Those of a sensor's port are measured, all others follow from the filtered states. A few of the
+    samples at each end are left out.
 
     Raises:
         NumericalError: If the filter leaves the finite numbers.
@@ -299,18 +289,11 @@ def _blocks(part: Innovations, sample_time: float) -> Vector:
 
 
 def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
-    """Return minus the log likelihood to be expected if the model left nothing out.
+    """Return minus the log likelihood, dimensionless, to be expected if the model left nothing out.
 
     The filter runs along measurements that the model itself gives for the inputs, with the noise
     and the smallest scale of the ladder: ``sum (1/2 + log s)``, s the standard deviations of its
-    prediction errors.
-
-    Args:
-        model: The plant, with parameters near those of the recordings.
-        recordings: Recordings as `observe` returns them, with a start for this model.
-
-    Returns:
-        The cost, dimensionless.
+    prediction errors. The model has parameters near those of the recordings.
 
     Raises:
         NumericalError: If the model leaves the finite numbers.
@@ -344,13 +327,7 @@ def gain_interval(
         after: Cost by block under the other, shape (n_blocks,), dimensionless.
 
     Returns:
-        The gain, and the 0.5 % and 99.5 % points of its distribution over resampled blocks, in
-        units of log likelihood, dimensionless.
-
-    Example:
-        >>> gain, low, high = gain_interval(np.full(50, 2.0), np.full(50, 1.0))
-        >>> gain, low
-        (50.0, 50.0)
+        The gain, and the 0.5 % and 99.5 % points over resampled blocks, dimensionless.
     """
     gains = before - after
     rng = np.random.default_rng(seed)
@@ -360,12 +337,9 @@ def gain_interval(
 
 
 def start_values(fit: Refit, priors: Sequence[Prior]) -> dict[str, float]:
-    """Return where to start the next refit: estimates, but priors for those on a bound.
+    """Return where to start the next refit, in SI: estimates, but priors for those on a bound.
 
     All of a whole is no bound that a value was driven to.
-
-    Returns:
-        Values in SI, by name.
     """
     means = {p.name: p.mean for p in priors}
     driven = (e for e in fit.estimates if e.on_bound and not (e.unit == "1" and e.value >= 1.0))

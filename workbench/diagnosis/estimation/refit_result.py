@@ -106,10 +106,7 @@ class Refit:
         )
 
     def inflation(self, name: str) -> float:
-        """Return by how much correlated errors enlarge the standard deviation of an estimate.
-
-        Returns:
-            Factor, 1 or more, dimensionless.
+        """Return the factor, 1 or more, by which correlated errors enlarge a standard deviation.
 
         Raises:
             WorkbenchError: If the parameter was not free.

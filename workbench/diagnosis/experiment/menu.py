@@ -61,13 +61,13 @@ class Experiment:
         return self.sample_time * (len(self.inputs) - 1)
 
     def measurements(self, model: Model, start: npt.ArrayLike) -> Vector | None:
-        """Simulate what the sensors of a model would read, without noise.
+        """Simulate what the sensors of a model would read, without noise, shape (n, n_outputs).
 
         Args:
             start: States at the first sample, shape (n_states,), in SI.
 
         Returns:
-            All measurements, shape (n, n_outputs), in SI; None if the integrator gives up.
+            Measurements in SI; None if the integrator gives up.
         """
         if self.planned is not None and self.planned[0] is model:
             return self.planned[1]
@@ -116,14 +116,7 @@ def menu(model: Model, recordings: Sequence[Observed]) -> tuple[Experiment, ...]
 def other_settings(
     model: Model, free: Sequence[str] = ()
 ) -> tuple[tuple[str, dict[str, float]], ...]:
-    """Return changed settings of a model within their bounds.
-
-    Args:
-        free: Names of parameters that are being fitted and so are no settings.
-
-    Returns:
-        Words, and the changed value in SI by name.
-    """
+    """Return changed settings of a model, in SI by name, with words; none that is being fitted."""
     found = []
     for q in model.parameters:
         if q.name not in SETTINGS or q.name in free:

@@ -59,19 +59,7 @@ class SimulatedMachine:
 def plan_csv(model: Model, experiment: Experiment) -> str:
     """Write the inputs of an experiment as a file to be played on a device.
 
-    Args:
-        model: The plant, for names and units of its inputs.
-
-    Returns:
-        CSV text: time in s and each input in the plant's unit, held until the next row.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> print(plan_csv(servo_axis(), Experiment("push", 0.01, np.array([[5.0], [7.5]]))))
-        time_s,force_N
-        0,5
-        0.01,7.5
-        <BLANKLINE>
+    CSV text: time in s and each input in the plant's unit, held until the next row.
     """
     time = experiment.sample_time * np.arange(len(experiment.inputs))
     return csv_text(

@@ -104,7 +104,7 @@ class Separator:
     def errors(
         self, explanation: Explanation, seen: Observed, experiment: Experiment, noise_scale: float
     ) -> Innovations | None:
-        """Run the filter of an explanation along what would be read.
+        """Run the filter of an explanation along what would be read, at a noise scale.
 
         Args:
             noise_scale: Process-noise scale, dimensionless.
@@ -187,13 +187,10 @@ def _information(explanation: Explanation) -> Vector:
 
 
 def reduced(part: Innovations, information: Vector) -> float:
-    """Return half the sum of squares that the free parameters cannot make up for.
+    """Return ``min_d (|e + J d|^2 + d' information d) / 2``, dimensionless.
 
-    Args:
-        information: What is known of the parameters before, shape (n_free, n_free), scaled.
-
-    Returns:
-        ``min_d (|e + J d|^2 + d' information d) / 2``, dimensionless.
+    It is half the sum of squares that the free parameters cannot make up for, of which
+    ``information``, shape (n_free, n_free), scaled, is known before.
     """
     errors, rows = stack([part])
     gradient = rows.T @ errors
@@ -312,12 +309,8 @@ def sensors(
     signal is compared with the signal of the truth, less what its free parameters can make up for.
     Values within the correlation time of disturbances count once.
 
-    Args:
-        truth: The explanation that is taken as true.
-
     Returns:
-        Names of ports and published signals, with standard deviations, dimensionless, the best
-        first.
+        Ports and published signals, the best first, with standard deviations, dimensionless.
     """
     seen = separator.played(truth, experiment)
     if seen is None:

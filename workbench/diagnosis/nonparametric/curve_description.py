@@ -48,12 +48,6 @@ def describing_terms(x: Vector, curve: Vector, draws: Vector) -> tuple[Term, ...
 
     Returns:
         Terms by falling frequency, those of at least one draw in ten.
-
-    Example:
-        >>> x = np.linspace(-1.0, 1.0, 40)
-        >>> scattered = x**3 + 0.01 * np.random.default_rng(0).normal(size=(20, 1)) * x
-        >>> describing_terms(x, x**3, scattered)[0].name
-        'x^3'
     """
     # A sine that does not complete a period on the data is no sine but a slope.
     span = float(x[-1] - x[0])

@@ -48,15 +48,14 @@ class Site:
     effect: Vector
 
     def columns(self, functions: Vector, relative: bool) -> Vector:
-        """Carry functions of what the ports see to the located signals.
+        """Carry functions of what the ports see to the located signals, as columns of a regression.
 
         Args:
             functions: One set of functions at every port, shape (n, n_ports, k), dimensionless.
             relative: Whether they are a fraction of the port's signal.
 
         Returns:
-            Columns of a regression, located signals one below the other, shape
-            (n_located n, k), in the unit of the located signal.
+            Located signals one below the other, shape (n_located n, k), in their unit.
         """
         weight = self.effect * self.value[:, None, :] if relative else self.effect
         product = np.einsum("nlp,npk->lnk", weight, functions)
@@ -94,13 +93,10 @@ class Evidence:
         return float(np.mean(self.signal[self.known] ** 2))
 
     def at_ports(self, values: Vector) -> Vector:
-        """Return what ports see where a located signal is known.
+        """Return what ports see where a located signal is known, one after the other, in any unit.
 
         Args:
             values: A local signal, shape (n, n_ports), in any unit.
-
-        Returns:
-            Its values, one port after the other, in that unit.
         """
         used = self.known.reshape(len(self.located), -1).any(axis=0)
         return values[used].ravel()
@@ -129,13 +125,10 @@ class Evidence:
         return prior + _ridge(matrix, self.signal[rows] - matrix @ prior, penalty)
 
     def imitated(self, column: Vector) -> float:
-        """Return which share of a column's mean square the free parameters can imitate.
+        """Return which share of a column's mean square the free parameters can imitate, a fraction.
 
         Args:
             column: The column, shape (n_located n,), in the signals' unit.
-
-        Returns:
-            0 to 1, dimensionless.
         """
         matrix, target = self.nominal[self.known], column[self.known]
         answer = np.linalg.lstsq(matrix, target, rcond=None)[0]
@@ -143,15 +136,13 @@ class Evidence:
         return 1.0 - left / max(float(np.sum(target**2)), 1e-300)
 
     def share(self, columns: Vector) -> float:
-        """Return the share of the mean square that columns predict across blocks of time.
+        """Return the share that columns predict across blocks of time beyond the free parameters.
 
-        Every fifth block of 2 s is predicted from the others, with and without the columns.
+        Every fifth block of 2 s is predicted from the others, with and without the columns; 1,
+        dimensionless, stands for all of the mean square.
 
         Args:
             columns: Further columns, shape (n_located n, k), in the signals' unit.
-
-        Returns:
-            Share explained beyond the free parameters, 1 for everything, dimensionless.
         """
         fold = (self.time // _BLOCK_S + self.recording).astype(int) % 5
         fold = np.tile(fold, len(self.located))

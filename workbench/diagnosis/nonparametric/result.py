@@ -173,14 +173,11 @@ class NonparametricTerm:
         return {argument.name: argument.hull for argument in self.arguments}
 
     def curve(self, x: npt.ArrayLike, argument: str | None = None) -> Vector:
-        """Compute the fitted curve.
+        """Compute the fitted curve, shape (n,), in ``unit``.
 
         Args:
             x: Values of the argument, shape (n,), in its SI unit.
             argument: Name of the argument; the first by default.
-
-        Returns:
-            The curve, shape (n,), in ``unit``.
 
         Raises:
             WorkbenchError: If the term has no such argument.

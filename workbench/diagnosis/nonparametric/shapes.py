@@ -69,12 +69,7 @@ class Shape:
         return {name: units.get(name, "1") for name in self.inner}
 
     def starts(self, low: float, high: float) -> list[dict[str, float]]:
-        """Return values of the further parameters to fit from, in SI.
-
-        Args:
-            low: Smallest value of the argument, in its SI unit.
-            high: Largest value, in that unit.
-        """
+        """Return values, in SI, of the further parameters to fit from, for an argument's range."""
         span, middle = high - low, 0.5 * (low + high)
         near = min(max(0.0, low), high)
         if "frequency" in self.inner:
@@ -89,10 +84,7 @@ class Shape:
         """Return between which values, in SI, the further parameters are sought.
 
         A width beyond the data, or a wave that does not complete a period, is another shape.
-
-        Args:
-            low: Smallest value of the argument, in its SI unit.
-            high: Largest value, in that unit.
+        ``low`` and ``high`` are the ends of the argument, in its SI unit.
         """
         span = high - low
         ends = {
@@ -154,13 +146,10 @@ def matched(
     *,
     charge: float,
 ) -> NonparametricTerm:
-    """Compare the curve of a term with the shapes of the library.
+    """Compare the curve of an accepted term with the shapes of the library.
 
     Args:
-        term: A term that was accepted.
-        base: The refitted model without it.
-        fit_on: Fitting recordings, with a start for the model of ``base``.
-        priors: Priors of the free parameters of ``base``.
+        base: The refitted model without it, for which recordings and priors are.
         charge: What a parameter has to gain, in units of log likelihood.
 
     Returns:

@@ -59,14 +59,7 @@ class Network:
         return w.reshape(HIDDEN, n), b, v, float(c[0])
 
     def __call__(self, x: Vector) -> Vector:
-        """Compute the output.
-
-        Args:
-            x: Arguments, shape (m, n), in SI.
-
-        Returns:
-            Output, shape (m,), in the unit of the port.
-        """
+        """Compute the output, shape (m,), in the unit of the port, of arguments (m, n), in SI."""
         w, b, v, c = self.parts()
         return np.asarray(self.scale * (np.tanh((x - self.centre) / self.spread @ w.T + b) @ v + c))
 
@@ -87,7 +80,6 @@ def trained(x: Vector, y: Vector, *, seed: int = 0) -> Network:
     Args:
         x: Arguments, shape (m, n), in SI.
         y: Targets, shape (m,), in the unit of the port.
-        seed: Seed of the first weights.
     """
     from scipy.optimize import minimize
 
@@ -122,8 +114,6 @@ def neural(
     Args:
         base: The refitted nominal model.
         nominal: The model that the recordings were observed with.
-        fitting: Recordings to train on.
-        judging: Recordings to judge on.
 
     Returns:
         Findings as a verdict has them, one without a name or none, and the errors of free runs with

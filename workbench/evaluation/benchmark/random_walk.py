@@ -45,7 +45,6 @@ def random_walk(
     Args:
         base: The refitted nominal model.
         nominal: The model that the recordings were observed with.
-        recordings: The recordings to fit on.
 
     Returns:
         Findings as a verdict has them: the ports of one group without a name, or nothing.

@@ -253,15 +253,9 @@ def _regress(equation: str, terms: dict[str, Array], y: Array) -> Sparse:
 
 
 def thresholded(a: Array, b: Array, threshold: float) -> Array:
-    """Solve least squares again and again without the terms whose coefficients are small.
+    """Solve least squares ``a x = b`` again and again without the terms of small coefficients.
 
-    Args:
-        a: Terms, shape (n, k).
-        b: What they shall explain, shape (n,).
-        threshold: Least magnitude of a coefficient.
-
-    Returns:
-        Coefficients, shape (k,), zero for the terms left out.
+    Coefficients, terms and threshold are dimensionless; those left out are zero.
     """
     kept = np.ones(a.shape[1], dtype=bool)
     found = np.zeros(a.shape[1])

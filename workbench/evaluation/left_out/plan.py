@@ -30,13 +30,22 @@ class LeftOut:
         nominal: Builds the plant without it.
         answers: Names in the library that are right; none where nothing is left out.
         absorbed: Whether parameters imitate most of it, so that silence is right as well.
+        seconds: Length of a recording of the arm, in s.
+        tried: Names of the effects that compete; the whole library if none.
     """
 
-    name: str
+    physics: str
     trial: Trial
     nominal: Callable[[], Model]
     answers: tuple[str, ...]
     absorbed: bool = False
+    seconds: float = 10.0
+    tried: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the case, such as ``phi-isometric``."""
+        return f"{self.physics.replace(' ', '-')}-{self.trial}"
 
 
 def _arm() -> Model:
@@ -46,14 +55,12 @@ def _arm() -> Model:
 PLAN: tuple[LeftOut, ...] = (
     LeftOut("nothing", "motion", _arm, ()),
     LeftOut(
-        "phi(q), equation (3)",
+        "phi",
         "isometric",
         lambda: pneumatic_muscle().without("force_correction"),
         ("phi_term",),
     ),
-    LeftOut(
-        "phi(q), equation (3)", "motion", lambda: _arm().without("force_correction"), ("phi_term",)
-    ),
+    LeftOut("phi", "motion", lambda: _arm().without("force_correction"), ("phi_term",)),
     LeftOut(
         "changing volume",
         "motion",
@@ -87,22 +94,17 @@ PLAN: tuple[LeftOut, ...] = (
 """Every piece, after a control in which nothing is left out."""
 
 
-def recordings(
-    trial: Trial, folder: Path, *, seconds: float = 10.0
-) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
-    """Record a trial on the independent rig, whose parameters are some per cent off.
-
-    Args:
-        trial: Isometric ramps of a muscle, or the arm in motion, open and closed loop.
-        seconds: Length of a recording of the arm, in s.
+def recordings(case: LeftOut, folder: Path) -> tuple[tuple[Recording, ...], tuple[Recording, ...]]:
+    """Record on the independent rig, whose parameters are some per cent off.
 
     Returns:
-        Recordings to fit on and others to judge on.
+        Recordings to fit on and others to judge on: isometric ramps of a muscle, or the arm in
+        motion, open and closed loop.
     """
-    if trial == "isometric":
+    if case.trial == "isometric":
         return (_ramps("fitted", (0, 5, 11, 18, 26), 1),), (_ramps("held out", (2, 8, 22), 2),)
-    case = read_case(make_case(SEED, [], LOAD_KG, folder, seconds=seconds))
-    return tuple(case.fit.values()), tuple(case.hold_out.values())
+    made = read_case(make_case(SEED, [], LOAD_KG, folder, seconds=case.seconds))
+    return tuple(made.fit.values()), tuple(made.hold_out.values())
 
 
 def _ramps(name: str, contractions_mm: Sequence[float], seed: int) -> Recording:

@@ -67,10 +67,7 @@ class ArmDrawing:
 
 
 def arm_drawing(model: Model, angle: npt.ArrayLike) -> ArmDrawing:
-    """Place the parts of an arm as its equations declare them.
-
-    Args:
-        angle: Angles of the arm, shape (n,), in rad.
+    """Place the parts of an arm as its equations declare them, at angles of shape (n,), in rad.
 
     Raises:
         WorkbenchError: If the model is no arm.

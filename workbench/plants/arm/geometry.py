@@ -90,12 +90,8 @@ class ArmGeometry:
     def length(self, alpha: Expression) -> Expression:
         """Return the length of a muscle between its anchors, ``L^2 = K + A cos a - B sin b``, in m.
 
-        Args:
-            alpha: Angle a of the muscle's own lever, rad: theta for muscle 1, 60 deg - theta for
-                muscle 2; any shape.
-
-        Source:
-            The paper's equation for L, with b = 180 deg - a.
+        The angle ``alpha`` is that of the muscle's own lever, in rad: theta for muscle 1, 60 deg -
+        theta for muscle 2; b = 180 deg - a. Source: the paper's equation for L.
         """
         constant, cosine, sine = self._constants
         return sqrt(constant + cosine * _cos(alpha) - sine * _sin(self._beta(alpha)))

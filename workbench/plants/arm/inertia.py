@@ -55,11 +55,7 @@ class ArmBody:
     def inertia(self, load: Expression) -> Expression:
         """Return the inertia about the pivot, ``0.0556 + n (0.367^2 + 0.024^2 + 0.0015)``, kg m^2.
 
-        Args:
-            load: Mass of the plates n, kg, 0..8; number or expression.
-
-        Source:
-            Parallel-axis theorem with the paper's dimensions.
+        It is the parallel-axis theorem with the paper's dimensions; the load n is 0 to 8 kg.
         """
         along, above = self.plate_centre
         return self.arm_inertia + check_load(load) * (along**2 + above**2 + self.plate_inertia)

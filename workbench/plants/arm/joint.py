@@ -175,13 +175,10 @@ def _stop(m: Scope, name: str, penetration: Expression, speed: Expression) -> Ex
 
 
 def gravity(plane: Plane, body: ArmBody | None = None, *, name: str = "gravity") -> Effect:
-    """Build the weight of arm and plates.
+    """Build the weight of arm and plates, the paper's unless another body is given.
 
     ``T = T - g [m_arm (x cos theta - y sin theta) + load (x_p cos theta + y_p sin theta)]`` in the
     vertical plane, nothing in the horizontal one.
-
-    Args:
-        body: Masses of arm and plates; the paper's by default.
 
     Raises:
         WorkbenchError: If the plane is unknown.

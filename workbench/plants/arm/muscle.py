@@ -250,15 +250,11 @@ def muscle_laws(
 ) -> tuple[MuscleLaws, tuple[Effect, ...]]:
     """Split the laws of a muscle into the base and the effects that can be left out.
 
-    The term phi(q) of the paper's force law and the flattening of the ends become effects on the
-    ports of both muscles.
+    The term phi(q) of the paper's force law becomes the effect ``force_correction``, the flattening
+    of the ends ``end_flattening``, each on the ports of both muscles.
 
     Args:
         printed_work_sign: The sign of the gas work as printed in the paper.
-
-    Returns:
-        The laws of the base, and the effects ``force_correction`` (for the paper's law only) and
-        ``end_flattening`` with the ports of muscle 1 and 2.
     """
     effects = [end_flattening(volume)]
     base = force_law
@@ -269,13 +265,7 @@ def muscle_laws(
 
 
 def force_correction(law: PaperLaw | None = None) -> Effect:
-    """Build the pressure-independent term phi(q) of the paper's force law.
-
-    ``T = T + phi(q)``
-
-    Args:
-        law: The law whose phi(q) it is; the paper's identified one by default.
-    """
+    """Build the pressure-independent term of the paper's force law, ``T = T + phi(q)``."""
     paper = law or PaperLaw()
 
     def transform(at: PortView) -> Expression:
@@ -301,13 +291,7 @@ def force_correction(law: PaperLaw | None = None) -> Effect:
 
 
 def end_flattening(braid: BraidedCylinder | None = None) -> Effect:
-    """Build what the flattened ends take off the volume of the cylinder.
-
-    ``V = V - (2 pi / 3) h^3``, with h the height of a flattened end.
-
-    Args:
-        braid: Geometry of the braid; that of the DMSP-20-200N by default.
-    """
+    """Build what flattened ends of height h take off the cylinder, ``V = V - (2 pi / 3) h^3``."""
     geometry = braid or BraidedCylinder()
 
     def transform(at: PortView) -> Expression:

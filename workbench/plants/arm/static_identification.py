@@ -72,10 +72,7 @@ class StaticForceFit:
         return "switch" in self.names
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Return the confidence interval of one number, in its unit.
-
-        Args:
-            name: ``D1``, ``D2``, ``D3``, ``phi_0``, ... or ``switch``.
+        """Return the confidence interval of a number, such as ``D1`` or ``phi_0``, in its unit.
 
         Raises:
             WorkbenchError: If there is no such number.

@@ -28,11 +28,8 @@ def clipped_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], float]:
     into its end with more than three converter steps per sample and was constant at once for five
     or more; a real turning point slows down.
 
-    Args:
-        values: Samples, shape (n,), finite.
-
     Returns:
-        Mask, shape (n,), and the value of the limit (NaN if nothing is clipped).
+        Mask, shape (n,), and the value of the limit, in the unit of the values, or NaN.
     """
     none = np.zeros(len(values), dtype=bool)
     if len(values) < 10 or np.ptp(values) == 0:

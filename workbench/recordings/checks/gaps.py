@@ -23,14 +23,7 @@ def runs(mask: npt.NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def filled(recording: Recording, name: str, bad: npt.NDArray[np.bool_], reason: str) -> Recording:
-    """Replace samples of a signal by its neighbours and exclude them from judgement.
-
-    Args:
-        bad: Samples to replace, shape (n,).
-
-    Returns:
-        The recording; commands are held, measurements interpolated by straight lines.
-    """
+    """Exclude bad samples, shape (n,), from judgement: commands hold, measurements interpolate."""
     signal, time = recording.signal(name), recording.time
     good = ~bad & np.isfinite(signal.values)
     values = signal.values.copy()

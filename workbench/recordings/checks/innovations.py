@@ -78,14 +78,10 @@ def surprises(
 
 
 def correlation(first: Vector, second: Vector, lags: npt.ArrayLike) -> Vector:
-    """Return the correlation of ``second`` a number of samples after ``first``, in sigmas.
+    """Return the correlation of ``second`` some samples after ``first``, of zero mean, in sigmas.
 
-    For independent white signals it is normal with unit variance at every lag.
-
-    Args:
-        first: Shape (n,), zero mean.
-        second: Shape (n,), zero mean.
-        lags: Lags in samples, whole numbers, not negative.
+    For independent white signals it is normal with unit variance at every lag. Lags are whole
+    numbers of samples, not negative.
     """
     n = len(first)
     size = float(np.std(first) * np.std(second))

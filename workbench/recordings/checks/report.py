@@ -86,14 +86,7 @@ class CheckReport:
         return next((c.values for c in self.checks if c.name == name), {})
 
     def check(self, name: str) -> Finding:
-        """Return a check by name.
-
-        Args:
-            name: Name such as ``gaps``.
-
-        Raises:
-            WorkbenchError: If there is no such check; names the nearest spelling.
-        """
+        """Return a check by its name, such as ``gaps``; an unknown name is a `WorkbenchError`."""
         check_choice("check", name, [c.name for c in self.checks])
         return next(c for c in self.checks if c.name == name)
 

@@ -34,10 +34,7 @@ _MARKS = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "u
 
 
 def guess_encoding(start: bytes, source: str) -> str:
-    r"""Guess the encoding of a text from its first bytes.
-
-    Returns:
-        Name of a codec; ``latin-1`` for what is not UTF-8, because it reads any byte.
+    r"""Guess the encoding of a text from its first bytes; ``latin-1`` reads what is not UTF-8.
 
     Raises:
         WorkbenchError: If it is no text.
@@ -82,10 +79,7 @@ def _pieces(path: Path, cut: list[str]) -> Iterator[bytes]:
 
 
 def line_blocks(path: Path, cut: list[str]) -> Iterator[list[str]]:
-    r"""Yield the lines of a text file in blocks of about 4 MB.
-
-    Yields:
-        Lines without their ends.
+    r"""Yield the lines of a text file, without their ends, in blocks of about 4 MB.
 
     Raises:
         WorkbenchError: If the file is no text or has a line of more than a million characters.

@@ -135,10 +135,7 @@ def _metadata(lines: Sequence[str]) -> tuple[dict[str, Scalar], dict[str, Any] |
 
 
 def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
-    """Recognise the layout from the first lines of a file.
-
-    Returns:
-        The layout with the largest number of columns that holds for three rows in a row.
+    """Recognise the layout with the most columns that holds for three rows in a row.
 
     Raises:
         WorkbenchError: If no rows of numbers are found.
