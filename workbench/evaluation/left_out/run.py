@@ -49,7 +49,9 @@ def answer(case: LeftOut, jobs: int) -> dict[str, Any]:
         fit, hold_out = recordings(case, Path(folder))
         entries = [
             e
-            for e in library(model, outputs=[q.name for q in model.outputs if q.name in fit[0]])
+            for e in library(
+                model, outputs=tuple(q.name for q in model.outputs if q.name in fit[0])
+            )
             if not case.tried or e.name in case.tried
         ]
         return diagnosed(
