@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from controllers.uncertainty import Uncertainty
-from workbench.evaluation.rig import plant
+from workbench.evaluation.rig.fast import derivative
 from workbench.evaluation.rig.variations import (
     BLIND_SEED,
     KINDS,
@@ -47,7 +47,7 @@ def test_every_kind_is_named_as_both_simulators_name_it() -> None:
 def test_a_rig_at_rest_stays() -> None:
     parameters = draws(8, BLIND_SEED)[6].rig
     x = at_rest(parameters, 20.0)
-    rates = plant.derivative(x, parameters["valve_centre"], plant.namespace(parameters))
+    rates = derivative(x, parameters["valve_centre"], parameters)
     assert math.degrees(x[0]) == pytest.approx(20.0) and abs(rates[1]) < 1e-3
 
 

@@ -21,6 +21,7 @@ from workbench.evaluation.kept import answered
 from workbench.evaluation.rig import plant
 from workbench.evaluation.rig.closed_loop import follow
 from workbench.evaluation.rig.excitation import RATE
+from workbench.evaluation.rig.fast import derivative
 from workbench.evaluation.rig.variations import Draw
 from workbench.study.schema import load_study
 from workbench.study.shipped import shipped_study
@@ -52,7 +53,6 @@ def at_rest(parameters: Mapping[str, float], angle_deg: float, *, bar: float = 6
         bar: Sum of both gauge pressures, in bar.
     """
     given = dict(parameters)
-    space = plant.namespace(given)
 
     def state(difference: float) -> Array:
         pair = (0.5 * (bar + difference), 0.5 * (bar - difference))
@@ -61,7 +61,7 @@ def at_rest(parameters: Mapping[str, float], angle_deg: float, *, bar: float = 6
     low, high = -0.97 * bar, 0.97 * bar
     for _ in range(40):
         middle = 0.5 * (low + high)
-        pushed = float(plant.derivative(state(middle), given["valve_centre"], space)[1])
+        pushed = float(derivative(state(middle), given["valve_centre"], given)[1])
         low, high = (middle, high) if pushed < 0.0 else (low, middle)
     return state(0.5 * (low + high))
 

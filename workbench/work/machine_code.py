@@ -17,7 +17,7 @@ from pathlib import Path
 from workbench.errors import WorkbenchError
 from workbench.work.counted import count
 
-_FLAGS = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
+PLAIN = ("-O2", "-fPIC", "-shared", "-ffp-contract=off")
 """What every compiler takes. Products are rounded before they are added, so that machine code gives
 the very numbers that an interpreted model gives."""
 
@@ -27,12 +27,12 @@ FAST = (
     "-fno-semantic-interposition",
     "-fno-math-errno",
     "-fno-trapping-math",
-    *_FLAGS[1:],
+    *PLAIN[1:],
 )
 """The same numbers about twice as fast: products of matrices become part of the code around them,
 in the instructions of this very processor."""
 
-SOON = ("-Og", "-fno-math-errno", "-fno-trapping-math", *_FLAGS[1:])
+SOON = ("-Og", "-fno-math-errno", "-fno-trapping-math", *PLAIN[1:])
 """For the equations of a model, which have no loops: built in a sixth of the time, and a fifth
 slower than ``FAST``."""
 
@@ -102,7 +102,7 @@ def built(
 
     Args:
         name: What the library is called in the cache.
-        flags: ``FAST``, ``USUAL`` or ``SOON``.
+        flags: ``PLAIN``, ``FAST``, ``USUAL`` or ``SOON``.
         headers: Folder of the headers that the code includes; they count as part of the code.
 
     Returns:
@@ -155,7 +155,7 @@ def _build(cc: str, flags: tuple[str, ...], source: str, library: Path) -> None:
         code = Path(folder) / "code.c"
         built = Path(folder) / "code.so"
         code.write_text(source)
-        plain = _FLAGS + tuple(flag for flag in flags if flag.startswith("-I"))
+        plain = PLAIN + tuple(flag for flag in flags if flag.startswith("-I"))
         for asked in (flags, plain):
             done = subprocess.run(
                 [cc, *asked, "-o", str(built), str(code), "-lm"],

@@ -10,7 +10,6 @@ from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.verdict import Verdict
 from workbench.evaluation.own_cases.plan import names, plan
 from workbench.evaluation.own_cases.run import made
-from workbench.evaluation.rig.fast import library as compiled
 from workbench.recordings import read_case
 
 pytestmark = pytest.mark.long
@@ -29,8 +28,6 @@ NAMED = {"own-2053": "valve_deadband x1"}
 
 
 def diagnosed(name: str, folder: Path) -> Verdict:
-    if compiled() is None:
-        pytest.skip("no compiler: making a case in plain Python takes minutes")
     found = read_case(made(PLANNED[name], folder))
     fit_on, hold_out = list(found.fit.values()), list(found.hold_out.values())
     verdict = diagnose(found.model(), fit_on, hold_out, jobs=1).verdict

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
+from tests.evaluation.rig import plain
 from workbench.evaluation.rig import plant
 
 Array = NDArray[np.float64]
@@ -37,7 +38,7 @@ def run(
         for i, state_name in enumerate(plant.STATES):
             if state_name.startswith(name):
                 scale[i] = size
-    on = plant.active(p)
+    on = plain.active(p)
     edges = [0, *(np.flatnonzero(np.diff(command)) + 1), len(command)]
     out = np.empty((len(command), len(state)))
     x = np.array(state, float)
@@ -48,7 +49,7 @@ def run(
         def rhs(_: float, y: Array, u: float = u, rest: Array = x) -> Array:
             full = rest.copy()
             full[on] = y
-            return plant.derivative(full, u, p)[on]
+            return plain.derivative(full, u, p)[on]
 
         solution = solve_ivp(
             rhs, (0.0, t[-1]), x[on], method=method, t_eval=t, rtol=rtol, atol=rtol * scale[on]

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.evaluation.rig import practice, reference
+from tests.evaluation.rig import plain, practice, reference
 from workbench.evaluation.rig import arm, cases, effects, excitation, fast, muscle, plant
 from workbench.evaluation.rig.parameters import nominal
 
@@ -57,14 +57,14 @@ def test_volume_slope_is_the_derivative() -> None:
 def test_mode_frequencies() -> None:
     # poles of the shut arm at 30 degrees and 3 bar: the lightly damped pair
     for load, low, high in ((0.0, 5.0, 6.6), (3.0, 1.7, 2.3), (8.0, 1.1, 1.5)):
-        p = plant.namespace(nominal({"load": load, "coulomb": 0.0}))
+        p = nominal({"load": load, "coulomb": 0.0})
         x = plant.initial(30.0, (3.0, 3.0), nominal({"load": load}))
         jacobian = np.empty((6, 6))
         for j, h in enumerate((1e-6, 1e-6, 1e-10, 1e-4, 1e-10, 1e-4)):
             up, down = x.copy(), x.copy()
             up[j] += h
             down[j] -= h
-            change = plant.derivative(up, 5.0, p) - plant.derivative(down, 5.0, p)
+            change = fast.derivative(up, 5.0, p) - fast.derivative(down, 5.0, p)
             jacobian[:, j] = change[:6] / (2 * h)
         poles = np.linalg.eigvals(jacobian)
         mode = poles[np.argmax(poles.imag)]
@@ -120,11 +120,10 @@ def test_routes_agree(name: str) -> None:
     p = nominal() if name == "none" else effects.switch_on(nominal(), [name])
     x, per = start(p), 10
     u = np.repeat(PULSES, per)
-    if fast.library() is not None:
-        _, compiled = fast.run(p, x, u[:200])
-        _, plain = fast.run(p, x, u[:200], compiled=False)
-        # the same arithmetic in two languages: rounding only
-        assert compiled == pytest.approx(plain, rel=1e-10, abs=1e-13)
+    _, compiled = fast.run(p, x, u[:200])
+    again = plain.run(x, u[:200], plant.namespace(p), fast.STEP)
+    # the same arithmetic in two languages: rounding only
+    assert compiled == pytest.approx(again, rel=1e-10, abs=1e-13)
     if name in ("none", "hysteresis_maxwell", "tendon", "lugre", "line", "supply_droop"):
         short = PULSES[20:80]
         states, _ = fast.run(p, x, np.repeat(short, per), step=2e-3 / per, keep=per)
@@ -162,8 +161,6 @@ def test_practice_recordings_to_the_floor(number: int) -> None:
     root = os.environ.get("WORKBENCH_DATA")
     if not root or not (Path(root) / "practice" / "key.json").exists():
         pytest.skip("WORKBENCH_DATA does not hold the practice recordings")
-    if fast.library() is None:
-        pytest.skip("no compiler: replaying recordings in plain Python takes minutes")
     error = practice.replay(Path(root) / "practice", f"practice-{number:02d}", "validate_open")
     # One encoder count is 0.002 deg.  The loop shape of case 8 is not in the key: ten equal
     # Maxwell-slip elements were fitted to its open-loop recordings, so its bar is looser.

@@ -36,7 +36,7 @@ def rig_rates(x: np.ndarray, u: float, p: dict[str, float]) -> np.ndarray:
     """The rig's derivative, turned into the rates of the arm's states."""
     state = rig_state(x, p)
     space = plant.namespace(p)
-    rate = plant.derivative(state, u, space)
+    rate = fast.derivative(state, u, p)
     out = [rate[INDEX["spool"]], rate[INDEX["spool_speed"]]]
     for k, (_, slope, s) in enumerate(plant.lengths(state, space)):
         volume = muscle.volume(s) + p["dead_volume"]

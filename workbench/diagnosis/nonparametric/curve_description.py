@@ -9,9 +9,6 @@ import numpy as np
 
 from workbench.arrays import Vector
 
-DRAWS = 100
-"""Curves drawn from the uncertainty of the ordinates."""
-
 _MOST = 3
 _ENOUGH = 0.98
 _FREQUENCIES = 40

@@ -43,8 +43,3 @@ def dead_zone(value: float, half_width: float) -> float:
 def limited(value: float, limit: float) -> float:
     """Return a value cut at plus and minus a limit; no limit at 0."""
     return min(limit, max(-limit, value)) if limit > 0.0 else value
-
-
-def bouc_wen_rate(memory: float, speed: float, reach: float) -> float:
-    """Return the rate of a memory in -1..1 that follows the motion within a reach."""
-    return (speed - 0.7 * abs(speed) * memory * abs(memory) - 0.3 * speed * memory**2) / reach

@@ -1,4 +1,4 @@
-"""Geometry, inertia, gravity and stops of the arm (angles in rad, lengths in m).
+"""Geometry, inertia, gravity of the arm (angles in rad, lengths in m).
 
 Units: SI.
 """
@@ -37,12 +37,3 @@ def gravity(angle: float, load: float, p: SimpleNamespace) -> float:
     # A small tilt about the axis that is level with the arm at 90 deg acts on the cosine only.
     tilted = (ARM_MASS * ARM_X + load * LOAD_X) * math.cos(angle) * math.sin(p.tilt)
     return float(-G * (moment * p.vertical + tilted))
-
-
-def stops(angle: float, speed: float, p: SimpleNamespace) -> float:
-    """Return the torque of the stops at 0 and 60 degrees; a stop can only push."""
-    if angle < 0.0:
-        return max(0.0, float(-p.stop_stiffness * angle - p.stop_damping * speed))
-    if angle > SPAN:
-        return min(0.0, float(-p.stop_stiffness * (angle - SPAN) - p.stop_damping * speed))
-    return 0.0

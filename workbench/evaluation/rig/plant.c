@@ -1,4 +1,4 @@
-/* The derivative of plant.py compiled, with a fixed-step fourth-order Runge-Kutta rule.
+/* The time derivative of the states that plant.py names, with a fixed-step fourth-order Runge-Kutta rule.
    P_name (parameters), X_name (states), NX, NE come from a header written by fast.py. */
 #include <math.h>
 #include <string.h>

@@ -60,7 +60,6 @@ def run(
     seed: int = 0,
     drift: dict[str, Callable[[float], float]] | None = None,
     step: float = STEP,
-    compiled: bool = True,
 ) -> Record:
     """Simulate one recording, open loop along `command` or closed loop along `reference`.
 
@@ -94,7 +93,7 @@ def run(
             volt = loop(volt, angle, (bars[0], bars[1]))
         volt = path.quantised(volt)
         table[j] = j / RATE, volt, angle, *bars
-        _, x = fast.run(p, x, path(volt), step=step, keep=steps, compiled=compiled)
+        _, x = fast.run(p, x, path(volt), step=step, keep=steps)
     return Record(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], states)
 
 
