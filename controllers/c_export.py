@@ -61,13 +61,6 @@ def export_c(controller: Controller, folder: str | Path, *, name: str = "control
     Raises:
         WorkbenchError: If the name is no C identifier, the controller needs a library at each
             step, or a file cannot be written.
-
-    Example:
-        >>> import tempfile
-        >>> from controllers.pid import cascade_pid
-        >>> with tempfile.TemporaryDirectory() as place:
-        ...     print(export_c(cascade_pid(6e5, 2e6, 1e5, inner=2e-6), place).source.name)
-        controller.c
     """
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
         raise WorkbenchError(

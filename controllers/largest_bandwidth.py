@@ -164,17 +164,6 @@ def largest_bandwidth(
 
     Raises:
         WorkbenchError: If no speed meets the limits.
-
-    Example:
-        >>> from controllers.pid import cascade_pid
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> model = linearise(operating_point(arm(3), {"angle": 0.5236}), verdict=False)
-        >>> make = lambda w: cascade_pid(600 * w * w, 100 * w**3, 1e3 * w, inner=2.7e-6)
-        >>> found = largest_bandwidth(make, [model], [300.0, 30.0, 20.0])
-        >>> found.speed < 300, found.sensitivity <= 2.0
-        (True, True)
     """
     check_range("limit on Ms", limits.sensitivity, 1.05, 10.0)
     check_range("limit on Mt", limits.complementary, 1.0, 10.0)

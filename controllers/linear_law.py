@@ -46,12 +46,6 @@ def linear_law(
         controller: The controller; its law must be smooth around rest.
         measurement: Measurements of its sensors at rest, in SI.
         reference: References at which it is at rest, in SI.
-
-    Example:
-        >>> from controllers.pid import cascade_pid
-        >>> pid = cascade_pid(6e5, 0.0, 0.0, inner=2e-6, pressure_filter=0.0)
-        >>> linear_law(pid, (0.5, 3e5, 3e5), (0.5,)).J.round(6).tolist()
-        [[-60.0, -0.0001, 0.0001]]
     """
     controller = unguarded(controller)
     if hasattr(controller, "linear_law"):

@@ -167,13 +167,6 @@ class CascadePID(ValveLaw):
         difference_limit: Largest pressure difference asked for, in Pa; infinite for none.
         compensation: Share kappa of the unexplained acceleration compensated at once, a ratio.
         lag: Lag tau of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-
-    Example:
-        >>> pid = CascadePID(LaggedReference(), FixedGains(6e5, 2e6, 1e5, inner=2e-6))
-        >>> at_rest = (0.5, 3e5, 3e5)
-        >>> command, state, info = pid.step(pid.initial_state(at_rest), at_rest, (0.5,))
-        >>> command
-        (5.0,)
     """
 
     tracking: Tracking
@@ -346,14 +339,6 @@ def design_pid(
 
     Source:
         Limits on Ms and Mt: Åström and Hägglund, Advanced PID Control, 2006, section 4.6.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> point = operating_point(arm(3), {"angle": 0.5236})
-        >>> design_pid(linearise(point, verdict=False)).gains.inner > 0
-        True
     """
     linear = linear_model(linear)
     want = specification or PIDSpecification()
@@ -415,14 +400,7 @@ class ScheduledPIDSpecification(TrackingSpecification):
 def design_scheduled_pid(
     schedule: JointSchedule, specification: ScheduledPIDSpecification | None = None
 ) -> CascadePID:
-    """Design a cascaded PID over the whole range from a map of linear models, for its load.
-
-    Example:
-        >>> rows = tuple((v, v) for v in (1.6e-4, 1.0, 100.0, 3.6e7, 6e5, 0.8, 0.0, 0.0))
-        >>> pid = design_scheduled_pid(JointSchedule(0.0, 1.0, rows, rows, 3e5, 4e5))
-        >>> pid.step(pid.initial_state((0.5, 3e5, 3e5)), (0.5, 3e5, 3e5), (0.5,))[0]
-        (5.0,)
-    """
+    """Design a cascaded PID over the whole range from a map of linear models, for its load."""
     want = specification or ScheduledPIDSpecification()
     inner = want.inner_speed * want.frequency or want.inner_bandwidth
     return CascadePID(

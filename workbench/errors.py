@@ -14,12 +14,6 @@ class WorkbenchError(Exception):
     """A mistake in what the user asked for; its text is one clear sentence.
 
     The command line prints the text and exits with status 2.
-
-    Example:
-        >>> raise WorkbenchError("load is 12 kg; the rig carries 0 to 8 kg")
-        Traceback (most recent call last):
-            ...
-        workbench.errors.WorkbenchError: load is 12 kg; the rig carries 0 to 8 kg
     """
 
 

@@ -134,12 +134,6 @@ def synthesise(
     Raises:
         WorkbenchError: If slycot is not installed or a number is outside its range.
         NumericalError: If there is no stabilising controller, or no stable one.
-
-    Example:
-        >>> joint = JointModel(b=1.6e-4, a1=1.5, a0=96.0, g=3.5e7, e=6.2e5, d=0.8)
-        >>> found = synthesise(joint, Weights(20.0))
-        >>> found.gamma < 1.5, len(found.A) < found.full_order
-        (True, True)
     """
     h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
     check_range("bandwidth of the pressure loop", inner_bandwidth, 1.0, 1.0 / h, "rad/s")

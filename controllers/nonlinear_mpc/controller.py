@@ -429,14 +429,6 @@ def design_nonlinear_mpc(
 
     Source:
         Diehl, Bock, Schloeder 2005.
-
-    Example:
-        >>> from workbench.plants.arm import arm
-        >>> mpc = design_nonlinear_mpc(arm(3))
-        >>> state = mpc.initial_state((0.5236, 4.2e5, 4.2e5))
-        >>> (voltage,), state, info = mpc.step(state, (0.5236, 4.2e5, 4.2e5), (0.6,))
-        >>> voltage > 5.0, info["status"]
-        (True, 'SOLVER_RET_SUCCESS')
     """
     want = specification or NonlinearMPCSpecification()
     build = compile_function or (lambda function: function)

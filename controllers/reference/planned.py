@@ -102,16 +102,6 @@ class Planner:
 
     Raises:
         WorkbenchError: If a limit is not positive.
-
-    Example:
-        >>> from controllers.arithmetic import FLOATS
-        >>> planner = Planner(jerk=2000.0, acceleration=60.0, speed=10.0)
-        >>> state, angles = planner.start(0.0), []
-        >>> for k in range(200):
-        ...     plan, state = planner.plan(state, 0.26, FLOATS)
-        ...     angles.append(plan.angle)
-        >>> max(angles) <= 0.26 + 1e-12, angles[-1]
-        (True, 0.26)
     """
 
     jerk: float

@@ -50,14 +50,6 @@ def redesign(
 
     Raises:
         WorkbenchError: If the model cannot rest there, or the design does not fit the plant.
-
-    Example:
-        >>> from workbench.physics.hysteresis import muscle_hysteresis
-        >>> from workbench.plants.arm.arm import ARM, arm
-        >>> better = arm(3).with_effect(muscle_hysteresis())
-        >>> pids = [redesign(m, ARM, "scheduled-pid") for m in (arm(3), better)]
-        >>> [pid.tracking.hysteresis is None for pid in pids]
-        [True, False]
     """
     kind = DESIGNS.get(design)
     smooth = model.without(*model.dry_effects)

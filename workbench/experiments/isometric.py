@@ -90,13 +90,6 @@ def isometric_experiment(
 
     Source:
         The paper's identification experiment, Figure 7.
-
-    Example:
-        >>> from workbench.plants.arm.static_identification import identify_static_force
-        >>> record = isometric_experiment(sample_time=0.5)
-        >>> fit = identify_static_force(record.pressure, record.contraction, record.force)
-        >>> fit.order, round(float(fit.values[0]), 0)
-        (4, 280.0)
     """
     check_range("maximum pressure", maximum_pressure, 1e5, 8e5, "Pa")
     check_range("ramp time", ramp_time, 5.0, 600.0, "s")

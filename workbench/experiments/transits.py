@@ -111,13 +111,6 @@ def measure_transits(
 
     Source:
         The paper's Figure 8 and its description: full travel, gentle touch, vibration in between.
-
-    Example:
-        >>> t = np.arange(0.0, 2.0, 0.002)
-        >>> sweep = np.radians(60.0 * np.clip(t - 0.5, 0.0, 1.0))
-        >>> figures = measure_transits(t, sweep)
-        >>> round(figures.transit_time, 3), figures.dips, round(figures.touch_speed, 3)
-        (0.9, 0, 1.047)
     """
     t, a = check_finite("time", time).ravel(), check_finite("angle", angle).ravel()
     if t.size != a.size or t.size < 20:

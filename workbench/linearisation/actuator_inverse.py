@@ -31,13 +31,6 @@ def straightened(model: Model, curve: ActuatorCurve | str) -> Model:
 
     Raises:
         WorkbenchError: If the plant has several inputs, or not the ports of the curve.
-
-    Example:
-        >>> from workbench.plants.arm import arm
-        >>> plant = straightened(arm(3), "opening")
-        >>> x = plant.initial_state({"spool": 0.5})
-        >>> round(plant.signals(x, [5.5])["valve.supply_1"], 4)
-        0.104
     """
     if isinstance(curve, str):
         curve = model.traits.curve(curve)

@@ -20,12 +20,6 @@ def to_iosystem(model: Model, *, form: Form = EXACT) -> Any:
     Returns:
         System in SI with the model's inputs, outputs and states; `control.linearize` and
         `control.input_output_response` take it.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> system = to_iosystem(servo_axis())
-        >>> system.nstates, system.input_labels, system.output_labels
-        (2, ['force'], ['position'])
     """
     import control as ct
 

@@ -105,14 +105,6 @@ def operating_map(
 
     Raises:
         WorkbenchError: If a value is not finite, a name unknown, or there is no operating point.
-
-    Example:
-        >>> import math
-        >>> from workbench.plants.arm import arm
-        >>> print(operating_map(arm(8), {"angle": [math.pi / 6], "mean_pressure": [3e5]}))
-        map over angle, 0.524 to 0.524
-           mean_pressure  frequency Hz     damping        points
-                  300000   1.29 to  1.29  0.077 to 0.077  1 of 1
     """
     grid = {name: np.atleast_1d(check_finite(name, values)) for name, values in axes.items()}
     if not grid or any(values.ndim != 1 for values in grid.values()):

@@ -88,15 +88,6 @@ def amplitude_validity(
 
     Raises:
         WorkbenchError: If an argument is outside its range.
-
-    Example:
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis().without("coulomb_friction")
-        >>> holds = amplitude_validity(linearise(operating_point(axis)))
-        >>> round(holds.upper)  # a linear plant: up to the largest force
-        350
     """
     check_range("deviation", within, 1e-6, 10.0)
     trial = Comparison(linear, output)

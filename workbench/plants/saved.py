@@ -22,12 +22,6 @@ def saved_plant(
         reference: Name of the plant, or ``module:object``.
         options: Its options that are not at their defaults, in their units.
         model: The model to keep: the nominal one with other effects and parameters.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> heavy = servo_axis().with_parameters({"mass": 99.0})
-        >>> saved_plant("servo_axis", {}, servo_axis(), heavy)["parameters"]
-        {'mass': 99.0}
     """
     before, after = ([e.name for e in m.effects] for m in (nominal, model))
     known = {q.name: q.value for q in nominal.parameters}

@@ -68,13 +68,6 @@ class Trajectory(Drawn):
         form: The form of the equations that was used.
         values: Parameter values used, shape (n_parameters,), in SI.
         violations: Where the run left the range of a law.
-
-    Example:
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> from workbench.simulation import simulate
-        >>> run = simulate(servo_axis(), np.full((100, 1), 50.0), sample_time=0.01)
-        >>> run["speed"][-1] > 0.1, run.error < 1e-5
-        (np.True_, True)
     """
 
     model: Model

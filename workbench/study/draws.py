@@ -69,11 +69,6 @@ def straight_line(unit: Vector, values: Vector) -> tuple[float, Vector, float]:
     Returns:
         Constant, change over the whole range of each parameter, shape (n_parameters,), and the
         ratio of the variance that is explained.
-
-    Example:
-        >>> points = unit_draws(2, 8, 1)
-        >>> straight_line(points, 1.0 + 3.0 * points[:, 1])[1].round(6).tolist()[1]
-        3.0
     """
     matrix = np.column_stack([np.ones(len(unit)), unit - 0.5])
     solution, *_ = np.linalg.lstsq(matrix, values, rcond=None)

@@ -116,16 +116,6 @@ def analyse_loop(
     Raises:
         WorkbenchError: If the linear model lacks a sensor or an actuator, or the law is not linear
             around rest.
-
-    Example:
-        >>> from controllers.pid import design_pid
-        >>> from workbench.linearisation import linearise
-        >>> from workbench.operating_point import operating_point
-        >>> from workbench.plants.arm import arm
-        >>> linear = linearise(operating_point(arm(3), {"angle": 0.5236}), verdict=False)
-        >>> outer, command = analyse_loop(design_pid(linear), linear)
-        >>> outer.stable, 1.0 < outer.sensitivity <= 2.01
-        (True, True)
     """
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     at_rest = tuple(values.get(name, 0.0) for name in controller.sensors)
@@ -211,12 +201,6 @@ def crossings(frequency: Vector, response: Complex) -> tuple[Complex, Vector, Co
     Returns:
         Loop gains on the unit circle and their frequencies in Hz, then those on the negative real
         axis and theirs.
-
-    Example:
-        >>> hertz = np.geomspace(0.01, 10.0, 400)
-        >>> circle, _, axis, at = crossings(hertz, 4 / (1 + 2j * np.pi * hertz) ** 3)
-        >>> round(float(-1 / axis[0].real), 1), round(float(2 * np.pi * at[0]), 2)
-        (2.0, 1.73)
     """
 
     def where(level: Vector) -> tuple[Complex, Vector]:

@@ -75,13 +75,6 @@ def guarded(
 
     Raises:
         WorkbenchError: If the plant lacks a sensor or an actuator of the controller.
-
-    Example:
-        >>> from controllers.open_loop import ConstantCommand
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> held = ConstantCommand((0.0,), actuators=("force",), sensors=("position",))
-        >>> guarded(held, servo_axis()).guard.commands
-        (CommandLimits(safe=0.0, lower=-350.0, upper=350.0),)
     """
     point = operating_point(plant, at or {}) if isinstance(plant, Model) else plant.operating_point
     model = point.model

@@ -61,16 +61,6 @@ def verify(
         WorkbenchError: If sensors, actuators or sample times do not fit, or the scenario changes
             parameters of a linear model.
         NumericalError: If the plant left the range of its laws so far that it cannot be simulated.
-
-    Example:
-        >>> from controllers.open_loop import ConstantCommand
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> from workbench.verification.signals import Steps
-        >>> scenario = Scenario("rest", {"position": Steps((0.0,), (0.0,))}, 0.1, settle=0.0)
-        >>> controller = ConstantCommand((1.0,), actuators=("force",), controlled=("position",))
-        >>> run = verify(controller, servo_axis(), scenario)
-        >>> len(run.time)
-        50
     """
     check_choice("integration method", method, ("auto", "erk", "rosenbrock"))
     if method == "auto":

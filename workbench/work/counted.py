@@ -50,14 +50,7 @@ def done() -> Work:
 
 
 def since(before: Work) -> Work:
-    """Return the work since an earlier `done`.
-
-    Example:
-        >>> before = done()
-        >>> count("filtered_samples", 300)
-        >>> since(before)["filtered_samples"]
-        300
-    """
+    """Return the work since an earlier `done`."""
     return {unit: amount - before.get(unit, 0) for unit, amount in done().items()}
 
 

@@ -73,20 +73,6 @@ def separate(
 
     Raises:
         WorkbenchError: If there are no recordings.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up_axis
-        >>> from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis, seen = servo_axis(), made_up_axis(1, samples=300)
-        >>> fits = {
-        ...     name: fit_with_process_noise(model, [seen], default_priors(model, ["mass"]))
-        ...     for name, model in (("with", axis), ("without", axis.without("coulomb_friction")))
-        ... }
-        >>> told = separate([Explanation(n, f) for n, f in fits.items()], [seen], axis)
-        >>> told[0].sigma > 3.0
-        True
     """
     first, *others = explanations[:_MOST_EXPLANATIONS]
     separator = Separator(recordings[0], observed_with)

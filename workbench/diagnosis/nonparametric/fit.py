@@ -105,24 +105,6 @@ def nonparametric_term(
     Raises:
         WorkbenchError: If a port does not exist or sees nothing.
         NumericalError: If the filter of the base model cannot follow the recordings.
-
-    Example:
-        >>> from workbench.diagnosis.estimation.made_up import made_up, pushes
-        >>> from workbench.diagnosis.estimation.priors import default_priors
-        >>> from workbench.physics.stiffness import linear_spring
-        >>> from workbench.plants.servo_axis import servo_axis
-        >>> axis = servo_axis()
-        >>> spring = linear_spring("axis.force", stiffness=200.0, upper=1000.0)
-        >>> true = axis.with_effect(spring)
-        >>> runs = [
-        ...     made_up(true, pushes(400, largest=200.0, seed=i), sample_time=0.01)
-        ...     for i in (1, 2)
-        ... ]
-        >>> priors = default_priors(axis)
-        >>> base = fit_with_process_noise(axis, runs[:1], priors)
-        >>> found = nonparametric_term(base, runs[:1], runs[1:], ["axis.force"], priors)
-        >>> found.accepted, found.arguments[0].name
-        (True, 'position')
     """
     evidence = gather(base.model, fit_on, ports, priors)
     shapes = _shapes(evidence)

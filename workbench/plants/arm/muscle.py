@@ -317,12 +317,6 @@ def pneumatic_muscle(
     Returns:
         Model with the inputs ``fibre_length`` (m), ``fibre_speed`` (m/s) and ``flow`` (kg/s), and
         the outputs ``force`` (N) and ``pressure`` (Pa, gauge).
-
-    Example:
-        >>> model = pneumatic_muscle()
-        >>> force, pressure = model.read([4.01325e5, 293.15], [0.2, 0.0, 0.0]).tolist()
-        >>> round(force, 1), pressure
-        (830.8, 300000.0)
     """
     laws, effects = muscle_laws(force_law or PaperLaw(), volume or BraidedCylinder())
 

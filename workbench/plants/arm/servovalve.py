@@ -272,12 +272,6 @@ def servovalve() -> Model:
     Returns:
         Model with the inputs ``valve`` (V), ``pressure_1`` and ``pressure_2`` (Pa, absolute) and
         the outputs ``flow_1`` and ``flow_2`` (kg/s, towards the muscles).
-
-    Example:
-        >>> model = servovalve()
-        >>> filling, venting = model.read([0.9, 0.0], [5.9, 3e5, 3e5]).tolist()
-        >>> round(1e3 * filling, 2), round(1e3 * venting, 2)
-        (1.36, -0.52)
     """
     pressures = tuple(
         Input(f"pressure_{i}", "Pa", 1e5, "absolute", nominal=4e5, lower=0.0, upper=2e6)

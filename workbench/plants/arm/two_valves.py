@@ -114,13 +114,6 @@ def two_valve_arm(
 
     Raises:
         WorkbenchError: If an argument is outside its range.
-
-    Example:
-        >>> from workbench.operating_point import operating_point
-        >>> plant = two_valve_arm(3)
-        >>> point = operating_point(plant, {"angle": 0.5, "mean_pressure": 3e5})
-        >>> round(point["pressure_1"] + point["pressure_2"]), point.is_equilibrium
-        (600000, True)
     """
     base = arm(
         load_kg,

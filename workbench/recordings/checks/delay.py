@@ -73,15 +73,6 @@ def estimate_delay(
 
     Raises:
         WorkbenchError: If a signal is missing.
-
-    Example:
-        >>> from workbench.recordings import Signal
-        >>> u = np.random.default_rng(3).normal(size=3000)
-        >>> y = np.convolve(np.roll(u, 4), [1.0, 0.6, 0.3])[:3000]
-        >>> time = np.arange(3000) * 0.002
-        >>> trial = Recording("r", time, (Signal("u", u, role="command"), Signal("y", y)))
-        >>> round(estimate_delay(trial, "u", "y").onset, 4)
-        0.008
     """
     if len(recording) < 10 * MEMORY:
         return Delay(command, response, float("nan"), float("nan"), 0.0)
