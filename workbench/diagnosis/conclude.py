@@ -53,7 +53,7 @@ def conclude(diagnosis: Diagnosis) -> Verdict:
         findings=findings,
         fit=fit,
         units={q.name: q.unit for q in nominal.outputs if q.name in used},
-        parameters=_parameters(diagnosis.base),
+        parameters=_parameters(diagnosis.refitted),
         improved=_parameters(diagnosis.extended) if diagnosis.improved else {},
         not_testable=_not_testable(diagnosis),
         refused=_refused(diagnosis),

@@ -309,22 +309,24 @@ def validate(found: Diagnosis, *, advise: bool = True, jobs: int = 1, say: Progr
     """Judge what was found on the held-out recordings, and work out what to record next."""
     selected, prepared = found.selected, found.prepared
     assert selected is not None
-    extended, location = selected.extended, None
+    task = Task(found.nominal, found.base, prepared.fitting, prepared.judging, prepared.priors)
+    known = selected.closest
+    refitted = known.get("refitted") or task.closest(found.base, robust=True)
+    extended, location = refitted, None
     if found.improved:
-        started = Task(found.nominal, found.base, (), (), ()).started(
-            prepared.fitting, extended.model
-        )
+        extended = known.get("extended") or task.closest(selected.extended, robust=True)
+        started = task.started(prepared.fitting, extended.model)
         extended = with_fixed_uncertainty(extended, started)
         say("locating what is left")
         location = where(extended, replace(prepared, fitting=tuple(started))).location
     say("running the models freely on the held-out recordings")
-    models = {"nominal": found.nominal, "refitted": found.base.model, "extended": extended.model}
+    models = {"nominal": found.nominal, "refitted": refitted.model, "extended": extended.model}
     runs = {
         label: selected.runs.get(label)
         or {r.name: settled_run(model, found.nominal, r) for r in prepared.judging}
         for label, model in models.items()
     }
-    validated = Validated(extended, runs, location)
+    validated = Validated(refitted, extended, runs, location)
     found = replace(found, validated=validated)
     questions: list[Call[Any]] = [(missing_signals, (found,))]
     if advise:

@@ -67,7 +67,9 @@ class Validated:
     """What was found, on recordings that were not fitted on.
 
     Args:
-        extended: The extended model; its intervals count the parameters that a refit fixes.
+        refitted: The refitted nominal model, with the values that run closest to the recordings.
+        extended: The extended model, likewise; its intervals count the parameters that a refit
+            fixes.
         runs: Free runs by model (``nominal``, ``refitted``, ``extended``) and recording.
         location: Where the extended model lacks something; None if nothing was found.
         advice: What to record next, as `verdict.json` says it.
@@ -76,6 +78,7 @@ class Validated:
         not_shown: Why there is no such signal; empty if there is one.
     """
 
+    refitted: ProcessNoiseFit
     extended: ProcessNoiseFit
     runs: Mapping[str, Runs]
     location: Location | None = None
@@ -131,6 +134,11 @@ class Diagnosis(Drawn):
         if self.fitted is None:
             raise WorkbenchError("the diagnosis did not get as far as the refit")
         return self.fitted.base
+
+    @property
+    def refitted(self) -> ProcessNoiseFit:
+        """The refitted nominal model as it is shown, with the values that run closest."""
+        return self.validated.refitted if self.validated is not None else self.base
 
     @property
     def extended(self) -> ProcessNoiseFit:

@@ -126,7 +126,7 @@ def parameters_table(diagnosis: Diagnosis) -> Table:
     Parameters that end on a bound stand first where that is the verdict; ordinates of a curve
     without a name stand last.
     """
-    before = {e.name: e for e in diagnosis.base.refit.estimates}
+    before = {e.name: e for e in diagnosis.refitted.refit.estimates}
     after = {e.name: e for e in diagnosis.extended.refit.estimates} if improved(diagnosis) else {}
     wrong = diagnosis.verdict is not None and diagnosis.verdict.kind == "parameter"
     added = [n for n in after if n not in before]

@@ -8,8 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.errors import WorkbenchError
-from workbench.model import Model
+from workbench.model import Model, Parameter
 from workbench.model.model import index_of
+
+_WIDE = 100.0
+"""Ratio of the bounds of a parameter beyond which its usual value is a guess only."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,15 @@ class Prior:
     std: float
     lower: float
     upper: float
+
+    def is_bound(self, value: float) -> bool:
+        """Say whether a value, in the parameter's SI unit, sits on a bound."""
+        return min(value - self.lower, self.upper - value) < 1e-3 * (self.upper - self.lower)
+
+
+def is_guess(q: Parameter) -> bool:
+    """Say whether the value of a parameter is a guess only, which no refit changes."""
+    return not q.fitted and 0.0 < q.lower <= q.upper / _WIDE
 
 
 def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Prior, ...]:

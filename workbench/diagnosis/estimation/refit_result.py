@@ -182,7 +182,7 @@ def summarise(
             float(v),
             float(s),
             p,
-            bool(min(v - p.lower, p.upper - v) < 1e-3 * (p.upper - p.lower)),
+            p.is_bound(float(v)),
         )
         for p, q, v, s in zip(priors, quantities, outcome.values, deviations, strict=True)
     )

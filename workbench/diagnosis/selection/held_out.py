@@ -53,10 +53,13 @@ def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
         nominal: The model that the recording was observed with.
         observed: The recording.
     """
+    return free_run(model, _settled(model, nominal, observed))
+
+
+def _settled(model: Model, nominal: Model, observed: Observed) -> Observed:
     begun = extended_start(observed, nominal, model)
     wanted = max(_START_SAMPLES, round(_START_SHARE * len(begun.outputs)))
-    samples = min(len(begun.outputs), wanted)
-    return free_run(model, fitted_start(model, begun, samples=samples))
+    return fitted_start(model, begun, samples=min(len(begun.outputs), wanted))
 
 
 def drifts(model: Model, observed: Observed) -> bool:
@@ -80,6 +83,21 @@ def windowed_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> Fr
     Each window starts from the state that the filter has there. That judges models whose free run
     drifts off over the whole recording whatever they contain.
     """
+    parts = [free_run(fit.model, part) for part in _windows(fit, nominal, observed)]
+    failure = next((part.failure for part in parts if part.failure), "")
+    simulated = np.concatenate([part.simulated for part in parts])
+    return FreeRun(
+        observed.name,
+        observed.used,
+        parts[0].units,
+        observed.sample_time * np.arange(len(simulated), dtype=np.float64),
+        observed.outputs,
+        simulated,
+        failure,
+    )
+
+
+def _windows(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> list[Observed]:
     model = fit.model
     begun = extended_start(observed, nominal, model)
     count = len(begun.outputs)
@@ -87,23 +105,22 @@ def windowed_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> Fr
     rms = disturbances(model, max(fit.noise_scale, _MILD))
     filter_ = PredictionError(model, begun.sample_time, begun.used, (), rms)
     states = filter_.run(begun, model.values).states
-    parts = []
     starts = list(range(0, max(count - size // 2, 1), size))
-    for k, end in zip(starts, [*starts[1:], count], strict=True):
-        rows = slice(k, end)
-        inputs, outputs = begun.inputs[rows], begun.outputs[rows]
-        part = replace(begun, inputs=inputs, outputs=outputs, start=states[k])
-        parts.append(free_run(model, part))
-    failure = next((part.failure for part in parts if part.failure), "")
-    return FreeRun(
-        observed.name,
-        begun.used,
-        parts[0].units,
-        begun.sample_time * np.arange(count, dtype=np.float64),
-        begun.outputs,
-        np.concatenate([part.simulated for part in parts]),
-        failure,
-    )
+    return [
+        replace(begun, inputs=begun.inputs[k:end], outputs=begun.outputs[k:end], start=states[k])
+        for k, end in zip(starts, [*starts[1:], count], strict=True)
+    ]
+
+
+def pieces(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> list[Observed]:
+    """Return what a model is run along to be judged: a recording, or its windows, with starts.
+
+    Raises:
+        NumericalError: If the filter leaves the finite numbers.
+    """
+    if drifts(nominal, observed):
+        return _windows(fit, nominal, observed)
+    return [_settled(fit.model, nominal, observed)]
 
 
 def judged_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> FreeRun:
@@ -246,7 +263,11 @@ class RunErrors:
 
     def spoilt_from(self, other: RunErrors) -> bool:
         """Say whether the error is larger than that of others by more than a quarter."""
-        return self._beside(other)[0] > _SPOILT
+        return self.over(other) > _SPOILT
+
+    def over(self, other: RunErrors) -> float:
+        """Return the error over that of others, dimensionless; infinite if a run failed."""
+        return self._beside(other)[0]
 
     def _beside(self, other: RunErrors) -> tuple[float, float]:
         """Return the error over that of others, and the least gain over them."""

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
-from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.estimation.priors import Prior, is_guess
 from workbench.diagnosis.estimation.process_noise import (
     ProcessNoiseFit,
     blocks_of_cost,
@@ -33,6 +33,7 @@ from workbench.diagnosis.selection.rules import (
     FREE_RUN,
     HELD_OUT,
     LEAST_EXPLAINED,
+    MUCH_CLOSER,
     SAME,
     SHARE,
     SURPASSED,
@@ -42,6 +43,7 @@ from workbench.diagnosis.selection.rules import (
 )
 from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
+from workbench.diagnosis.selection.simulation_error import closest_runs
 from workbench.errors import NumericalError
 from workbench.model import Model, Parameter
 from workbench.physics.library import Hypothesis
@@ -82,9 +84,6 @@ _SIZES = (0.3, 1.0, 3.0)
 _STEP, _STEPS = 3.0, 6
 """Factor between sizes that are tried from there on as long as the recordings become likelier, and
 how many: the usual size may be wrong by a hundred."""
-
-_WIDE = 100.0
-"""Ratio of the bounds of a parameter beyond which its usual value is a guess only."""
 
 _WIDER, _WIDENINGS = 5.0, 4
 """Factor by which a bound is widened that a solution sits on, and how often."""
@@ -136,7 +135,7 @@ def refit_candidates(
     before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
     follow = [(first[i], field[i]) for i in leaders]
     known = given, tuple(fit_on), tuple(hold_out), before
-    runs: Call[Any] = (run_errors, (base, base.model, tuple(hold_out)))
+    runs: Call[Any] = (_closest_errors, (base, base.model, tuple(fit_on), tuple(hold_out)))
     finals: list[Call[Any]] = [(_followed, (base, *pair, *known)) for pair in follow]
     done: list[Any] = in_order([runs, *finals], jobs=jobs) if finals else [NO_RUNS]
     for i, final in zip(leaders, done[1:], strict=True):
@@ -194,7 +193,14 @@ def decided(
         # What lies within a few units where both were fitted, unseen recordings decide.
         better = [c for c in same if abs(best.gain - c.gain) < SAME.value and preferred(c, best)]
         best = max(better, key=lambda c: c.held_out[0], default=best)
-        same = [c for c in same if c is best or not told_apart(best.blocks, c.blocks)]
+        # So they do where they say it twice: of what comes next, and of whole runs.
+        closer = [c for c in same if closer_unseen(c, best)]
+        best = max(closer, key=lambda c: c.held_out[0], default=best)
+        same = [
+            c
+            for c in same
+            if c is best or not (told_apart(best.blocks, c.blocks) or closer_unseen(best, c))
+        ]
         best = min(same, key=lambda c: (c.own_parameters, -c.gain - c.held_out[0]))
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
 
@@ -204,6 +210,13 @@ def preferred(one: Candidate, other: Candidate) -> bool:
     if len(one.blocks) < 2 or len(other.blocks) < 2:
         return False
     return gain_interval(other.blocks[1], one.blocks[1])[1] > 0.0
+
+
+def closer_unseen(one: Candidate, other: Candidate) -> bool:
+    """Whether unseen recordings are likelier with one effect, and its runs there much closer."""
+    if one.held_out[0] <= other.held_out[0] or one.run is None or other.run is None:
+        return False
+    return one.run.closer_than(other.run, by=MUCH_CLOSER.value)
 
 
 def _run_freely(candidate: Candidate, without: RunErrors, *, shown: bool) -> Candidate:
@@ -576,11 +589,7 @@ def _tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) 
         The effect with better values; itself where there are none.
     """
     model = fit.model
-    guessed = [
-        q
-        for q in entry.effect.parameters
-        if not q.fitted and q.name != entry.size_parameter and 0.0 < q.lower <= q.upper / _WIDE
-    ]
+    guessed = [q for q in entry.effect.parameters if is_guess(q) and q.name != entry.size_parameter]
     if not guessed:
         return entry
     rms = disturbances(model, fit.noise_scale)
@@ -683,9 +692,19 @@ def _judged_on(
         held_out, own_blocks = held_out_gain(before, fit, judging)
         blocks.append(own_blocks)
         shift = _shift(entry, fit, judging[0])
-    run = run_errors(fit, base.model, hold_out)
+    run = _closest_errors(fit, base.model, fit_on, hold_out)
     gain = base.cost - fit.cost
     return Candidate(entry, fit, gain, held_out, shift=shift, blocks=tuple(blocks), run=run)
+
+
+def _closest_errors(
+    fit: ProcessNoiseFit,
+    nominal: Model,
+    fit_on: Sequence[Observed],
+    hold_out: Sequence[Observed],
+) -> RunErrors:
+    """Return the errors of the runs of a fit, each model with the values that run closest."""
+    return run_errors(closest_runs(fit, nominal, fit_on, hold_out), nominal, hold_out)
 
 
 def _shift(entry: Hypothesis, fit: ProcessNoiseFit, observed: Observed) -> float:

@@ -225,6 +225,12 @@ NEAR_NOISE = Threshold(
     "Held-out error over what noise and the uncertainty of the parameters leave, up to which"
     " nothing is missing.",
 )
+MUCH_CLOSER = Threshold(
+    "much closer",
+    0.2,
+    "Part of the error of another effect's free runs that has to go for unseen recordings to be"
+    " believed before those that were fitted: chance and a happy start move runs too.",
+)
 SAME = Threshold(
     "same explanation",
     15.0,

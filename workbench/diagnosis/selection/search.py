@@ -41,6 +41,7 @@ from workbench.diagnosis.selection.held_out import (
     told_apart,
 )
 from workbench.diagnosis.selection.refits import (
+    closer_unseen,
     decided,
     entry_priors,
     is_sensor,
@@ -78,10 +79,11 @@ from workbench.diagnosis.selection.selected import (
     Withdrawn,
 )
 from workbench.diagnosis.selection.shortlist import shortlist
+from workbench.diagnosis.selection.simulation_error import closest_runs
 from workbench.diagnosis.selection.weights import Compared
 from workbench.errors import NumericalError
 from workbench.model import Model
-from workbench.physics.library import Hypothesis, Law, library
+from workbench.physics.library import Hypothesis, Law, library, look_alikes
 
 Progress = Callable[[str], None]
 
@@ -125,6 +127,7 @@ class Task:
         entries: Effects that may be missing; the whole library if None.
         extra: Laws and hypotheses that may be missing beside the library.
         shorter: Models that were refitted without one of their effects, by identity and effect.
+        refitted: Models that were refitted to free runs, by identity and whether with heavy tails.
         say: Called with a line of text before each step.
     """
 
@@ -139,6 +142,9 @@ class Task:
     say: Progress = lambda text: None
     extra: tuple[Law | Hypothesis, ...] = ()
     shorter: dict[tuple[int, str], tuple[ProcessNoiseFit, Shorter]] = field(default_factory=dict)
+    refitted: dict[tuple[int, bool], tuple[ProcessNoiseFit, ProcessNoiseFit]] = field(
+        default_factory=dict
+    )
 
     def tried(self, model: Model) -> list[Hypothesis]:
         """Return the effects that may be missing from a model."""
@@ -156,6 +162,15 @@ class Task:
             )
         attached = {effect.name for effect in model.effects}
         return [e for e in entries if e.name not in attached]
+
+    def closest(self, fit: ProcessNoiseFit, *, robust: bool = False) -> ProcessNoiseFit:
+        """Return a fit as it runs closest to the recordings."""
+        key = id(fit), robust
+        if key not in self.refitted:
+            # The fit is kept with it: its identity must not become that of another.
+            found = closest_runs(fit, self.nominal, self.fitting, self.judging, robust=robust)
+            self.refitted[key] = fit, found
+        return self.refitted[key][1]
 
     @cached_property
     def _ranges(self) -> dict[str, tuple[float, float]]:
@@ -270,8 +285,7 @@ def _to_refit(task: Task, scores: Scores, most: int) -> tuple[tuple[Score, ...],
     alone = task.location.alone if task.location else {}
     best = max(alone.values(), default=0.0)
     located = {group for group, gain in alone.items() if gain > 0.0 and gain >= 0.5 * best}
-    cost = len(task.base.model.states) ** 2 * (len(task.priors) + 1)
-    room = _BUDGET * most / _MOST_AT_FIRST / cost
+    room = _room(task, most)
     rest = [s for s in scores.scores if s not in chosen]
     here = [s for s in rest if any(groups.get(port) in located for port in s.entry.ports)]
     taken = _within(here, room)
@@ -279,6 +293,12 @@ def _to_refit(task: Task, scores: Scores, most: int) -> tuple[tuple[Score, ...],
     # A small plant has room for the whole library, wherever the mismatch was located.
     later = tuple(elsewhere) if _within(rest, room) == rest else ()
     return (*chosen, *taken), later
+
+
+def _room(task: Task, most: int) -> float:
+    """Return for how many laws there is room beside so many of the best scores."""
+    cost = len(task.base.model.states) ** 2 * (len(task.priors) + 1)
+    return _BUDGET * most / _MOST_AT_FIRST / cost
 
 
 def _within(scores: Sequence[Score], room: float) -> list[Score]:
@@ -335,8 +355,11 @@ def _advanced(task: Task, scored: Scored, state: Selected) -> Selected:
 
 def _run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
     """Run the models along the held-out recordings; returns the share of the error that goes."""
-    fits = {"refitted": task.base, "extended": state.extended}
     try:
+        fits = {
+            label: task.closest(fit, robust=True)
+            for label, fit in (("refitted", task.base), ("extended", state.extended))
+        }
         runs = {
             label: {r.name: judged_run(fit, task.nominal, r) for r in task.judging}
             for label, fit in fits.items()
@@ -344,6 +367,7 @@ def _run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
     except (NumericalError, np.linalg.LinAlgError) as error:
         task.say(f"the improved model could not be run: {error}")
         return state, math.nan
+    state = replace(state, closest=fits)
     if not drifts(task.nominal, task.judging[0]):
         state = replace(state, runs=runs)
     return state, explained(held_out_errors(runs, task.judging))
@@ -487,7 +511,7 @@ def _with_pair(task: Task, state: Selected, limits: Limits) -> Selected:
     if not openings or not _most_is_left(task, state):
         return state
     before = blocks_of_cost(current, task.started(task.judging, current.model))
-    without = run_errors(current, task.nominal, task.judging)
+    without = run_errors(task.closest(current), task.nominal, task.judging)
     twice = replace(limits, penalty=2.0 * limits.penalty)
     best: Selected | None = None
     for opening in openings:
@@ -634,7 +658,7 @@ def _shown_in_runs(task: Task, candidate: Candidate) -> bool:
     """Whether an effect alone takes most of the error of free runs on held-out recordings."""
     if candidate.run is None:
         return False
-    without = run_errors(task.base, task.nominal, task.judging)
+    without = run_errors(task.closest(task.base), task.nominal, task.judging)
     return candidate.run.closer_than(without, by=1.0 - math.sqrt(1.0 - LEAST_SHOWN.value))
 
 
@@ -654,6 +678,7 @@ def _all_withdrawn(task: Task, state: Selected, why: str) -> Selected:
         accepted=(),
         extended=task.base,
         fits=(task.base,),
+        closest={k: v for k, v in state.closest.items() if k == "refitted"},
         runs={k: v for k, v in state.runs.items() if k == "refitted"},
     )
 
@@ -691,6 +716,8 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         tried = [known[name] for name in (found.candidate.name, *rivals) if name in known]
         if found is not state.accepted[-1]:
             tried += shortlist(scores, most=_NEWCOMERS)
+            alike = look_alikes(found.candidate.entry, [s.entry for s in scores.scores])
+            tried += _within([known[e.name] for e in alike], _room(task, _NEWCOMERS))
         asked = Limits(state.penalty, _least(scored, base, number), scored.near_noise(task.base))
         chosen = tuple({s.entry.name: s for s in tried}.values())
         try:
@@ -783,9 +810,10 @@ def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> 
     for c in candidates:
         if c.name == best.name or not c.followed or c.fit is None or c.gain <= 0:
             continue
-        apart = not c.blocks or told_apart(best.blocks, c.blocks)
+        apart = not c.blocks or told_apart(best.blocks, c.blocks) or closer_unseen(best, c)
         if (_passed(c) and not apart) or (
-            abs(best.gain - c.gain) < SAME.value and not preferred(best, c)
+            abs(best.gain - c.gain) < SAME.value
+            and not (preferred(best, c) or closer_unseen(best, c))
         ):
             same.append(c.entry.name)
     names = {s.entry.name for s in scores.scores if s.testable}

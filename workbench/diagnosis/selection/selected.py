@@ -93,7 +93,9 @@ class Selected:
         began: Effect with which the present search began; empty if none.
         penalty: Log likelihood that an effect of the last round had to gain, dimensionless.
         compared: Sets of effects that were refitted to the end and judged on all recordings.
-        runs: Free runs on held-out recordings that were done on the way, by model and recording.
+        closest: The refitted nominal model (``refitted``) and the one with what was found
+            (``extended``) as they were run on held-out recordings.
+        runs: Their runs, by model and recording; empty where they were run over windows.
         nonparametric: Term without a name that was tried because nothing of the library explained
             the recordings; None if there was no need.
         finished: Whether the search has ended.
@@ -110,6 +112,7 @@ class Selected:
     began: str = ""
     penalty: float = 0.0
     compared: tuple[Compared, ...] = ()
+    closest: Mapping[str, ProcessNoiseFit] = field(default_factory=dict)
     runs: Mapping[str, Runs] = field(default_factory=dict)
     nonparametric: NonparametricTerm | None = None
     finished: bool = False
