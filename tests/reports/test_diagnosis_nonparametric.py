@@ -134,7 +134,7 @@ def test_a_value_on_its_bound_stands_first() -> None:
         given,
         fitted=Fitted(base),
         selected=replace(given.selected, extended=base, nonparametric=None),
-        validated=replace(given.validated, extended=base),
+        validated=replace(given.validated, refitted=base, extended=base),
     )
     found = replace(found, verdict=conclude(found))
     assert found.verdict is not None
