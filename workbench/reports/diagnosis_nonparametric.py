@@ -9,7 +9,7 @@ from workbench.diagnosis.location.missing_signal import MissingSignal
 from workbench.diagnosis.nonparametric.result import Argument, NonparametricTerm
 from workbench.diagnosis.stages import Diagnosis
 from workbench.model.units import readable
-from workbench.reports.figures.diagnosis_nonparametric import diagnosis_nonparametric
+from workbench.reports.figures.diagnosis_missing import diagnosis_nonparametric
 from workbench.reports.page import Block, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, interval, number, plain

@@ -31,9 +31,12 @@ from workbench.reports.diagnosis_tables import (
     unseen_table,
     weights_table,
 )
-from workbench.reports.figures.diagnosis_answer import diagnosis_answer
-from workbench.reports.figures.diagnosis_law import diagnosis_law, diagnosis_signal
-from workbench.reports.figures.diagnosis_location import diagnosis_location
+from workbench.reports.figures.diagnosis_missing import (
+    diagnosis_answer,
+    diagnosis_law,
+    diagnosis_location,
+    diagnosis_signal,
+)
 from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
 from workbench.reports.page import Block, Method, Page, Section, Words
 from workbench.reports.pictures import Picture

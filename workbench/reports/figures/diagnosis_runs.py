@@ -11,7 +11,6 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun
 from workbench.model.units import readable
-from workbench.reports.figures.diagnosis_units import titled
 from workbench.reports.style import (
     BAND,
     FURTHER,
@@ -42,6 +41,13 @@ NAMES = ("refitted", "extended")
 _POINTS = 1200
 _DASHES = (0, (4, 2))
 _WINDOW_S = 0.2
+
+
+def titled(name: str, unit: str) -> str:
+    """Write a quantity with its readable unit, from the SI one, as the label of an axis."""
+    shown = readable(unit)[0]
+    plain = name.replace("_", " ")
+    return plain if shown == "1" else f"{plain} in {shown}"
 
 
 def diagnosis_runs(
