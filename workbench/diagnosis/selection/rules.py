@@ -92,7 +92,7 @@ def selection_penalty(library: int, samples: int, parameters: int) -> float:
     information criterion of Chen and Chen (2008).
 
     Args:
-        samples: Number of independent samples.
+        samples: Number of samples of the fitting recordings.
 
     Example:
         >>> round(selection_penalty(40, 1000, 1), 1)

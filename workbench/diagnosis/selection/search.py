@@ -212,15 +212,6 @@ def score(task: Task) -> Scored:
     return Scored(scores, perfect, max(base.cost - perfect, 0.0), floor)
 
 
-def _independent(observed: Observed) -> int:
-    """Return how many independent samples a recording has: one in 0.1 s, but no more than it has.
-
-    That is what the noise of sensors and the signals of an excitation leave of fast sampling.
-    """
-    count = len(observed.outputs)
-    return min(count, round(count * observed.sample_time / 0.1))
-
-
 def _perfect(task: Task) -> float:
     for model in (task.base.model, task.nominal):
         try:
@@ -418,7 +409,7 @@ def _round(task: Task, scored: Scored, state: Selected) -> tuple[Selected, bool]
                 current.model, begun, state.free, tried, noise_scale=current.noise_scale
             )
         chosen, later = _to_refit(task, scores, _MOST_AGAIN if number else _MOST_AT_FIRST)
-        samples = sum(_independent(r) for r in task.fitting)
+        samples = sum(len(r.outputs) for r in task.fitting)
         penalty = selection_penalty(len(scores.scores), samples, 2)
         limits = Limits(
             penalty,
