@@ -142,7 +142,6 @@ class AngleStiffness(ClosedForm):
 
     Args:
         outer: Cascaded PID of the angle; its inner gain sets that of both pressures.
-        air: What is known of flows and volumes.
         mean_speed: Speed omega_m of the lags on the reference of the mean, in rad/s.
         mean_gain: Gain G on the error of the mean, relative to that on the difference.
         pressure_limits: Lowest and highest reference of a gauge pressure, in Pa.

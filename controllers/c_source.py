@@ -23,7 +23,6 @@ class CSource(NamedTuple):
 
     Args:
         source: C source with ``NAME_start`` and ``NAME_step``, static, for the guard to call.
-        notes: Lines for the header.
         reports: Entries of the report; without any the step has no such argument.
         operations: Most elementary operations of a step (dimensionless).
     """

@@ -40,9 +40,7 @@ class Design:
     Args:
         name: Name in a study: ``"pid"``.
         family: Family of its controllers, by which pages call them: ``"cascade PID"``.
-        summary: What it is, in one line.
         function: Called with the source and the specification; returns a controller.
-        needs: What it starts from.
         specification: Class of the specification; None if its fields are keywords of ``function``.
         sensors: Outputs of the plant that its controllers read; none if any linear model will do.
         actuators: Inputs of the plant that they command; none if any linear model will do.

@@ -159,7 +159,6 @@ def largest_bandwidth(
 
     Args:
         design: Makes a controller for a speed in rad/s.
-        models: Linear models on which the limits hold.
         speeds: Speeds to try, from fast to slow, in rad/s.
 
     Raises:

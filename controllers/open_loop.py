@@ -14,9 +14,7 @@ class ConstantCommand:
     Args:
         values: The command in SI, one value per actuator.
         sample_time: Time between steps, in s.
-        sensors: Names of the outputs that are read, and not used.
         controlled: Names of the outputs that have a reference, which is not followed.
-        actuators: Names of the inputs that are commanded.
     """
 
     values: Command

@@ -159,7 +159,6 @@ class CascadePID(ValveLaw):
 
     Args:
         tracking: Front end: lags around one point, or planned moves over the range.
-        gains: Given by hand, or placed wherever the joint is.
         derivative_filter: Time constant Tf of the derivative's filter, in s.
         tracking_time: Time constant Tt of the anti-windup, in s.
         setpoint_weight: Weight beta of the reference in the proportional part, dimensionless.

@@ -39,9 +39,7 @@ def read_json(path: str | Path, what: str, shape: Shape, *, fix: str = "") -> An
     """Read a JSON file and check its content.
 
     Args:
-        path: The file.
         what: What it holds, as the user knows it: ``"baseline"``.
-        shape: What its content must be.
         fix: What to do about a file that is not there or wrong.
 
     Raises:
@@ -70,9 +68,7 @@ def read_toml(path: str | Path, what: str, shape: Shape | None = None) -> dict[s
     """Read a TOML file and check its content.
 
     Args:
-        path: The file.
         what: What it holds, as the user knows it: ``"mapping file"``.
-        shape: What its content must be; not checked by default.
 
     Raises:
         WorkbenchError: If it cannot be read, is no TOML, or an entry is not what it must be.
@@ -169,11 +165,7 @@ def optional(shape: Shape) -> Shape:
 
 @dataclass(frozen=True)
 class ListShape:
-    """A list whose items have one shape.
-
-    Args:
-        length: Number of items; any if None.
-    """
+    """A list whose items have one shape."""
 
     item: Shape
     length: int | None = None

@@ -33,7 +33,6 @@ class Registry(Generic[Member]):
 
     Args:
         kind: What a member is, as the user knows it: ``"plant"``.
-        member: Class of the members.
         package: Package of the workbench whose modules define the built-in members, or several;
             searched when a name is first asked for.
         group: Group of entry points through which installed packages add members.

@@ -47,7 +47,6 @@ def mpc_source(
     Args:
         step: Name of the file beside this one that has its step.
         size: Numbers of variables and of rows of the quadratic program.
-        factor: Whether its matrices are factored at every step.
         defined: Sizes and numbers of the step, by name, in SI.
         tables: Tables of the step, by name, in SI.
         work: Numbers of static memory beside the solver's.

@@ -323,7 +323,6 @@ def design_mpc(
 
     Args:
         sensors: Names of the followed output and of the limited ones.
-        actuator: Name of the command.
         change: Takes the `controllers.mpc.formulation.Formulation`, expressions of CasADi, and
             returns the one that is solved.
 

@@ -167,7 +167,6 @@ class Step(NamedTuple):
         plan: New openings, shape (N,), fractions.
         trajectory: New scaled states, shape (n_p, N + 1).
         slack: Pressure out of the limits, in Pa.
-        status: The solver's own word.
         iterations: Its number of iterations (dimensionless).
     """
 
@@ -184,12 +183,9 @@ class NonlinearMPC(ThroughValve):
     """Real-time iteration MPC with disturbance estimate.
 
     Args:
-        prediction: States of the prediction and their scales.
         shots: Mapped stages: (Z, U, w) -> ends of the stages, derivatives by z and by the input.
-        stage: One stage, for the converged solution.
         observer: Estimates states and disturbances from the measurements.
         pressure_limits: Lowest and highest absolute pressure, in Pa.
-        actuators: Name of the command.
     """
 
     specification: NonlinearMPCSpecification

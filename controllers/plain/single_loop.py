@@ -21,9 +21,6 @@ class SingleLoop(NamedTuple):
     """A linear model between one command and one measured output.
 
     Args:
-        linear: The model with this input and this output only.
-        measured: Name of the output.
-        actuator: Name of the command.
         rest_output: Output at the operating point, in SI.
         rest_command: Command at the operating point, in SI.
         lower: Lower end of the command, in SI.
@@ -129,7 +126,6 @@ class PlainLaw(ClosedForm):
     What it tells has ``asked``, the command before its ends.
 
     Args:
-        actuators: Name of the command.
         sample_time: Time between steps, in s.
         rest: Command at rest, in SI.
         rest_output: Output at rest, in SI.

@@ -105,8 +105,6 @@ def pid_by_hand(
         proportional: Kp, in SI of the command per SI of the output.
         integral: Ki, in SI of the command per SI of the output and s.
         derivative: Kd, in SI of the command per SI of the output, times s.
-        measured: Name of the measured and controlled output.
-        actuator: Name of the command.
         filter_time: Time constant Tf of the derivative's filter, in s.
         setpoint_weight: Weight beta of the reference in the proportional part, dimensionless.
         derivative_weight: Weight c of the reference in the derivative part, dimensionless.
@@ -169,8 +167,6 @@ def transfer_controller(
     Args:
         system: ``control.TransferFunction`` or ``control.StateSpace`` with one input, the error,
             and one output, the command; proper. In continuous time it is sampled by Tustin's rule.
-        measured: Name of the measured and controlled output.
-        actuator: Name of the command.
         tracking_time: Time constant Tt of the anti-windup, in s; 50 samples by default.
         rest: Command at rest, in SI.
         rest_output: Output at rest, in SI.

@@ -59,7 +59,6 @@ class Solution(NamedTuple):
     Args:
         x: Minimiser, shape (n,), in the problem's units; meaningless unless ``solved``.
         solved: Whether it is the minimiser, finite and within the constraints.
-        status: One of `STATUSES`.
         iterations: Number of constraints taken in or let go (dimensionless).
         seconds: Time taken, in s.
     """

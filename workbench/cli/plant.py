@@ -185,9 +185,7 @@ def options_of(
     """Give a verb options of the command line in the place of one of its parameters.
 
     Args:
-        name: The parameter.
         options: What Typer reads in its place: annotation and default by name.
-        make: Called with these, returns the parameter.
     """
 
     def decorate(verb: Callable[..., int]) -> Callable[..., int]:

@@ -69,7 +69,6 @@ class Family:
     """A force law with numbers to be fitted.
 
     Args:
-        build: Makes the law from its numbers.
         start: Numbers to start from, in the law's own units.
     """
 

@@ -21,7 +21,6 @@ class ErrorRow:
     """Free-run errors of one output over all held-out recordings.
 
     Args:
-        unit: SI unit.
         spread: Standard deviation of the measurements, in ``unit``.
         noise: Noise of the sensor, in ``unit``.
         rmse: Root mean square error by model, in ``unit``.
@@ -49,7 +48,6 @@ class Proof:
     Args:
         located: The signal that is missing at each port of the first finding, or of the located
             group.
-        errors: Errors of the free runs by output.
         note: Why there is no located signal; empty if there is one.
         isolability: What the recorded outputs can tell apart at all; None if nothing was run.
         ports: Ports of all findings, or of the located group.

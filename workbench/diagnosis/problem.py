@@ -33,13 +33,9 @@ class Problem:
 
     Args:
         title: What is looked at, in a few words.
-        fit: Recordings to fit on.
-        hold_out: Recordings to judge on.
         in_loop: Further recordings to judge on, each with the model that runs on it.
-        refit: How to estimate.
         published: Values that others identified, by parameter, in SI.
         published_from: Who did.
-        notes: What to know when reading the result.
     """
 
     name: str
@@ -86,9 +82,6 @@ class Problem:
 
 def problem_of_case(case: Case, model: Model | None = None) -> Problem:
     """Build the problem of a case.
-
-    Args:
-        model: The nominal model; by default that of the case.
 
     Raises:
         WorkbenchError: If the case does not give what its plant needs.

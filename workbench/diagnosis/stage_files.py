@@ -118,12 +118,7 @@ def fingerprint(
 
 
 class StageFiles:
-    """The files of one diagnosis.
-
-    Args:
-        folder: Folder of the results; None to keep nothing.
-        entries: Effects that may be missing.
-    """
+    """The files of one diagnosis."""
 
     def __init__(self, folder: Path | None, model: Model, entries: Sequence[Hypothesis]) -> None:
         self._folder = None if folder is None else folder / FOLDER
@@ -137,7 +132,6 @@ class StageFiles:
 
         Args:
             seconds: Time until it was reached, in s.
-            work: Work until then.
         """
         if self._folder is None:
             return

@@ -35,7 +35,6 @@ class Prepared:
     Args:
         fitting: Recordings to fit on; empty if a recording is unfit.
         judging: Recordings to judge on; empty if a recording is unfit.
-        priors: Free parameters of the nominal model.
         data: One row per check of a recording, as `verdict.json` lists them.
         unfit: Which recording cannot be judged and why; empty if all can.
     """
@@ -72,7 +71,6 @@ class Validated:
             fixes.
         runs: Free runs by model (``nominal``, ``refitted``, ``extended``) and recording.
         location: Where the extended model lacks something; None if nothing was found.
-        advice: What to record next, as `verdict.json` says it.
         plan: The input to play next on the machine as it is set; None if no input is worth it.
         missing: What is missing, by finding; of the located group where nothing was found.
         not_shown: Why there is no such signal; empty if there is one.
@@ -99,9 +97,7 @@ class Diagnosis(Drawn):
     """A diagnosis as far as it came.
 
     Args:
-        prepared: Recordings and priors.
         seconds: Time of the stages that are there, in s, those read from a folder included.
-        work: What they took in units that no machine changes.
 
     Raises:
         WorkbenchError: From a property whose stage was not reached.

@@ -42,7 +42,6 @@ class Value:
 
     Args:
         value: The number, in ``unit``.
-        unit: SI unit.
         std: Standard deviation, in ``unit``.
     """
 
@@ -59,8 +58,6 @@ class Finding:
         where: Port names, the most likely group first.
         effect: Name in the library, ``"nonparametric"``, or None.
         alike: Effects that these data cannot separate, the named one first.
-        sentence: One plain sentence.
-        parameters: Own parameters of the effect, by name.
         excess_explained: Fraction of the error beyond the noise that the effect removes on
             held-out recordings, 0 to 1.
         gain: Log likelihood gained on the fitting recordings, dimensionless.
@@ -97,19 +94,15 @@ class Verdict(Shown):
         findings: What is missing, the most important first.
         fit: Held-out errors by model (``nominal``, ``refitted``, ``extended``, ``noise_floor``)
             and output, in SI.
-        units: Units of ``fit`` by output.
-        parameters: Parameters of the refitted nominal model.
         improved: Parameters of the improved model; empty where nothing was found.
         not_testable: Effects that these data could not have shown, with the reason.
         refused: Effects that were refused, taken back or could not be tried, with rule and reason.
         weights: The likeliest sets of effects that were compared, with their weights, see
             `set_weights`; the empty set is the refitted nominal model.
         next_experiment: What to do next, with the predicted separation.
-        data: Checks of the recordings.
         location: Log likelihood gained by an unknown input at each group of ports, before and
             after the extension, dimensionless.
         seconds: Time that the diagnosis took, in s.
-        work: What it took in units that no machine changes.
         occurrence: When and where predictions are wrong, if something is missing that could not be
             located; None otherwise.
         interrupted: Whether the diagnosis was ended early, by an interruption or a time limit.

@@ -25,7 +25,6 @@ class Truth:
 
     Args:
         library: Names of the library that say the same; none if the library does not have it.
-        sensor: Whether it is an error of a sensor.
     """
 
     word: str
@@ -45,7 +44,6 @@ class Names:
 
     Args:
         groups: Beginnings of port names by group.
-        effects: Truth by word of the key.
     """
 
     groups: Mapping[str, tuple[str, ...]]

@@ -49,7 +49,6 @@ def run_cases(
 
     Args:
         part: Part K of N, counted from 1: every Nth case.
-        only: Names of cases; all of them without a name.
 
     Raises:
         WorkbenchError: If there is no case of a name.

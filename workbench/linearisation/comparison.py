@@ -32,9 +32,6 @@ BLOCK = 250
 class Comparison:
     """Runs the exact plant and a linear model with the same changes of the first input.
 
-    Args:
-        output: Output to compare; the first by default.
-
     Raises:
         WorkbenchError: If there is no such output.
     """

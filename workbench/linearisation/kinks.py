@@ -33,7 +33,6 @@ class Kink:
         of: Rate or measurement whose slope jumps most.
         slope_below: Its slope below the kink, in SI.
         slope_above: Its slope above the kink, in SI.
-        slope_unit: Unit of both slopes.
     """
 
     name: str

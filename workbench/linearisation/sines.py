@@ -78,7 +78,6 @@ def frequency_validity(
     phase of the fundamental are fitted to both runs alike.
 
     Args:
-        output: Output to compare; the first by default.
         amplitude: Amplitude of the output, in SI; 5 % of its scale by default.
         gain_within: Gain error allowed, as a fraction.
         phase_within: Phase error allowed, in rad.

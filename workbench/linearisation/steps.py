@@ -81,7 +81,6 @@ def amplitude_validity(
     the exact plant and on the linear model; the ends of the band that holds are bisected.
 
     Args:
-        output: Output to compare; the first by default.
         within: Deviation allowed, as a fraction of the largest linear response.
         horizon: Length of the comparison, in s; by default two periods of the slowest oscillation,
             or three time constants.

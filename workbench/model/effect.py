@@ -39,8 +39,6 @@ class Effect:
     Args:
         name: Name of the effect; its states and parameters appear as ``name.own_name``.
         transform: Takes what the effect sees at a port, returns the new signal there.
-        parameters: Own parameters, with short names.
-        states: Own states, with short names.
         rates: Takes what the effect sees of the whole model, returns the rate of each own state.
         start: Same, returns the value of own states at the start of a run; ``State.initial`` for
             those that it leaves out.

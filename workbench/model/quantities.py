@@ -15,7 +15,6 @@ class Quantity:
 
     Args:
         name: Name by which it is found; letters, digits, underscores and dots.
-        unit: SI unit.
         scale: Typical size, in ``unit``; sets tolerances and conditioning.
         description: What it is, in a few words.
 

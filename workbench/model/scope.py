@@ -57,7 +57,6 @@ class Port:
 
     Args:
         name: Name of the port, ``where.what``: ``joint.torque``.
-        unit: SI unit of the signal at the port.
         scale: Typical size of the signal, in ``unit``.
         description: What the signal is and which sign is positive.
         signals: Names of the local signals that an effect may use there.

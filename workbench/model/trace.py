@@ -70,7 +70,6 @@ class Trace:
         outputs: Named, shape (n_outputs, 1), in SI.
         start: States at the start of a run, as functions of the states given, shape
             (n_states, 1), in SI.
-        signal_units: Their SI units.
         signals: Their values, shape (n_signals, 1), each in its unit of ``signal_units``.
         ranges: Ranges of published signals within which the laws hold.
         perturbation: Symbols of what is added to the signal of each port in the order of ``ports``,

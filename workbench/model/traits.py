@@ -23,7 +23,6 @@ class DriftingSum:
     it, and any other mean can be passed through.
 
     Args:
-        weights: Outputs and their weights.
         drifting: States whose rates may then differ from zero, in this proportion.
         lower: Smallest value, in SI.
         upper: Largest value, in SI.

@@ -12,7 +12,6 @@ def sliders(function: Callable[..., Any], ranges: Mapping[str, tuple[float, floa
     """Show a slider for each argument of a function beside what it returns.
 
     Args:
-        function: Draws something from keywords that are numbers.
         ranges: Smallest value, largest value and step of each keyword, in its own unit, by name.
 
     Returns:

@@ -123,8 +123,6 @@ class Plant:
     """A plant: how its model is built and what may be chosen about it.
 
     Args:
-        name: Name by which every verb, study and case knows it.
-        build: Builds the model from the keywords of the options.
         controlled: Outputs that a controller makes follow a reference; the first one by default.
         design_point: Where it is linearised and a run starts if nothing is said: values of outputs,
             states or inputs by name, in SI; by default where the nominal inputs hold it.

@@ -127,7 +127,6 @@ class RefitSettings:
 
     Args:
         stages: Process-noise scales, pass by pass, dimensionless; the most likely if none.
-        starts: Number of starts of the search.
         start_samples: Samples over which hidden states at the start of a free run are estimated; 0
             to take the start from the first measurements.
         noise: Standard deviation of outputs by name, in SI, in place of the sensors' data.

@@ -201,7 +201,6 @@ def read_recording(
             file, else maps by name and unit.
         signals: Names, a mapping from name to unit, or a model whose inputs and outputs are
             requested. None to take every column of numbers.
-        columns: Names of the columns, for a file without header.
         sample_time_s: Step in s, for a file without time column.
         max_rows: Largest number of rows kept; a longer file is averaged in groups, with a note.
         name: Name of the recording; by default the file name.

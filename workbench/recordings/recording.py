@@ -125,7 +125,6 @@ class ColumnMapping:
     """How the columns of a file became the signals of a recording.
 
     Args:
-        rows: One per signal, the time first.
         unused: Headers of columns that were left out, with the reason.
     """
 
@@ -167,7 +166,6 @@ class Recording(Drawn):
 
     Args:
         time: Instants, shape (n,), in s.
-        signals: The signals, each with n samples.
         source: Where it comes from: a file name, a rig.
         notes: What was corrected or assumed, in order.
         metadata: Settings of the experiment, such as ``load_kg``.
@@ -324,11 +322,7 @@ class Recording(Drawn):
         return replace(self, signals=tuple(self.signal(name) for name in names))
 
     def with_signal(self, signal: Signal) -> Recording:
-        """Return the recording with a signal replaced or added.
-
-        Args:
-            signal: The signal, with as many samples as the recording.
-        """
+        """Return the recording with a signal replaced or added."""
         if signal.name not in self:
             return replace(self, signals=(*self.signals, signal))
         return replace(

@@ -49,9 +49,6 @@ def diagnosis_page(
 ) -> Page:
     """Build the page of a diagnosis.
 
-    Args:
-        name: What was diagnosed, such as the name of a case.
-
     Raises:
         ValueError: If the diagnosis has no verdict.
     """

@@ -22,7 +22,6 @@ class Words:
     """A paragraph.
 
     Args:
-        text: Plain words; the page escapes them.
         weight: ``"plain"``, or ``"note"`` for something the reader should not overlook.
     """
 
@@ -32,11 +31,7 @@ class Words:
 
 @dataclass(frozen=True)
 class Commands:
-    """Command lines that reproduce what the page shows.
-
-    Args:
-        lines: One command each.
-    """
+    """Command lines that reproduce what the page shows."""
 
     lines: tuple[str, ...]
 
@@ -47,7 +42,6 @@ class Method:
 
     Args:
         entries: Pairs of a quantity and how it was computed.
-        title: What the entries are about.
     """
 
     entries: tuple[tuple[str, str], ...]
@@ -113,7 +107,6 @@ class Page:
         first: What the first screen holds under the lead, side by side where there is room: the
             answer, and the picture that carries it.
         facts: Pairs of words shown under the lead: duration, version, plant.
-        foot: Last line.
     """
 
     title: str

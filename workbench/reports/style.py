@@ -27,7 +27,6 @@ class Colour:
     """A colour on light paper and on a dark screen.
 
     Args:
-        name: Name by which pages refer to it.
         light: Value on light ground, ``#rrggbb``.
         dark: Value on dark ground, ``#rrggbb``.
     """
@@ -151,7 +150,6 @@ def new_figure(heights: Iterable[float], *, share_x: bool = True) -> tuple[Figur
 
     Args:
         heights: Height of each panel, in inches of 25.4 mm.
-        share_x: Whether the panels share their horizontal axis.
     """
     from matplotlib.figure import Figure
 

@@ -109,7 +109,6 @@ def number(value: float, digits: int = 3, *, unit: str = "") -> str:
 
     Args:
         value: The number, in ``unit``.
-        unit: Unit written behind it.
 
     Example:
         >>> number(0.000123456), number(12345.6, unit="Pa"), number(float("nan"))
@@ -140,7 +139,6 @@ def interval(low: float, high: float, digits: int = 3, *, unit: str = "") -> str
     Args:
         low: Lower end, in ``unit``.
         high: Upper end, in ``unit``.
-        unit: Unit written behind it.
 
     Example:
         >>> interval(279.5, 280.5, 4)

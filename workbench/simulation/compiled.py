@@ -12,9 +12,6 @@ from workbench.work.machine_code import FAST, built, compiler
 def compiled(function: ca.Function) -> ca.Function:
     """Return the function as machine code where a C compiler exists, unchanged otherwise.
 
-    Args:
-        function: A CasADi function that can be generated as C.
-
     Returns:
         A function with the same signature and the same results.
     """

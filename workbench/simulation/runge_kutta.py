@@ -70,7 +70,6 @@ class RungeKutta:
     The error of a step is held below ``tolerance (scale + |x|)`` for every state.
 
     Args:
-        traced: The equations.
         scale: Scales of the states, shape (n_states,), in SI.
         sample_time: Time between samples, in s.
         tolerance: Local error allowed in a step, dimensionless.
@@ -203,7 +202,6 @@ def at_every_row(equations: Equations, i: int, x: Vector, u: Vector, p: Vector) 
     """Evaluate a function of states, inputs and parameters at every sample.
 
     Args:
-        i: Which of the equations; it returns one vector.
         x: States, shape (n, n_states), in SI.
         u: Inputs, shape (n, n_inputs), in SI.
         p: Parameters, shape (n_parameters,), in SI.

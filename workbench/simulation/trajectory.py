@@ -22,8 +22,6 @@ class RangeViolation:
     """A run that left the range within which a law of the model holds.
 
     Args:
-        signal: Name of the state or published signal.
-        unit: SI unit of the signal.
         lower: Smallest valid value, in ``unit``.
         upper: Largest valid value, in ``unit``.
         extreme: The value farthest outside, in ``unit``.
@@ -65,9 +63,7 @@ class Trajectory(Drawn):
         tolerance: Local error allowed in a step, relative to the scales of the states.
         error: Largest difference to a run with a ten times tighter tolerance, relative to the
             scales of the states; NaN if that run was not made.
-        form: The form of the equations that was used.
         values: Parameter values used, shape (n_parameters,), in SI.
-        violations: Where the run left the range of a law.
     """
 
     model: Model

@@ -35,7 +35,6 @@ class Benchmark:
     Args:
         seconds: Time that it took, in s.
         load: Load of the machine when it began: processes that were at work (dimensionless).
-        raw: What else was measured, as plain numbers and words.
     """
 
     figures: list[Figure] = field(default_factory=list)
@@ -262,7 +261,6 @@ def run_benchmark(
     """Measure everything once.
 
     Args:
-        only: Names of parts; all of them without a name.
         progress: Called with the name of each part before it, and with what was found until then.
 
     Raises:

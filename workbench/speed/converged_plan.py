@@ -32,7 +32,6 @@ class Converged(NamedTuple):
         trajectory: Scaled states, shape (n, N + 1).
         slack: Pressure out of the limits, in Pa.
         cost: Value of the cost (dimensionless).
-        status: The solver's own word.
         iterations: Its number of iterations (dimensionless).
     """
 

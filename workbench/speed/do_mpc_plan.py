@@ -49,7 +49,6 @@ def do_mpc_plan(
     """Return do-mpc's controller for the problem of another, without limits of the pressures.
 
     Args:
-        library: The module ``do_mpc``.
         angle: Wanted angle, in rad.
         disturbances: Scaled disturbances of speed and pressures, per second.
     """

@@ -60,7 +60,6 @@ class Way:
         times: Time per unit of work; None if it could not be done here.
         error: How far its result is from the reference, in the unit that the comparison says;
             NaN if that means nothing.
-        remark: What to know of it, or why it could not be done.
     """
 
     name: str
@@ -76,7 +75,6 @@ class Comparison:
     Args:
         name: In small letters with hyphens.
         work: Unit of work, in words: the time is that of one.
-        error: What the error is, with its unit.
         note: What to know when reading it.
     """
 
@@ -123,7 +121,6 @@ class Figure:
     """A figure to reach.
 
     Args:
-        what: What was measured.
         value: The figure, in ``unit``.
         unit: Its unit; ``x`` for a ratio.
         reach: The figure to reach, in ``unit``.
@@ -198,13 +195,7 @@ class Curve:
 
 
 def tried(name: str, package: str, measure: Callable[[Any], Way]) -> Way:
-    """Let a package that may not be installed do it.
-
-    Args:
-        name: Name of the way.
-        package: Module to import.
-        measure: Gets the module; returns the way.
-    """
+    """Let a package that may not be installed do it."""
     try:
         with warnings.catch_warnings():
             # Some tell at import which of their optional parts are not there.

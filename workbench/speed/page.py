@@ -13,11 +13,7 @@ _MARKS: dict[bool | None, Mark] = {True: "met", False: "missed", None: "open"}
 
 
 def benchmark_page(found: Benchmark, *, command: str) -> Page:
-    """Lay out the page of the benchmark.
-
-    Args:
-        command: Command that makes it again.
-    """
+    """Lay out the page of the benchmark."""
     missed = [f for f in found.figures if f.reached is False]
     reached = sum(f.reached is True for f in found.figures)
     met = [f for f in found.figures if f.reached is not False]

@@ -79,7 +79,6 @@ class Ran:
         wall: Wall-clock time, in s.
         processor: Processor time of all its processes, in s.
         memory: Largest resident size of one of its processes, in MB.
-        said: What it printed.
     """
 
     wall: float
@@ -102,10 +101,6 @@ def run(
     environment: Mapping[str, str] | None = None,
 ) -> Ran:
     """Run Python with arguments in a process of its own.
-
-    Args:
-        cache: Folder of built functions; the user's by default.
-        environment: Variables that are set for it.
 
     Raises:
         WorkbenchError: If it fails.
@@ -161,8 +156,6 @@ class Diagnosed:
     """A diagnosis of made-up recordings of the arm.
 
     Args:
-        work: What it took, from its verdict.
-        found: Names that the verdict gives.
         stages: Time until each stage was reached, in s, by name.
     """
 
@@ -185,11 +178,7 @@ class Diagnosed:
 
 
 def diagnosed(place: Path, name: str, hidden: tuple[str, ...], cache: Path, seed: int) -> Diagnosed:
-    """Make a case of 76 s and diagnose it with the whole library.
-
-    Args:
-        cache: Folder of built functions.
-    """
+    """Make a case of 76 s and diagnose it with the whole library."""
     case, out = place / name, Path(tempfile.mkdtemp(prefix=f"{name}-", dir=place))
     if not case.exists():
         make_case(seed, list(hidden), 3.0, case)
@@ -207,12 +196,7 @@ def _stages(out: Path) -> dict[str, float]:
 
 @dataclass(frozen=True)
 class Wholes:
-    """Whole commands.
-
-    Args:
-        figures: The figures that they reach or miss.
-        raw: What was measured, as plain numbers and words.
-    """
+    """Whole commands."""
 
     figures: list[Figure] = field(default_factory=list)
     raw: dict[str, Any] = field(default_factory=dict)

@@ -50,12 +50,9 @@ class Change:
         metric: Name of the metric; empty if the whole run is meant.
         before: Value of the baseline, in ``unit``; NaN if there was none.
         after: Value now, in ``unit``; NaN if there is none.
-        unit: Unit in which people read it.
         way: ``"worse"``, ``"better"``, ``"changed"`` where neither direction is better, ``"new"``
             or ``"gone"``.
-        gates: Whether a worse value fails the study.
         tolerance: Difference that would not have counted, in ``unit``.
-        reason: Why there is no value.
     """
 
     key: Key

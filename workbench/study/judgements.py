@@ -28,7 +28,6 @@ class Judgement:
     Args:
         value: Its metric, in the unit of the limit; NaN if there is none.
         score: Value over limit (or limit over value), a ratio: at most 1 means met.
-        reason: Why there is no value.
     """
 
     demand: Demand

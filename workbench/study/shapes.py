@@ -89,8 +89,6 @@ class Field:
     """An entry of a table.
 
     Args:
-        shape: What it must be.
-        text: What it says.
         example: How it is written in TOML; none for a table of fields.
         unit: Unit of a number without one, in words where it depends on another entry.
         range: Least and largest value, in ``unit``.

@@ -42,7 +42,6 @@ class Task:
     """One run that is to be done.
 
     Args:
-        variation: The plant, and what else differs.
         own_metrics: Metrics of the study's own, as ``module:object``.
         traces: Whether the trajectories are kept for pictures.
     """
@@ -65,7 +64,6 @@ class Record:
     """One run that was done, or failed.
 
     Args:
-        reason: Why the run failed; empty if it did not.
         seconds: Time it took, in s.
         traces: Trajectories for pictures by name, in SI.
         steps: How each step of the reference was followed; none if the run failed.

@@ -18,7 +18,6 @@ class EventResponse(NamedTuple):
 
     Args:
         time: When it began, in s.
-        what: Parameter that changed, or port of the disturbance.
         peak: Largest error until the next event, in the unit of the output.
         left: Mean error at the end of that time, as a magnitude, in the unit of the output.
     """

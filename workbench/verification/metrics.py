@@ -64,7 +64,6 @@ class Metric:
             ``"rest"``, a controller that is a ``"solver"`` or has a sliding ``"surface"``, or a
             ``"guard"`` with limits or with something to do.
         fits: Tells from the names of a plant's outputs and signals whether it has the metric.
-        tolerance: How it is compared with a baseline.
         zero: Whether a good run has it at zero, so that zero is a limit that can be met.
         invariant: Whether a sliding mode is held to it; when the surface is crossed depends on
             rounding, so its other metrics are shown and do not fail a study.
@@ -106,7 +105,6 @@ class MetricValue:
     Args:
         name: Name of the metric, with its output or command where there are several.
         value: The number in ``unit``, NaN if there is none.
-        unit: SI unit.
     """
 
     name: str

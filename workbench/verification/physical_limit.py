@@ -70,7 +70,6 @@ class PhysicalLimit:
         end_error: Distance of the position at the end on the exact plant from that in ``states``,
             in ``unit``.
         end_speed: Speed left at the end on the exact plant, in ``unit`` per second.
-        unit: SI unit of the position.
     """
 
     seconds: float

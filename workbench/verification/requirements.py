@@ -17,7 +17,6 @@ class Requirement:
 
     Args:
         limit: The limit, in ``unit``; positive, so that scores can be compared.
-        unit: Unit of the limit; the metric's SI unit if empty.
 
     Raises:
         WorkbenchError: If the kind is unknown or the limit is not a positive number.
@@ -49,7 +48,6 @@ class Score(NamedTuple):
         value: The metric, in the requirement's unit; NaN if there is none.
         score: Value over limit (or limit over value), a ratio: at most 1 means met, infinite that
             there is no value.
-        reason: Why there is no value.
     """
 
     value: float

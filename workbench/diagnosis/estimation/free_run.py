@@ -24,7 +24,6 @@ class FreeRun:
 
     Args:
         used: Names of the outputs that were read, n_used of them.
-        units: Their SI units.
         time: Time from the first sample, shape (n,), in s.
         measured: Measurements, shape (n, n_used), in SI; NaN where there is none.
         simulated: What the model would read, shape (n, n_used), in SI; NaN if the run failed.

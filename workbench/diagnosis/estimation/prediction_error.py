@@ -98,7 +98,6 @@ class PredictionError:
         free: Names of the parameters whose derivatives are wanted.
         disturbances: Root mean square of an unmodelled signal at a port, by name of the port, in
             the port's unit; it is taken as correlated over `CORRELATION_TIME`.
-        form: Exact or regularised equations.
         certain: Names of states that are simulated but not corrected by the filter. That is exact
             for the derivatives at size zero of effects that own these states: there no measurement
             depends on them.

@@ -47,7 +47,6 @@ class ProcessNoiseFit:
     """A refit at the most likely process-noise scale.
 
     Args:
-        refit: Estimates at that scale.
         noise_scale: The noise_scale, dimensionless: small where the model explains the recordings.
         passed: The fit one step higher on the ladder, from which this one was reached; None at the
             step where it began.
@@ -138,10 +137,8 @@ def fit_with_process_noise(
         start: Where to start some parameters, by name, in SI.
         noise_scale: Scale to begin with, dimensionless; by default the one under which the
             recordings are most likely before the fit, 3 or more.
-        follow: Whether to go on to smaller scales.
         ladder: Shares that are tried, falling, dimensionless.
         enough: A step that gains less log likelihood than this ends a refit, dimensionless.
-        progress: Called with a line of text before each pass.
 
     Returns:
         The refit at the best scale of the ladder at or below the first.

@@ -65,7 +65,6 @@ def refit(
         start: Where to start some parameters, by name, in SI; at the prior by default.
         starts: Number of starts; those after the first are drawn from the priors.
         enough: A step that gains less log likelihood than this ends the last pass, dimensionless.
-        progress: Called with a line of text before each pass.
 
     Raises:
         WorkbenchError: If there is no recording, or recordings do not fit together.

@@ -40,22 +40,17 @@ class RefitTask:
 
     Args:
         title: What is refitted, in a few words.
-        model: The plant with its nominal values.
-        fit: Recordings to fit on.
-        hold_out: Recordings to judge on.
         priors: Free parameters; `default_priors` if there are none.
         stages: Process-noise scales, pass by pass, dimensionless; the most likely
             scale if none.
         start_samples: Samples over which hidden states at the start of a free run are estimated; 0
             to take the start from the first measurements.
-        starts: Number of starts of the search.
         noise_known: Whether the noise of the recordings is that of the sensors; if it stands for
             what the equations are expected to leave, no floor can be reached.
         in_loop: Further recordings to judge on, each with the model that runs on it: one that has
             the free parameters too, such as the plant in the loop of its controller.
         published: Values that others identified, by parameter, in SI.
         published_from: Who did.
-        notes: What to know when reading the result.
     """
 
     name: str
@@ -117,12 +112,9 @@ class RefitReport:
     """A refit and what it is worth.
 
     Args:
-        task: What was asked.
         nominal: Free runs of the nominal model on the held-out recordings.
         refitted: Free runs of the refitted model on them.
-        rows: Errors by recording and output.
         seconds: Time that the refit took, in s.
-        work: What it took in units that no machine changes.
 
     Raises:
         WorkbenchError: From `row`, if there is none of that recording and output.
@@ -199,9 +191,6 @@ class RefitReport:
 
 def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None) -> RefitReport:
     """Refit a model and judge it on recordings that it has not seen.
-
-    Args:
-        progress: Called with a line of text before each part.
 
     Returns:
         Estimates, held-out errors of the nominal and the refitted model, and the errors that noise

@@ -28,11 +28,8 @@ class Estimate:
     """A refitted parameter.
 
     Args:
-        unit: SI unit.
         value: Estimate, in ``unit``.
         std: Standard deviation of the estimate, in ``unit``.
-        prior: What was known before.
-        on_bound: Whether the estimate sits on one of its bounds.
     """
 
     name: str
@@ -62,10 +59,8 @@ class Refit:
     """Result of a refit.
 
     Args:
-        model: The model with the estimated parameter values.
         covariance: Covariance of the estimates, shape (n_free, n_free), in SI.
         cost: Minus the log likelihood of the last pass, with the priors; dimensionless.
-        converged: Whether the last pass converged.
         iterations: Gauss-Newton steps of all passes.
         whiteness: Mean square of the whitened prediction errors by output, dimensionless; 1
             where the model explains the recordings to the noise.
@@ -132,7 +127,6 @@ class Outcome:
 
     Args:
         values: Values of the free parameters, shape (n_free,), in SI.
-        parts: Innovations of each recording there.
         cost: Minus the log likelihood with the priors, dimensionless.
         converged: Whether further steps gain nothing.
         noise_scale: Process-noise scale in the last pass, dimensionless.

@@ -97,7 +97,6 @@ def menu(model: Model, recordings: Sequence[Observed]) -> tuple[Experiment, ...]
     within the recorded range and a quarter of it on either side. References use 80 % of that.
 
     Args:
-        model: The plant that predicts where an input leads.
         recordings: Recordings as `observe` returns them; their sample time is that of the menu.
 
     Raises:

@@ -67,7 +67,6 @@ def separate(
     Args:
         explanations: Two or more fitted explanations, the most likely first.
         recordings: The recordings that they were fitted to, as `observe` returns them.
-        observed_with: The model that the recordings were observed with.
         experiments: What to choose from; by default a menu within what the recordings show, the
             best of it also at other settings of load and supply.
 

@@ -32,11 +32,7 @@ class Machine(Protocol):
 
 @dataclass(frozen=True)
 class SimulatedMachine:
-    """A model that stands for a machine, with the noise and the resolution of its sensors.
-
-    Args:
-        seed: Seed of the noise.
-    """
+    """A model that stands for a machine, with the noise and the resolution of its sensors."""
 
     model: Model
     seed: int = 1
@@ -81,12 +77,6 @@ def with_experiment(
     """Play an experiment on a machine and add its recording, a part of it to those held out.
 
     The recording is divided where the measurements move least, about `HELD_OUT` from its end.
-
-    Args:
-        model: The plant, for the names of its inputs and outputs.
-        machine: What plays an experiment and returns the recording.
-        fit_on: Recordings to fit on so far.
-        hold_out: Recordings to judge on so far.
 
     Returns:
         The recording, then recordings to fit on and to judge on.

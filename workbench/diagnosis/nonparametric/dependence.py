@@ -32,9 +32,7 @@ class Site:
     """A port, or ports that share a law, with what they see along the recordings.
 
     Args:
-        unit: SI unit of their signal.
         signals: Local signals by name, shape (n, n_ports) each, in SI.
-        units: Their SI units.
         value: The signals themselves, shape (n, n_ports), in ``unit``.
         effect: What a unit signal at each port does to the located signals, shape
             (n, n_located, n_ports), in their units per ``unit``.
@@ -73,7 +71,6 @@ class Evidence:
         nominal: What a step of each free parameter adds there, shape (n_located n, n_free), in
             the ports' unit, for a step of one prior standard deviation.
         toward: Step from each estimate to its prior, shape (n_free,), in prior standard deviations.
-        sites: Where a law could be attached.
         time: Times within each recording, shape (n,), in s.
         recording: Number of the recording, shape (n,).
     """
@@ -199,7 +196,6 @@ def spread(values: Vector, argument: str, unit: str, most: int, *, centred: bool
 
     Args:
         values: Values of the argument, shape (n,), in ``unit``.
-        unit: Its unit.
         centred: Whether the curve is zero on average over the values.
     """
     low, high = np.quantile(values, [0.002, 0.998])
@@ -226,7 +222,6 @@ def partial(
     What is left of the located signals is laid to the ports in proportion to their effect on them.
 
     Args:
-        site: Where the curve would act.
         relative: Whether as a fraction of the port's signal.
         rest: What is left of the located signals, shape (n_located n,), in their unit.
 

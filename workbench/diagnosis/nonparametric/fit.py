@@ -93,10 +93,7 @@ def nonparametric_term(
     zero.
 
     Args:
-        base: The refitted model without the term.
         fit_on: Fitting recordings, with a start for the model of ``base``.
-        ports: The located port, or ports that share a law.
-        priors: Priors of the free parameters of ``base``.
 
     Returns:
         The term; accepted if it gains on the held-out recordings with an interval that excludes

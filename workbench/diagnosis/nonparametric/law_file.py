@@ -25,9 +25,6 @@ def law_file(term: NonparametricTerm, plant: str) -> str:
     parameters; else for the curve, with an amount that is 1 as it was found. At size zero it is
     absent. It acts at the ports at which it was found.
 
-    Args:
-        plant: Name of the model in which it was found.
-
     Returns:
         A module with the law `NAME`, as ``--effects module:found`` takes it.
 

@@ -42,13 +42,11 @@ class Argument:
     """An argument of a nonparametric term.
 
     Args:
-        unit: Its SI unit.
         p_value: Probability of as strong a dependence by chance, dimensionless.
         share: Share of the signal that it predicts across blocks of time beyond the arguments
             before it, dimensionless.
         hull: Smallest and largest value in the fitting recordings, in ``unit``.
         bins: The signal over it; None if nothing was fitted.
-        terms: Simple terms that describe the curve.
     """
 
     name: str
@@ -82,8 +80,6 @@ class Law:
     """What the term adds to the equations, without its ordinates.
 
     Args:
-        ports: Ports that share the term.
-        unit: Unit of the ports.
         relative: Whether the curves are a fraction of the port's signal.
         typical: Usual ordinate, in the unit of the curves.
         upper: Largest ordinate, in the unit of the curves.
@@ -119,11 +115,8 @@ class NonparametricTerm:
 
     Args:
         fit: The refit with the term; that without it if nothing was fitted.
-        ports: Ports that share the term.
         unit: Unit of the curves: that of the ports, or ``"1"`` if they are a fraction of it.
         relative: Whether the curves are a fraction of the port's signal.
-        curves: The curves, by argument.
-        loop: Whether the term has a memory.
         explained: Share of the mean square of the smoothed signal that curves and changed
             parameters take away, dimensionless.
         gain: Gain of log likelihood on the fitting recordings, dimensionless.

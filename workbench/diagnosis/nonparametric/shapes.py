@@ -43,9 +43,7 @@ class Shape:
     The law adds ``size (g(x) - level)``; at size zero it is absent.
 
     Args:
-        name: Law of the library that has it.
         formula: g as Python, with the argument x and the parameters ``at.p``.
-        function: g of the argument and the parameters.
         power: Power of the argument by which the unit of the size is divided.
         inner: Names of the further parameters: ``width`` and ``centre`` in the argument's unit,
             ``frequency`` in its inverse, ``phase`` without one.

@@ -29,10 +29,8 @@ def run_baselines(cases: Path, out: Path, only: Sequence[str] = ()) -> Iterator[
     """Let the baselines answer the cases of a benchmark; yields one line per case and method.
 
     Args:
-        cases: Folder of case folders.
         out: Folder of the answers: one folder per method with ``CASE.json``; those found there are
             not given again.
-        only: Names of methods; all of them without a name.
 
     Raises:
         WorkbenchError: If there is no case, or a method is not known.

@@ -26,8 +26,6 @@ def write_cases(out: Path, count: int, first_seed: int | None = None) -> Iterato
     held-out recordings, in SI by output.
 
     Args:
-        out: Folder of the benchmark.
-        count: Number of cases.
         first_seed: Seed of the first case, a multiple of 1000; None for that of the plan.
 
     Raises:

@@ -43,7 +43,6 @@ class Network:
     Args:
         centre: Means of its arguments, shape (n,), in SI.
         spread: Their deviations, shape (n,), in SI.
-        weights: All weights, one after the other.
         scale: What an output of 1 means, in the unit of the port.
     """
 
@@ -110,10 +109,6 @@ def neural(
     judging: Sequence[Observed],
 ) -> tuple[list[dict[str, Any]], dict[str, float]]:
     """Put a network where it predicts most of what is missing.
-
-    Args:
-        base: The refitted nominal model.
-        nominal: The model that the recordings were observed with.
 
     Returns:
         Findings as a verdict has them, one without a name or none, and the errors of free runs with

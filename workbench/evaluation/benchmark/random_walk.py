@@ -42,10 +42,6 @@ def random_walk(
 ) -> list[dict[str, Any]]:
     """Locate what is missing by the most significant random walk.
 
-    Args:
-        base: The refitted nominal model.
-        nominal: The model that the recordings were observed with.
-
     Returns:
         Findings as a verdict has them: the ports of one group without a name, or nothing.
     """

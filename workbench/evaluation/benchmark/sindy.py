@@ -106,7 +106,6 @@ def sindy(model: Model, recordings: Sequence[Observed], share: float) -> list[di
     """Name what is missing by sparse regression.
 
     Args:
-        model: The refitted nominal model of the arm.
         recordings: The recordings to fit on, with angle and both pressures.
         share: Share of the expected disturbance at which the model was refitted.
 

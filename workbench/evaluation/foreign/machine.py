@@ -28,7 +28,6 @@ class Concealed:
     """One effect that a machine may conceal.
 
     Args:
-        physics: What it is, as ``synonyms.toml`` knows it.
         ports: Ports of the newcomer's model that it may rightly be found at.
         size: Smallest and largest value of the parameter that switches it on.
         others: Values of further parameters that it sets.
@@ -77,16 +76,12 @@ class Machine:
     """A machine with its truth.
 
     Args:
-        inputs: Name and unit of each command.
         background: True value and relative half range of each parameter that is never nominal.
-        concealed: What it may hide.
         rates: Derivative of the state from time, state, commands and parameters.
         initial: State at rest from the parameters.
         excitations: What drives the recordings ``fit_1``, ``fit_2``, ``hold_1``, ``hold_2``.
         sample_time: Time between samples.
         steps: Integration steps per sample.
-        samples: Samples of a recording.
-        loop: The control loop in which it is recorded, if any.
     """
 
     name: str

@@ -26,8 +26,6 @@ class LeftOut:
     """A piece of the paper's physics that a nominal plant lacks.
 
     Args:
-        trial: Data on which it is looked for.
-        nominal: Builds the plant without it.
         answers: Names in the library that are right; none where nothing is left out.
         absorbed: Whether parameters imitate most of it, so that silence is right as well.
         seconds: Length of a recording of the arm, in s.

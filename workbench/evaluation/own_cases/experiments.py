@@ -74,7 +74,6 @@ def run_experiments(
         count: Cases that are to end as classes.
         first_seed: Seed of the first case; None for that of the plan.
         part: Part K of N, counted from 1: every Nth case, as far as those of the others are kept.
-        only: Names of cases; all of them without a name.
     """
     cases = poor_cases(FIRST_SEED if first_seed is None else first_seed)
     k, n = part

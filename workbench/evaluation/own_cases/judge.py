@@ -33,10 +33,8 @@ class Judged:
     """One answer to one case.
 
     Args:
-        kind: Kind of case, as it was planned.
         effects: What is hidden, by the rig's names.
         factor: Size relative to the rig's own.
-        names: How many effects it names.
         regions: Whether each hidden effect was put into the right region.
         sizes: Sizes of rightly named effects beside the true ones.
         over_limit: Held-out error over that of the true model, root mean square over the outputs,

@@ -54,7 +54,6 @@ class Planned:
 
     Args:
         seed: Seed of background parameters, excitation and noise.
-        effects: What is hidden, by the rig's names.
         load: Mass of the plates as noted, in kg.
         kind: ``single``, ``pair``, ``nothing``, ``outside``, or ``limited`` where the recordings
             are closed-loop only.

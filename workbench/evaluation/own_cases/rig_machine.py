@@ -25,7 +25,6 @@ class RigMachine:
 
     Args:
         parameters: Parameters of the rig.
-        seed: Seed of the sensors' noise.
     """
 
     parameters: dict[str, float] = field(repr=False)

@@ -73,8 +73,6 @@ class Score:
     """How one answerer did.
 
     Args:
-        who: One of `ANSWERERS`.
-        most: Most points that could be had.
         chance: Mean points of the same answers dealt out at random.
         p_value: Probability that those score as much.
     """

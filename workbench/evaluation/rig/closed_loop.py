@@ -56,7 +56,6 @@ def follow(
     """Run a controller on the rig along a reference.
 
     Args:
-        law: The controller, stepping at the rig's rate.
         parameters: Parameters of the rig.
         state: State of the rig at the start.
         reference: Wanted angle in rad over time in s.

@@ -46,10 +46,7 @@ class Draw:
     """One drawn machine.
 
     Args:
-        number: Number of the draw.
-        kinds: What differs.
         load: Load that a design knows, in kg.
-        parts: What differs, at its size.
     """
 
     number: int

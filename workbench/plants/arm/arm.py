@@ -124,11 +124,7 @@ OUTPUTS = (
 
 @dataclass(frozen=True)
 class ArmEquations:
-    """The fixed choices of an arm, kept together so that its equations can be pickled.
-
-    Args:
-        valves: Writes down the valve or valves, like `valve`.
-    """
+    """The fixed choices of an arm, kept together so that its equations can be pickled."""
 
     laws: MuscleLaws
     geometry: ArmGeometry

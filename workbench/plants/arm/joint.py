@@ -119,7 +119,6 @@ def joint(
     to the port ``joint.torque``.
 
     Args:
-        m: Scope with the names of `STATES` and `PARAMETERS`.
         forces: Pulling forces of muscle 1 and 2, in N.
 
     Source:

@@ -30,7 +30,6 @@ class StaticForceFit:
     """An identified force law with its uncertainty.
 
     Args:
-        law: The law, ready for the arm.
         names: Names of the identified numbers: ``D1`` to ``D3``, ``phi_0`` to ``phi_n``, and
             ``switch`` where the data show the constant branch of phi.
         units: Their units, of millimetre, bar and newton as in the paper.

@@ -24,7 +24,6 @@ class Hypothesis:
 
     Args:
         effect: ``saturation``, ``quantisation`` or ``offset_gain``.
-        reason: What speaks for it.
     """
 
     signal: str
@@ -42,7 +41,6 @@ class Finding:
         note: The reason or the finding, one clause or more.
         values: The numbers behind it, in SI, for reports and plots.
         recording: The corrected recording; None if it is left as it is.
-        hypotheses: What a sensor may do to its signal.
         doubt: Whether the note holds a suspicion that only a person or a diagnosis can decide.
 
     Raises:

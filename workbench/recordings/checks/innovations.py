@@ -26,7 +26,6 @@ def innovations(target: Vector, past: Sequence[Vector], *, memory: int = MEMORY)
     Args:
         target: Signal to predict, shape (n,).
         past: Signals whose past may be used, each of shape (n,).
-        memory: Number of past samples.
 
     Returns:
         Prediction errors, shape (n - memory,), zero mean.

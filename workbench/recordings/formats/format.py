@@ -21,7 +21,6 @@ class ReadOptions:
     """What a reader is told beside the path.
 
     Args:
-        columns: Names of the columns, for a file without header.
         max_rows: Largest number of rows kept; a longer file is averaged in groups, with a note.
         find_time: Returns the index of the time column of columns without values, or None.
     """

@@ -28,10 +28,8 @@ class Layout:
     Args:
         separator: One character, or None for runs of blanks.
         decimal: ``.`` or ``,``.
-        headers: Column headers; empty if the file has none.
         units: Units from a row of units; empty if there is none.
         first: Index of the first row of numbers among the lines of the file.
-        metadata: Settings found above the rows of numbers.
         saved: Description that a recording wrote of itself.
     """
 

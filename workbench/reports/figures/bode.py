@@ -36,7 +36,6 @@ def bode(
             family such as angles takes the colours of the ramp, and curves that lie on each other
             are drawn once.
         unit: Unit of the magnitude, such as ``°/V``.
-        quantity: What the magnitude is.
         margins: Whether they are loop gains, so that gain and phase margins are marked.
     """
     figure, (magnitude, phase) = new_figure([2.2, 1.7])

@@ -156,8 +156,6 @@ def diagnosis_nonparametric(argument: Argument, *, place: str, unit: str) -> Fig
     """Draw the classes of the located signal with their band, and the fitted curve on them.
 
     Args:
-        argument: An argument of the term with its classes.
-        place: Port or ports at which the term acts.
         unit: Unit of the curve; ``"1"`` for a fraction of the port's signal.
 
     Raises:

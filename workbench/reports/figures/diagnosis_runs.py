@@ -58,7 +58,6 @@ def diagnosis_runs(
     Args:
         before: Free run of the first model, such as the refitted nominal one.
         after: Free run of the second on the same recording; None if there is none.
-        names: What both models are called.
 
     Returns:
         The figure: one panel per output over time in s; the last repeats the first output where
@@ -145,7 +144,6 @@ def diagnosis_residuals(
 
     Args:
         noise: Noise of each output, in its SI unit.
-        names: What both models are called.
 
     Returns:
         The figure: root mean square of the error over windows of 0.2 s on a logarithmic axis, one
@@ -175,7 +173,6 @@ def draw_error(
 
     Args:
         noise: Noise of each output, in its SI unit; the band is twice that.
-        i: Which output.
     """
     factor = readable(before.units[i])[1]
     level = max(factor * noise.get(before.used[i], 0.0), 1e-12)

@@ -33,11 +33,7 @@ Rows = list[tuple[Cell | str, ...]]
 
 @dataclass(frozen=True)
 class Evidence:
-    """What a study found about the steps of one case.
-
-    Args:
-        want: How the evidence is read.
-    """
+    """What a study found about the steps of one case."""
 
     result: StudyResult
     want: Limitations

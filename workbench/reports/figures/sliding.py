@@ -42,7 +42,6 @@ def surface(time: Vector, value: Vector, shade: Colour) -> Drawing:
     Args:
         time: Times, shape (n,), in s.
         value: Surface over the half width of its layer, shape (n,), dimensionless.
-        shade: Colour of the controller.
     """
     figure, (axes,) = new_figure([2.2])
     axes.plot(time, value, color=shade.light, linewidth=1.1)

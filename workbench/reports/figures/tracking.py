@@ -68,7 +68,6 @@ def tracking(
         time: Times of the reference, shape (n,), in s.
         reference: Reference, shape (n,), in ``unit``.
         unit: Its unit as written.
-        command: The command and its unit.
         error_limit: Steady error allowed, in ``unit``, drawn as lines about zero error.
     """
     figure, (position, error, actuator) = new_figure([2.2, 1.1, 1.0])
