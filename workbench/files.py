@@ -1,13 +1,16 @@
-"""Files and folders of results, written whole or not at all."""
+"""Files and folders of results, written whole or not at all, and numbers as JSON."""
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from workbench.errors import WorkbenchError
 
@@ -200,3 +203,19 @@ def _move(source: Path, target: Path) -> None:
             _move(item, target / item.name)
         else:
             item.replace(target / item.name)
+
+
+def json_text(results: Mapping[str, Any]) -> str:
+    """Write numbers, arrays and words by name as JSON text; NaN and infinity become null."""
+    return json.dumps(plain(results), indent=2, allow_nan=False, ensure_ascii=False) + "\n"
+
+
+def plain(value: Any) -> Any:
+    """Return data as JSON has them: lists and mappings; None for a number that is not finite."""
+    if isinstance(value, Mapping):
+        return {str(name): plain(item) for name, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if hasattr(value, "tolist"):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value

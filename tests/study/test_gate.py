@@ -11,7 +11,7 @@ from xml.sax.saxutils import escape
 import pytest
 
 from tests.study.gate import Gate, finished_gate
-from workbench.reports.results import json_text
+from workbench.files import json_text
 from workbench.reports.study_page import study_page
 from workbench.study.annotations import github_annotations
 from workbench.study.baseline import box_changes, read_baseline, write_baseline

@@ -13,9 +13,9 @@ import pytest
 
 from tests.study.small_study import small_study
 from workbench.errors import NumericalError
+from workbench.files import json_text
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
-from workbench.reports.results import json_text
 from workbench.study import limits
 from workbench.study.baseline import baseline_text
 from workbench.study.execution import store_of

@@ -18,8 +18,7 @@ AsJson = Annotated[
 
 def tell(content: Mapping[str, Any], *, as_json: bool, file: Path | None = None) -> None:
     """Print a result as JSON if a script reads it, and write it to a file if one is named."""
-    from workbench.files import write_whole
-    from workbench.reports.results import json_text
+    from workbench.files import json_text, write_whole
 
     if as_json:
         typer.echo(json_text(content), nl=False)

@@ -27,9 +27,8 @@ def force_map(
     from workbench.cli.typed import typed
     from workbench.demo.force_map_study import study_map
     from workbench.demo.force_maps import errors_table, force_map_page, read_force_map
-    from workbench.files import write_whole
+    from workbench.files import json_text, write_whole
     from workbench.reports.page import write_page
-    from workbench.reports.results import json_text
 
     points = read_force_map(file)
     study = study_map(points, file.stem, progress=lambda text: typer.echo(text, err=True))

@@ -32,10 +32,9 @@ def refit(
     typer.echo(f"{report}\nwork: {in_words(report.work)}", err=as_json)
     if out is not None:
         from workbench.cli.typed import typed
-        from workbench.files import write_whole
+        from workbench.files import json_text, write_whole
         from workbench.reports.page import write_page
         from workbench.reports.refit_page import refit_page
-        from workbench.reports.results import json_text
 
         page = refit_page(report, command=typed())
         path = write_page(page, out / "report.html", pictures=out)

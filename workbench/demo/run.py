@@ -12,9 +12,8 @@ from pathlib import Path
 from workbench.data_folder import ENVIRONMENT_VARIABLE, data_folder, external_data
 from workbench.demo.part import Part
 from workbench.errors import WorkbenchError
-from workbench.files import whole_folder, write_whole
+from workbench.files import json_text, whole_folder, write_whole
 from workbench.reports.page import Commands, Page, Section, Words, write_page
-from workbench.reports.results import json_text
 from workbench.study.result import installed_version
 
 PARTS: tuple[tuple[str, str, str], ...] = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.display import Rows, Shown
 from workbench.errors import WorkbenchError
+from workbench.files import json_text, plain
 from workbench.model import Model
 from workbench.model.units import parse_unit, written_unit
 from workbench.work.counted import Work
@@ -136,7 +136,7 @@ class Verdict(Shown):
 
     def as_data(self) -> dict[str, Any]:
         """Return the verdict as plain data; numbers that are not finite become None."""
-        data: dict[str, Any] = _plain(
+        data: dict[str, Any] = plain(
             {
                 "schema": SCHEMA,
                 "verdict": self.kind,
@@ -186,8 +186,7 @@ class Verdict(Shown):
             plant: The verdict's model as `workbench.plants.saved.saved_plant` writes it, by which
                 verbs and studies take the file as a plant.
         """
-        data = self.as_data() | ({"plant": _plain(plant)} if plant else {})
-        return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+        return json_text(self.as_data() | ({"plant": plant} if plant else {}))
 
     def tables(self) -> tuple[Rows, ...]:
         """Return the errors on held-out recordings and what was found."""
@@ -277,13 +276,3 @@ def _renamed(value: Any) -> Any:
     if isinstance(value, list):
         return [_renamed(v) for v in value]
     return "nonparametric" if value == "free_form" else value
-
-
-def _plain(data: Any) -> Any:
-    if isinstance(data, Mapping):
-        return {str(k): _plain(v) for k, v in data.items()}
-    if isinstance(data, (list, tuple)):
-        return [_plain(v) for v in data]
-    if isinstance(data, float):
-        return data if math.isfinite(data) else None
-    return data

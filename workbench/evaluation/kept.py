@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import subprocess
 import time
 import traceback
@@ -15,7 +14,7 @@ from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.stages import Diagnosis
 from workbench.diagnosis.verdict import SCHEMA
 from workbench.errors import WorkbenchError, check_choice
-from workbench.files import check_folder, write_whole
+from workbench.files import check_folder, plain, write_whole
 from workbench.model import Model
 from workbench.physics.library import Hypothesis
 from workbench.recordings import Recording
@@ -94,7 +93,7 @@ def _named(name: str, answer: Answer, case: Case, jobs: int) -> tuple[str, dict[
 
 def keep(path: Path, row: Mapping[str, Any]) -> dict[str, Any]:
     """Write an answer and return it as it will be read; numbers that are not finite become null."""
-    text = json.dumps(_plain(row), indent=1)
+    text = json.dumps(plain(row), indent=1)
     write_whole(path, text)
     return dict(json.loads(text))
 
@@ -167,13 +166,3 @@ def version() -> str:
 
     commit = git("rev-parse", "--short", "HEAD")
     return commit + ("+" if git("status", "--porcelain", "--", "workbench") else "")
-
-
-def _plain(data: Any) -> Any:
-    if isinstance(data, Mapping):
-        return {str(k): _plain(v) for k, v in data.items()}
-    if isinstance(data, (list, tuple)):
-        return [_plain(v) for v in data]
-    if isinstance(data, float):
-        return float(data) if math.isfinite(data) else None
-    return data

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from workbench.errors import WorkbenchError
 from workbench.evaluation.foreign import run as foreign
 from workbench.evaluation.kept import read_kept
 from workbench.evaluation.own_cases import report as own_cases
-from workbench.files import write_whole
+from workbench.files import json_text, write_whole
 
 
 def report(
@@ -33,7 +32,7 @@ def report(
         lines, tables = own_cases.cases(rows), own_cases.tables(rows)
         summary = own_cases.summary(rows)
     if summary_file:
-        write_whole(summary_file, json.dumps(summary, indent=1) + "\n")
+        write_whole(summary_file, json_text(summary))
     if figure_file:
         if is_foreign:
             raise WorkbenchError("foreign cases have no figure; leave --figure away")

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from workbench.files import write_whole
+from workbench.files import json_text, write_whole
 from workbench.reports.figures.linear_analysis import LINEAR, linear_blocks
 from workbench.reports.page import Commands, Method, Page, Section, html
-from workbench.reports.results import json_text
 from workbench.reports.study_page import study_page
 from workbench.study.junit import junit
 from workbench.study.linear_loop import LoopAnalysis

@@ -13,9 +13,8 @@ if TYPE_CHECKING:
 
 
 def _write(found: Benchmark, out: Path) -> None:
-    from workbench.files import write_whole
+    from workbench.files import json_text, write_whole
     from workbench.reports.page import write_page
-    from workbench.reports.results import json_text
     from workbench.speed.page import benchmark_page
 
     write_whole(out / "benchmark.json", json_text(found.table()))

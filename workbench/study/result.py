@@ -214,20 +214,9 @@ class StudyResult(Drawn):
                 }
                 for j in self.judgements
             ],
-            "tolerances": {
-                name: {
-                    "better": rule.better,
-                    "absolute": rule.absolute,
-                    "relative": rule.relative,
-                    "gates": rule.gates,
-                    "repeats": rule.repeats,
-                }
-                for name, rule in self.rules().items()
-            },
+            "tolerances": {name: rule._asdict() for name, rule in self.rules().items()},
             "conditions": conditions(self.study),
-            "changed_conditions": [
-                {"name": c.name, "text": c.text, "fails": c.fails} for c in self.condition_changes
-            ],
+            "changed_conditions": [vars(c) for c in self.condition_changes],
             "runs": [r.table() for r in self.records],
             "changes": [
                 {

@@ -14,6 +14,7 @@ from workbench.evaluation.own_cases.report import figure, summary, tables
 from workbench.evaluation.own_cases.statistics import by_effect, by_size, score_of, scores
 from workbench.evaluation.rates import wilson
 from workbench.evaluation.report import report
+from workbench.files import plain
 
 TILT = found("tilt_gravity", "joint.torque", tilt=(0.08, 0.002))
 SMALL = found("tilt_gravity", "joint.torque", tilt=(0.040, 0.002))
@@ -85,7 +86,7 @@ def test_tables_figure_and_summary(tmp_path: Path) -> None:
     assert report(tmp_path, **files) == text
     assert (tmp_path / "f.png").stat().st_size > 10_000
     kept = json.loads((tmp_path / "s.json").read_text())
-    assert kept == json.loads(json.dumps(summary(ROWS)))
+    assert kept == plain(summary(ROWS))
     assert kept["bars"]["confidently wrong"]["met"] is False
     figure(ROWS[:1], tmp_path / "one.png")
 

@@ -49,10 +49,9 @@ class Scored:
 
     def as_data(self) -> dict[str, Any]:
         """Return the score as plain data."""
-        over = self.over_limit if math.isfinite(self.over_limit) else None
         return self.score.as_data() | {
             "method": self.method,
-            "over_limit": over,
+            "over_limit": self.over_limit,
             "rates": {name: rate.as_data() for name, rate in self.rates.items()},
         }
 

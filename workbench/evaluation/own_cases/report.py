@@ -192,11 +192,11 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
                 "points_by_chance": s.chance,
                 "p_value": s.p_value,
                 "rates": {name: rate.as_data() for name, rate in s.rates().items()},
-                "median_held_out_error_over_limit": _finite(s.ratio),
-                "median_size_error": _finite(s.sizes.median),
-                "size_error_90": _finite(s.sizes.worst),
+                "median_held_out_error_over_limit": s.ratio,
+                "median_size_error": s.sizes.median,
+                "size_error_90": s.sizes.worst,
                 "interval_coverage": s.sizes.coverage.as_data(),
-                "median_processor_seconds": _finite(s.seconds),
+                "median_processor_seconds": s.seconds,
             }
             for s in scored
         },
@@ -210,7 +210,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
                 "outcomes": {f"{f:g}": text for f, text in e.outcomes.items()},
                 "smallest_named": e.smallest_named,
                 "smallest_predicted": e.predicted,
-                "median_size_error": _finite(e.sizes.median),
+                "median_size_error": e.sizes.median,
                 "interval_coverage": e.sizes.coverage.as_data(),
             }
             for e in by_effect(rows)
@@ -228,10 +228,6 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             if (judged := judge(row)) is not None
         ],
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def figure(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
