@@ -23,7 +23,7 @@ Vector = npt.NDArray[np.float64]
 Law = Callable[[float, float], float]
 
 
-def oscillator(*, scale: float = 1.0) -> Model:
+def oscillator(*, scale: float = 1.0, left_out: float = 0.02) -> Model:
     """A damped oscillator driven by a force; the guess of the port's scale may be far off."""
 
     def equations(m: Scope) -> Equations:
@@ -33,7 +33,7 @@ def oscillator(*, scale: float = 1.0) -> Model:
             unit="N",
             scale=scale,
             signals={"position": m.x.position, "speed": m.x.speed},
-            disturbance=0.02 * scale,
+            disturbance=left_out * scale,
         )
         return (
             {"position": m.x.speed, "speed": force / m.p.mass},

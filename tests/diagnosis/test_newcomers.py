@@ -12,7 +12,7 @@ from tests.diagnosis.newcomers import (
     oscillator,
     rubbing,
 )
-from workbench.diagnosis.diagnose import diagnose
+from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
@@ -54,6 +54,16 @@ def test_silence_where_only_parameters_were_wrong() -> None:
     verdict = diagnose(oscillator(), runs[:2], runs[2:], jobs=1, advise=False).verdict
     assert verdict is not None and verdict.kind == "nothing_missing", verdict
     assert verdict.parameters["stiffness"]["value"] == pytest.approx(30.0, rel=0.01)
+
+
+def test_a_plant_that_declares_no_disturbance_is_told_what_is_taken() -> None:
+    runs = oscillations(lambda x, v: -30.0 * x - 0.6 * v)
+    said: list[str] = []
+    found = next(stages(oscillator(left_out=0.0), runs[:2], runs[2:], progress=said.append))
+    # The force that is left over has some 10 N, of which a twentieth may be left out.
+    (disturbance,) = (q.disturbance for q in found.nominal.ports if q.name == "mass.force")
+    assert 0.1 < disturbance < 5.0
+    assert "no port of oscillator declares a disturbance" in said[0]
 
 
 @pytest.mark.parametrize("count", [51, 76, 80, 101])

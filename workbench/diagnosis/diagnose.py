@@ -26,6 +26,7 @@ from workbench.diagnosis.selection.search import Task, likely, score, search
 from workbench.diagnosis.selection.selected import Scored, Selected
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
 from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
+from workbench.diagnosis.undeclared import with_undeclared
 from workbench.diagnosis.verdict import Verdict
 from workbench.display import notebook_progress
 from workbench.errors import NumericalError, WorkbenchError
@@ -119,6 +120,9 @@ def stages(
             f" and {len(hold_out)}"
         )
     say = progress or notebook_progress()
+    model, notes = with_undeclared(model, (*fit_on, *hold_out))
+    for note in notes:
+        say(note)
     known = tuple(priors if priors is not None else default_priors(model))
     recorded = tuple(q.name for q in model.outputs if q.name in fit_on[0])
     longest = max(fit_on, key=lambda recording: recording.duration)

@@ -1,0 +1,74 @@
+"""What a plant does not declare, taken from its recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+
+from workbench.diagnosis.estimation.observe import observe
+from workbench.errors import WorkbenchError
+from workbench.model import Model
+from workbench.model.traits import LEFT_OUT
+from workbench.recordings.checks.noise import white_rms
+from workbench.recordings.checks.quantisation import quantum
+from workbench.recordings.recording import Recording
+from workbench.simulation import simulate
+
+
+def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[str, ...]]:
+    """Take what a plant does not declare from its recordings, and say so.
+
+    The noise of a sensor comes from what successive samples do not share, its resolution from the
+    steps of the measurements. Of a plant that declares no disturbance at any port, a fraction of
+    the signal along the recordings may be left out at each port that acts on a rate (`LEFT_OUT`).
+    """
+    notes = []
+    outputs = []
+    for q in model.outputs:
+        read = [r[q.name] for r in recordings if q.name in r]
+        if q.noise_rms == 0 and q.resolution == 0 and read:
+            step = max(quantum(values) for values in read)
+            white = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]
+            least = min((w for w in white if np.isfinite(w)), default=0.0)
+            noise = max(least**2 - step**2 / 12, 0.0) ** 0.5
+            notes.append(
+                f"{q.name} declares no noise_rms; {noise:.3g} {q.unit} is taken from the recordings"
+            )
+            outputs.append(replace(q, noise_rms=noise, resolution=step))
+        else:
+            outputs.append(q)
+    model = replace(model, outputs=tuple(outputs))
+    if any(p.disturbance or p.relative_disturbance for p in model.ports):
+        return model, tuple(notes)
+    acting = ca.DM(model.exact.rates_by_port.sparsity(), 1).full().any(axis=0)
+    sizes: dict[str, float] = {}
+    for recording in recordings:
+        try:
+            seen = observe(model, recording)
+            run = simulate(
+                model,
+                np.clip(seen.inputs, *np.transpose([(q.lower, q.upper) for q in model.inputs])),
+                sample_time=seen.sample_time,
+                start=seen.start,
+                check=False,
+            )
+        except WorkbenchError:
+            continue  # Refit and checks say what is wrong with it.
+        for port, acts in zip(model.ports, acting, strict=True):
+            rms = float(np.sqrt(np.mean(run.signals[port.name] ** 2)))
+            if (
+                (acts or not acting.any())
+                and not port.name.endswith((".command", ".reading"))
+                and rms > 0
+            ):
+                sizes[port.name] = max(rms, sizes.get(port.name, 0.0))
+    if sizes:
+        notes.append(
+            f"no port of {model.name} declares a disturbance; a twentieth of its signal is taken: "
+            + ", ".join(f"{n} {LEFT_OUT * s:.2g}" for n, s in sizes.items())
+        )
+    traits = replace(model.traits, sizes=tuple(sizes.items()))
+    return replace(model, traits=traits), tuple(notes)
