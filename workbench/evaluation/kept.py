@@ -8,7 +8,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.stages import Diagnosis
@@ -29,6 +29,8 @@ class Case(Protocol):
         """Its name, by which its answer is kept."""
 
 
+C = TypeVar("C", bound=Case)
+
 Answer = Callable[[Any, int], dict[str, Any]]
 """Answers a case with a number of processes; a function that other processes find by its name."""
 
@@ -44,10 +46,15 @@ def run_cases(
     jobs: int = 1,
     dask: str | None = None,
 ) -> Iterator[str]:
-    """Answer a part of a plan, see `answered`; yields one line per case.
+    """Answer the `chosen_cases` of a plan, see `answered`; yields one line per case."""
+    chosen = chosen_cases(cases, part, only)
+    yield from map(line_of, answered(chosen, out, answer, jobs=jobs, dask=dask))
 
-    Args:
-        part: Part K of N, counted from 1: every Nth case.
+
+def chosen_cases(
+    cases: Sequence[C], part: tuple[int, int] = (1, 1), only: Sequence[str] = ()
+) -> Sequence[C]:
+    """Return part K of N of the cases, every Nth of those that are named; all without a name.
 
     Raises:
         WorkbenchError: If there is no case of a name.
@@ -56,8 +63,7 @@ def run_cases(
     for name in only:
         check_choice("case", name, known)
     k, n = part
-    chosen = [case for case in cases if not only or case.name in only][k - 1 :: n]
-    yield from map(line_of, answered(chosen, out, answer, jobs=jobs, dask=dask))
+    return [case for case in cases if not only or case.name in only][k - 1 :: n]
 
 
 def answered(
@@ -121,6 +127,7 @@ def diagnosed(
     *,
     jobs: int,
     entries: Sequence[Hypothesis] | None = None,
+    advise: bool = False,
     more: Callable[[Diagnosis], Mapping[str, Any]] = lambda found: {},
 ) -> dict[str, Any]:
     """Diagnose and return a row with verdict, times in s, and what more is kept of a diagnosis.
@@ -136,7 +143,7 @@ def diagnosed(
         }
 
     try:
-        found = diagnose(model, fit, hold_out, entries=entries, jobs=jobs, advise=False)
+        found = diagnose(model, fit, hold_out, entries=entries, jobs=jobs, advise=advise)
         took = times()
         assert found.verdict is not None
         return row | {"verdict": found.verdict.as_data(), **took, **more(found)}

@@ -9,19 +9,17 @@ from __future__ import annotations
 
 import json
 import tempfile
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.experiment.play import with_experiment
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.answer_key import Truth
 from workbench.evaluation.blind_round import Line, score_case
 from workbench.evaluation.claims import answer_of
-from workbench.evaluation.kept import keep, silent, version
+from workbench.evaluation.kept import answered, chosen_cases, diagnosed, version
 from workbench.evaluation.own_cases.plan import Planned, names, plan
 from workbench.evaluation.own_cases.rig_machine import rig_of
 from workbench.evaluation.own_cases.run import made
@@ -66,21 +64,18 @@ def run_experiments(
 ) -> Iterator[str]:
     """Diagnose poorly recorded cases until some ended as classes, each with one more experiment.
 
-    Yields:
-        One line per case, then the table.
+    Yields one line per case, then the table; answers are kept as `answered` keeps them, and those
+    of other parts count too.
 
     Args:
-        out: Where finished cases are kept, one JSON file each; those found there are not run again.
         count: Cases that are to end as classes.
         first_seed: Seed of the first case; None for that of the plan.
-        part: Part K of N, counted from 1: every Nth case, as far as those of the others are kept.
     """
     cases = poor_cases(FIRST_SEED if first_seed is None else first_seed)
-    k, n = part
-    for case in [c for c in cases if not only or c.name in only][k - 1 :: n]:
+    for case in chosen_cases(cases, part, only):
         if sum("after" in row for row in _kept(cases, out)) >= count:
             break
-        yield line_of(run(case, out, jobs=jobs))
+        yield from map(line_of, answered([case], out, answer, jobs=jobs))
     yield table(_kept(cases, out))
 
 
@@ -89,20 +84,12 @@ def _kept(cases: Sequence[Planned], out: Path) -> list[dict[str, Any]]:
     return [json.loads(path.read_text()) for path in paths if path.exists()]
 
 
-def run(case: Planned, out: Path, *, jobs: int = 1) -> dict[str, Any]:
-    """Diagnose one case and, if it ends as a class, play what is proposed and diagnose again.
-
-    Returns:
-        The content of the file: the verdict before and, if there was an experiment, after it.
-    """
-    kept = out / f"{case.name}.json"
-    if kept.exists():
-        return dict(json.loads(kept.read_text()))
+def answer(case: Planned, jobs: int) -> dict[str, Any]:
+    """Diagnose one case and, if it ends as a class, play what is proposed and diagnose again."""
     with tempfile.TemporaryDirectory() as place:
         folder = made(case, Path(place) / case.name, seconds=SECONDS)
         found = read_case(folder)
-        plant = found.model()
-        fit, hold_out = tuple(found.fit.values()), tuple(found.hold_out.values())
+        plant, fit, hold_out = found.model(), found.fit.values(), found.hold_out.values()
         row: dict[str, Any] = {
             "schema": SCHEMA,
             "case": case.name,
@@ -110,20 +97,19 @@ def run(case: Planned, out: Path, *, jobs: int = 1) -> dict[str, Any]:
             "effects": list(case.effects),
             "version": version(),
         }
-        began = time.process_time()
-        try:
-            first = diagnose(plant, fit, hold_out, jobs=jobs)
-            row["verdict"] = _data(first)
+
+        def again(first: Diagnosis) -> dict[str, Any]:
+            assert first.verdict is not None
             plan_ = first.validated.plan if first.validated else None
-            if is_class(row["verdict"]) and plan_ is not None:
-                row["experiment"] = plan_.text
-                _, fit, hold_out = with_experiment(plant, plan_, rig_of(folder), fit, hold_out)
-                row["after"] = _data(diagnose(plant, fit, hold_out, jobs=jobs, advise=False))
-        except Exception as error:  # noqa: BLE001
-            # A diagnosis that fails is a result too, and must not end the run.
-            row["after" if "verdict" in row else "verdict"] = silent("failed", error)
-        row["processor_seconds"] = time.process_time() - began
-    return keep(kept, row)
+            if plan_ is None or not is_class(first.verdict.as_data()):
+                return {}
+            recorded = with_experiment(plant, plan_, rig_of(folder), tuple(fit), tuple(hold_out))
+            after = diagnosed({}, plant, *recorded[1:], jobs=jobs)
+            return {"experiment": plan_.text, "after": after["verdict"]}
+
+        return diagnosed(
+            row, plant, tuple(fit), tuple(hold_out), jobs=jobs, advise=True, more=again
+        )
 
 
 def is_class(verdict: Mapping[str, Any]) -> bool:
@@ -163,8 +149,3 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
 def _judged(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> Line:
     truths: tuple[Truth, ...] = names().truths(row["case"], list(row["effects"]))
     return score_case(answer_of(verdict, row["case"], names()), truths)
-
-
-def _data(found: Diagnosis) -> dict[str, Any]:
-    assert found.verdict is not None
-    return found.verdict.as_data()
