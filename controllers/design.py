@@ -87,11 +87,7 @@ class Design:
         return tuple(Key(name, default, meaning.get(name, "")) for name, default in found)
 
     def specified(self, values: Mapping[str, Any]) -> Any:
-        """Return a specification: an object of the design's class, or a mapping.
-
-        Raises:
-            WorkbenchError: If a key is unknown or a value outside its range.
-        """
+        """Return a specification: an object of the design's class, or a mapping."""
         if not self.own:
             known = [key.name for key in self.keys]
             for key in values:

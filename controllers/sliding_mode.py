@@ -87,9 +87,6 @@ class SlidingMode(ValveLaw):
         rate_bound: Bound L on the rate of what the model leaves out, in rad/s4, for super-twisting.
         compensation: Share of the unexplained acceleration that counts as acceleration, a ratio.
         lag: Lag of spool and sample that is predicted over, in s; 0 leaves it to the margin.
-
-    Raises:
-        WorkbenchError: If the kind is unknown or a number outside its range.
     """
 
     tracking: Tracking

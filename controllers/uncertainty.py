@@ -34,9 +34,6 @@ class Uncertainty:
         sensor_lag: Least and largest time constant of the sensors with noise, in s.
         trusted_frequency: Frequency above which nothing is trusted, in rad/s; infinite if the
             model is.
-
-    Raises:
-        WorkbenchError: If a range is not one of times, or the frequency is not positive.
     """
 
     delay: tuple[float, float] = (0.0, 0.008)

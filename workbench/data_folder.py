@@ -36,11 +36,7 @@ def shipped_cases() -> tuple[str, ...]:
 
 
 def shipped_data(name: str) -> Path:
-    """Return the folder of a shipped case, with ``case.toml`` and its recordings.
-
-    Raises:
-        WorkbenchError: If no case of that name ships with the package.
-    """
+    """Return the folder of a shipped case, with ``case.toml`` and its recordings."""
     return shipped_folder() / check_choice("shipped case", name, shipped_cases())
 
 

@@ -13,7 +13,9 @@ import numpy.typing as npt
 class WorkbenchError(Exception):
     """A mistake in what the user asked for; its text is one clear sentence.
 
-    The command line prints the text and exits with status 2.
+    The command line prints the text and exits with status 2. Whatever is public raises it for a
+    name that there is not, a value outside its range or in a wrong unit, arguments that do not fit
+    together, and a file that cannot be read or written; docstrings say what goes beyond that.
     """
 
 

@@ -35,9 +35,6 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> Path:
     The content goes into a temporary file in the same folder, which then takes the place of the
     target in one step. Missing folders are made.
 
-    Raises:
-        WorkbenchError: If the file cannot be written there.
-
     Example:
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     write_whole(Path(folder) / "new" / "results.json", "{}").read_text()
@@ -65,13 +62,7 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> Path:
 
 
 def check_folder(path: str | os.PathLike[str]) -> Path:
-    """Check that results can be written into a folder, before the work for them is done.
-
-    Args:
-        path: The folder; made if it is not there.
-
-    Returns:
-        The folder.
+    """Make a folder for results, before the work for them is done, and return it.
 
     Raises:
         WorkbenchError: If it is a file or cannot be written.
@@ -89,16 +80,10 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def claimed(path: str | os.PathLike[str] | None) -> Iterator[None]:
-    """Keep a folder of results to one run: a second one is refused until the first has ended.
+    """Keep a folder of results, made if it is not there, to one run; None claims nothing.
 
-    The claim ends with the process, also with one that is killed; what a killed run left half
-    written is removed first.
-
-    Args:
-        path: The folder, made if it is not there; None claims nothing.
-
-    Raises:
-        WorkbenchError: If another run has the folder, or it cannot be written.
+    A second run is refused until the first has ended. The claim ends with the process, also with
+    one that is killed; what a killed run left half written is removed first.
 
     Example:
         >>> with tempfile.TemporaryDirectory() as place, claimed(place):
@@ -155,16 +140,8 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Collect results in a temporary folder beside the target and move them when all are there.
 
     If the block raises, nothing in the target changes. Files that the target held before and that
-    the block did not write again stay.
-
-    Args:
-        path: Folder that is to hold the results; made if it is not there.
-
-    Yields:
-        An empty temporary folder, on the same disk as the target.
-
-    Raises:
-        WorkbenchError: If the folder cannot be written; raised before the block runs.
+    the block did not write again stay. A target that cannot be written is told before the block
+    runs.
 
     Example:
         >>> with tempfile.TemporaryDirectory() as place:

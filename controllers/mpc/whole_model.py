@@ -326,9 +326,6 @@ def design_mpc(
         change: Takes the `controllers.mpc.formulation.Formulation`, expressions of CasADi, and
             returns the one that is solved.
 
-    Raises:
-        WorkbenchError: If a name is unknown or a Riccati equation has no solution.
-
     Source:
         Rawlings, Mayne and Diehl, Model Predictive Control, 2017, chapter 1.
     """

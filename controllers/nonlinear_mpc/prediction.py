@@ -180,11 +180,7 @@ def shooting(stage: ca.Function, stages: int) -> ca.Function:
 
 
 def measurements(model: Model, sensors: tuple[str, ...]) -> ca.Function:
-    """Build the function (z, u) -> regularised measurements in SI, their derivatives by scaled z.
-
-    Raises:
-        WorkbenchError: If a name is unknown.
-    """
+    """Build the function (z, u) -> regularised measurements in SI, and their derivatives by z."""
     outputs = [q.name for q in model.outputs]
     for name in sensors:
         check_choice("sensor", name, outputs)

@@ -232,9 +232,6 @@ def state_feedback_by_hand(
         gain: K, shape (n_states,), in SI of the command per SI of the states.
         integral_gain: Kq, in SI of the command per SI of the output and s; 0 for none.
 
-    Raises:
-        WorkbenchError: If K has another length.
-
     Example:
         >>> import control
         >>> plant = control.ss([[0, 1], [0, -2]], [[0], [1]], [[1, 0]], 0)

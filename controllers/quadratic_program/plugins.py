@@ -90,11 +90,7 @@ _MADE: dict[tuple[int, int, str], ConicProgram] = {}
 
 
 def program(variables: int, constraints: int, solver: str = OWN) -> QuadraticProgram | ConicProgram:
-    """Return a solver for n variables and m rows, made once: ``"own"`` or one of `OPTIONS`.
-
-    Raises:
-        WorkbenchError: If the solver is unknown.
-    """
+    """Return a solver for n variables and m rows, made once: ``"own"`` or one of `OPTIONS`."""
     check_choice("solver", solver, (OWN, *OPTIONS))
     if solver == OWN:
         return quadratic_program(variables, constraints)

@@ -99,9 +99,6 @@ class Planner:
             is taken to go straight on.
         bandwidth: Bandwidth w of the filter of a rough reference, in rad/s; 0 for a smooth one.
         jump: Smallest step of a rough reference that is planned as a move, in rad.
-
-    Raises:
-        WorkbenchError: If a limit is not positive.
     """
 
     jerk: float

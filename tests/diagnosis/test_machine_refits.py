@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from workbench.diagnosis.diagnose import diagnose
-from workbench.diagnosis.estimation.refit_report import run_refit
 from workbench.diagnosis.problem import problem_of_case
+from workbench.diagnosis.refit_report import run_refit
 from workbench.evaluation.machines.run import task_of
 from workbench.recordings.case import read_case
 from workbench.recordings.public_data import public_file
@@ -32,7 +32,7 @@ def _friction(folder: Path, bar: int) -> tuple[float, float]:
 
 
 def test_emps_reproduces_the_published_values(external_folder: Path) -> None:
-    report = run_refit(problem_of_case(read_case("emps", data=external_folder)).task())
+    report = run_refit(problem_of_case(read_case("emps", data=external_folder)))
     assert report.refit.converged
     for name, value, published, sigmas in report.differences():
         # Another method on the same data: closer than the data determine, and within 2 %.
@@ -49,7 +49,7 @@ def test_emps_reproduces_the_published_values(external_folder: Path) -> None:
 
 
 def test_tanks_come_close_to_the_best_published_free_run(external_folder: Path) -> None:
-    report = run_refit(problem_of_case(read_case("tanks", data=external_folder)).task())
+    report = run_refit(problem_of_case(read_case("tanks", data=external_folder)))
     row = report.row("test", "level")
     # Published: 0.191 V for the best physical model, 0.306 V for the next, 0.588 V if linear.
     assert row.refitted < 0.30
@@ -58,7 +58,7 @@ def test_tanks_come_close_to_the_best_published_free_run(external_folder: Path) 
 
 
 def test_friction_of_the_seal_grows_with_pressure(external_folder: Path) -> None:
-    report = run_refit(problem_of_case(read_case("cylinder", data=external_folder)).task())
+    report = run_refit(problem_of_case(read_case("cylinder", data=external_folder)))
     slope = report.refit.estimate("seal_friction.coefficient")
     low, _ = slope.interval
     assert low > 0.0
@@ -75,7 +75,7 @@ def test_friction_of_the_seal_grows_with_pressure(external_folder: Path) -> None
 
 
 def test_servo_follows_on_the_motion_held_out(external_folder: Path) -> None:
-    report = run_refit(problem_of_case(read_case("pendulum", data=external_folder)).task())
+    report = run_refit(problem_of_case(read_case("pendulum", data=external_folder)))
     for row in report.rows:
         assert row.refitted < 6.0, row.recording
         assert row.refitted < 0.2 * row.spread, row.recording

@@ -259,9 +259,6 @@ def chosen_plant(
         takes: What such a word may be, see `with_plant`.
         defaults: Options that hold unless others are given, such as those of a case.
         folder: Where modules of the user stand; the current folder by default.
-
-    Raises:
-        WorkbenchError: If a word is unknown, or a value outside its range or in a wrong unit.
     """
     from workbench.plants.plant import parse_parameter
     from workbench.plants.registry import PLANTS

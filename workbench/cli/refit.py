@@ -25,10 +25,10 @@ def refit(
     Examples: 'workbench refit practice-07 --out refit', 'workbench refit emps --data FOLDER',
     'workbench refit --plant my_plants:rig --fit a.csv --hold-out b.csv'.
     """
-    from workbench.diagnosis.estimation.refit_report import run_refit
+    from workbench.diagnosis.refit_report import run_refit
     from workbench.work.counted import in_words
 
-    report = run_refit(recorded().problem.task(), progress=lambda text: typer.echo(text, err=True))
+    report = run_refit(recorded().problem, progress=lambda text: typer.echo(text, err=True))
     typer.echo(f"{report}\nwork: {in_words(report.work)}", err=as_json)
     if out is not None:
         from workbench.cli.typed import typed
@@ -47,7 +47,7 @@ def refit(
 def _results(report: Any) -> dict[str, Any]:
     return {
         "schema": "workbench.refit/1",
-        "name": report.task.name,
+        "name": report.problem.name,
         "converged": report.refit.converged,
         "seconds": report.seconds,
         "work": dict(report.work),
@@ -61,7 +61,7 @@ def _results(report: Any) -> dict[str, Any]:
                 "interval": list(e.interval),
                 "before": e.prior.mean,
                 "on_bound": e.on_bound,
-                "published": report.task.published.get(e.name),
+                "published": report.problem.published.get(e.name),
             }
             for e in report.refit.estimates
         },

@@ -161,11 +161,7 @@ class MapStudy:
         return min(self.laws, key=lambda law: law.lengths_held_out_rms_N)
 
     def law(self, name: str) -> LawOnMap:
-        """Return a law by its short name.
-
-        Raises:
-            WorkbenchError: If there is no such law.
-        """
+        """Return a law by its short name."""
         check_choice("law", name, [law.name for law in self.laws])
         return next(law for law in self.laws if law.name == name)
 
@@ -322,9 +318,6 @@ def fit_law(family: Family, points: ForceMap) -> tuple[Vector, Vector, ForceLaw]
 
     Returns:
         Fitted numbers and their standard deviations, in the law's own units, and the law.
-
-    Raises:
-        WorkbenchError: If the fit does not end.
     """
     from scipy.optimize import least_squares
 

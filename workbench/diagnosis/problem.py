@@ -10,7 +10,6 @@ import numpy as np
 
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.refit_report import RefitTask
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.errors import WorkbenchError
 from workbench.model import Effect, Model
@@ -45,30 +44,13 @@ class Problem:
     published_from: str = ""
     notes: tuple[str, ...] = ()
 
-    def task(self) -> RefitTask:
-        """Return the refit of this problem.
+    def observed(self, recording: Recording, model: Model | None = None) -> Observed:
+        """Return a recording as the filter of its model needs it, with the noise that is given.
 
         Raises:
-            WorkbenchError: If a recording lacks an input, or has no output of the model.
+            WorkbenchError: If it lacks an input, or has no output of the model.
         """
-        return RefitTask(
-            name=self.name,
-            title=self.title,
-            model=self.model,
-            fit=tuple(self._observed(self.model, r) for r in self.fit),
-            hold_out=tuple(self._observed(self.model, r) for r in self.hold_out),
-            stages=self.refit.stages,
-            start_samples=self.refit.start_samples,
-            starts=self.refit.starts,
-            noise_known=not self.refit.noise_is_model_error,
-            in_loop=tuple((m, self._observed(m, r)) for m, r in self.in_loop),
-            published=self.published,
-            published_from=self.published_from,
-            notes=self.notes,
-        )
-
-    def _observed(self, model: Model, recording: Recording) -> Observed:
-        seen = observe(model, recording)
+        seen = observe(model or self.model, recording)
         noise = [
             self.refit.noise.get(name, rms)
             for name, rms in zip(seen.used, seen.noise_rms, strict=True)

@@ -54,11 +54,7 @@ class Names:
         return _group(port, self.groups)
 
     def truths(self, case: str, words: list[str]) -> tuple[Truth, ...]:
-        """Return what a case hides.
-
-        Raises:
-            WorkbenchError: If a word is not known.
-        """
+        """Return what a case hides."""
         hidden = [word for word in words if word != NOTHING]
         for word in hidden:
             if word not in self.effects:
@@ -75,9 +71,6 @@ def read_names(path: str | Path | None = None) -> Names:
 
     Args:
         path: A TOML file whose entries come on top of those that ship; None for those alone.
-
-    Raises:
-        WorkbenchError: If the file cannot be read or an entry is incomplete.
 
     Example:
         >>> read_names().group("joint.torque"), read_names().group("axis.force")
@@ -107,11 +100,7 @@ def _group(port: str, groups: Mapping[str, tuple[str, ...]]) -> str:
 
 
 def read_key(path: str | Path) -> dict[str, Mapping[str, Any]]:
-    """Read an answer key: ``truth`` (a list of effects) by case.
-
-    Raises:
-        WorkbenchError: If the file cannot be read or has another form.
-    """
+    """Read an answer key: ``truth`` (a list of effects) by case."""
     fix = 'it needs {CASE: {"truth": [{"effect": NAME}]}}'
     content: dict[str, Mapping[str, Any]] = read_json(path, "key", _KEY, fix=fix)
     for case in content:

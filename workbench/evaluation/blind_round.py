@@ -318,11 +318,7 @@ def _said(answer: Answer) -> str:
 
 
 def verdict_file(folder: Path, case: str) -> Path:
-    """Return the file of a verdict, ``CASE/verdict.json`` or ``CASE.json``.
-
-    Raises:
-        WorkbenchError: If there is none.
-    """
+    """Return the file of a verdict, ``CASE/verdict.json`` or ``CASE.json``."""
     if not folder.is_dir():
         raise WorkbenchError(f"there is no folder {str(folder)!r} with verdicts")
     for path in (folder / case / "verdict.json", folder / f"{case}.json"):

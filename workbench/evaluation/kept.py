@@ -54,11 +54,7 @@ def run_cases(
 def chosen_cases(
     cases: Sequence[C], part: tuple[int, int] = (1, 1), only: Sequence[str] = ()
 ) -> Sequence[C]:
-    """Return part K of N of the cases, every Nth of those that are named; all without a name.
-
-    Raises:
-        WorkbenchError: If there is no case of a name.
-    """
+    """Return part K of N of the cases, every Nth of those that are named; all without a name."""
     known = [case.name for case in cases]
     for name in only:
         check_choice("case", name, known)

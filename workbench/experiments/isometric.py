@@ -85,9 +85,6 @@ def isometric_experiment(
         sample_time: Time between samples, in s.
         noise: Noise and resolution of the sensors, as a ratio to those of the arm; 0 for none.
 
-    Raises:
-        WorkbenchError: If an argument is outside its range.
-
     Source:
         The paper's identification experiment, Figure 7.
     """

@@ -46,15 +46,8 @@ def pulse_train(
     Returns:
         Voltages, shape (n,), in V.
 
-    Raises:
-        WorkbenchError: If an argument is outside its range.
-
     Source:
         The paper: an impulse train of +-0.9 V about +5 V, over a period of 4 s.
-
-    Example:
-        >>> pulse_train(period=0.008, duration=0.008).tolist()
-        [5.9, 5.9, 4.1, 4.1]
     """
     check_range("pulse amplitude", amplitude_V, 0.0, 5.0, "V")
     check_range("sample time", sample_time, 1e-5, 0.02, "s")

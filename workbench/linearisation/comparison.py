@@ -30,11 +30,7 @@ BLOCK = 250
 
 
 class Comparison:
-    """Runs the exact plant and a linear model with the same changes of the first input.
-
-    Raises:
-        WorkbenchError: If there is no such output.
-    """
+    """Runs the exact plant and a linear model with the same changes of the first input."""
 
     def __init__(self, linear: LinearModel, output: str = "") -> None:
         op = linear.operating_point

@@ -123,11 +123,7 @@ class LinearModel(Drawn):
         return find_modes(self.A, self.state_names)
 
     def mode_of(self, state: str) -> Mode:
-        """Return the oscillation in which a state takes the largest part; where none is, the mode.
-
-        Raises:
-            WorkbenchError: If there is no such state.
-        """
+        """Return the oscillation in which a state takes the largest part; if none, the mode."""
         check_choice("state", state, self.state_names)
         swinging = [m for m in self.modes if m.damping < 1.0] or list(self.modes)
         return max(swinging, key=lambda mode: mode.share(state))
@@ -207,11 +203,7 @@ class LinearModel(Drawn):
         )
 
     def discretise(self, sample_time: float) -> tuple[Vector, Vector, Vector, Vector]:
-        """Return the matrices for inputs that are held over a sample, in s.
-
-        Raises:
-            WorkbenchError: If the sample time is outside its range.
-        """
+        """Return the matrices for inputs that are held over a sample, in s."""
         h = check_range("sample time", sample_time, 1e-7, 1e4, "s")
         return *zero_order_hold(self.A, self.B, h), self.C.copy(), self.D.copy()
 

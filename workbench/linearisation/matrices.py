@@ -41,11 +41,7 @@ def speeds(model: Model, jacobian: Vector) -> dict[str, float]:
 
 
 def check_amplitude(model: Model, amplitude: Mapping[str, float]) -> dict[str, float]:
-    """Return amplitudes by name of state as floats, in SI.
-
-    Raises:
-        WorkbenchError: If a name is unknown or an amplitude not positive.
-    """
+    """Return amplitudes by name of state as floats, in SI."""
     names = {q.name: q for q in model.states}
     result = {}
     for name, value in amplitude.items():

@@ -82,9 +82,6 @@ def frequency_validity(
         gain_within: Gain error allowed, as a fraction.
         phase_within: Phase error allowed, in rad.
 
-    Raises:
-        WorkbenchError: If an argument is outside its range.
-
     Source:
         Describing functions by simulation.
     """

@@ -84,9 +84,6 @@ def amplitude_validity(
         within: Deviation allowed, as a fraction of the largest linear response.
         horizon: Length of the comparison, in s; by default two periods of the slowest oscillation,
             or three time constants.
-
-    Raises:
-        WorkbenchError: If an argument is outside its range.
     """
     check_range("deviation", within, 1e-6, 10.0)
     trial = Comparison(linear, output)

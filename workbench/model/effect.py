@@ -85,11 +85,7 @@ class Effect:
             raise WorkbenchError(f"effect {self.name!r} uses a name twice: {', '.join(own)}")
 
     def with_parameters(self, values: Mapping[str, float]) -> Effect:
-        """Return the same effect with other values by short name, in each parameter's unit.
-
-        Raises:
-            WorkbenchError: If a name is unknown or a value outside its bounds.
-        """
+        """Return the same effect with other values by short name, in each parameter's unit."""
         for name in values:
             check_choice(
                 f"parameter of effect {self.name}", name, [q.name for q in self.parameters]

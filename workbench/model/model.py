@@ -39,9 +39,6 @@ class Model(Shown):
         effects: Attached effects, in the order in which they act on a port.
         traits: What general rooms may know of the plant beside its equations.
 
-    Raises:
-        WorkbenchError: If a name is used twice, or the equations forget a state or an output.
-
     Example:
         >>> def equations(m):
         ...     force = m.port("axis.force", m.u.force, unit="N", signals={"speed": m.x.speed})
@@ -92,11 +89,7 @@ class Model(Shown):
         return {k: v for k, v in self.__dict__.items() if k not in ("exact", "regularised")}
 
     def form(self, form: Form | str) -> Trace:
-        """Return the equations as `EXACT` or `REGULARISED`, which may be given by name.
-
-        Raises:
-            WorkbenchError: If the form is unknown.
-        """
+        """Return the equations as `EXACT` or `REGULARISED`, which may be given by name."""
         name = form if isinstance(form, str) else ("regularised" if form.regularised else "exact")
         check_choice("form", name, ("exact", "regularised"))
         return self.regularised if name == "regularised" else self.exact
@@ -117,19 +110,11 @@ class Model(Shown):
         return np.array([q.nominal for q in self.inputs], dtype=float)
 
     def parameter(self, name: str) -> Parameter:
-        """Return a parameter by name; ``effect.name`` for one of an effect.
-
-        Raises:
-            WorkbenchError: If there is no such parameter.
-        """
+        """Return a parameter by name; ``effect.name`` for one of an effect."""
         return self.parameters[index_of("parameter", name, self.parameters)]
 
     def effect(self, name: str) -> Effect:
-        """Return an attached effect by name.
-
-        Raises:
-            WorkbenchError: If no effect of that name is attached.
-        """
+        """Return an attached effect by name."""
         check_choice("effect", name, [e.name for e in self.effects])
         return next(e for e in self.effects if e.name == name)
 
@@ -167,11 +152,7 @@ class Model(Shown):
         return tuple(e.name for e in self.effects if e.dry)
 
     def without(self, *names: str) -> Model:
-        """Return a model with effects, their states and their parameters taken away.
-
-        Raises:
-            WorkbenchError: If no effect of a name is attached.
-        """
+        """Return a model with effects, their states and their parameters taken away."""
         for name in names:
             check_choice("effect", name, [e.name for e in self.effects])
         gone = tuple(f"{name}." for name in names)
@@ -183,11 +164,7 @@ class Model(Shown):
         )
 
     def with_parameters(self, values: Mapping[str, float]) -> Model:
-        """Return a model with other values by name, in each parameter's SI unit.
-
-        Raises:
-            WorkbenchError: If a name is unknown or a value outside its bounds.
-        """
+        """Return a model with other values by name, in each parameter's SI unit."""
         for name in values:
             index_of("parameter", name, self.parameters)
         changed = tuple(
@@ -215,9 +192,6 @@ class Model(Shown):
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
             values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
-
-        Raises:
-            WorkbenchError: If a shape is wrong or a number is not finite.
         """
         return self._call(self.form(form).rates_function, x, u, values)
 
@@ -260,9 +234,6 @@ class Model(Shown):
             given: Values of some states by name, in SI; the others start at their ``initial``, the
                 states of effects where the effect's ``start`` puts them.
             u: Inputs at the start, shape (n_inputs,), in SI; at rest by default.
-
-        Raises:
-            WorkbenchError: If a name is unknown or a value not finite.
         """
         given = dict(given or {})
         x = np.array([q.initial for q in self.states], dtype=float)
@@ -325,11 +296,7 @@ class Model(Shown):
 
 
 def index_of(kind: str, name: str, quantities: Sequence[Quantity]) -> int:
-    """Return the position of a quantity by name; ``kind`` says in the message what it is.
-
-    Raises:
-        WorkbenchError: If there is none of that name; names the nearest.
-    """
+    """Return the position of a quantity by name; ``kind`` says in the message what it is."""
     names = [q.name for q in quantities]
     check_choice(kind, name, names)
     return names.index(name)
@@ -339,9 +306,6 @@ def check_vector(kind: str, values: npt.ArrayLike, quantities: Sequence[Quantity
     """Return values as a finite vector with one entry per quantity, shape (n,), in SI.
 
     ``kind`` says in the message what the vector is.
-
-    Raises:
-        WorkbenchError: If the length is wrong or a value is not finite.
     """
     vector = check_finite(f"{kind} vector", values).ravel()
     if vector.size != len(quantities):

@@ -17,9 +17,6 @@ class Quantity:
         name: Name by which it is found; letters, digits, underscores and dots.
         scale: Typical size, in ``unit``; sets tolerances and conditioning.
         description: What it is, in a few words.
-
-    Raises:
-        WorkbenchError: If the unit is unknown or not SI, or the scale is not positive.
     """
 
     name: str
@@ -147,9 +144,5 @@ class Parameter(Quantity):
             )
 
     def with_value(self, value: float) -> Parameter:
-        """Return the same parameter, with its bounds and source, with another value, in its unit.
-
-        Raises:
-            WorkbenchError: If the value is outside the bounds.
-        """
+        """Return the same parameter, bounds and source kept, with another value, in its unit."""
         return replace(self, value=float(value))

@@ -17,9 +17,6 @@ class Names(Mapping[str, Expression]):
     Args:
         kind: What the names are, for messages: ``"state"``, ``"parameter"``, ...
         values: The values by name, in SI; symbols, numbers or arrays.
-
-    Raises:
-        WorkbenchError: If a name is asked for that does not exist.
     """
 
     def __init__(self, kind: str, values: Mapping[str, Expression]) -> None:

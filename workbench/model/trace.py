@@ -109,13 +109,10 @@ class Trace:
         return ca.substitute(expression, self.perturbation, ca.SX.zeros(self.perturbation.numel()))
 
     def function(self, name: str, *expressions: ca.SX) -> ca.Function:
-        """Build a CasADi function of (states, inputs, parameters).
+        """Build a CasADi function of three vectors (states, inputs, parameters), in SI.
 
         Args:
             expressions: What it returns, in this trace's symbols; any shape, in SI.
-
-        Returns:
-            Function of three vectors (x, u, p) in SI with one result per expression.
         """
         return ca.Function(name, [self.x, self.u, self.p], list(expressions))
 

@@ -194,9 +194,6 @@ def convert(values: Values, from_unit: str, to_unit: str) -> Values:
     Args:
         values: Number or array, in ``from_unit``.
 
-    Raises:
-        WorkbenchError: If a unit is unknown or the two measure different things.
-
     Example:
         >>> convert(6.0, "bar", "kPa")
         600.0

@@ -38,11 +38,7 @@ class Beginning:
 
 
 def starter_notebook(begin: Beginning) -> str:
-    """Return a notebook, as text, that runs as it stands beside the modules that it names.
-
-    Raises:
-        WorkbenchError: If the plant has no such operating point.
-    """
+    """Return a notebook, as text, that runs as it stands beside the modules that it names."""
     smooth = begin.model.without(*begin.model.dry_effects)
     linear = linearise(operating_point(smooth, begin.at))
     cells = [*_plant(begin), *_linear(begin), *_control(begin, linear), *_further(begin)]

@@ -68,9 +68,6 @@ class Option:
         Args:
             given: Number, switch or text; text may carry a unit.
             in_si: Whether a bare number is in SI; by default it is in the option's unit.
-
-        Raises:
-            WorkbenchError: If it is of another kind, has another unit or is outside the range.
         """
         if isinstance(self.default, bool):
             if isinstance(given, bool):
@@ -87,11 +84,7 @@ class Option:
         return found
 
     def check(self, value: Any) -> Any:
-        """Return a value if it is valid.
-
-        Raises:
-            WorkbenchError: If it is outside the range, or not one of the words.
-        """
+        """Return a value if it is valid."""
         if isinstance(self.default, str):
             return check_choice(self.label, value, self.choices) if self.choices else value
         if isinstance(self.default, bool):
@@ -155,11 +148,7 @@ class Plant:
     start_samples: int = 0
 
     def option(self, name: str) -> Option:
-        """Return an option by its name, or by the keyword of the build function.
-
-        Raises:
-            WorkbenchError: If the plant has no such option.
-        """
+        """Return an option by its name, or by the keyword of the build function."""
         plain = name.replace("-", "_")
         for option in self.options:
             if plain in (option.name, option.keyword):
@@ -199,9 +188,6 @@ class Plant:
         Args:
             options: Values by name; text with or without unit, bare numbers in the option's unit.
             folder: Where modules of the user may stand, beside the Python path.
-
-        Raises:
-            WorkbenchError: If something is unknown or a value invalid.
         """
         given = self.parse(options or {})
         keywords = {o.keyword: given.get(o.name, o.default) for o in self.options}
@@ -223,9 +209,6 @@ class Plant:
         Args:
             name: The plant's own word, a name of the library, or ``module:object``; the object is
                 a law, an effect, or a function without arguments that returns one.
-
-        Raises:
-            WorkbenchError: If there is no such effect.
         """
         if ":" in name:
             found = load_object("effect", name, folder=folder)

@@ -68,16 +68,9 @@ def _with_found(model: Model, values: Mapping[str, float]) -> Model:
 
 
 def plant_of_file(path: Path, find: Any) -> Plant:
-    """Return the plant that a file such as ``verdict.json`` keeps.
+    """Return the plant that a file such as ``verdict.json`` keeps, as `saved_plant` returns it.
 
-    Its options start from those that were kept.
-
-    Args:
-        path: The file; its key ``plant`` holds what `saved_plant` returns.
-        find: Returns a plant by its name.
-
-    Raises:
-        WorkbenchError: If the file cannot be read or keeps no plant.
+    Its options start from those that were kept; ``find`` returns a plant by its name.
     """
     fix = (
         "give the verdict.json of 'workbench diagnose', which has the key 'plant' (diagnose again"

@@ -74,9 +74,6 @@ def servo_pendulum(load_kg: float = 0.49, *, length: float = 0.1) -> Model:
     Returns:
         Model with the inputs ``goal`` (rad), ``gain`` (setting of the position loop), ``supply``
         (V), ``enabled`` (0 or 1), the output ``angle`` (rad) and ports at voltage and torque.
-
-    Raises:
-        WorkbenchError: If an argument is outside its range.
     """
     LOAD.check(load_kg)
     LENGTH.check(length)

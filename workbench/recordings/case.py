@@ -192,11 +192,7 @@ class Case(Shown):
         return self.plant.model(self.options, **self.changes)
 
     def check_options(self, given: Mapping[str, Any]) -> None:
-        """Check that every option is given that differs from rig to rig.
-
-        Raises:
-            WorkbenchError: If one is missing.
-        """
+        """Check that every option is given that differs from rig to rig."""
         for option in self.plant.options:
             if option.measured and option.name not in given:
                 raise WorkbenchError(
@@ -258,11 +254,7 @@ def machine_cases() -> tuple[str, ...]:
 
 
 def case_folder(name: str | Path) -> Path:
-    """Return the folder of a case: a folder's path, a shipped case, or a machine.
-
-    Raises:
-        WorkbenchError: If it is none of them.
-    """
+    """Return the folder of a case: a folder's path, a shipped case, or a machine."""
     if Path(name).is_dir():
         return Path(name)
     if str(name) in shipped_cases():
@@ -320,9 +312,6 @@ def read_case(
         folder: The folder, the name of a shipped case, or of a machine.
         signals: Signals requested of every file, see `read_recording`.
         data: Folder with public recordings, for a machine; None reads ``WORKBENCH_DATA``.
-
-    Raises:
-        WorkbenchError: If the folder, its settings or a file cannot be read.
 
     Example:
         >>> case = read_case("practice-07")

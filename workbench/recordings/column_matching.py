@@ -52,9 +52,6 @@ def requested_signals(signals: Any) -> tuple[Requested, ...]:
     Args:
         signals: None, names, a mapping from name to unit, or an object with ``inputs`` and
             ``outputs`` (such as a `workbench.model.model.Model`), whose inputs are commands.
-
-    Raises:
-        WorkbenchError: If it is none of these or a unit is unknown.
     """
     if signals is None:
         return ()

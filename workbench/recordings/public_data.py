@@ -29,11 +29,7 @@ def public_data_sets() -> tuple[str, ...]:
 
 
 def public_files(data_set: str) -> tuple[str, ...]:
-    """Return the names of the files of a public data set.
-
-    Raises:
-        WorkbenchError: If there is no such data set.
-    """
+    """Return the names of the files of a public data set."""
     check_choice("public data set", data_set, public_data_sets())
     return tuple(_registry()[data_set]["files"])
 

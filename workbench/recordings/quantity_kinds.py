@@ -66,9 +66,6 @@ def kind_of(unit: str) -> Kind:
     Returns:
         The kind with its SI unit; a kind named after its SI unit if it has no common name.
 
-    Raises:
-        WorkbenchError: If the unit is unknown.
-
     Example:
         >>> kind_of("deg/s").name, kind_of("N/m").unit
         ('angular speed', 'kg/s2')

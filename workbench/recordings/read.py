@@ -82,9 +82,6 @@ def rules_of(
         mapping: TOML file, the content of one, rules, or None.
         columns: Names of the columns, for a file without header.
         sample_time_s: Step in s, for a file without time.
-
-    Raises:
-        WorkbenchError: If the mapping cannot be understood.
     """
     if mapping is None:
         rules = MappingRules()
@@ -118,11 +115,7 @@ def _require_file(path: Path) -> None:
 
 
 def read_columns(path: str | Path, rules: MappingRules, *, max_rows: int = MAX_ROWS) -> Columns:
-    """Read a file as columns, in the format that the rules name or its ending tells.
-
-    Raises:
-        WorkbenchError: If the format is unknown or the file cannot be read.
-    """
+    """Read a file as columns, in the format that the rules name or its ending tells."""
     file = Path(path)
     _require_file(file)
     try:

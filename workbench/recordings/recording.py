@@ -171,9 +171,6 @@ class Recording(Drawn):
         metadata: Settings of the experiment, such as ``load_kg``.
         excluded: Stretches in which a signal was not measured and must not be judged.
 
-    Raises:
-        WorkbenchError: If lengths differ, a name is used twice or the time is not finite.
-
     Example:
         >>> time = np.arange(4) * 0.1
         >>> recording = Recording("trial", time, (Signal("angle", np.ones(4), "rad"),))
@@ -270,11 +267,7 @@ class Recording(Drawn):
         return name in self.names
 
     def matrix(self, names: Iterable[str]) -> npt.NDArray[np.float64]:
-        """Return signals side by side, shape (n, number of names), in SI.
-
-        Raises:
-            WorkbenchError: If a signal is missing.
-        """
+        """Return signals side by side, shape (n, number of names), in SI."""
         return np.column_stack([self[name] for name in names])
 
     def valid(self, name: str) -> npt.NDArray[np.bool_]:
@@ -314,11 +307,7 @@ class Recording(Drawn):
         return self.take(rows)
 
     def select(self, names: Iterable[str]) -> Recording:
-        """Return the recording with these signals only, in this order.
-
-        Raises:
-            WorkbenchError: If a signal is missing.
-        """
+        """Return the recording with these signals only, in this order."""
         return replace(self, signals=tuple(self.signal(name) for name in names))
 
     def with_signal(self, signal: Signal) -> Recording:
@@ -330,11 +319,7 @@ class Recording(Drawn):
         )
 
     def with_roles(self, roles: Mapping[str, Role]) -> Recording:
-        """Return the recording with other roles of its signals.
-
-        Raises:
-            WorkbenchError: If a signal is missing or a role unknown.
-        """
+        """Return the recording with other roles of its signals."""
         changed = self
         for name, role in roles.items():
             changed = changed.with_signal(replace(self.signal(name), role=role))

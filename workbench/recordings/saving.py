@@ -93,9 +93,6 @@ def write_recording(recording: Recording, path: str | Path) -> Path:
 
     Args:
         path: File to write; a name ending in ``.gz`` is compressed.
-
-    Raises:
-        WorkbenchError: If the file cannot be written.
     """
     target = Path(path)
     columns = [_column(s) for s in recording.signals]

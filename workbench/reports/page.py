@@ -190,9 +190,6 @@ def write_page(page: Page, path: Path, *, pictures: Path | None = None) -> Path:
 
     Args:
         pictures: Folder for each of its pictures, as PNG and SVG.
-
-    Raises:
-        WorkbenchError: If a file cannot be written.
     """
     written = write_whole(path, html(page))
     if pictures is not None:

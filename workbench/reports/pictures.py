@@ -115,11 +115,7 @@ def inline_svg(picture: Picture) -> str:
 
 
 def save(picture: Picture, folder: Path) -> tuple[Path, Path]:
-    """Write a picture as ``NAME.png`` and ``NAME.svg`` into a folder.
-
-    Raises:
-        WorkbenchError: If a file cannot be written.
-    """
+    """Write a picture as ``NAME.png`` and ``NAME.svg`` into a folder."""
     from matplotlib import rc_context
 
     document = picture.document

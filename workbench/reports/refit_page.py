@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from workbench.diagnosis.estimation.refit_report import RefitReport
+from workbench.diagnosis.refit_report import RefitReport
 from workbench.model.units import to_si
 from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
 from workbench.reports.figures.study_traces import written
@@ -16,7 +16,7 @@ from workbench.work.counted import in_words
 
 def refit_page(report: RefitReport, *, command: str) -> Page:
     """Lay out the page of a refit."""
-    task = report.task
+    task = report.problem
     blocks: list[Block] = [_estimates(report)]
     if task.published:
         blocks.append(_published(report))
@@ -139,7 +139,7 @@ def _published(report: RefitReport) -> Table:
             )
             for name, value, published, sigmas in report.differences()
         ),
-        report.task.published_from,
+        report.problem.published_from,
     )
 
 

@@ -18,11 +18,7 @@ from workbench.study.summary import summary
 def write_study_files(
     outcome: StudyResult, folder: str | Path, *, command: str = ""
 ) -> tuple[Path, ...]:
-    """Write what a study found.
-
-    Raises:
-        WorkbenchError: If a file cannot be written.
-    """
+    """Write what a study found."""
     place = Path(folder)
     texts = {
         "results.json": json_text(outcome.table()),

@@ -136,11 +136,7 @@ def ramp(count: int) -> tuple[Colour, ...]:
 
 
 def colour(name: str) -> Colour:
-    """Return a colour of the palette by name.
-
-    Raises:
-        WorkbenchError: If the palette has no such colour.
-    """
+    """Return a colour of the palette by name."""
     check_choice("colour", name, [c.name for c in palette()])
     return next(c for c in palette() if c.name == name)
 

@@ -102,9 +102,6 @@ def check_inputs(model: Model, inputs: npt.ArrayLike) -> Vector:
 
     Returns:
         Inputs, shape (n, n_inputs), in SI.
-
-    Raises:
-        WorkbenchError: If the shape is wrong, a number is not finite or outside the input's range.
     """
     table = check_finite("inputs", inputs)
     if table.ndim == 1:

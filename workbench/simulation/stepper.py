@@ -24,9 +24,6 @@ class Stepper:
         tolerance: Local error allowed in a step, relative to the scales of the states.
         method: ``"erk"`` or ``"rosenbrock"``.
         values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
-
-    Raises:
-        WorkbenchError: If the sample time or the tolerance is outside its range.
     """
 
     model: Model

@@ -262,9 +262,6 @@ def run_benchmark(
 
     Args:
         progress: Called with the name of each part before it, and with what was found until then.
-
-    Raises:
-        WorkbenchError: If there is no such part.
     """
     for name in only:
         check_choice("part of the benchmark", name, PARTS)

@@ -100,11 +100,7 @@ def run(
     cache: Path | None = None,
     environment: Mapping[str, str] | None = None,
 ) -> Ran:
-    """Run Python with arguments in a process of its own.
-
-    Raises:
-        WorkbenchError: If it fails.
-    """
+    """Run Python with arguments in a process of its own."""
     variables = {**os.environ, **(environment or {})}
     if cache is not None:
         variables["WORKBENCH_CACHE"] = str(cache)

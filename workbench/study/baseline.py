@@ -113,11 +113,7 @@ class Baseline:
 
 
 def read_baseline(path: str | Path) -> Baseline:
-    """Read a baseline, or the ``results.json`` of a study.
-
-    Raises:
-        WorkbenchError: If it cannot be read or is neither.
-    """
+    """Read a baseline, or the ``results.json`` of a study."""
     place = Path(path)
     fix = f"write one with 'workbench bless DIR --baseline {place}'"
     table = read_json(place, "baseline", _BASELINE, fix=fix)
@@ -287,11 +283,7 @@ def write_baseline(
     conditions: Mapping[str, Any] | None = None,
     box: Sequence[Mapping[str, Any]] = (),
 ) -> Path:
-    """Write a baseline.
-
-    Raises:
-        WorkbenchError: If it cannot be written.
-    """
+    """Write a baseline."""
     return write_whole(path, baseline_text(study, records, conditions, box))
 
 

@@ -112,11 +112,7 @@ class ControllerRecipe:
         return guarded(controller, self.plant.build(), at=dict(self.at))
 
     def checked_specification(self, given: Mapping[str, Any] | None = None) -> Any:
-        """Return the specification, by default the recipe's: of the design's class, or a mapping.
-
-        Raises:
-            WorkbenchError: If a key is unknown or a value outside its range.
-        """
+        """Return the specification, by default the recipe's: its class's, or a mapping."""
         design = self.kind()
         found = dict(self.specification if given is None else given)
         if self.fastest is not None:

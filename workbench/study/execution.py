@@ -46,9 +46,6 @@ def finished(
         shape: What a kept result must be; another one is done again.
         name: What progress is told of one that is finished.
         dask: Address of a Dask scheduler that does the work, instead of local processes.
-
-    Raises:
-        WorkbenchError: If the number of processes is outside its range or there is no cluster.
     """
     keys = [store.key(one) for one in asked]
     found: dict[int, dict[str, Any]] = {}

@@ -184,9 +184,6 @@ def find_limits(
     """Find the physical limit of every step on the nominal plant, in s, or NaN with a reason.
 
     It is empty if the study does not ask.
-
-    Raises:
-        WorkbenchError: If the number of processes is outside its range or there is no cluster.
     """
     if not study.report.physical_limit:
         return {}

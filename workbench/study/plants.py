@@ -44,11 +44,7 @@ class PlantRecipe:
         return PLANTS.get(self.kind, folder=self.folder)
 
     def build(self) -> Model:
-        """Return the plant; the equations are written down once per process.
-
-        Raises:
-            WorkbenchError: If a name is unknown or a value outside its range.
-        """
+        """Return the plant; the equations are written down once per process."""
         model = _structure(self.kind, self.options, self.effects, self.without, self.folder)
         model = model.with_parameters(dict(self.parameters))
         for name, factor in self.scaled:

@@ -80,11 +80,7 @@ class StudyFile:
 
 
 def read_study(path: str | Path) -> StudyFile:
-    """Parse a study file, without looking at plants, designs or modules.
-
-    Raises:
-        WorkbenchError: If it cannot be read or is no TOML.
-    """
+    """Parse a study file, without looking at plants, designs or modules."""
     place = Path(path)
     try:
         text = place.read_text(encoding="utf-8")

@@ -9,11 +9,7 @@ from workbench.errors import check_choice
 
 
 def shipped_study(name: str) -> Path:
-    """Return the file of a shipped study; its baseline stands beside it as ``NAME.baseline.json``.
-
-    Raises:
-        WorkbenchError: If no study of that name ships.
-    """
+    """Return the file of a shipped study; its baseline is ``NAME.baseline.json`` beside it."""
     folder = shipped_folder() / "studies"
     check_choice("shipped study", name, sorted(path.stem for path in folder.glob("*.toml")))
     return folder / f"{name}.toml"

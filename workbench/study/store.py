@@ -92,9 +92,6 @@ class Store:
 
         Args:
             read: What the process that made it has read, beside what this one has.
-
-        Raises:
-            WorkbenchError: If the folder cannot be written.
         """
         self.touched.add(f"{key}.json")
         kept = {**table, "inputs": self._inputs(read), "work": dict(work or {})}

@@ -82,11 +82,7 @@ class Run(Drawn):
         return self.model.exact.signal_names if self.model else ()
 
     def measurement(self, name: str) -> Vector:
-        """Return what one of the controller's sensors read, shape (n,), in SI.
-
-        Raises:
-            WorkbenchError: If the controller has no such sensor.
-        """
+        """Return what one of the controller's sensors read, shape (n,), in SI."""
         check_choice("sensor", name, self.sensors)
         return np.asarray(self.measured[:, self.sensors.index(name)])
 

@@ -17,9 +17,6 @@ class Requirement:
 
     Args:
         limit: The limit, in ``unit``; positive, so that scores can be compared.
-
-    Raises:
-        WorkbenchError: If the kind is unknown or the limit is not a positive number.
     """
 
     metric: str
@@ -61,11 +58,7 @@ class Score(NamedTuple):
 
 
 def judge(requirement: Requirement, measured: Metrics) -> Score:
-    """Judge one requirement on the metrics of a run; a metric that is NaN is never met.
-
-    Raises:
-        WorkbenchError: If the run has no such metric or the units do not fit.
-    """
+    """Judge one requirement on the metrics of a run; a metric that is NaN is never met."""
     metric = measured[requirement.metric]
     value = metric.value
     if requirement.unit:

@@ -63,11 +63,7 @@ class FullPlant:
         self.outputs: list[float] = self._y.tolist()
 
     def set_parameter(self, name: str, value: float) -> None:
-        """Change a parameter, in its SI unit, from now on.
-
-        Raises:
-            WorkbenchError: If there is no such parameter or the value is outside its bounds.
-        """
+        """Change a parameter, in its SI unit, from now on."""
         i = index_of("parameter", name, self._parameters)
         self._p[i] = self._parameters[i].with_value(value).value
 
@@ -118,9 +114,6 @@ class LinearPlant:
         linear: The linear model; its operating point is added to all signals.
         sample_time: Time between samples, in s.
         start: Outputs at the start by name, in SI; the model starts at rest there.
-
-    Raises:
-        WorkbenchError: If the model has no such output.
 
     Source:
         Zero-order-hold equivalent; Åström and Wittenmark, Computer-Controlled Systems, 1997,

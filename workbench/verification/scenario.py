@@ -32,9 +32,6 @@ class Change:
         time: Time, in s; the sample that begins at or after it has the new value.
         parameter: Name of a parameter of the plant.
         value: New value, in the parameter's SI unit.
-
-    Raises:
-        WorkbenchError: If the time is negative or a number not finite.
     """
 
     time: float
@@ -56,9 +53,6 @@ class Disturbance:
         port: Name of a port, such as ``"joint.torque"``.
         level: What is added, in the port's SI unit.
         until: Time at which it ends, in s.
-
-    Raises:
-        WorkbenchError: If the times are not in order or a number is not finite.
     """
 
     time: float
@@ -95,9 +89,6 @@ class SignalFault:
         kind: One of `FAULTS`.
         level: The offset or the value, in the signal's SI unit.
         until: Time at which it ends, in s.
-
-    Raises:
-        WorkbenchError: If the times are not in order or the kind is unknown.
     """
 
     time: float
@@ -139,9 +130,6 @@ class Scenario:
             in s.
         count_from: Time from which tracking errors count, in s: a sine starts at full speed, which
             nothing at rest can follow.
-
-    Raises:
-        WorkbenchError: If a number is outside its range or there is no reference.
     """
 
     name: str
@@ -210,9 +198,6 @@ def step_scenario(
         lead: Time for which the reference rests before the first step, in s.
         hold: Time that each step is held, in s.
         sample_time: Time between samples, in s.
-
-    Raises:
-        WorkbenchError: If a number is outside its range.
     """
     levels = check_finite("step", (begin, end, begin) if back else (begin, end))
     values = tuple(float(to_si(level, unit)) for level in levels)

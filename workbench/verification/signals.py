@@ -67,9 +67,6 @@ class Steps(_Points):
     Args:
         times: Increasing times, in s; the first is 0.
         values: Values in SI, as many as ``times``.
-
-    Raises:
-        WorkbenchError: If the times do not increase from 0 or the lengths differ.
     """
 
     def __post_init__(self) -> None:
@@ -94,9 +91,6 @@ class Sine(Signal):
         amplitude: Amplitude, in SI.
         frequency_Hz: Frequency, in Hz.
         begin: Time until which the mean is held, in s.
-
-    Raises:
-        WorkbenchError: If a number is not finite or the frequency not positive.
     """
 
     mean: float
@@ -124,9 +118,6 @@ class Ramps(_Points):
     Args:
         times: Increasing times, in s.
         values: Values in SI, as many as ``times``.
-
-    Raises:
-        WorkbenchError: If the times do not increase or the lengths differ.
     """
 
     def sample(self, time: npt.ArrayLike) -> Vector:
@@ -145,9 +136,6 @@ class Recorded(_Points):
     Args:
         times: Increasing times, in s.
         values: Values in SI, as many as ``times``.
-
-    Raises:
-        WorkbenchError: If the times do not increase or the lengths differ.
     """
 
     @classmethod
@@ -211,9 +199,6 @@ def signal_from_table(table: Mapping[str, Any], *, folder: Path | None = None) -
         table: ``kind``, a member of `SIGNALS`; ``unit`` of its values; and the keys of that kind.
             A recorded one may have ``file`` and ``column`` in the place of numbers.
         folder: Where a kind of one's own is found as ``module:object``.
-
-    Raises:
-        WorkbenchError: If the kind, the unit or a key is unknown, or a key is missing.
     """
     entries = dict(table)
     kind = SIGNALS.get(str(entries.pop("kind", "steps")), folder=folder)

@@ -10,14 +10,14 @@ import pytest
 
 from workbench.data_folder import shipped_data
 from workbench.diagnosis.estimation.refit import default_priors, refit
-from workbench.diagnosis.estimation.refit_report import run_refit
 from workbench.diagnosis.problem import problem_of_case
+from workbench.diagnosis.refit_report import run_refit
 from workbench.evaluation.rig.cases import make_case
 from workbench.recordings.case import read_case
 
 
 def test_the_refit_reaches_the_noise_floor_where_nothing_is_hidden() -> None:
-    report = run_refit(problem_of_case(read_case(shipped_data("practice-07"))).task())
+    report = run_refit(problem_of_case(read_case(shipped_data("practice-07"))))
     assert report.refit.converged
     assert report.reaches_floor
     for role in ("validate_open", "validate_closed"):
@@ -34,7 +34,7 @@ def test_the_refit_reaches_the_noise_floor_where_nothing_is_hidden() -> None:
 
 
 def test_the_refit_stays_above_the_floor_where_hysteresis_is_hidden() -> None:
-    report = run_refit(problem_of_case(read_case(shipped_data("practice-08"))).task())
+    report = run_refit(problem_of_case(read_case(shipped_data("practice-08"))))
     assert not report.reaches_floor
     assert report.row("practice-08/validate_open", "angle").refitted > 0.1
 
@@ -47,8 +47,9 @@ def rig_case(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_parameters_of_the_independent_rig_lie_in_their_intervals(rig_case: Path) -> None:
     rig = json.loads((rig_case / "truth.json").read_text())["parameters"]
-    task = problem_of_case(read_case(rig_case)).task()
-    found = refit(task.model, task.fit)
+    task = problem_of_case(read_case(rig_case))
+    seen = [task.observed(recording) for recording in task.fit]
+    found = refit(task.model, seen)
     # Pressures only show volumes relative to conductances: the refit holds the volume at nominal.
     gauge = rig["volume_gain"]
     truth = {
@@ -72,8 +73,9 @@ def test_parameters_of_the_independent_rig_lie_in_their_intervals(rig_case: Path
 
 
 def test_force_and_inertia_cannot_be_told_apart_away_from_the_stops(rig_case: Path) -> None:
-    task = problem_of_case(read_case(rig_case)).task()
-    closed = [r for r in task.fit if r.name.endswith("identify_closed")]
+    task = problem_of_case(read_case(rig_case))
+    seen = [task.observed(recording) for recording in task.fit]
+    closed = [r for r in seen if r.name.endswith("identify_closed")]
     found = refit(task.model, closed)
     named = [text for text in found.unidentifiable if "arm_inertia" in text]
     assert len(named) == 1
@@ -87,9 +89,10 @@ def test_force_and_inertia_cannot_be_told_apart_away_from_the_stops(rig_case: Pa
 
 
 def test_volumes_and_conductances_cannot_be_told_apart(rig_case: Path) -> None:
-    task = problem_of_case(read_case(rig_case)).task()
+    task = problem_of_case(read_case(rig_case))
+    seen = [task.observed(recording) for recording in task.fit]
     priors = (*default_priors(task.model), *default_priors(task.model, ["volume_gain"]))
-    found = refit(task.model, task.fit, priors=priors)
+    found = refit(task.model, seen, priors=priors)
     named = [text for text in found.unidentifiable if "volume_gain" in text]
     assert len(named) == 1
     assert "valve_conductance" in named[0]
@@ -105,7 +108,7 @@ def test_a_case_with_hidden_physics_stays_above_the_floor(
     folder = external_folder / "practice" / f"practice-{number:02d}"
     if not folder.is_dir():
         pytest.skip(f"the data folder holds no {folder.name}")
-    report = run_refit(problem_of_case(read_case(folder)).task())
+    report = run_refit(problem_of_case(read_case(folder)))
     assert not report.reaches_floor
     # Ten steps of the encoder: no refit of the nominal plant hides what these cases hide.
     assert max(row.refitted for row in report.rows if row.output == "angle") > 0.02

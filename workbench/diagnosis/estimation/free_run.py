@@ -87,9 +87,6 @@ def free_run(
     Returns:
         The run beside the measurements. A run that the integrator gives up is returned with the
         reason, because a model that diverges is a result.
-
-    Raises:
-        WorkbenchError: If the recording was observed with another model or a value is unknown.
     """
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     units = tuple(model.outputs[i].unit for i in rows)

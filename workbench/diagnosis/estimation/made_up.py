@@ -53,9 +53,6 @@ def made_up_recording(
         inputs: Inputs, shape (n, n_inputs), or (n,) for a single input, in SI.
         sample_time: Time between samples, in s.
         values: True values of some parameters by name, in SI; the model's own by default.
-
-    Raises:
-        WorkbenchError: If a parameter is unknown or the inputs do not fit.
     """
     true = model.with_parameters(dict(values or {}))
     run = simulate(true, inputs, sample_time=sample_time, check=False)

@@ -40,9 +40,6 @@ class Observed:
         noise_rms: Root mean square of the measurements' noise, shape (n_used,), in SI.
         start: Estimated states at the first sample, shape (n_states,), in SI.
         start_rms: Their uncertainty, shape (n_states,), in SI.
-
-    Raises:
-        WorkbenchError: If shapes do not agree.
     """
 
     name: str
@@ -101,9 +98,6 @@ class PredictionError:
         certain: Names of states that are simulated but not corrected by the filter. That is exact
             for the derivatives at size zero of effects that own these states: there no measurement
             depends on them.
-
-    Raises:
-        WorkbenchError: If a name is unknown.
     """
 
     model: Model

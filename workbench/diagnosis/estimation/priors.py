@@ -47,9 +47,6 @@ def default_priors(model: Model, names: Sequence[str] | None = None) -> tuple[Pr
 
     Args:
         names: Names of the free parameters; all that a refit may change by default.
-
-    Raises:
-        WorkbenchError: If a name is unknown or a parameter has no bounds.
     """
     chosen = [q.name for q in model.parameters if q.fitted] if names is None else list(names)
     priors = []

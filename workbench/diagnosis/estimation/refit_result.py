@@ -87,11 +87,7 @@ class Refit:
     inflations: Vector = field(default_factory=lambda: np.ones(0))
 
     def estimate(self, name: str) -> Estimate:
-        """Return the estimate of a parameter.
-
-        Raises:
-            WorkbenchError: If the parameter was not free.
-        """
+        """Return the estimate of a parameter."""
         for estimate in self.estimates:
             if estimate.name == name:
                 return estimate
@@ -101,11 +97,7 @@ class Refit:
         )
 
     def inflation(self, name: str) -> float:
-        """Return the factor, 1 or more, by which correlated errors enlarge a standard deviation.
-
-        Raises:
-            WorkbenchError: If the parameter was not free.
-        """
+        """Return the factor, 1 or more, by which correlated errors enlarge a standard deviation."""
         self.estimate(name)
         return float(self.inflations[[e.name for e in self.estimates].index(name)])
 

@@ -32,9 +32,6 @@ def fitted_start(
 
     Returns:
         The recording with the estimated start; its uncertainty stays.
-
-    Raises:
-        WorkbenchError: If the number of samples is outside its range.
     """
     count = round(check_range("samples", samples, 2, len(observed.outputs)))
     first = replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])

@@ -98,9 +98,6 @@ def menu(model: Model, recordings: Sequence[Observed]) -> tuple[Experiment, ...]
 
     Args:
         recordings: Recordings as `observe` returns them; their sample time is that of the menu.
-
-    Raises:
-        WorkbenchError: If there are no recordings.
     """
     if not recordings:
         raise WorkbenchError("experiments are planned from recordings, and there are none")

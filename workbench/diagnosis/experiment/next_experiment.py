@@ -69,9 +69,6 @@ def separate(
         recordings: The recordings that they were fitted to, as `observe` returns them.
         experiments: What to choose from; by default a menu within what the recordings show, the
             best of it also at other settings of load and supply.
-
-    Raises:
-        WorkbenchError: If there are no recordings.
     """
     first, *others = explanations[:_MOST_EXPLANATIONS]
     separator = Separator(recordings[0], observed_with)
@@ -110,9 +107,6 @@ def next_experiment(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Adv
 
     Args:
         recordings: The fitting recordings, observed with the nominal model.
-
-    Raises:
-        WorkbenchError: If there are no recordings.
     """
     nominal = diagnosis.nominal
     if diagnosis.accepted:

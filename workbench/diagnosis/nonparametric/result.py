@@ -171,9 +171,6 @@ class NonparametricTerm:
         Args:
             x: Values of the argument, shape (n,), in its SI unit.
             argument: Name of the argument; the first by default.
-
-        Raises:
-            WorkbenchError: If the term has no such argument.
         """
         name = argument or next(iter(self.curves), "")
         check_choice("argument of the nonparametric term", name, list(self.curves))

@@ -128,11 +128,7 @@ def _answer(
 
 
 def case_folders(cases: Path) -> list[Path]:
-    """Return the case folders of a benchmark, by name.
-
-    Raises:
-        WorkbenchError: If there are none.
-    """
+    """Return the case folders of a benchmark, by name."""
     found = sorted(path.parent for path in cases.glob("*/case.toml"))
     if not found:
         raise WorkbenchError(

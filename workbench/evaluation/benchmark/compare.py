@@ -65,9 +65,6 @@ def compared(cases: Path, verdicts: Sequence[Path]) -> tuple[Scored, ...]:
 
     Returns:
         Scores in the order of the methods.
-
-    Raises:
-        WorkbenchError: If a file cannot be read, or an answer is missing.
     """
     key, table = cases / KEY, cases / NAMES
     names = table if table.exists() else None

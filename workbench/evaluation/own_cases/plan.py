@@ -139,16 +139,11 @@ _NOTHING = 12
 
 
 def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
-    """Return the cases in the order in which they are run.
+    """Return three turns of cases, each determined by its seed, in the order in which they are run.
 
     Each turn has every single effect at one size, some of the pairs, some special cases and one in
-    four or five with nothing hidden, spread so that any beginning of the plan is a fair sample.
-
-    Args:
-        first_seed: Seed of the first case, a multiple of 1000.
-
-    Returns:
-        Three turns of cases, each determined by its seed.
+    four or five with nothing hidden, spread so that any beginning of the plan is a fair sample. The
+    seed of the first case is a multiple of 1000.
     """
     cases: list[Planned] = []
     for turn, factor in enumerate(FACTORS):

@@ -71,13 +71,9 @@ WRONG_LOAD_KG = 0.8
 
 
 def sizes(effect: str, factor: float) -> dict[str, float]:
-    """Return the rig's parameters that give an effect another size.
+    """Return the rig's parameters, in SI, that give an effect another size, relative to its own.
 
-    Args:
-        factor: Size relative to the rig's own.
-
-    Returns:
-        Values by parameter, in SI; empty for an effect that is either there or not.
+    They are none for an effect that is either there or not.
     """
     size = SIZES.get(effect)
     if size is None:

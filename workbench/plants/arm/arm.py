@@ -214,9 +214,6 @@ def arm(
         Model with the input ``valve`` (V) and the outputs ``angle`` (rad), ``pressure_1``,
         ``pressure_2`` (Pa, gauge) and ``load_cell`` (N).
 
-    Raises:
-        WorkbenchError: If an argument is outside its range.
-
     Example:
         >>> plant = arm(load_kg=3)
         >>> plant.read(plant.initial_state(), [5.0]).round(3).tolist()

@@ -48,9 +48,6 @@ class ArmGeometry:
             cosine's alpha, so 423 mm is never reached. The printed length grows with alpha;
             muscle 1, which has to shorten with the angle, is therefore taken at 60 deg - theta.
 
-    Raises:
-        WorkbenchError: If ``printing`` is neither.
-
     Source:
         The paper's Figure 4 and its equation for L, corrected from its own dimensions.
 

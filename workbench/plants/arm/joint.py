@@ -178,9 +178,6 @@ def gravity(plane: Plane, body: ArmBody | None = None, *, name: str = "gravity")
 
     ``T = T - g [m_arm (x cos theta - y sin theta) + load (x_p cos theta + y_p sin theta)]`` in the
     vertical plane, nothing in the horizontal one.
-
-    Raises:
-        WorkbenchError: If the plane is unknown.
     """
     masses = body or ArmBody()
 

@@ -71,11 +71,7 @@ class StaticForceFit:
         return "switch" in self.names
 
     def interval(self, name: str) -> tuple[float, float]:
-        """Return the confidence interval of a number, such as ``D1`` or ``phi_0``, in its unit.
-
-        Raises:
-            WorkbenchError: If there is no such number.
-        """
+        """Return the confidence interval of a number, such as ``D1`` or ``phi_0``, in its unit."""
         if name not in self.names:
             raise WorkbenchError(
                 f"there is no identified number {name!r}; there are {', '.join(self.names)}"

@@ -111,9 +111,6 @@ def two_valve_arm(
     Returns:
         Model with the inputs ``valve_1`` and ``valve_2`` (V; above the centre fills) and the
         outputs of `arm` and ``mean_pressure`` (Pa, gauge).
-
-    Raises:
-        WorkbenchError: If an argument is outside its range.
     """
     base = arm(
         load_kg,

@@ -42,9 +42,6 @@ class Finding:
         values: The numbers behind it, in SI, for reports and plots.
         recording: The corrected recording; None if it is left as it is.
         doubt: Whether the note holds a suspicion that only a person or a diagnosis can decide.
-
-    Raises:
-        WorkbenchError: If the result is none of the four.
     """
 
     result: Result

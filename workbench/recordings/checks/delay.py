@@ -70,9 +70,6 @@ def estimate_delay(
 
     Returns:
         The delay; it includes the sample in which the response is read.
-
-    Raises:
-        WorkbenchError: If a signal is missing.
     """
     if len(recording) < 10 * MEMORY:
         return Delay(command, response, float("nan"), float("nan"), 0.0)

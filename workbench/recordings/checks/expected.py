@@ -139,9 +139,6 @@ def expectations(
             whose unit is stated.
         ranges: Plausible ranges by signal, in SI; take precedence over the model's.
         signs: Sign of the response by (cause, response); take precedence over the model's.
-
-    Raises:
-        WorkbenchError: If a required signal is not in the recording.
     """
     known: dict[str, tuple[float, float]] = {}
     scales: dict[str, float] = {}

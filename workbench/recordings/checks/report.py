@@ -128,9 +128,6 @@ def check_recording(
         ranges: Plausible ranges by signal, in SI.
         signs: Sign of the response by (cause, response); by default as the model has them.
 
-    Raises:
-        WorkbenchError: If a required signal is not in the recording.
-
     Example:
         >>> import numpy as np
         >>> from workbench.recordings import Signal

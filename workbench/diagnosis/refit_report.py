@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.priors import Prior, default_priors
+from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.estimation.refit_result import Refit
 from workbench.diagnosis.estimation.start import fitted_start
+from workbench.diagnosis.problem import Problem
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
 from workbench.model.units import parse_unit
+from workbench.recordings.case import RefitSettings
 from workbench.work.counted import Work, done, since
 
 FLOOR_FACTOR = 3.0
@@ -32,41 +34,6 @@ EXPLAINED_SHARE = 0.1
 """Up to this process-noise scale, the equations count as complete."""
 
 _DRAWS = 8
-
-
-@dataclass(frozen=True)
-class RefitTask:
-    """A model, recordings to fit on, recordings to judge on.
-
-    Args:
-        title: What is refitted, in a few words.
-        priors: Free parameters; `default_priors` if there are none.
-        stages: Process-noise scales, pass by pass, dimensionless; the most likely
-            scale if none.
-        start_samples: Samples over which hidden states at the start of a free run are estimated; 0
-            to take the start from the first measurements.
-        noise_known: Whether the noise of the recordings is that of the sensors; if it stands for
-            what the equations are expected to leave, no floor can be reached.
-        in_loop: Further recordings to judge on, each with the model that runs on it: one that has
-            the free parameters too, such as the plant in the loop of its controller.
-        published: Values that others identified, by parameter, in SI.
-        published_from: Who did.
-    """
-
-    name: str
-    title: str
-    model: Model
-    fit: tuple[Observed, ...]
-    hold_out: tuple[Observed, ...]
-    priors: tuple[Prior, ...] = ()
-    stages: tuple[float, ...] = ()
-    start_samples: int = 0
-    starts: int = 1
-    noise_known: bool = True
-    in_loop: tuple[tuple[Model, Observed], ...] = ()
-    published: Mapping[str, float] = field(default_factory=dict)
-    published_from: str = ""
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -120,7 +87,7 @@ class RefitReport:
         WorkbenchError: From `row`, if there is none of that recording and output.
     """
 
-    task: RefitTask
+    problem: Problem
     refit: Refit
     nominal: tuple[FreeRun, ...]
     refitted: tuple[FreeRun, ...]
@@ -139,11 +106,7 @@ class RefitReport:
         return explained and bool(self.rows) and all(row.at_floor for row in self.rows)
 
     def row(self, recording: str, output: str) -> HeldOut:
-        """Return the errors of one output on one held-out recording.
-
-        Raises:
-            WorkbenchError: If there is none of that recording and output.
-        """
+        """Return the errors of one output on one held-out recording."""
         for row in self.rows:
             if (row.recording, row.output) == (recording, output):
                 return row
@@ -160,14 +123,14 @@ class RefitReport:
             apart, dimensionless.
         """
         found = []
-        for name, value in self.task.published.items():
+        for name, value in self.problem.published.items():
             estimate = self.refit.estimate(name)
             found.append((name, estimate.value, value, (estimate.value - value) / estimate.std))
         return tuple(found)
 
     def __str__(self) -> str:
         """Return short aligned tables."""
-        lines = [f"{self.task.title}: refitted on {len(self.task.fit)} recording(s)", ""]
+        lines = [f"{self.problem.title}: refitted on {len(self.problem.fit)} recording(s)", ""]
         lines += [str(self.refit), f"  process-noise scale: {self.refit.noise_scale:g}"]
         for name, value, published, sigmas in self.differences():
             lines.append(
@@ -185,11 +148,11 @@ class RefitReport:
                 f" {r.nominal:>9.4g} {r.refitted:>9.4g} {r.limited:>9.4g} {_plain(r.noise):>9}"
                 + _remark(r)
             )
-        lines += [f"  {note}" for note in self.task.notes]
+        lines += [f"  {note}" for note in self.problem.notes]
         return "\n".join(lines)
 
 
-def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None) -> RefitReport:
+def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None) -> RefitReport:
     """Refit a model and judge it on recordings that it has not seen.
 
     Returns:
@@ -200,30 +163,33 @@ def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None)
         WorkbenchError: If there is no recording to fit on.
         NumericalError: If no start could be evaluated.
     """
-    if not task.fit:
-        raise WorkbenchError(f"{task.title} has no recording to fit on; give at least one")
-    known = task.priors or default_priors(task.model)
+    if not problem.fit:
+        raise WorkbenchError(f"{problem.title} has no recording to fit on; give at least one")
+    fit = [problem.observed(recording) for recording in problem.fit]
+    judged = [(problem.model, problem.observed(recording)) for recording in problem.hold_out]
+    judged += [(model, problem.observed(r, model)) for model, r in problem.in_loop]
+    priors, how = default_priors(problem.model), problem.refit
     began, begun = time.perf_counter(), done()
-    if task.stages:
+    if how.stages:
         found = refit(
-            task.model,
-            task.fit,
-            priors=known,
-            stages=task.stages,
-            starts=task.starts,
+            problem.model,
+            fit,
+            priors=priors,
+            stages=how.stages,
+            starts=how.starts,
             progress=progress,
         )
     else:
-        found = fit_with_process_noise(task.model, task.fit, known, progress=progress).refit
+        found = fit_with_process_noise(problem.model, fit, priors, progress=progress).refit
     seconds, work = time.perf_counter() - began, since(begun)
     if progress:
         progress("free runs on held-out recordings")
     nominal, refitted, rows = [], [], []
     values = {e.name: e.value for e in found.estimates}
-    for model, observed in (*((task.model, seen) for seen in task.hold_out), *task.in_loop):
+    for model, observed in judged:
         changed = model.with_parameters(values)
-        before = free_run(model, _started(task, model, observed))
-        started = _started(task, changed, observed)
+        before = free_run(model, _started(how, model, observed))
+        started = _started(how, changed, observed)
         after = free_run(changed, started)
         limited = noise_limited(found, started, model=changed)
         nominal.append(before)
@@ -240,10 +206,10 @@ def run_refit(task: RefitTask, *, progress: Callable[[str], None] | None = None)
                     before.rmse[name] / size,
                     after.rmse[name] / size,
                     limited[name] / size,
-                    float(observed.noise_rms[k]) / size if task.noise_known else float("nan"),
+                    float("nan") if how.noise_is_model_error else observed.noise_rms[k] / size,
                 )
             )
-    return RefitReport(task, found, tuple(nominal), tuple(refitted), tuple(rows), seconds, work)
+    return RefitReport(problem, found, tuple(nominal), tuple(refitted), tuple(rows), seconds, work)
 
 
 def noise_limited(
@@ -264,9 +230,6 @@ def noise_limited(
 
     Returns:
         Root mean square error by output, in its SI unit.
-
-    Raises:
-        WorkbenchError: If the recording was observed with another model.
     """
     rng = np.random.default_rng(seed)
     middle = np.array([e.value for e in found.estimates])
@@ -298,8 +261,8 @@ def _remark(row: HeldOut) -> str:
     return "  near the limit" if row.as_expected else ""
 
 
-def _started(task: RefitTask, model: Model, observed: Observed) -> Observed:
-    if not task.start_samples:
+def _started(how: RefitSettings, model: Model, observed: Observed) -> Observed:
+    if not how.start_samples:
         return observed
-    samples = min(task.start_samples, len(observed.outputs))
+    samples = min(how.start_samples, len(observed.outputs))
     return fitted_start(model, observed, samples=samples)
