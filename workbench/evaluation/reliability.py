@@ -10,6 +10,7 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from workbench.evaluation.rates import Rate
+from workbench.recordings.aligned_table import aligned_table
 
 EDGES = (0.0, 0.5, 0.9, 0.99, 1.0)
 """Ends of the bins of weights."""
@@ -63,7 +64,6 @@ def reliability_lines(findings: Sequence[tuple[float, bool]]) -> list[str]:
     bins = reliability(findings)
     if not bins:
         return []
-    return [
-        f"{'weight of a finding':<22} {'mean':<8} right name or class",
-        *(f"{f'{b.low:g} to {b.high:g}':<22} {b.mean:<8.2f} {b.right!s}" for b in bins),
-    ]
+    rows = [(f"{b.low:g} to {b.high:g}", f"{b.mean:.2f}", b.right) for b in bins]
+    head = ("weight of a finding", "mean", "right name or class")
+    return aligned_table(head, rows, width=None).splitlines()

@@ -13,6 +13,7 @@ from workbench.evaluation.foreign.plan import Case
 from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.rates import Rate
 from workbench.evaluation.reliability import reliability_lines, told
+from workbench.recordings.aligned_table import aligned_table
 
 SCHEMA = "foreign_case/1"
 
@@ -76,20 +77,21 @@ def line_of(row: Mapping[str, Any]) -> str:
 def tables(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return bars, machines and effects as text."""
     rates = rates_of(rows)
+    machines = {
+        name: rates_of([r for r in rows if r["machine"] == name])
+        for name in dict.fromkeys(r["machine"] for r in rows)
+    }
+    shown = ("false names", "right name or class", "held-out error within 1.5 of the truth")
     lines = [
         f"{len(rows)} cases, versions {', '.join(sorted({r['version'] for r in rows}))}",
         "",
-        f"{'':<46} {'reached':<30} wanted",
-        *(f"{name:<46} {rates[name]!s:<30} {bar}" for name, bar in BARS.items()),
+        aligned_table(("", "reached", "wanted"), [(n, rates[n], bar) for n, bar in BARS.items()]),
         "",
-        f"{'machine':<10} {'false names':<24} {'right name or class':<28} within the limit",
+        aligned_table(
+            ("machine", *shown),
+            [(name, *(own[rate] for rate in shown)) for name, own in machines.items()],
+        ),
     ]
-    for machine in dict.fromkeys(r["machine"] for r in rows):
-        own = rates_of([r for r in rows if r["machine"] == machine])
-        lines.append(
-            f"{machine:<10} {own['false names']!s:<24} {own['right name or class']!s:<28}"
-            f" {own['held-out error within 1.5 of the truth']}"
-        )
     weighed = [
         pair
         for row in rows
@@ -99,8 +101,8 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
     by_effect: dict[str, list[str]] = defaultdict(list)
     for row in rows:
         by_effect[row["title"]].append(judge(row).remark)
-    lines += ["", *(f"{title:<44} {'; '.join(said)}" for title, said in sorted(by_effect.items()))]
-    return "\n".join(line.rstrip() for line in lines)
+    told_of = [(title, "; ".join(said)) for title, said in sorted(by_effect.items())]
+    return "\n".join([*lines, "", aligned_table(("hidden", "said"), told_of, width=None)])
 
 
 BARS = {

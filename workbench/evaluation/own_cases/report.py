@@ -21,6 +21,7 @@ from workbench.evaluation.own_cases.statistics import (
 )
 from workbench.evaluation.rates import Rate
 from workbench.evaluation.reliability import reliability_lines, told
+from workbench.recordings.aligned_table import aligned_table
 
 COLOURS = {
     "right": "#1b7837",
@@ -75,98 +76,90 @@ def _met(name: str, rate: Rate) -> bool:
 
 def _bars(tool: Score) -> str:
     rates = tool.rates()
-    lines = [f"{'bars':<34} {'reached':<28} {'wanted':<14}"]
-    for name, (sense, bar) in BARS.items():
-        rate = rates[name]
-        word = "met" if _met(name, rate) else "missed"
-        lines.append(f"{name:<34} {rate!s:<28} {sense} {100 * bar:.0f} %  {word}")
-    return "\n".join(lines)
+    rows = [
+        (
+            name,
+            rates[name],
+            f"{sense} {100 * bar:.0f} %",
+            "met" if _met(name, rates[name]) else "missed",
+        )
+        for name, (sense, bar) in BARS.items()
+    ]
+    return aligned_table(("bars", "reached", "wanted", ""), rows, width=None)
 
 
 def _answerers(scored: Sequence[Score]) -> str:
     rates = [score.rates() for score in scored]
-    width = 26
-    lines = [f"{'':<34} " + "".join(f"{s.who:<{width}}" for s in scored)]
-
-    def line(name: str, cells: Sequence[str]) -> None:
-        lines.append(f"{name:<34} " + "".join(f"{cell:<{width}}" for cell in cells).rstrip())
-
-    line("cases", [str(len(s.judged)) for s in scored])
-    line("points", [f"{s.points} of {s.most}" for s in scored])
-    line("points by random answers", [f"{s.chance:.0f}, p {s.p_value:.2g}" for s in scored])
-    for name in rates[0]:
-        line(name, [str(r[name]) for r in rates])
-    line("held-out error over the limit", [_three(s.ratio) for s in scored])
-    line("size error, median", [_percent(s.sizes.median) for s in scored])
-    line("size error, 90 %", [_percent(s.sizes.worst) for s in scored])
-    line("95 % intervals that cover", [str(s.sizes.coverage) for s in scored])
-    line("processor seconds, median", [_three(s.seconds) for s in scored])
-    return "\n".join(lines)
+    rows = [
+        ("cases", *(len(s.judged) for s in scored)),
+        ("points", *(f"{s.points} of {s.most}" for s in scored)),
+        ("points by random answers", *(f"{s.chance:.0f}, p {s.p_value:.2g}" for s in scored)),
+        *((name, *(r[name] for r in rates)) for name in rates[0]),
+        ("held-out error over the limit", *(_three(s.ratio) for s in scored)),
+        ("size error, median", *(_percent(s.sizes.median) for s in scored)),
+        ("size error, 90 %", *(_percent(s.sizes.worst) for s in scored)),
+        ("95 % intervals that cover", *(s.sizes.coverage for s in scored)),
+        ("processor seconds, median", *(_three(s.seconds) for s in scored)),
+    ]
+    return aligned_table(("", *(s.who for s in scored)), rows, width=None)
 
 
 def _percent(value: float) -> str:
     return f"{100 * value:.2g} %" if math.isfinite(value) else "-"
 
 
-def _three(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "-"
+def _three(value: float | None) -> str:
+    return f"{value:.3g}" if value is not None and math.isfinite(value) else "-"
+
+
+_RATES = ("right group", "right name or class", "wrong name")
 
 
 def _kinds(rows: Sequence[Mapping[str, Any]]) -> str:
-    lines = [f"{'kind':<10} {'cases':>5} {'points':>12}  {'right group':<26} right name or class"]
-    for kind, row in by_kind(rows).items():
-        points = f"{row['points']} of {row['most']}"
-        lines.append(
-            f"{kind:<10} {row['cases']:>5} {points:>12}  {row['right group']!s:<26}"
-            f" {row['right name or class']!s:<26} wrong {row['wrong name']}"
-        )
-    return "\n".join(lines)
+    told = [
+        (kind, row["cases"], f"{row['points']} of {row['most']}", *(row[name] for name in _RATES))
+        for kind, row in by_kind(rows).items()
+    ]
+    return aligned_table(("kind", "cases", "points", *_RATES), told, width=None)
 
 
 def _sizes(rows: Sequence[Mapping[str, Any]]) -> str:
-    lines = [f"{'size':<10} {'right group':<26} {'right name or class':<26} wrong name"]
-    for factor, row in by_size(rows).items():
-        lines.append(
-            f"x {factor:<8g} {row['right group']!s:<26} {row['right name or class']!s:<26}"
-            f" {row['wrong name']}"
-        )
-    return "\n".join(lines)
+    told = [(f"x {f:g}", *(row[name] for name in _RATES)) for f, row in by_size(rows).items()]
+    return aligned_table(("size", *_RATES), told, width=None)
 
 
 def _effects(effects: Sequence[ByEffect]) -> str:
     factors = sorted(FACTORS)
-    head = "".join(f"{f'x {f:g}':<22}" for f in factors)
-    lines = [
-        f"{'effect':<20} {head}{'smallest named':>15} {'predicted':>10}"
-        f" {'size error':>11} {'covered':>8}"
-    ]
-    for row in effects:
-        cells = "".join(f"{row.outcomes.get(f, '')[:21]:<22}" for f in factors)
-        cover = row.sizes.coverage
-        lines.append(
-            f"{row.effect:<20} {cells}{_number(row.smallest_named):>15}"
-            f" {_number(row.predicted):>10} {_percent(row.sizes.median):>11}"
-            f" {f'{cover.count}/{cover.total}' if cover.total else '-':>8}"
+    rows = [
+        (
+            e.effect,
+            *(e.outcomes.get(f, "") for f in factors),
+            _three(e.smallest_named),
+            _three(e.predicted),
+            _percent(e.sizes.median),
+            f"{e.sizes.coverage.count}/{e.sizes.coverage.total}" if e.sizes.coverage.total else "-",
         )
-    return "\n".join(lines)
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}"
+        for e in effects
+    ]
+    sizes = (f"x {f:g}" for f in factors)
+    head = ("effect", *sizes, "smallest named", "predicted", "size error", "covered")
+    return aligned_table(head, rows, width=None)
 
 
 def cases(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return one line per case."""
-    lines = []
-    for row in rows:
-        judged = judge(row)
-        assert judged is not None
-        lines.append(
-            f"{row['case']} {row['title']:<38} {judged.line.said:<46}"
-            f" {judged.line.points:>3} of {judged.line.most:<3} {judged.line.remark}"
-            f" ({_three(judged.over_limit)} of the limit, {judged.seconds:.0f} s)"
+    told = [
+        (
+            row["case"],
+            row["title"],
+            j.line.said,
+            f"{j.line.points} of {j.line.most}",
+            f"{j.line.remark} ({_three(j.over_limit)} of the limit, {j.seconds:.0f} s)",
         )
-    return "\n".join(lines)
+        for row in rows
+        if (j := judge(row)) is not None
+    ]
+    return aligned_table(("case", "hidden", "said", "points", ""), told, width=None)
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
