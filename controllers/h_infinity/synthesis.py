@@ -261,11 +261,7 @@ def generalised_plant(plant: System, weights: Weights) -> System:
 def closed_loop_norm(
     plant: System, weights: Weights, controller: System, *, points: int = 600
 ) -> float:
-    """Compute the norm from (n, d) to (z1, z2, z3) on a frequency grid.
-
-    Returns:
-        The largest singular value (a ratio); infinite if the loop is unstable.
-    """
+    """Compute the norm from (n, d) to (z1, z2, z3), a ratio, on a grid; infinite if not stable."""
     A, B, C, D = generalised_plant(plant, weights)
     a, b, c, d = controller
     # y has no direct path from u, so that the loop closes without an inverse.

@@ -82,12 +82,7 @@ def proof_of(diagnosis: Diagnosis) -> Proof:
 
 
 def located_ports(diagnosis: Diagnosis) -> tuple[str, ...]:
-    """Return the ports at which the unknown input is shown.
-
-    Returns:
-        Ports of the first finding, with or without a name; else those of the located group, if
-        something is missing at all.
-    """
+    """Return the ports of the first finding; else of the located group, if something is missing."""
     if diagnosis.accepted:
         return diagnosis.accepted[0][0].entry.ports
     if diagnosis.nonparametric is not None and diagnosis.nonparametric.accepted:

@@ -71,11 +71,7 @@ def redesign(
 
 
 def found_lags(model: Model) -> dict[str, tuple[str, float]]:
-    """Return the latencies and sensor lags that a model has.
-
-    Returns:
-        What it is, ``latency`` or ``sensor_lag``, and how long, in s, by the name of the effect.
-    """
+    """Return ``latency`` or ``sensor_lag``, and how long, in s, by the effects of a model."""
     values = {q.name: q.value for q in model.parameters}
     found = {}
     for effect in model.effects:

@@ -96,9 +96,5 @@ class Effect:
         return replace(self, parameters=changed)
 
     def renamed(self, name: str) -> Effect:
-        """Return the same effect under another name, to attach it twice.
-
-        Returns:
-            A copy whose states and parameters appear as ``name.own_name``.
-        """
+        """Return the same effect under another name, by which its states and parameters go too."""
         return replace(self, name=name)

@@ -35,11 +35,7 @@ class Derivatives:
         self._both = Buffered(_both_function(traced))
 
     def values(self, x: Vector, u: Vector, p: Vector) -> Vector:
-        """Compute rates, then measurements.
-
-        Returns:
-            Rates and measurements, shape (n_x + n_y,), in SI.
-        """
+        """Compute rates, then measurements, shape (n_x + n_y,), in SI."""
         return self._values(x, u, p)[0].copy()
 
     def __call__(self, x: Vector, u: Vector, p: Vector) -> tuple[Vector, Vector]:

@@ -28,8 +28,7 @@ def _equations(m: Scope) -> Equations:
 def servo_axis() -> Model:
     """Build a linear servo axis: mass, viscous and Coulomb friction, force offset.
 
-    Returns:
-        Model with the input ``force`` (N), the output ``position`` (m) and the port ``axis.force``.
+    The model has the input ``force`` (N), the output ``position`` (m) and the port ``axis.force``.
     """
     return Model(
         "servo axis",

@@ -20,11 +20,7 @@ def _registry() -> dict[str, Any]:
 
 
 def public_data_sets() -> tuple[str, ...]:
-    """Return the names of the public data sets.
-
-    Returns:
-        Names, which are folders under ``real`` in a data folder.
-    """
+    """Return the names of the public data sets: folders under ``real`` in a data folder."""
     return tuple(_registry())
 
 

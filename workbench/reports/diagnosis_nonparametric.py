@@ -16,11 +16,7 @@ from workbench.reports.tables import Cell, Table, interval, number, plain
 
 
 def accepted_term(diagnosis: Diagnosis) -> NonparametricTerm | None:
-    """Return the term without a name that stands in the improved model.
-
-    Returns:
-        The term; None if an effect of the library was found, or nothing at all.
-    """
+    """Return the term without a name that stands in the improved model; None if there is none."""
     term = diagnosis.nonparametric
     return term if term is not None and term.accepted and not diagnosis.accepted else None
 
@@ -50,11 +46,9 @@ def _rounded(end: float, argument: Argument, factor: float) -> float:
 
 
 def outside_sentence(term: NonparametricTerm, located: MissingSignal) -> str:
-    """Say how much of the recordings lies where the curve is only continued.
+    """Say, after a blank, how much of the recordings lies where the curve is only continued.
 
-    Returns:
-        A sentence with a blank before it; empty if all of them lie inside, or another quantity was
-        drawn.
+    It is empty if all of them lie inside, or another quantity was drawn.
     """
     own = [a for a in term.arguments if located.argument.startswith(a.name)]
     if not own:

@@ -10,11 +10,7 @@ from workbench.work.machine_code import FAST, built, compiler
 
 
 def compiled(function: ca.Function) -> ca.Function:
-    """Return the function as machine code where a C compiler exists, unchanged otherwise.
-
-    Returns:
-        A function with the same signature and the same results.
-    """
+    """Return the function as machine code where a C compiler exists, unchanged otherwise."""
     if compiler() is None:
         return function
     library = built(function.name(), generated([function]), FAST)

@@ -102,14 +102,11 @@ class Stepper:
         return self._method.run(x, u, self.parameters)
 
     def read(self, x: npt.ArrayLike, u: npt.ArrayLike) -> Vector:
-        """Return what the sensors would read, without noise and quantisation.
+        """Return what the sensors would read, without noise, shape (n_outputs,), in SI.
 
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs, shape (n_inputs,), in SI.
-
-        Returns:
-            Measurements, shape (n_outputs,), in SI.
         """
         return self._method.equations(1, x, u, self.parameters)[0].copy()
 

@@ -18,11 +18,7 @@ CONFIDENCE = 0.95
 
 
 def unit_draws(parameters: int, draws: int, seed: int) -> Vector:
-    """Draw points of the unit cube by a scrambled Sobol sequence.
-
-    Returns:
-        Points, shape (draws, parameters), dimensionless.
-    """
+    """Draw points of the unit cube, shape (draws, parameters), by a scrambled Sobol sequence."""
     from scipy.stats import qmc
 
     sampler = qmc.Sobol(parameters, scramble=True, rng=np.random.default_rng(seed))

@@ -150,11 +150,7 @@ class Distances:
 
 
 def no_limit(scenario: Scenario, plant: Model) -> str:
-    """Say why the steps of a scenario have no physical limit.
-
-    Returns:
-        The reason; empty if they have one.
-    """
+    """Say why the steps of a scenario have no physical limit; empty if they have one."""
     if not any(signal.changes for signal in scenario.references.values()):
         return "the reference has no step"
     if len(scenario.references) > 1:

@@ -201,11 +201,9 @@ def reduced(part: Innovations, information: Vector) -> float:
 def spread_after(
     separator: Separator, explanation: Explanation, experiment: Experiment
 ) -> tuple[float, float]:
-    """Predict the standard deviation of an effect's size now and after an experiment.
+    """Predict the standard deviation of an effect's size now and after an experiment, in its unit.
 
-    Returns:
-        Standard deviation now and then, in the unit of the size; the same twice if the model does
-        not reach the end.
+    It is the same twice if the model does not reach the end.
     """
     now = explanation.fit.refit.estimate(explanation.size).std
     seen = separator.played(explanation, experiment)

@@ -19,14 +19,11 @@ NAME = "found"
 
 
 def law_file(term: NonparametricTerm, plant: str) -> str:
-    """Write an accepted term as the source of a law.
+    """Write an accepted term as a module with the law `NAME`, for ``--effects module:found``.
 
     The law stands for the shape of the library that is likelier than the curve, with its own
     parameters; else for the curve, with an amount that is 1 as it was found. At size zero it is
     absent. It acts at the ports at which it was found.
-
-    Returns:
-        A module with the law `NAME`, as ``--effects module:found`` takes it.
 
     Raises:
         WorkbenchError: If the term was not accepted.

@@ -63,13 +63,10 @@ def response_correlation(
 def estimate_delay(
     recording: Recording, command: str, response: str, *, closed_loop: bool = False
 ) -> Delay:
-    """Estimate the delay between a command and a response.
+    """Estimate the delay between a command and a response, the sample of the reading included.
 
     The onset is the first of the lags around the strongest response that exceed 4.5 sigmas without
     a break and with the same sign; the strongest must exceed 5.5 sigmas.
-
-    Returns:
-        The delay; it includes the sample in which the response is read.
     """
     if len(recording) < 10 * MEMORY:
         return Delay(command, response, float("nan"), float("nan"), 0.0)

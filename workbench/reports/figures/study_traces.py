@@ -67,9 +67,5 @@ def point_text(study: Study, point: tuple[tuple[str, float], ...]) -> str:
 
 
 def breakable(text: str) -> str:
-    """Let long names break where their words end, or a phone could not show them.
-
-    Returns:
-        The text with places, invisible, at which a line may end.
-    """
+    """Let long names break, invisibly, where their words end, or a phone could not show them."""
     return re.sub(r"([A-Za-z])([._:])(?=[A-Za-z])", "\\1\\2\u200b", text)
