@@ -84,6 +84,41 @@ def carriage() -> Model:
     )
 
 
+def damper() -> Model:
+    """A damper without memory, as one writes it who only maps speed to force: no state at all."""
+
+    def equations(m: Scope) -> Equations:
+        force = m.port(
+            "damper.force",
+            m.p.damping * m.u.speed,
+            unit="N",
+            signals={"speed": m.u.speed},
+        )
+        return {}, {"force": force}
+
+    return Model(
+        "damper",
+        equations,
+        states=(),
+        inputs=(Input("speed", "m/s"),),
+        outputs=(Output("force", "N", noise_rms=0.05),),
+        parameters=(Parameter("damping", "N s/m", value=3.0, lower=0.1, upper=20.0, fitted=True),),
+    )
+
+
+def rubbed() -> list[Recording]:
+    """Three recordings of a damper of 2 N s/m with dry friction of 4 N."""
+    runs = []
+    for seed in (1, 2, 3):
+        rng = np.random.default_rng(seed)
+        time = 0.01 * np.arange(400)
+        speed = np.sin(2.0 * time + seed) + 0.6 * np.sin(5.3 * time)
+        force = 2.0 * speed + 4.0 * np.tanh(speed / 0.05) + 0.05 * rng.normal(size=len(time))
+        signals = (Signal("speed", speed, "m/s", role="command"), Signal("force", force, "N"))
+        runs.append(Recording(f"run {seed}", time, signals))
+    return runs
+
+
 def recorded(
     mass: float,
     force: Law,

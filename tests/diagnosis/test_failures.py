@@ -11,7 +11,8 @@ import pytest
 from workbench.diagnosis import diagnose as engine
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.estimation.made_up import made_up_recording, pushes
-from workbench.diagnosis.selection import refits, search
+from workbench.diagnosis.location import located_signal
+from workbench.diagnosis.selection import refits, search, simulation_error
 from workbench.diagnosis.verdict import Verdict
 from workbench.errors import NumericalError
 from workbench.model import Effect, Model, Parameter, PortView
@@ -106,6 +107,8 @@ def _never(*_: Any, **__: Any) -> Any:
         (search, "perfect_cost"),
         (search, "over_floor"),
         (search, "judged_run"),
+        (simulation_error, "least_squares"),
+        (located_signal, "unknown_input"),
     ],
 )
 def test_a_stage_that_fails_leaves_the_others(

@@ -6,10 +6,12 @@ import pytest
 
 from tests.diagnosis.newcomers import (
     carriage,
+    damper,
     hardening,
     levels,
     oscillations,
     oscillator,
+    rubbed,
     rubbing,
 )
 from workbench.diagnosis.diagnose import diagnose, stages
@@ -17,6 +19,7 @@ from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.selection.held_out import drifts, windowed_run
+from workbench.physics.library import library
 
 
 @pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 100.0])
@@ -64,6 +67,17 @@ def test_a_plant_that_declares_no_disturbance_is_told_what_is_taken() -> None:
     (disturbance,) = (q.disturbance for q in found.nominal.ports if q.name == "mass.force")
     assert 0.1 < disturbance < 5.0
     assert "no port of oscillator declares a disturbance" in said[0]
+
+
+def test_a_plant_without_states_is_diagnosed() -> None:
+    model, runs = damper(), rubbed()
+    few = [e for e in library(model) if e.law in ("coulomb_friction", "cubic_drag", "creep")]
+    verdict = diagnose(model, runs[:2], runs[2:], entries=few, jobs=1).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "coulomb_friction" and finding.occurrence is not None
+    assert finding.parameters["level"].value == pytest.approx(4.0, rel=0.01)
+    assert verdict.fit["extended"]["force"] < 1.5 * verdict.fit["noise_floor"]["force"]
 
 
 @pytest.mark.parametrize("count", [51, 76, 80, 101])

@@ -34,6 +34,8 @@ def fitted_start(
         The recording with the estimated start; its uncertainty stays.
     """
     count = round(check_range("samples", samples, 2, len(observed.outputs)))
+    if not observed.start.size:
+        return observed
     first = replace(observed, inputs=observed.inputs[:count], outputs=observed.outputs[:count])
     low = np.array([q.lower for q in model.states])[: len(observed.start)]
     high = np.array([q.upper for q in model.states])[: len(observed.start)]

@@ -181,7 +181,7 @@ class _Linearised:
         grid = np.arange(0, len(seen.inputs), every)
         p = np.tile(model.values[:, None], (1, n))
         a, b, h, d, read, by_port, at_port = (
-            np.asarray(result).reshape(len(result), n, -1).transpose(1, 0, 2)
+            result.reshape(len(result), n, result.shape[1] // n).transpose(1, 0, 2)
             for result in map(
                 np.asarray, self._slopes.map(n)(states.T, seen.inputs[grid].T, p, signal.T)
             )

@@ -85,6 +85,10 @@ _STEP, _STEPS = 3.0, 6
 """Factor between sizes that are tried from there on as long as the recordings become likelier, and
 how many: the usual size may be wrong by a hundred."""
 
+_LEAP = 100.0
+"""Factor of the first step from a guess: where a reversal is far sharper than what was sampled, or far
+rounder, small steps change nothing."""
+
 _WIDER, _WIDENINGS = 5.0, 4
 """Factor by which a bound is widened that a solution sits on, and how often."""
 
@@ -427,7 +431,7 @@ def _refitted(
         if best is not None and fit.cost > best[1].cost - enough:
             break
         best = score, fit
-        wider = _tuned(widened(entry, fit) or entry, fit, started)
+        wider = widened(entry, fit) or _tuned(entry, fit, started)
         if wider is entry:
             break
         score = replace(score, entry=wider)
@@ -611,7 +615,7 @@ def _tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) 
             here,
             q,
             least,
-            steps=(_STEP, math.sqrt(_STEP), _STEP**0.25),
+            steps=(_LEAP, _STEP, math.sqrt(_STEP), _STEP**0.25),
         )
         if value != here:
             better[q.name] = value
@@ -679,7 +683,7 @@ def _judged_on(
         if best is not None and fit.cost > best[1].cost - _NEARER:
             break
         best = entry, fit, started
-        wider = _tuned(widened(entry, fit) or entry, fit, started)
+        wider = widened(entry, fit) or _tuned(entry, fit, started)
         if wider is entry:
             break
         entry = wider

@@ -288,7 +288,7 @@ def _to_refit(task: Task, scores: Scores, most: int) -> tuple[tuple[Score, ...],
 
 def _room(task: Task, most: int) -> float:
     """Return for how many laws there is room beside so many of the best scores."""
-    cost = len(task.base.model.states) ** 2 * (len(task.priors) + 1)
+    cost = max(len(task.base.model.states), 1) ** 2 * (len(task.priors) + 1)
     return _BUDGET * most / _MOST_AT_FIRST / cost
 
 

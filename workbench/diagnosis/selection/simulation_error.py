@@ -70,16 +70,21 @@ def closest_runs(
         Ronchetti, Robust Statistics, 2nd ed., chapter 7.
     """
     samples = sum(len(r.outputs) for r in fitting)
-    work = samples * len(fit.model.states) ** 2 * len(fit.refit.estimates)
+    work = samples * max(len(fit.model.states), 1) ** 2 * len(fit.refit.estimates)
     if fit.noise_scale <= IMPERFECT.value or work > _MOST_WORK or not judging:
         return fit
-    begun = [piece for r in fitting for piece in pieces(fit, nominal, r)]
-    best, errors = fit, run_errors(fit, nominal, judging)
-    for loss in ("linear", "cauchy") if robust else ("linear",):
-        trial = _refitted(best, begun, loss)
-        found = run_errors(trial, nominal, judging)
-        if found.over(errors) < 1.0:
-            best, errors = trial, found
+    best = fit
+    try:
+        begun = [piece for r in fitting for piece in pieces(fit, nominal, r)]
+        errors = run_errors(fit, nominal, judging)
+        for loss in ("linear", "cauchy") if robust else ("linear",):
+            trial = _refitted(best, begun, loss)
+            found = run_errors(trial, nominal, judging)
+            if found.over(errors) < 1.0:
+                best, errors = trial, found
+    except Exception:  # noqa: BLE001
+        # Whatever a law does where it is refined, the fit that was found stands.
+        return best
     return best
 
 
