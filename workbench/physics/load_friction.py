@@ -43,7 +43,7 @@ load_dependent_friction = Law(
     dry=True,
     source="G. Amontons 1699; journal bearing under radial load",
     look_alikes=("coulomb_friction", "stribeck_friction", "muscle_hysteresis"),
-    separated_by="the same motion at a low and at a high mean pressure",
+    separated_by="the same motion under a light and under a heavy load",
 )  # fmt: skip
 
 

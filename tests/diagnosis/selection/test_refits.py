@@ -11,6 +11,9 @@ import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import diagnosed
+from tests.diagnosis.newcomers import damper, rubbed
+from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.selection import refits
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors
 from workbench.diagnosis.selection.refits import decided, preferred
@@ -203,3 +206,30 @@ def test_what_lies_within_a_few_units_unseen_recordings_decide(
     # What explains clearly more where it was fitted is not given up.
     far = replace(unseen, gain=400.0)
     assert _taken(decided([first, far], WITHOUT, Limits(20.0, 100.0))) == [first.name]
+
+
+def test_what_unseen_recordings_prefer_twice_is_taken_before_a_larger_gain(
+    entries: dict[str, Hypothesis],
+) -> None:
+    first = _candidate(entries["valve_offset"], 900.0, 0.8)
+    closer = _candidate(entries["stribeck_friction"], 600.0, 0.4)
+    unseen = replace(closer, held_out=(950.0, 700.0, 1200.0))
+    asked = Limits(20.0, 100.0)
+    assert _taken(decided([first, unseen], WITHOUT, asked)) == [closer.name]
+    alike = replace(unseen, blocks=first.blocks)
+    assert _taken(decided([first, alike], WITHOUT, asked)) == [closer.name]
+    # Neither the likelier of the two on unseen recordings alone, nor the closer run alone, is.
+    as_close = replace(unseen, run=_run(0.7))
+    assert _taken(decided([first, closer], WITHOUT, asked)) == [first.name]
+    assert _taken(decided([first, as_close], WITHOUT, asked)) == [first.name]
+
+
+def test_a_guess_on_a_plateau_is_left_by_a_leap() -> None:
+    friction = coulomb_friction("damper.force", level=4.0, transition_speed=2e-4, upper=20.0)
+    model = damper().with_parameters({"damping": 2.0}).with_effect(friction)
+    fit = cast(Any, SimpleNamespace(model=model, noise_scale=0.3))
+    seen = [observe(model, run) for run in rubbed()]
+    tuned = refits._tuned(Hypothesis(friction, "level", 1.0), fit, seen).effect
+    (speed,) = (q.value for q in tuned.parameters if q.name == "transition_speed")
+    # A reversal is sampled some ten times; the recordings round it over 0.05 m/s.
+    assert speed == pytest.approx(0.05, rel=0.2)

@@ -86,8 +86,8 @@ _STEP, _STEPS = 3.0, 6
 how many: the usual size may be wrong by a hundred."""
 
 _LEAP = 100.0
-"""Factor of the first step from a guess: where a reversal is far sharper than what was sampled, or far
-rounder, small steps change nothing."""
+"""Factor of the first step from a guess: where a reversal is far sharper or rounder than what was
+sampled, small steps change nothing."""
 
 _WIDER, _WIDENINGS = 5.0, 4
 """Factor by which a bound is widened that a solution sits on, and how often."""
