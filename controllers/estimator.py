@@ -85,11 +85,7 @@ class Estimator:
         return np.asarray(self.rest + product(self.C, z))
 
     def at_rest(self, measurement: tuple[float, ...]) -> Matrix:
-        """Return states and offsets, shape (n,), in SI, that explain a measurement as rest.
-
-        Args:
-            measurement: Measurements, in SI.
-        """
+        """Return states and offsets, shape (n,), that explain a measurement as rest, all in SI."""
         return product(self.start, np.array(measurement) - self.rest)
 
     def corrected(self, z: Matrix, residual: Matrix, believed: int) -> Matrix:
@@ -103,40 +99,22 @@ class Estimator:
         return np.asarray(z + product(self.M[believed], residual))
 
     def predicted(self, z: Matrix, command: tuple[float, ...]) -> Matrix:
-        """Return states and offsets a sample later, shape (n,), in SI.
-
-        Args:
-            z: States and offsets, shape (n,), in SI.
-            command: Commands of the plant, in SI.
-        """
+        """Return states and offsets, shape (n,), a sample later under a command, all in SI."""
         u = self.entered(command) - self.rest_command
         return np.asarray(product(self.F, z) + product(self.G, u))
 
     def entered(self, command: tuple[float, ...]) -> Matrix:
-        """Return commands as the model takes them, the curve's value where there is one, in SI.
-
-        Args:
-            command: Commands of the plant, in SI.
-        """
+        """Return commands in SI as the model takes them: the curve's value where there is one."""
         if len(self.values):
             return np.array([float(np.interp(command[0], self.commands, self.values))])
         return np.array(command)
 
     def strong(self, command: tuple[float, ...]) -> bool:
-        """Tell whether a command is more than friction may swallow.
-
-        Args:
-            command: Commands of the plant, in SI.
-        """
+        """Tell whether a command, in SI, is more than friction may swallow."""
         return bool(np.any(np.abs(self.entered(command) - self.rest_command) > self.weak))
 
     def inner(self, z: Matrix, target: tuple[float, ...]) -> list[float]:
-        """Return the command, in SI, that brings the followed outputs to rest at a target.
-
-        Args:
-            z: States and offsets, shape (n,), in SI.
-            target: Followed outputs, in SI.
-        """
+        """Return the command that brings the followed outputs to rest at a target, all in SI."""
         away = np.array(target) - self.rest_followed
         u = self.rest_command + product(self.K_reference, away) - product(self.K, z)
         if len(self.values):

@@ -81,11 +81,9 @@ class Prediction:
         return factored(self.H, self.A)
 
     def regulator(self, estimate: Matrix, reference: float) -> float:
-        """Return the unconstrained regulator's opening, ``us - K (x - xs)``.
+        """Return the unconstrained regulator's opening, ``us - K (x - xs)``, a fraction.
 
-        Args:
-            estimate: Estimate (x, w), shape (n_z,), deviations in SI.
-            reference: Reference as deviation, in rad.
+        The estimate (x, w), shape (n_z,), is a deviation in SI, the reference one in rad.
         """
         n = len(self.gain)
         at_rest = product(self.target, np.append(estimate[n:], reference))

@@ -230,16 +230,14 @@ class QuadraticProgram:
         lower_x: Matrix,
         upper_x: Matrix,
     ) -> Solution:
-        """Factor and solve one problem.
+        """Factor and solve one problem; limits are in the units of rows and variables.
 
         Args:
             H: Symmetric positive definite matrix, shape (n, n), dimensionless.
             g: Shape (n,), dimensionless.
             A: Shape (m, n), dimensionless.
-            lower_a: Shape (m,), in the unit of the row.
-            upper_a: Shape (m,), in the unit of the row.
-            lower_x: Shape (n,), in the unit of the variable.
-            upper_x: Shape (n,), in the unit of the variable.
+            lower_a, upper_a: Shape (m,), in the unit of the row.
+            lower_x, upper_x: Shape (n,), in the unit of the variable.
         """
         began = time.perf_counter()
         if self._library is None:

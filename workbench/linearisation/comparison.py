@@ -55,11 +55,7 @@ class Comparison:
         return room if math.isfinite(room) else 10.0 * quantity.scale
 
     def gain(self, s: complex) -> complex:
-        """Compute the linear model's transfer function.
-
-        Args:
-            s: Complex frequency, in rad/s.
-        """
+        """Compute the linear model's transfer function at a complex frequency, in rad/s."""
         m = self.model
         return complex(transfer_function(m.A, m.B, m.C, m.D, s)[self.index, 0])
 

@@ -39,10 +39,9 @@ class Derivatives:
         return self._values(x, u, p)[0].copy()
 
     def __call__(self, x: Vector, u: Vector, p: Vector) -> tuple[Vector, Vector]:
-        """Compute rates and measurements, and their derivatives by states and inputs.
+        """Compute rates and measurements, shape (n_x + n_y,), and their derivatives, in SI.
 
-        Returns:
-            Values, shape (n_x + n_y,), and derivatives, shape (n_x + n_y, n_x + n_u), in SI.
+        The derivatives are by states and inputs, shape (n_x + n_y, n_x + n_u).
         """
         table = self._both(x, u, p)[0].copy().reshape(-1, 1 + self.n_x + self.n_u)
         return table[:, 0], table[:, 1:]

@@ -260,11 +260,7 @@ def _singular_values(slope: Vector) -> tuple[Vector, Vector]:
 
 
 def conditions_of(model: Model, given: Sequence[tuple[str, float]]) -> tuple[Condition, ...]:
-    """Turn given values into conditions; a name is looked up in measurements, states, then inputs.
-
-    Args:
-        given: Names and values, in SI.
-    """
+    """Turn given values, in SI, into conditions: of measurements, states, then inputs by name."""
     everything = [*model.outputs, *model.states, *model.inputs]
     names = [q.name for q in everything]
     found = []

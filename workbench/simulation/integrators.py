@@ -39,15 +39,12 @@ class Integrator(Protocol):
         """Rates and outputs, functions of states, inputs and parameters."""
 
     def run(self, x: npt.ArrayLike, u: npt.ArrayLike, p: npt.ArrayLike) -> Vector:
-        """Return the states after each of several samples, as far as it gets.
+        """Return the states after each of several samples, shape (m, n_states), as far as it gets.
 
         Args:
             x: States at the start, shape (n_states,), in SI.
             u: Inputs held over each sample, shape (n, n_inputs), in SI.
             p: Parameters, shape (n_parameters,), in SI.
-
-        Returns:
-            States, shape (m, n_states), in SI; m < n where it gives up.
         """
 
     def holding(self, x: Vector, u: Vector, p: Vector, y: Vector) -> Callable[[], bool]:

@@ -199,15 +199,9 @@ def _weighted(weights: tuple[float, ...], slopes: list[ca.SX]) -> ca.SX:
 
 
 def at_every_row(equations: Equations, i: int, x: Vector, u: Vector, p: Vector) -> Vector:
-    """Evaluate a function of states, inputs and parameters at every sample.
+    """Evaluate a function of states, inputs and parameters at every sample, shape (n, n_results).
 
-    Args:
-        x: States, shape (n, n_states), in SI.
-        u: Inputs, shape (n, n_inputs), in SI.
-        p: Parameters, shape (n_parameters,), in SI.
-
-    Returns:
-        Its results, shape (n, n_results), in its units.
+    All are in SI: states (n, n_states), inputs (n, n_inputs), parameters (n_parameters,).
     """
     x, u, p = (np.ascontiguousarray(v, dtype=float) for v in (x, u, p))
     table = np.empty((len(x), equations.functions[i].numel_out(0)))

@@ -56,14 +56,11 @@ class Stepper:
         return name_of(self._method)
 
     def step(self, x: npt.ArrayLike, u: npt.ArrayLike) -> Vector:
-        """Return the states one sample later.
+        """Return the states one sample later, shape (n_states,), in SI.
 
         Args:
             x: States, shape (n_states,), in SI.
             u: Inputs held over the sample, shape (n_inputs,), in SI.
-
-        Returns:
-            States, shape (n_states,), in SI.
 
         Raises:
             NumericalError: If the integrator gives up or the states are no longer finite.
