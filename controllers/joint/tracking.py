@@ -59,6 +59,7 @@ from typing import Any, NamedTuple, Protocol
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers
 from controllers.joint.hysteresis_compensation import HysteresisCompensation
+from controllers.joint.learning import Learned, MotionLearning
 from controllers.joint.model import JointModel
 from controllers.joint.observer import kalman_correction
 from controllers.joint.schedule import JointSchedule
@@ -158,6 +159,7 @@ class TrackingState(NamedTuple):
         turn: Position in the loop of the compensated hysteresis, -1..1.
         sent: Openings that are on their way, fractions, the oldest first.
         rest: What is known from rest; None if nothing is learned there.
+        learned: What is known from motion; None if nothing is learned there.
     """
 
     plan: PlannerState
@@ -169,6 +171,7 @@ class TrackingState(NamedTuple):
     turn: Number
     sent: Numbers = ()
     rest: AtRest | None = None
+    learned: Learned | None = None
 
 
 @dataclass(frozen=True)
@@ -187,6 +190,7 @@ class JointTracking:
         sensor_lag: Known lag of the pressure sensors, in s.
         rest_integration: Speed rho of the integration at rest, in 1/s; 0 for none.
         centring: Speed sigma at which the valve's centre is learned at rest, in 1/s; 0 for none.
+        learning: How inertia and hysteresis are learned in motion; None for not.
     """
 
     schedule: JointSchedule
@@ -200,6 +204,7 @@ class JointTracking:
     sensor_lag: float = 0.0
     rest_integration: float = 0.0
     centring: float = 0.0
+    learning: MotionLearning | None = None
 
     @property
     def on_their_way(self) -> int:
@@ -211,7 +216,7 @@ class JointTracking:
         angle, p1, p2 = measurement
         mean = 0.5 * (p1 + p2)
         joint = self.schedule.at(angle, mean, arithmetic)
-        holding = joint.b * (p1 - p2 - joint.difference)
+        holding = joint.b / self.schedule.known_inertia * (p1 - p2 - joint.difference)
         state = TrackingState(
             self.planner.start(angle),
             angle,
@@ -222,6 +227,8 @@ class JointTracking:
             turn=0.0,
             sent=(0.0,) * self.on_their_way,
             rest=AtRest() if self.rest_integration or self.centring else None,
+            learned=self.learning and self.learning.start(
+                self.schedule.known_inertia, angle, p1 - p2 - joint.difference),
         )
         return Start(state, joint, holding)
 
@@ -245,28 +252,44 @@ class JointTracking:
         omega = state.speed + self.correction[1] * residual
         w = state.unexplained + self.correction[2] * residual
         joint = self.schedule.at(angle, mean, arithmetic)
+        inertia, share = self.schedule.known_inertia, 1.0
+        if state.learned is not None:
+            inertia, share = state.learned.inertia, state.learned.hysteresis
+        b = joint.b / inertia
         difference = filtered
         if self.sensor_lag:
             arrived = state.sent[0] if state.sent else 0.0
             difference = filtered + self.sensor_lag * joint.difference_rate(
                 arrived, omega, filtered
             )
-        alpha = joint.b * (difference - joint.difference) - joint.a1 * omega + w
+        alpha = b * (difference - joint.difference) - joint.a1 * omega + w
         if state.rest is not None:
             # What friction takes accelerates nothing, and is not compensated twice.
-            alpha = alpha - joint.b * state.rest.held
+            alpha = alpha - b * state.rest.held
         now = plan
         if state.sent:
             now = self.planner.ahead(planner, plan, self.latency, arithmetic)
         planned = self.schedule.at(now.angle, mean, arithmetic)
+        planned = planned._replace(b=planned.b / inertia)
         forward = planned.difference + (now.acceleration + planned.a1 * now.speed) / planned.b
         turn, losing = state.turn, 0.0
         if self.hysteresis is not None:
             turn = self.hysteresis.turned(turn, now.speed, h, arithmetic)
-            lost = self.hysteresis.difference(turn, mean)
-            losing = (lost - self.hysteresis.difference(state.turn, mean)) / h
+            lost = share * self.hysteresis.difference(turn, mean)
+            losing = (lost - share * self.hysteresis.difference(state.turn, mean)) / h
             forward = forward + lost
-            alpha = alpha - joint.b * lost
+            alpha = alpha - b * lost
+        learned = None
+        if state.learned is not None and self.learning is not None:
+            learned = self.learning.step(
+                state.learned,
+                angle,
+                difference - joint.difference,
+                (plan.speed, mean),
+                joint,
+                self.hysteresis,
+                arithmetic,
+            )
         following = (
             theta + h * omega + 0.5 * h * h * alpha,
             omega + h * alpha,
@@ -278,12 +301,13 @@ class JointTracking:
             angle = angle + h * omega + 0.5 * h * h * alpha
             rate = joint.difference_rate(opening, omega, difference)
             omega = omega + h * alpha
-            alpha = alpha + h * (joint.b * rate - joint.a1 * alpha - joint.a0 * omega)
+            alpha = alpha + h * (b * rate - joint.a1 * alpha - joint.a0 * omega)
             difference = difference + h * rate
         rest = None
         if state.rest is not None:
             rest = self._rest(state.rest, plan, measurement[0], following[1], joint, arithmetic)
             forward = forward + state.rest.held
+            losing = losing + (rest.held - state.rest.held) / h
         then = now
         if self.lead:
             lead = self.latency + self.lead if state.sent else self.lead
@@ -293,7 +317,7 @@ class JointTracking:
         ) / planned.b + (planned.e * then.speed + losing)
         opening = planned.opening + rate / planned.g
         context = Context(now, joint, angle, omega, alpha, w, difference, forward, opening)
-        return context, TrackingState(planner, *following, turn, state.sent, rest)
+        return context, TrackingState(planner, *following, turn, state.sent, rest, learned)
 
     def _rest(
         self,
@@ -418,6 +442,7 @@ class TrackingSpecification:
             for none.
         hysteresis: Hysteresis of the muscles that is compensated along planned moves, whether it
             was fitted or is what such muscles have; None for none.
+        learning: How inertia and hysteresis are learned in motion; None for not.
         sample_time: Time between steps, in s.
     """
 
@@ -436,6 +461,7 @@ class TrackingSpecification:
     rest_integration: float = 0.0
     centring: float = 0.0
     hysteresis: HysteresisCompensation | None = None
+    learning: MotionLearning | None = None
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
@@ -488,4 +514,5 @@ class TrackingSpecification:
             rest_integration=self.rest_integration,
             centring=self.centring,
             hysteresis=self.hysteresis,
+            learning=self.learning,
         )

@@ -7,6 +7,7 @@ from typing import Any
 
 from controllers.design import DESIGNS
 from controllers.joint.hysteresis_compensation import HysteresisCompensation
+from controllers.joint.learning import MotionLearning
 from controllers.joint.schedule import JointSchedule
 from workbench.linearisation import LinearModel
 
@@ -40,6 +41,7 @@ CLOSED_FORM: dict[str, Make] = {
         rest_integration=5.0,
         centring=3.0,
         hysteresis=HysteresisCompensation(10.0, 7e-5, 5e-4, 0.0295, 7.6e-5),
+        learning=MotionLearning(),
     ),
     "boundary layer": family("scheduled-sliding-mode", kind="boundary layer"),
     "integral": family("scheduled-sliding-mode", kind="integral"),

@@ -24,6 +24,7 @@ from workbench.cli.notebook import notebook
 from workbench.cli.plant import PlantCommand
 from workbench.cli.plants import plants
 from workbench.cli.recording import recording
+from workbench.cli.redesign import redesign
 from workbench.cli.refit import refit
 from workbench.cli.report import report
 from workbench.cli.simulate import simulate
@@ -63,6 +64,7 @@ for _verb in (
     claiming(diagnose),
     claiming(compare),
     claiming(controllers),
+    claiming(redesign),
     bless,
     claiming(report),
     new_study,

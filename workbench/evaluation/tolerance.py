@@ -56,7 +56,7 @@ def at_rest(parameters: Mapping[str, float], angle_deg: float, *, bar: float = 6
 
     def state(difference: float) -> Array:
         pair = (0.5 * (bar + difference), 0.5 * (bar - difference))
-        return plant.initial(angle_deg, pair, given)
+        return plant.initial(angle_deg, pair, given, stretched=True)
 
     low, high = -0.97 * bar, 0.97 * bar
     for _ in range(40):

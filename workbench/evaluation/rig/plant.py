@@ -59,8 +59,13 @@ def initial(
     parameters: dict[str, float],
     *,
     spool: float = 0.0,
+    stretched: bool = False,
 ) -> NDArray[np.float64]:
-    """Return a state at rest."""
+    """Return a state at rest.
+
+    Args:
+        stretched: Whether elastic tendons already carry the muscles' tensions.
+    """
     p = namespace(parameters)
     x = np.zeros(len(STATES))
     x[0] = x[INDEX["load_angle"]] = np.radians(angle_deg)
@@ -71,6 +76,12 @@ def initial(
     fibres = []
     for k, a in enumerate((x[0], arm.SPAN - x[0])):
         fibres.append(arm.distance(a) - arm.FITTINGS)
+        if stretched and p.tendon_stiffness > 0.0:
+            gain = (p.force_gain_1, p.force_gain_2)[k]
+            for _ in range(50):  # Contracts: muscles are softer than tendons.
+                tension = muscle.force(fibres[k], gauge_bar[k] * 1e5, gain, p)
+                rigid = arm.distance(a) - arm.FITTINGS
+                fibres[k] += 0.5 * (rigid - tension / p.tendon_stiffness - fibres[k])
         pressure = gauge_bar[k] * 1e5 + p.ambient_pressure
         x[INDEX[f"fibre_{k + 1}"]] = fibres[k]
         v = p.volume_gain * muscle.volume(fibres[k]) + p.dead_volume

@@ -1,0 +1,53 @@
+"""The verb ``redesign``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def redesign(
+    verdict: Annotated[
+        str, typer.Argument(help="The verdict.json of a diagnosis of the arm.", metavar="FILE")
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Folder for the page and the controllers in C.", metavar="DIR")
+    ],
+    family: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--family",
+            "-f",
+            help="Family of controllers, such as 'state feedback'; may be given several times. By"
+            " default all of the study 'tolerant'.",
+            metavar="NAME",
+        ),
+    ] = None,
+) -> int:
+    """Design anew for a machine that was diagnosed, and show what knowing it is worth.
+
+    Latency and lags that were found are predicted over, lines and other laws enter the linear
+    models, hysteresis is compensated. Beside each redesign run the nominal design on the nominal
+    plant, and the tolerant one, which knows nothing, on the machine that was found.
+
+    Example: 'workbench redesign diagnosis/verdict.json -f "state feedback" --out redesign'.
+    """
+    from controllers.c_export import export_c
+    from workbench.cli.typed import typed
+    from workbench.evaluation.regained import WHICH, regained
+    from workbench.reports.page import write_page
+    from workbench.reports.regained_page import regained_page, regained_table
+    from workbench.study.plants import PlantRecipe
+
+    trials = []
+    for trial in regained(PlantRecipe(verdict), family or ()):
+        trials.append(trial)
+        typer.echo(f"{trial.family}: {trial.which}", err=True)
+        if trial.which == WHICH[-1]:
+            export_c(trial.controller, out, name=trial.family.lower().replace(" ", "_"))
+    typer.echo(str(regained_table(trials)))
+    path = write_page(regained_page(trials, verdict, command=typed()), out / "redesign.html")
+    typer.echo(f"written to {path}, and the redesigned controllers in C beside it")
+    return 0

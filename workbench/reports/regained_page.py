@@ -1,0 +1,96 @@
+"""The page of a redesign: speed lost to what was not known, and regained from what was found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from workbench.evaluation.regained import WHICH, Trial
+from workbench.evaluation.tolerance import tolerant_study
+from workbench.reports.page import Page, Section, again
+from workbench.reports.pictures import Picture
+from workbench.reports.style import colours, key, label, new_figure
+from workbench.reports.tables import Table, number
+from workbench.verification import Steps
+
+STYLES = dict(zip(WHICH, (":", "--", "-"), strict=True))
+"""Line style of each of the three designs."""
+
+
+def regained_table(trials: Sequence[Trial]) -> Table:
+    """Return what the three designs of each family reach."""
+    return Table(
+        "15° steps of three designs of each family",
+        (
+            "controller",
+            "design",
+            "speed (rad/s)",
+            "settled after, mean (s)",
+            "overshoot, largest (%)",
+            "oscillation, largest (°)",
+            "what the next faster design misses",
+        ),
+        tuple(
+            (
+                trial.family,
+                trial.which,
+                number(trial.speed),
+                number(float(np.mean(trial.told["settling"]))),
+                number(100.0 * trial.told["overshoot"]),
+                number(math.degrees(trial.told["oscillation"]), 2),
+                trial.limit,
+            )
+            for trial in trials
+        ),
+    )
+
+
+def regained_picture(trials: Sequence[Trial]) -> Picture:
+    """Draw the first step of the three designs of each family."""
+    (scenario,) = tolerant_study().scenarios.values()
+    signal = scenario.references["angle"]
+    assert isinstance(signal, Steps)
+    begin, (first, last) = signal.times[1], signal.values[:2]
+    families = list(dict.fromkeys(trial.family for trial in trials))
+    shades = colours(families)
+    figure, rows = new_figure([2.2] * len(families))
+    for axes, family in zip(rows, families, strict=True):
+        for trial in trials:
+            if trial.family != family:
+                continue
+            shown = (trial.time > begin - 0.05) & (trial.time < begin + 1.0)
+            axes.plot(
+                trial.time[shown] - begin,
+                np.degrees(trial.angle[shown]),
+                STYLES[trial.which],
+                color=shades[family].light,
+                label=trial.which,
+            )
+        axes.axhspan(
+            *(math.degrees(last + sign * 0.02 * (last - first)) for sign in (-1, 1)),
+            color="0.5",
+            alpha=0.2,
+            linewidth=0.0,
+        )
+        axes.set_title(family)
+        label(axes, x="time since the step (s)", y="angle (°)")
+    key(rows[0])
+    return Picture(
+        "regained",
+        figure,
+        "The first step of the designs; within the band a step has settled.",
+        "angle of three designs of each family along a step",
+    )
+
+
+def regained_page(trials: Sequence[Trial], machine: str, *, command: str = "") -> Page:
+    """Build the page of designs on a machine that was found."""
+    sections = (
+        Section("steps", "Lost and regained", (regained_table(trials), regained_picture(trials))),
+        *again(command),
+    )
+    return Page("Redesign", f"Designs for what was found in {machine}.", sections)
+
+
