@@ -7,9 +7,9 @@ that of rest is
     dp - dp0(theta) = m (d2theta/dt2 + a1 dtheta/dt) / b + eta lost(z) + c
 
 with the inertia m and the hysteresis eta relative to those of the design, and c what neither
-explains, a random walk. Tendons that give way act as inertia does: they weaken b. All terms pass the filter
-(w / (s + w))^2, so that no derivative of what is measured is taken; z follows the filtered speed.
-The three unknowns are those of a Kalman filter
+explains, a random walk. Tendons that give way act as inertia does: they weaken b. All terms pass
+the filter (w / (s + w))^2, so that no derivative of what is measured is taken; z follows the
+filtered speed. The three unknowns are those of a Kalman filter
 
     x = (m, eta, c),   y = phi' x + v,   K = P phi / (r^2 + phi' P phi),   P <- P - K phi' P + Q
 

@@ -28,12 +28,17 @@ and tells the feedback where joint and plan will be then: the loop is that witho
 as the model is right (a state predictor). A known lag tau of the pressure sensors is undone by the
 same model, dp + tau d(dp)/dt, without differences of what is measured.
 
+What is fed forward brakes with the inertia that is there, and loses what the hysteresis takes. Both
+are learned in motion (`controllers.joint.learning`): b is divided by the one, what is lost is
+multiplied by the other. The feedback keeps the b that its margins were found with.
+
 A feedback that tolerates much integrates slowly. Where plan and joint rest, friction damps the
 joint more than any model of its motion says, and the feedforward may integrate at a speed rho,
 
     d(held)/dt = rho (a0 / b) (theta_r - theta),   dp_r = ... + held
 
-faded in over a time at rest and out with speed: margins are those of the joint in motion.
+faded in over a time at rest and out with speed: margins are those of the joint in motion. Its rate
+is fed forward too, so that the pressures follow at once.
 
 What else than o0 holds the joint at rest is learned there, m, at a speed sigma: the centre of the
 valve lies elsewhere than known. Its curve is bent, so that an opening asked for around a wrong
@@ -54,7 +59,7 @@ prediction over a delay: Manitius and Olbrot, IEEE Trans. AC-24, 1979.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Protocol
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers
@@ -227,8 +232,11 @@ class JointTracking:
             turn=0.0,
             sent=(0.0,) * self.on_their_way,
             rest=AtRest() if self.rest_integration or self.centring else None,
-            learned=self.learning and self.learning.start(
-                self.schedule.known_inertia, angle, p1 - p2 - joint.difference),
+            learned=None
+            if self.learning is None
+            else self.learning.start(
+                self.schedule.known_inertia, angle, p1 - p2 - joint.difference
+            ),
         )
         return Start(state, joint, holding)
 
@@ -514,5 +522,5 @@ class TrackingSpecification:
             rest_integration=self.rest_integration,
             centring=self.centring,
             hysteresis=self.hysteresis,
-            learning=self.learning,
+            learning=self.learning and replace(self.learning, sample_time=self.sample_time),
         )

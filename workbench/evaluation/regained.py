@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from controllers.joint.hysteresis_compensation import with_compensation
 from controllers.joint.model import lag_beside
+from controllers.joint.tracking import TrackingSpecification
 from controllers.uncertainty import Uncertainty
 from workbench.diagnosis.redesign import found_lags
 from workbench.errors import check_choice
@@ -104,10 +105,9 @@ def redesigned(family: str, machine: PlantRecipe) -> tuple[Any, float, str]:
     found = found_lags(model)
     recipe = nominal_recipe(family, machine.varied(without=tuple(found)))
     assert recipe.fastest is not None
-    late, slow = (
-        [time for what, time in found.values() if what == kind] for kind in ("latency", "sensor_lag")
-    )
-    h = 1.0 / 500.0
+    late = [time for what, time in found.values() if what == "latency"]
+    slow = [time for what, time in found.values() if what == "sensor_lag"]
+    h = TrackingSpecification().sample_time
     beside = float(np.median([lag_beside(recipe.linear(at)) for at in recipe.fastest.at])) + 0.5 * h
     wanted = {"lead": beside + PRESSURE_FILTER, "lag": beside}
     keys = {key.name for key in recipe.kind().keys}

@@ -50,7 +50,7 @@ def regained_table(trials: Sequence[Trial]) -> Table:
 def regained_picture(trials: Sequence[Trial]) -> Picture:
     """Draw the first step of the three designs of each family."""
     (scenario,) = tolerant_study().scenarios.values()
-    signal = scenario.references["angle"]
+    (signal,) = scenario.references.values()
     assert isinstance(signal, Steps)
     begin, (first, last) = signal.times[1], signal.values[:2]
     families = list(dict.fromkeys(trial.family for trial in trials))
@@ -92,5 +92,3 @@ def regained_page(trials: Sequence[Trial], machine: str, *, command: str = "") -
         *again(command),
     )
     return Page("Redesign", f"Designs for what was found in {machine}.", sections)
-
-

@@ -67,15 +67,16 @@ def test_rest_stays_what_it_is() -> None:
 def test_a_joint_that_learned_its_load_goes_past_its_goal_by_less(
     schedule: JointSchedule, plant: Model
 ) -> None:
-    heavy, scenario = plant.with_parameters({"load": 5.0}), step_scenario("angle", 20, 35, unit="deg")
+    heavy, scenario = (
+        plant.with_parameters({"load": 5.0}),
+        step_scenario("angle", 20, 35, unit="deg"),
+    )
     changes = scenario.references["angle"].changes
     numbers = {"jerk_limit": 300.0, "rest_integration": 15.0, "integral": 0.6}
     numbers |= {"pressure_speed": 12.0, "unexplained_bandwidth": 7.5, "compensation": 0.4}
 
     def overshoot(learning: MotionLearning | None) -> float:
-        want = StateFeedbackSpecification(
-            radius=8.5, **numbers, hysteresis=DAHL, learning=learning
-        )
+        want = StateFeedbackSpecification(radius=8.5, **numbers, hysteresis=DAHL, learning=learning)
         run = verify(design_state_feedback(schedule, want), heavy, scenario)
         return step_responses("angle", run.time, run["angle"], changes)[0].overshoot
 
