@@ -1,8 +1,8 @@
 """Inertia and hysteresis learned while a joint moves, from its angle and its pressures.
 
-At rest a joint does not show its inertia, and a wrong load costs more speed than anything else: what
-is fed forward to brake a move is wrong by as much. While it moves, the pressure difference beyond
-that of rest is
+At rest a joint does not show its inertia, and a wrong load costs more speed than anything else:
+what is fed forward to brake a move is wrong by as much. While it moves, the pressure difference
+beyond that of rest is
 
     dp - dp0(theta) = m (d2theta/dt2 + a1 dtheta/dt) / b + eta lost(z) + c
 
