@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.evaluation.rig import arm, muscle
+from workbench.evaluation.rig.fast import PERCENT, VOLTS
 from workbench.evaluation.rig.parameters import ELEMENTS
 from workbench.evaluation.rig.plant import INDEX, SLIP_1, SLIP_2, lengths
-from workbench.evaluation.rig.valve import PERCENT, VOLTS
 
 V_, F_ = VOLTS.tolist(), (PERCENT / 100).tolist()
 

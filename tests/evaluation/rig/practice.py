@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from workbench.evaluation.rig import fast, plant
+from workbench.evaluation.rig.electronics import Sensors
 from workbench.evaluation.rig.hysteresis import elements
 from workbench.evaluation.rig.parameters import nominal
-from workbench.evaluation.rig.sensors import Sensors
 
 NAMES = {
     "J_arm": "arm_inertia", "kF": "force_gain", "C": "conductance", "leak": "centre_leakage",

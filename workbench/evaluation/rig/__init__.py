@@ -5,7 +5,7 @@ gas (the product keeps pressure and temperature), has its own integrator, and hi
 nominal plant does not contain; its recordings are what plant and diagnosis are tried on.
 
 Modules: `parameters` (names, units, nominal values), `effects` (switches), `muscle`, `hysteresis`,
-`valve`, `arm` (laws, as far as a start needs them), `plant` (state vector), `plant.c` with `fast`
-(its derivative and fixed steps of a Runge-Kutta rule), `simulate` (commands in, records out),
-`sensors`, `controller`, `excitation` and `cases` (folders in the recording format).
+`arm` (laws, as far as a start needs them), `plant` (state vector), `plant.c` with `fast` (its
+derivative and fixed steps of a Runge-Kutta rule), `electronics`, `simulate` (commands in, records
+out), `excitation` and `cases` (folders in the recording format).
 """

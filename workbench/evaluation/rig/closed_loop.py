@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.evaluation.rig import fast, simulate
-from workbench.evaluation.rig.command import CommandPath
+from workbench.evaluation.rig.electronics import CommandPath, Sensors
 from workbench.evaluation.rig.excitation import RATE
-from workbench.evaluation.rig.sensors import Sensors
 
 Array = NDArray[np.float64]
 

@@ -12,10 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from workbench.evaluation.rig import arm, fast, muscle, plant
-from workbench.evaluation.rig.command import CommandPath
-from workbench.evaluation.rig.controller import PositionLoop
+from workbench.evaluation.rig.electronics import CommandPath, PositionLoop, Sensors
 from workbench.evaluation.rig.excitation import RATE
-from workbench.evaluation.rig.sensors import Sensors
 
 Array = NDArray[np.float64]
 STEP = 1e-4

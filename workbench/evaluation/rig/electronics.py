@@ -1,0 +1,117 @@
+"""What stands between a controller and the rig: sensors, the way of the command, a position loop.
+
+Units: as in the names; parameters in SI; the command in volt.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+SAMPLE = 2e-3
+
+
+def quantise(value: float, step: float) -> float:
+    """Round to the nearest multiple of step; step 0 leaves the value alone."""
+    return round(value / step) * step if step > 0.0 else value
+
+
+@dataclass
+class Sensors:
+    """Sensors with memory: coloured noise and the delay of the angle (linear interpolation)."""
+
+    parameters: dict[str, float]
+    rng: np.random.Generator
+    _noise: list[float] = field(default_factory=lambda: [0.0, 0.0], init=False)
+    _angles: list[float] = field(default_factory=list, init=False)
+    _lagged: list[float | None] = field(default_factory=lambda: [None, None], init=False)
+
+    def angle(self, true_deg: float) -> float:
+        """Return the angle read in degrees."""
+        p = self.parameters
+        self._angles.append(true_deg)
+        lag = p["angle_delay"] / SAMPLE
+        whole = math.floor(lag)
+        back = [self._angles[max(0, len(self._angles) - 1 - whole - k)] for k in (0, 1)]
+        value = back[0] + (lag - whole) * (back[1] - back[0]) + p["angle_offset"]
+        return quantise(value, p["angle_step"])
+
+    def pressure(self, k: int, true_pa: float) -> float:
+        """Return the gauge pressure of muscle k (0, 1) read in Pa.
+
+        The lag is the sampled filter y += (1 - exp(-h/T)) (p - y), settled at the first sample.
+        """
+        p = self.parameters
+        if p["pressure_lag"] > 0.0:
+            last = self._lagged[k]
+            share = 1.0 - math.exp(-SAMPLE / p["pressure_lag"])
+            true_pa = true_pa if last is None else last + share * (true_pa - last)
+            self._lagged[k] = true_pa
+        tau = p["pressure_noise_time"]
+        keep = math.exp(-SAMPLE / tau) if tau > 0.0 else 0.0
+        fresh = math.sqrt(1.0 - keep * keep) * p["pressure_noise"]
+        self._noise[k] = keep * self._noise[k] + fresh * self.rng.standard_normal()
+        value = p[f"pressure_gain_{k + 1}"] * true_pa + p[f"pressure_offset_{k + 1}"]
+        return quantise(value + self._noise[k], p["pressure_step"])
+
+
+@dataclass
+class CommandPath:
+    """Turns one command per sample into one spool command per integration step."""
+
+    parameters: dict[str, float]
+    steps: int
+    step: float
+    start: float = 5.0
+    _queue: deque[float] = field(init=False)
+    _play: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._queue = deque([self.start] * round(self.parameters["valve_delay"] / self.step))
+        self._play = self.start
+
+    def quantised(self, volt: float) -> float:
+        """Return the command on the grid of the output card, counted from 5 V."""
+        return 5.0 + quantise(volt - 5.0, self.parameters["command_step"])
+
+    def __call__(self, volt: float) -> NDArray[np.float64]:
+        """Return what the spool is told during the next sample, one value per step."""
+        half = self.parameters["valve_play"]
+        self._play = min(volt + half, max(volt - half, self._play))
+        self._queue.extend([self._play] * self.steps)
+        return np.array([self._queue.popleft() for _ in range(self.steps)])
+
+
+@dataclass
+class PositionLoop:
+    """PD on the angle commands a pressure difference; P on that commands the valve.
+
+    Gains: `stiffness` bar/deg, `damping` bar s/deg, `inner` V/bar.  No integral action: the
+    valve itself integrates, and the recordings keep a visible steady error.
+    """
+
+    stiffness: float = 0.06
+    damping: float = 0.012
+    inner: float = 0.35
+    limit: float = 1.3
+    time_constant: float = 0.01
+    sample: float = 2e-3
+    _last: float | None = field(default=None, init=False)
+    _rate: float = field(default=0.0, init=False)
+
+    def __call__(self, reference: float, angle: float, pressures: tuple[float, float]) -> float:
+        """Return the command in volt for angles in degrees and gauge pressures in bar."""
+        if self._last is None:
+            self._last = angle
+        share = self.sample / (self.sample + self.time_constant)
+        self._rate += share * ((angle - self._last) / self.sample - self._rate)
+        self._last = angle
+        # equilibrium of the unloaded arm: about 0.11 bar of difference per degree from 30 deg
+        wanted = 0.106 * (reference - 30.0) + self.stiffness * (reference - angle)
+        wanted -= self.damping * self._rate
+        volt = self.inner * (wanted - (pressures[0] - pressures[1]))
+        return 5.0 + min(self.limit, max(-self.limit, volt))
