@@ -14,8 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.evaluation.rig import fast, simulate
-from workbench.evaluation.rig.electronics import CommandPath, Sensors
+from workbench.evaluation.rig import simulate
 from workbench.evaluation.rig.excitation import RATE
 
 Array = NDArray[np.float64]
@@ -60,25 +59,19 @@ def follow(
         reference: Wanted angle in rad over time in s.
         seconds: Duration.
     """
-    rng = np.random.default_rng(seed)
-    sensors = Sensors(parameters, rng)
-    steps = round(1.0 / RATE / simulate.STEP)
-    path = CommandPath(parameters, steps, simulate.STEP)
-    n = round(seconds * RATE)
-    time = np.arange(n) / RATE
+    time = np.arange(round(seconds * RATE)) / RATE
     wanted = np.array([reference(t) for t in time.tolist()])
-    angle, pressures, valve = np.empty(n), np.empty((n, 2)), np.empty(n)
     infos: list[dict[str, float]] = []
-    x, inner = np.array(state, float), None
-    for k in range(n):
-        angle[k] = x[0]
-        pressures[k] = simulate.gauge(x, parameters)
-        read = float(np.radians(sensors.angle(float(np.degrees(x[0])))))
-        seen = (read, *(sensors.pressure(i, float(pressures[k, i])) for i in (0, 1)))
-        if inner is None:
-            inner = law.initial_state(seen)
-        command, inner, info = law.step(inner, seen, (float(wanted[k]),))
+    inner: list[Any] = []
+
+    def volt(k: int, angle_deg: float, pressures: tuple[float, float]) -> float:
+        seen = (float(np.radians(angle_deg)), *pressures)
+        before = inner.pop() if inner else law.initial_state(seen)
+        command, after, info = law.step(before, seen, (float(wanted[k]),))
+        inner.append(after)
         infos.append(dict(info))
-        valve[k] = path.quantised(min(10.0, max(0.0, float(command[0]))))
-        _, x = fast.run(parameters, x, path(float(valve[k])), step=simulate.STEP, keep=steps)
-    return ClosedRun(time, wanted, angle, pressures, valve, infos)
+        return min(10.0, max(0.0, float(command[0])))
+
+    run = simulate.driven(parameters, state, len(time), volt, seed=seed)
+    pressures = np.array([simulate.gauge(x, parameters) for x in run.states])
+    return ClosedRun(time, wanted, run.states[:, 0], pressures, run.valve, infos)

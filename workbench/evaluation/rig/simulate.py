@@ -56,27 +56,38 @@ def run(
     command: Array | None = None,
     reference: Array | None = None,
     seed: int = 0,
-    drift: dict[str, Callable[[float], float]] | None = None,
-    step: float = STEP,
 ) -> Record:
-    """Simulate one recording, open loop along `command` or closed loop along `reference`.
-
-    `drift` maps a parameter to its value in SI units as a function of time.
-    """
+    """Simulate one recording, open loop along `command` or closed loop along `reference`."""
     if (command is None) == (reference is None):
         raise ValueError("give either a command or a reference")
+    if command is not None:
+        return driven(parameters, state, len(command), lambda j, *_: float(command[j]), seed=seed)
+    assert reference is not None
+    loop = PositionLoop()
+
+    def volt(j: int, angle: float, pressures: tuple[float, float]) -> float:
+        return loop(float(reference[j]), angle, (1e-5 * pressures[0], 1e-5 * pressures[1]))
+
+    return driven(parameters, state, len(reference), volt, seed=seed)
+
+
+def driven(
+    parameters: dict[str, float],
+    state: Array,
+    count: int,
+    volt: Callable[[int, float, tuple[float, float]], float],
+    *,
+    seed: int = 0,
+) -> Record:
+    """Simulate samples whose command in volt follows from number, angle in deg, pressures in Pa."""
     p = dict(parameters)
     rng = np.random.default_rng(seed)
-    sensors, loop = Sensors(p, rng), PositionLoop()
-    steps = round(1.0 / RATE / step)
-    path = CommandPath(p, steps, step)
-    source = command if command is not None else reference
-    assert source is not None
-    n = len(source)
-    table, states, x = np.empty((n, 5)), np.empty((n, len(state))), np.array(state, float)
+    sensors, steps = Sensors(p, rng), round(1.0 / RATE / STEP)
+    path = CommandPath(p, steps, STEP)
+    table, states, x = np.empty((count, 5)), np.empty((count, len(state))), np.array(state, float)
     keep = np.exp(-1.0 / RATE / p["torque_noise_time"])
-    laws = _drifts(p) | (drift or {})
-    for j in range(n):
+    laws = _drifts(p)
+    for j in range(count):
         for name, law in laws.items():
             p[name] = law(j / RATE)
         if p["torque_noise"] > 0.0:
@@ -85,13 +96,10 @@ def run(
         states[j] = x
         true = gauge(x, p)
         angle = sensors.angle(float(np.degrees(x[0])))
-        bars = [sensors.pressure(k, true[k]) * 1e-5 for k in (0, 1)]
-        volt = float(source[j])
-        if reference is not None:
-            volt = loop(volt, angle, (bars[0], bars[1]))
-        volt = path.quantised(volt)
-        table[j] = j / RATE, volt, angle, *bars
-        _, x = fast.run(p, x, path(volt), step=step, keep=steps)
+        read = (sensors.pressure(0, true[0]), sensors.pressure(1, true[1]))
+        told = path.quantised(volt(j, angle, read))
+        table[j] = j / RATE, told, angle, read[0] * 1e-5, read[1] * 1e-5
+        _, x = fast.run(p, x, path(told), step=STEP, keep=steps)
     return Record(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], states)
 
 
