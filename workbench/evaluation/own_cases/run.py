@@ -14,7 +14,7 @@ from workbench.evaluation.kept import diagnosed, version
 from workbench.evaluation.own_cases.judge import ANSWERERS
 from workbench.evaluation.own_cases.limit import limited_errors
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
-from workbench.evaluation.rig.cases import SPREAD, make_case
+from workbench.evaluation.rig.cases import make_case
 from workbench.evaluation.rig.parameters import nominal
 from workbench.recordings import read_case
 
@@ -74,7 +74,6 @@ def answer(case: Planned, jobs: int, *, baselines: bool = True) -> dict[str, Any
             "recorded": case.recorded,
             "spread": case.spread,
             "true": _changed(truth["parameters"]) | {"load_error": truth["load_error"]},
-            "background": {k: v for k, v in truth["parameters"].items() if k in SPREAD},
             "limit": limited_errors(folder),
             "version": version(),
             "baselines": {},
@@ -83,22 +82,12 @@ def answer(case: Planned, jobs: int, *, baselines: bool = True) -> dict[str, Any
         fit_on, hold_out = list(found.fit.values()), list(found.hold_out.values())
 
         def more(diagnosis: Diagnosis) -> dict[str, Any]:
-            return _details(diagnosis) | {
-                "baselines": answers(diagnosis, _BASELINES) if diagnosis.runs and baselines else {}
-            }
+            scores = diagnosis.rounds[0][0].scores if diagnosis.rounds else ()
+            given = answers(diagnosis, _BASELINES) if diagnosis.runs and baselines else {}
+            smallest = [{"effect": s.entry.name, "smallest": s.smallest} for s in scores]
+            return {"scores": smallest, "baselines": given}
 
         return diagnosed(row, found.model(), fit_on, hold_out, jobs=jobs, more=more)
-
-
-def _details(diagnosis: Diagnosis) -> dict[str, Any]:
-    return {
-        "located": diagnosis.before.best if diagnosis.before else None,
-        "shares": _shares(diagnosis),
-        "excess": diagnosis.excess,
-        "withdrawn": [c.entry.name for c, _ in diagnosis.withdrawn],
-        "scores": _scores(diagnosis),
-        "rounds": _rounds(diagnosis),
-    }
 
 
 def _changed(parameters: Mapping[str, float]) -> dict[str, float]:
@@ -106,50 +95,3 @@ def _changed(parameters: Mapping[str, float]) -> dict[str, float]:
     plain = nominal()
     always = ("load", "load_inertia_per_kg", "conductance")
     return {k: v for k, v in parameters.items() if v != plain[k] or k in always}
-
-
-def _shares(diagnosis: Diagnosis) -> dict[str, float | None]:
-    if diagnosis.fitted is None:
-        return {"refitted": None, "extended": None}
-    return {
-        "refitted": diagnosis.base.noise_scale,
-        "extended": diagnosis.extended.noise_scale,
-    }
-
-
-def _scores(diagnosis: Diagnosis) -> list[dict[str, Any]]:
-    if not diagnosis.rounds:
-        return []
-    return [
-        {
-            "effect": s.entry.name,
-            "gain": s.gain,
-            "sigma": s.sigma,
-            "size": s.size,
-            "std": s.std,
-            "collinearity": s.collinearity,
-            "smallest": s.smallest,
-            "unit": s.entry.unit,
-            "testable": s.testable,
-        }
-        for s in diagnosis.rounds[0][0].scores
-    ]
-
-
-def _rounds(diagnosis: Diagnosis) -> list[list[dict[str, Any]]]:
-    return [
-        [
-            {
-                "effect": c.entry.name,
-                "gain": c.gain,
-                "held_out": list(c.held_out),
-                "size": c.size.value if c.size else None,
-                "size_std": c.size.std if c.size else None,
-                "refused": c.refused,
-                "followed": c.followed,
-                "noise_scale": c.fit.noise_scale if c.fit else None,
-            }
-            for c in candidates
-        ]
-        for _, candidates in diagnosis.rounds
-    ]
