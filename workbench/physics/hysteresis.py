@@ -13,19 +13,25 @@ from workbench.physics.place import EFFORTS
 _SPEED_WIDTH = 1e-5
 """Speed, in SI, within which the regularised form rounds the reversal."""
 
+_TURN_WIDTH = 1e-3
+"""Position in the loop within which its middle is rounded, dimensionless."""
 
-def _turn(speed: str) -> Rates:
+
+def _turn(speed: str, *, skewed: bool = False) -> Rates:
     def rates(e: EffectView) -> dict[str, Expression]:
         v, z = e.here.signals[speed], e.x.turn
         # |z|^(n-1) is kept off zero, where its derivative would be infinite for n < 2.
         sharp = (z * z + 1e-12) ** (0.5 * (e.p.exponent - 1.0))
-        return {"turn": (v - e.form.absolute(v, _SPEED_WIDTH) * sharp * z) / e.p.breakaway}
+        turned = e.form.absolute(v, _SPEED_WIDTH) * z
+        if skewed:
+            turned += e.p.skew * v * e.form.absolute(z, _TURN_WIDTH)
+        return {"turn": (v - sharp * turned) / e.p.breakaway}
 
     return rates
 
 
-def _state() -> tuple[State, ...]:
-    return (State("turn", "1", 1.0, "position in the loop", 0.0, -1.05, 1.05, 0.5),)
+def _state(largest: float = 1.05) -> tuple[State, ...]:
+    return (State("turn", "1", 1.0, "position in the loop", 0.0, -largest, largest, 0.5),)
 
 
 def _of_muscle(at: PortView) -> Expression:
@@ -61,25 +67,27 @@ muscle_hysteresis = Law(
 
 bouc_wen_hysteresis = Law(
     "bouc_wen_hysteresis",
-    "T = T0 - level z, dz/dt = (v - |v| |z|^(n-1) z) / breakaway",
+    "T = T0 - level z, dz/dt = (v - |v| |z|^(n-1) z - skew v |z|^n) / breakaway",
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
         size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
              "half width of the loop", resists=True),
         shape("breakaway", at.coordinate.unit, 1e-2 * at.coordinate.scale,
-              "motion over which the loop turns", around=(0.02, 50.0)),
+              "motion over which the loop turns", around=(0.02, 500.0)),
+        shape("skew", "1", 0.0, "gamma over beta: above 0 the ends soften, below they harden",
+              around=None, between=(-3.0, 3.0), scale=1.0),
         shape("exponent", "1", 1.0, "sharpness of the turn",
               around=None, between=(1.0, 6.0), fitted=False),
     ),
     lambda at: at.value - at.p.level * at.x.turn,
-    states=lambda at: _state(),
-    rates=_turn("speed"),
+    states=lambda at: _state(20.0),
+    rates=_turn("speed", skewed=True),
     shapes=lambda at: [
-        {"breakaway": k * at.coordinate.scale, "exponent": n}
-        for k, n in ((1e-2, 1.0), (1e-1, 1.0), (1e-1, 2.0))
+        {"breakaway": k * at.coordinate.scale, "exponent": n, "skew": skew}
+        for k, n, skew in ((1e-2, 1.0, 0.0), (1e-1, 1.0, 0.0), (1e-1, 2.0, 0.0), (1.0, 1.0, -1.0))
     ],
     dry=True,
-    source="R. Bouc 1967, Y.-K. Wen 1976; P. R. Dahl 1968 for n = 1",
+    source="R. Bouc 1967, Y.-K. Wen 1976; P. R. Dahl 1968 for n = 1 without skew",
     look_alikes=("joint_hysteresis", "coulomb_friction", "lugre_friction"),
     separated_by="nested reversals of several amplitudes: this law does not close small loops",
 )  # fmt: skip

@@ -121,6 +121,13 @@ class Local:
         return value if self.sign == 1.0 else self.sign * value
 
 
+def _typical(scale: float, seen: tuple[float, float] | None) -> float:
+    """Return a declared size, or the largest that was seen where none is declared."""
+    if scale != 1.0 or seen is None:
+        return scale
+    return max(abs(seen[0]), abs(seen[1])) or scale
+
+
 @dataclass(frozen=True)
 class Place:
     """A port as a law sees it.
@@ -181,8 +188,8 @@ class Place:
 
     @property
     def scale(self) -> float:
-        """Typical size of the signal, in its unit."""
-        return self.output.scale if self.output else self.port.scale
+        """Typical size of the signal, in its unit; what was seen of it if none is declared."""
+        return _typical(self.output.scale if self.output else self.port.scale, self.seen)
 
     @property
     def interval(self) -> float:
@@ -584,7 +591,8 @@ class Survey:
         q = self._known[name]
         lower, upper = getattr(q, "lower", -math.inf), getattr(q, "upper", math.inf)
         start = getattr(q, "initial", getattr(q, "nominal", 0.0))
-        return Local(name, q.unit, q.scale, lower, upper, start, self.ranges.get(name))
+        seen = self.ranges.get(name)
+        return Local(name, q.unit, _typical(q.scale, seen), lower, upper, start, seen)
 
     def _local(self, port: Port, signal: str, origin: str, unit: str = "") -> Local:
         """Return a local signal with what is known of it; by its unit where it is no state."""
