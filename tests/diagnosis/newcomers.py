@@ -119,6 +119,71 @@ def rubbed() -> list[Recording]:
     return runs
 
 
+def hysteretic() -> Model:
+    """A mass on a spring, with no size given to anything but the states."""
+
+    def equations(m: Scope) -> Equations:
+        force = m.port(
+            "mass.force",
+            m.u.drive - m.p.stiffness * m.x.position - m.p.damping * m.x.speed,
+            unit="N",
+            signals={"position": m.x.position, "speed": m.x.speed},
+        )
+        return (
+            {"position": m.x.speed, "speed": force / m.p.mass},
+            {"position": m.x.position},
+        )
+
+    return Model(
+        "hysteretic",
+        equations,
+        states=(State("position", "m", 1e-3), State("speed", "m/s", 0.3)),
+        inputs=(Input("drive", "N", 50.0),),
+        outputs=(Output("position", "m", 1e-3),),
+        parameters=(
+            Parameter("mass", "kg", value=2.0, lower=0.5, upper=8.0, fitted=True),
+            Parameter("damping", "N s/m", value=20.0, lower=0.0, upper=500.0, fitted=True),
+            Parameter("stiffness", "N/m", value=8e4, lower=1e4, upper=3e5, fitted=True),
+        ),
+    )
+
+
+def loops() -> list[Recording]:
+    """Three recordings of the oscillator of J.-P. Noel and M. Schoukens' Bouc-Wen benchmark.
+
+    ``2 a + 10 v + 5e4 x + z = drive``, ``dz/dt = 5e4 v - 800 |v| z + 1100 v |z|``, by the classical
+    Runge-Kutta method in plain numbers.
+    """
+
+    def rate(x: Vector, drive: float) -> Vector:
+        v, z = x[1], x[2]
+        acceleration = (drive - 10.0 * v - 5e4 * x[0] - z) / 2.0
+        return np.array([v, acceleration, 5e4 * v - 800.0 * abs(v) * z + 1100.0 * v * abs(z)])
+
+    step, runs = 1.0 / 750.0, []
+    for seed in (1, 2, 3):
+        rng = np.random.default_rng(seed)
+        time = step * np.arange(900)
+        tones = np.arange(5.0, 100.0, 2.5)
+        phases = rng.uniform(0.0, 2.0 * np.pi, len(tones))
+        drive = np.cos(2.0 * np.pi * np.outer(time, tones) + phases).sum(axis=1)
+        drive *= 50.0 / drive.std()
+        x, seen = np.zeros(3), np.empty(len(time))
+        for k, u in enumerate(drive):
+            seen[k] = x[0]
+            for _ in range(6):
+                h = step / 6
+                k1 = rate(x, u)
+                k2 = rate(x + 0.5 * h * k1, u)
+                k3 = rate(x + 0.5 * h * k2, u)
+                k4 = rate(x + h * k3, u)
+                x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        read = Signal("position", seen + 8e-6 * rng.normal(size=len(seen)), "m")
+        command = Signal("drive", drive, "N", role="command")
+        runs.append(Recording(f"run {seed}", time, (command, read)))
+    return runs
+
+
 def recorded(
     mass: float,
     force: Law,

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from tests.diagnosis.newcomers import (
     carriage,
     damper,
     hardening,
+    hysteretic,
     levels,
+    loops,
     oscillations,
     oscillator,
     rubbed,
@@ -18,8 +22,9 @@ from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.selection import search
 from workbench.diagnosis.selection.held_out import drifts, windowed_run
-from workbench.physics.library import library
+from workbench.physics.library import Hypothesis, library
 
 
 @pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 100.0])
@@ -78,6 +83,26 @@ def test_a_plant_without_states_is_diagnosed() -> None:
     assert finding.effect == "coulomb_friction" and finding.occurrence is not None
     assert finding.parameters["level"].value == pytest.approx(4.0, rel=0.01)
     assert verdict.fit["extended"]["force"] < 1.5 * verdict.fit["noise_floor"]["force"]
+
+
+def test_a_hysteresis_is_found_whose_size_nobody_declared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
+        laws = ("bouc_wen_hysteresis", "cubic_stiffness", "coulomb_friction")
+        return tuple(e for e in library(*given, **known) if e.law in laws)
+
+    # With the ranges that the search sees: sizes are taken from them.
+    monkeypatch.setattr(search, "library", few)
+    runs = loops()
+    verdict = diagnose(hysteretic(), runs[:2], runs[2:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "bouc_wen_hysteresis"
+    found = {name: value.value for name, value in finding.parameters.items()}
+    truth = {"level": 62.5, "breakaway": 1.25e-3, "skew": -1.375}
+    assert found == pytest.approx(truth, rel=0.05)
+    assert verdict.fit["extended"]["position"] < 1.5 * 8e-6
 
 
 @pytest.mark.parametrize("count", [51, 76, 80, 101])

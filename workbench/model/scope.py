@@ -65,6 +65,7 @@ class Port:
             tell.
         origins: For each of ``signals``, the state, input, port or published signal that it is, or
             nothing.
+        sized: Whether the plant declares the scale.
     """
 
     name: str
@@ -76,6 +77,7 @@ class Port:
     relative_disturbance: float = 0.0
     role: str = ""
     origins: tuple[str, ...] = ()
+    sized: bool = True
 
     @property
     def group(self) -> str:
@@ -189,7 +191,7 @@ class Scope:
         value: Expression,
         *,
         unit: str,
-        scale: float = 1.0,
+        scale: float | None = None,
         description: str = "",
         signals: Mapping[str, Expression] | None = None,
         disturbance: float = 0.0,
@@ -201,7 +203,8 @@ class Scope:
         Args:
             name: Name of the port, ``where.what``.
             value: The signal as the model has it, in ``unit``.
-            scale: Typical size of the signal, in ``unit``.
+            scale: Typical size of the signal, in ``unit``; 1 where none is declared, until a
+                recording shows it.
             description: What the signal is and which sign is positive.
             signals: Local signals that an effect may use, by name, in SI.
             disturbance: Root mean square of what the equations may leave out here, in ``unit``.
@@ -215,7 +218,15 @@ class Scope:
         self._claim(name, unit)
         local = Names(f"signal at port {name}", signals or {})
         port = Port(
-            name, unit, scale, description, tuple(local), disturbance, relative_disturbance, role
+            name,
+            unit,
+            1.0 if scale is None else scale,
+            description,
+            tuple(local),
+            disturbance,
+            relative_disturbance,
+            role,
+            sized=scale is not None,
         )
         result = self.transform(port, value, local)
         self.ports.append(port)

@@ -121,11 +121,9 @@ class Local:
         return value if self.sign == 1.0 else self.sign * value
 
 
-def _typical(scale: float, seen: tuple[float, float] | None) -> float:
-    """Return a declared size, or the largest that was seen where none is declared."""
-    if scale != 1.0 or seen is None:
-        return scale
-    return max(abs(seen[0]), abs(seen[1])) or scale
+def _largest(seen: tuple[float, float] | None) -> float:
+    """Return the largest magnitude that was seen; 0 if none was."""
+    return max(abs(seen[0]), abs(seen[1])) if seen else 0.0
 
 
 @dataclass(frozen=True)
@@ -189,7 +187,9 @@ class Place:
     @property
     def scale(self) -> float:
         """Typical size of the signal, in its unit; what was seen of it if none is declared."""
-        return _typical(self.output.scale if self.output else self.port.scale, self.seen)
+        if self.output is not None:
+            return self.output.scale
+        return self.port.scale if self.port.sized else _largest(self.seen) or self.port.scale
 
     @property
     def interval(self) -> float:
@@ -257,6 +257,8 @@ class Survey:
     ) -> None:
         self.model, self.trace = model, model.exact
         self.ranges = ranges or {}
+        # Who gives ports no size leaves out that of other quantities too.
+        self._sized = all(q.sized for q in model.ports if not q.name.endswith(".reading"))
         # A recording that is to be refused later may have no sensible time base.
         self.duration = duration if 0.0 < duration < math.inf else 0.0
         self.sample_time = sample_time if 0.0 < sample_time < math.inf else 0.0
@@ -592,7 +594,8 @@ class Survey:
         lower, upper = getattr(q, "lower", -math.inf), getattr(q, "upper", math.inf)
         start = getattr(q, "initial", getattr(q, "nominal", 0.0))
         seen = self.ranges.get(name)
-        return Local(name, q.unit, _typical(q.scale, seen), lower, upper, start, seen)
+        scale = q.scale if self._sized or q.scale != 1.0 else _largest(seen) or q.scale
+        return Local(name, q.unit, scale, lower, upper, start, seen)
 
     def _local(self, port: Port, signal: str, origin: str, unit: str = "") -> Local:
         """Return a local signal with what is known of it; by its unit where it is no state."""

@@ -55,7 +55,9 @@ def _equations(m: Scope) -> Equations:
         disturbance=0.02,
     )
     inertia = m.p.load * m.p.length**2 + m.p.rotor_inertia
-    measurement = m.port("angle.reading", m.x.angle, unit="rad", signals={"speed": m.x.speed})
+    measurement = m.port(
+        "angle.reading", m.x.angle, unit="rad", scale=1.0, signals={"speed": m.x.speed}
+    )
     return {"angle": m.x.speed, "speed": torque / inertia}, {"angle": measurement}
 
 

@@ -147,6 +147,7 @@ def joint(
         "joint.inertia",
         p.arm_inertia + body.inertia(p.load) - body.inertia(0.0),
         unit="kg m2",
+        scale=1.0,
         description="inertia about the joint",
         signals={"load": p.load},
     )
