@@ -19,7 +19,7 @@ from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.answer_key import Truth
 from workbench.evaluation.blind_round import Line, score_case
 from workbench.evaluation.claims import answer_of
-from workbench.evaluation.kept import answered, chosen_cases, diagnosed, version
+from workbench.evaluation.kept import answered, chosen_cases, diagnosed, silent, version
 from workbench.evaluation.own_cases.plan import Planned, names, plan
 from workbench.evaluation.own_cases.rig_machine import rig_of
 from workbench.evaluation.own_cases.run import made
@@ -103,9 +103,13 @@ def answer(case: Planned, jobs: int) -> dict[str, Any]:
             plan_ = first.validated.plan if first.validated else None
             if plan_ is None or not is_class(first.verdict.as_data()):
                 return {}
-            recorded = with_experiment(plant, plan_, rig_of(folder), tuple(fit), tuple(hold_out))
-            after = diagnosed({}, plant, *recorded[1:], jobs=jobs)
-            return {"experiment": plan_.text, "after": after["verdict"]}
+            try:
+                runs = with_experiment(plant, plan_, rig_of(folder), tuple(fit), tuple(hold_out))
+            except Exception as error:  # noqa: BLE001
+                after = silent("failed", error)
+            else:
+                after = diagnosed({}, plant, *runs[1:], jobs=jobs)["verdict"]
+            return {"experiment": plan_.text, "after": after}
 
         return diagnosed(
             row, plant, tuple(fit), tuple(hold_out), jobs=jobs, advise=True, more=again
