@@ -145,7 +145,7 @@ def _peaks(
 
 
 def _where(delay: float, lag: float) -> str:
-    parts = [f"{1e3 * v:g} ms of {name}" for name, v in (("delay", delay), ("lag", lag)) if v]
+    parts = [f"{1e3 * v:.3g} ms of {name}" for name, v in (("delay", delay), ("lag", lag)) if v]
     return f" with {' and '.join(parts)}" if parts else ""
 
 

@@ -221,7 +221,7 @@ class JointTracking:
         angle, p1, p2 = measurement
         mean = 0.5 * (p1 + p2)
         joint = self.schedule.at(angle, mean, arithmetic)
-        holding = joint.b / self.schedule.known_inertia * (p1 - p2 - joint.difference)
+        holding = joint.b * (p1 - p2 - joint.difference)
         state = TrackingState(
             self.planner.start(angle),
             angle,
@@ -263,7 +263,8 @@ class JointTracking:
         inertia, share = self.schedule.known_inertia, 1.0
         if state.learned is not None:
             inertia, share = state.learned.inertia, state.learned.hysteresis
-        b = joint.b / inertia
+        # The observer starts from the b that the margins were found with.
+        b = joint.b * self.schedule.known_inertia / inertia
         difference = filtered
         if self.sensor_lag:
             arrived = state.sent[0] if state.sent else 0.0

@@ -74,13 +74,12 @@ def regained_picture(trials: Sequence[Trial]) -> Picture:
             alpha=0.2,
             linewidth=0.0,
         )
-        axes.set_title(family)
-        label(axes, x="time since the step (s)", y="angle (°)")
+        label(axes, x="time since the step (s)" if axes is rows[-1] else "", y=f"{family} (°)")
     key(rows[0])
     return Picture(
         "regained",
         figure,
-        "The first step of the designs; within the band a step has settled.",
+        "Angle along the first step of the designs; within the band a step has settled.",
         "angle of three designs of each family along a step",
     )
 
