@@ -48,6 +48,7 @@ def redesign(
         if trial.which == WHICH[-1]:
             export_c(trial.controller, out, name=trial.family.lower().replace(" ", "_"))
     typer.echo(str(regained_table(trials)))
-    path = write_page(regained_page(trials, Path(verdict).name, command=typed()), out / "redesign.html")
+    page = regained_page(trials, Path(verdict).name, command=typed())
+    path = write_page(page, out / "redesign.html")
     typer.echo(f"written to {path}, and the redesigned controllers in C beside it")
     return 0
