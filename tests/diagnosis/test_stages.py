@@ -20,7 +20,7 @@ from workbench.physics.library import library
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording
 
-MOST_FILTERED = 59_500
+MOST_FILTERED = 61_500
 """Samples that a diagnosis of `_given` may filter: the 53,100 that it takes, and a tenth more."""
 
 NAMES = ["fitted", "located", "prepared", "scored", "selected", "validated"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -86,8 +87,8 @@ _STEP, _STEPS = 3.0, 6
 how many: the usual size may be wrong by a hundred."""
 
 _LEAP = 100.0
-"""Factor of the first step from a guess: where a reversal is far sharper or rounder than what was
-sampled, small steps change nothing."""
+"""Factor of a step from a guess that small steps do not improve: where a reversal is far sharper or
+rounder than what was sampled, they change nothing."""
 
 _WIDER, _WIDENINGS = 5.0, 4
 """Factor by which a bound is widened that a solution sits on, and how often."""
@@ -607,16 +608,16 @@ def _tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) 
         except NumericalError:
             return math.inf
 
+    fine = (_STEP, math.sqrt(_STEP), _STEP**0.25)
     for q in guessed:
+        of = functools.partial(cost, q.name)
         here = model.parameter(f"{entry.name}.{q.name}").value
-        least = cost(q.name, here) - 1.0
-        value = _stepped(
-            lambda v, name=q.name: cost(name, v),  # type: ignore[misc]
-            here,
-            q,
-            least,
-            steps=(_LEAP, _STEP, math.sqrt(_STEP), _STEP**0.25),
-        )
+        least = of(here) - 1.0
+        value = _stepped(of, here, q, least, steps=fine)
+        if value == here:
+            value = _stepped(of, here, q, least, steps=(_LEAP,))
+            if value != here:
+                value = _stepped(of, value, q, of(value), steps=fine)
         if value != here:
             better[q.name] = value
     return _valued(entry, better) if better else entry
