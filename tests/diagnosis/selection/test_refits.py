@@ -233,3 +233,11 @@ def test_a_guess_on_a_plateau_is_left_by_a_leap() -> None:
     (speed,) = (q.value for q in tuned.parameters if q.name == "transition_speed")
     # A reversal is sampled some ten times; the recordings round it over 0.05 m/s.
     assert speed == pytest.approx(0.05, rel=0.2)
+
+
+def test_shapes_that_no_refit_changes_are_tried_too(entries: dict[str, Hypothesis]) -> None:
+    lag = entries["sensor_lag_angle"]
+    (other,) = refits._variants(lag)
+    assert [q.value for q in other.effect.parameters if q.name == "sampled"] == [1.0]
+    # A width that a refit changes is no other variant.
+    assert refits._variants(entries["stribeck_friction"]) == []

@@ -487,8 +487,28 @@ def _first(
         assert failed is not None
         return untried(score.entry, failed)
     found, fit = min(fits, key=lambda pair: pair[1].cost)
+    if begun is None:
+        # What no refit changes was chosen at size zero, which tells little of it.
+        ended = {e.name: e.value for e in fit.refit.estimates}
+        onward = _Way({}, (fit.noise_scale,), (ended, ended | usual))
+        for entry in _variants(found.entry):
+            score = replace(found, entry=entry, shape={})
+            go(onward)
+        found, fit = min(fits, key=lambda pair: pair[1].cost)
     unknown = (0.0, -math.inf, math.inf)
     return Candidate(found.entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)
+
+
+def _variants(entry: Hypothesis) -> list[Hypothesis]:
+    """Return an effect with the other shapes that no refit changes, such as a sampled filter."""
+    fitted = {q.name for q in entry.effect.parameters if q.fitted}
+    now = {q.name: q.value for q in entry.effect.parameters}
+    found: list[dict[str, float]] = []
+    for shape in entry.shapes:
+        fixed = {k: v for k, v in shape.items() if k not in fitted}
+        if any(now[k] != v for k, v in fixed.items()) and fixed not in found:
+            found.append(fixed)
+    return [_valued(entry, fixed) for fixed in found]
 
 
 def _from_nothing(base: ProcessNoiseFit, score: Score) -> _Way:
