@@ -469,20 +469,20 @@ def _first(
     fits: list[tuple[Score, ProcessNoiseFit]] = []
     failed: Exception | None = None
 
-    def go(way: _Way) -> None:
+    def go(way: _Way, tried: Score) -> None:
         nonlocal failed
         try:
-            fits.append(_refitted(base, score, priors, fit_on, way, enough))
+            fits.append(_refitted(base, tried, priors, fit_on, way, enough))
         except Exception as error:  # noqa: BLE001
             # Whatever a law does, its failure must not end the diagnosis.
             failed = error
 
     for way in ways:
-        go(way)
+        go(way, score)
     worse = not fits or min(fit.cost for _, fit in fits) > cost
     if worse and not score.entry.replaces:
         # All lead to what is worse than no effect at all: begin from there too.
-        go(_from_nothing(base, score))
+        go(_from_nothing(base, score), score)
     if not fits:
         assert failed is not None
         return untried(score.entry, failed)
@@ -492,8 +492,7 @@ def _first(
         ended = {e.name: e.value for e in fit.refit.estimates}
         onward = _Way({}, (fit.noise_scale,), (ended, ended | usual))
         for entry in _variants(found.entry):
-            score = replace(found, entry=entry, shape={})
-            go(onward)
+            go(onward, replace(found, entry=entry, shape={}))
         found, fit = min(fits, key=lambda pair: pair[1].cost)
     unknown = (0.0, -math.inf, math.inf)
     return Candidate(found.entry, fit, cost - fit.cost, unknown, SURPASSED, followed=False)

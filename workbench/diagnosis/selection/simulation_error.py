@@ -7,6 +7,7 @@ parameters under which the model, never corrected, stays closest to the recordin
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -74,7 +75,8 @@ def closest_runs(
     if fit.noise_scale <= IMPERFECT.value or work > _MOST_WORK or not judging:
         return fit
     best = fit
-    try:
+    # Whatever a law does where it is refined, the fit that was found stands.
+    with contextlib.suppress(Exception):
         begun = [piece for r in fitting for piece in pieces(fit, nominal, r)]
         errors = run_errors(fit, nominal, judging)
         for loss in ("linear", "cauchy") if robust else ("linear",):
@@ -82,9 +84,6 @@ def closest_runs(
             found = run_errors(trial, nominal, judging)
             if found.over(errors) < 1.0:
                 best, errors = trial, found
-    except Exception:  # noqa: BLE001
-        # Whatever a law does where it is refined, the fit that was found stands.
-        return best
     return best
 
 
