@@ -157,6 +157,7 @@ def derivative(
         for i, d, w in p.slip:
             share += w * float(x[base + i]) / d
         loop = (p.hyst_force + p.hyst_slope * max(0.0, gauge) * 1e-5) * share
+        loop *= (1.0, p.hyst_share_2)[k]
         gain = (p.force_gain_1, p.force_gain_2)[k]
         if p.hyst_place == 1:
             raw = p.force_gain * gain * muscle.raw_force(s, acting, p) + loop
@@ -187,7 +188,7 @@ def derivative(
     if p.valve_deadband > 0.0:
         edge = max(0.0, spool - p.valve_deadband) + min(0.0, spool + p.valve_deadband)
     up, down = opening(edge), opening(-edge)
-    fill = (up + p.centre_leakage, down + p.centre_leakage)
+    fill = (p.edge_supply_1 * (up + p.centre_leakage), down + p.centre_leakage)
     vent = (down + p.centre_leakage, up + p.centre_leakage)
     supply = p.supply_pressure + ambient
     if p.supply_volume > 0.0:

@@ -27,6 +27,7 @@ def limited_errors(folder: Path) -> dict[str, float]:
     """
     truth = json.loads((folder / "truth.json").read_text())
     quiet = {"pressure_noise": 0.0, "pressure_step": 0.0, "angle_step": 0.0, "torque_noise": 0.0}
+    quiet |= {"pressure_burst": 0.0, "angle_dropout": 0.0}
     p = truth["parameters"] | quiet
     squares = []
     for path in sorted(folder.glob("validate_*.csv")):

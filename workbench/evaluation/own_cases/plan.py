@@ -17,7 +17,10 @@ SINGLE = (
     "valve_offset", "valve_deadband", "valve_play", "valve_slew", "valve_delay", "valve_asymmetry",
     "leak_muscle_1", "leak_muscle_2", "leak_between", "supply_droop", "line", "silencers",
     "isothermal", "polytropic", "pressure_lag", "pressure_offset", "pressure_gain", "angle_delay",
-    "wrong_load",
+    "wrong_load", "angle_offset", "angle_gain", "angle_clipping", "angle_lag", "angle_jump",
+    "angle_coarse", "pressure_clipping", "pressure_drift", "pressure_jump", "edge_blocked",
+    "viscous_asymmetry", "local_friction", "cubic_spring", "hysteresis_one", "load_jump",
+    "force_fade",
 )  # fmt: skip
 """Effects of the rig that the library has, by other laws in part."""
 
@@ -30,7 +33,21 @@ PAIRS = (
     ("valve_asymmetry", "tilt"),
 )
 
-OUTSIDE = ("torque_noise", "pressure_torque", "coulomb_drift", "supply_drift")
+TRIPLES = (
+    ("stribeck", "leak_muscle_1", "angle_offset"),
+    ("hysteresis_maxwell", "valve_deadband", "pressure_gain"),
+    ("tilt", "supply_droop", "angle_delay"),
+    ("quadratic_drag", "valve_offset", "polytropic"),
+    ("cogging", "leak_between", "pressure_lag"),
+    ("cubic_spring", "edge_blocked", "angle_jump"),
+)
+
+OUTSIDE = (
+    "torque_noise", "pressure_torque", "coulomb_drift", "supply_drift", "supply_jump",
+    "torque_jump", "valve_jump", "coulomb_jump", "leak_jump", "leak_crack", "coulomb_asymmetry",
+    "end_pads", "hum", "supply_ripple", "valve_stiction", "command_hold", "angle_play",
+    "angle_eccentricity", "pressure_cross",
+)  # fmt: skip
 """Effects that the library does not have."""
 
 FACTORS = (1.0, 0.4, 2.0)

@@ -88,6 +88,53 @@ EFFECTS: dict[str, Effect] = {
     "pressure_offset": Effect("pressure sensors", "offset", {"pressure_offset_1": 1.2e4}),
     "pressure_gain": Effect("pressure sensors", "gain", {"pressure_gain_2": 1.03}),
     "angle_delay": Effect("angle sensor", "late angle", {"angle_delay": 0.015}),
+    "angle_offset": Effect("angle sensor", "offset", {"angle_offset": 1.5}),
+    "angle_gain": Effect("angle sensor", "gain", {"angle_gain": 1.04}),
+    "angle_clipping": Effect("angle sensor", "end of range", {"angle_limit": 42.0}),
+    "angle_lag": Effect("angle sensor", "slow sensor", {"angle_lag": 0.03}),
+    "angle_jump": Effect("angle sensor", "slips once", {"onset": 7.0, "onset_angle_offset": 1.0}),
+    "angle_coarse": Effect("angle sensor", "ten bits", {"angle_step": 0.35}),
+    "pressure_clipping": Effect(
+        "pressure sensors", "end of range of sensor 1", {"pressure_limit": 3.6e5}
+    ),
+    "pressure_drift": Effect("pressure sensors", "sensor 1 drifts", {"pressure_drift": 1.5e3}),
+    "pressure_jump": Effect(
+        "pressure sensors", "sensor 2 jumps", {"onset": 9.0, "onset_pressure_offset_2": 1.5e4}
+    ),
+    "edge_blocked": Effect("valve", "the edge that fills muscle 1", {"edge_supply_1": 0.7}),
+    "viscous_asymmetry": Effect("joint", "drag by direction", {"viscous_asymmetry": 0.7}),
+    "local_friction": Effect("joint", "tight at one angle", {"local_friction": 1.0}),
+    "cubic_spring": Effect("joint", "progressive spring", {"cubic_spring": 14.0}),
+    "hysteresis_one": Effect(
+        "muscles", "hysteresis of muscle 1 alone",
+        {"hyst_force": 15.0, "hyst_slope": 12.0, "hyst_law": 1.0, "hyst_beta": 0.5,
+         "hyst_share_2": 0.0},
+    ),
+    "supply_jump": Effect(
+        "supply", "the supply falls once", {"onset": 8.0, "onset_supply_pressure": -0.8e5}
+    ),
+    "torque_jump": Effect(
+        "joint", "a torque begins", {"onset": 8.0, "onset_constant_torque": 0.8}
+    ),
+    "valve_jump": Effect(
+        "valve", "the centre jumps", {"onset": 8.0, "onset_valve_centre": -0.12}
+    ),
+    "load_jump": Effect("joint", "a plate is put on", {"onset": 8.0, "onset_load": 0.8}),
+    "coulomb_jump": Effect("joint", "a seal seizes", {"onset": 8.0, "onset_coulomb": 0.8}),
+    "force_fade": Effect("muscles", "muscles get weaker", {"force_fade": 0.06}),
+    "leak_jump": Effect("chamber 1", "a leak begins", {"onset": 8.0, "onset_leak_1": 1e-10}),
+    "leak_crack": Effect(
+        "chamber 1", "a leak that opens with pressure", {"leak_1": 2e-10, "leak_threshold": 3.2e5}
+    ),
+    "coulomb_asymmetry": Effect("joint", "dry by direction", {"coulomb_asymmetry": 0.9}),
+    "end_pads": Effect("joint", "pads before the stops", {"pad_stiffness": 25.0}),
+    "hum": Effect("joint", "torque periodic in time", {"hum_torque": 0.5}),
+    "supply_ripple": Effect("supply", "a compressor is heard", {"supply_ripple": 0.3e5}),
+    "valve_stiction": Effect("valve", "the spool sticks", {"valve_stiction": 0.12}),
+    "command_hold": Effect("valve", "commands are held for long", {"command_hold": 0.02}),
+    "angle_play": Effect("angle sensor", "loose coupling", {"angle_play": 0.4}),
+    "angle_eccentricity": Effect("angle sensor", "off centre", {"angle_eccentricity": 0.6}),
+    "pressure_cross": Effect("pressure sensors", "cross-talk", {"pressure_cross": 0.03}),
     "wrong_load": Effect("joint", "the load differs from the notes", {}),
 }  # fmt: skip
 """Every effect by name.  `wrong_load` is applied by `cases.make_case` to the load itself."""

@@ -22,41 +22,78 @@ def quantise(value: float, step: float) -> float:
 
 @dataclass
 class Sensors:
-    """Sensors with memory: coloured noise and the delay of the angle (linear interpolation)."""
+    """Sensors with memory: coloured noise, bursts, lags, play, and the delay of the angle.
+
+    The delay is interpolated linearly; a lag is the sampled filter y += (1 - exp(-h/T)) (u - y),
+    settled at the first sample.
+    """
 
     parameters: dict[str, float]
     rng: np.random.Generator
     _noise: list[float] = field(default_factory=lambda: [0.0, 0.0], init=False)
     _angles: list[float] = field(default_factory=list, init=False)
-    _lagged: list[float | None] = field(default_factory=lambda: [None, None], init=False)
+    _lagged: dict[str, float] = field(default_factory=dict, init=False)
+    _burst: int = field(default=0, init=False)
+    _coupled: float | None = field(default=None, init=False)
+    _read: float | None = field(default=None, init=False)
 
     def angle(self, true_deg: float) -> float:
         """Return the angle read in degrees."""
         p = self.parameters
-        self._angles.append(true_deg)
+        if p["angle_dropout"] > 0.0 and self._read is not None:
+            if self.rng.random() < p["angle_dropout"]:
+                return self._read
+        self._angles.append(self._behind(true_deg))
         lag = p["angle_delay"] / SAMPLE
         whole = math.floor(lag)
         back = [self._angles[max(0, len(self._angles) - 1 - whole - k)] for k in (0, 1)]
-        value = back[0] + (lag - whole) * (back[1] - back[0]) + p["angle_offset"]
-        return quantise(value, p["angle_step"])
+        value = self._lag("angle", back[0] + (lag - whole) * (back[1] - back[0]))
+        value += p["angle_eccentricity"] * math.sin(2.0 * math.pi * value / 24.0)
+        value = p["angle_gain"] * value + p["angle_offset"]
+        if p["angle_limit"] > 0.0:
+            value = min(value, p["angle_limit"])
+        self._read = quantise(value, p["angle_step"])
+        return self._read
 
-    def pressure(self, k: int, true_pa: float) -> float:
-        """Return the gauge pressure of muscle k (0, 1) read in Pa.
+    def _behind(self, true_deg: float) -> float:
+        """Return the angle behind a coupling with play."""
+        half = self.parameters["angle_play"]
+        last = true_deg if self._coupled is None else self._coupled
+        self._coupled = min(true_deg + half, max(true_deg - half, last))
+        return self._coupled
 
-        The lag is the sampled filter y += (1 - exp(-h/T)) (p - y), settled at the first sample.
-        """
+    def _lag(self, name: str, value: float) -> float:
+        time = self.parameters[f"{name.rstrip('12_')}_lag"]
+        if time > 0.0:
+            last = self._lagged.get(name, value)
+            value = last + (1.0 - math.exp(-SAMPLE / time)) * (value - last)
+            self._lagged[name] = value
+        return value
+
+    def pressure(self, k: int, true_pa: tuple[float, float]) -> float:
+        """Return the gauge pressure of muscle k (0, 1) read in Pa; `true_pa` are both."""
         p = self.parameters
-        if p["pressure_lag"] > 0.0:
-            last = self._lagged[k]
-            share = 1.0 - math.exp(-SAMPLE / p["pressure_lag"])
-            true_pa = true_pa if last is None else last + share * (true_pa - last)
-            self._lagged[k] = true_pa
+        own = self._lag(f"pressure_{k + 1}", true_pa[k] + p["pressure_cross"] * true_pa[1 - k])
         tau = p["pressure_noise_time"]
         keep = math.exp(-SAMPLE / tau) if tau > 0.0 else 0.0
         fresh = math.sqrt(1.0 - keep * keep) * p["pressure_noise"]
         self._noise[k] = keep * self._noise[k] + fresh * self.rng.standard_normal()
-        value = p[f"pressure_gain_{k + 1}"] * true_pa + p[f"pressure_offset_{k + 1}"]
-        return quantise(value + self._noise[k], p["pressure_step"])
+        value = p[f"pressure_gain_{k + 1}"] * own + p[f"pressure_offset_{k + 1}"]
+        value += self._noise[k] + self._burst_noise()
+        if k == 0 and p["pressure_limit"] > 0.0:
+            value = min(value, p["pressure_limit"])
+        return quantise(value, p["pressure_step"])
+
+    def _burst_noise(self) -> float:
+        size = self.parameters["pressure_burst"]
+        if size == 0.0:
+            return 0.0
+        if self._burst == 0 and self.rng.random() < 0.001:
+            self._burst = 6  # both sensors in turn, three samples each
+        if self._burst == 0:
+            return 0.0
+        self._burst -= 1
+        return size * self.rng.standard_normal()
 
 
 @dataclass
@@ -69,10 +106,13 @@ class CommandPath:
     start: float = 5.0
     _queue: deque[float] = field(init=False)
     _play: float = field(init=False)
+    _stuck: float = field(init=False)
+    _held: float = field(init=False)
+    _samples: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         self._queue = deque([self.start] * round(self.parameters["valve_delay"] / self.step))
-        self._play = self.start
+        self._play = self._stuck = self._held = self.start
 
     def quantised(self, volt: float) -> float:
         """Return the command on the grid of the output card, counted from 5 V."""
@@ -80,7 +120,14 @@ class CommandPath:
 
     def __call__(self, volt: float) -> NDArray[np.float64]:
         """Return what the spool is told during the next sample, one value per step."""
-        half = self.parameters["valve_play"]
+        p = self.parameters
+        half, every = p["valve_play"], max(1, round(p["command_hold"] / SAMPLE))
+        if self._samples % every == 0:
+            self._held = volt
+        self._samples += 1
+        if abs(self._held - self._stuck) >= p["valve_stiction"]:
+            self._stuck = self._held
+        volt = self._stuck
         self._play = min(volt + half, max(volt - half, self._play))
         self._queue.extend([self._play] * self.steps)
         return np.array([self._queue.popleft() for _ in range(self.steps)])

@@ -105,7 +105,8 @@ static void derivative(const double *p, const double *x, double u, const double 
         if (P(hyst_law) == 1) share = x[X_memory_1 + k];
         for (int i = 0; i < NE; i++)
             share += p[P_hyst_w1 + i] * x[X_slip_1_1 + NE * k + i] / p[P_hyst_d1 + i];
-        loop = (P(hyst_force) + P(hyst_slope) * (gauge > 0 ? gauge : 0) * 1e-5) * share;
+        loop = (P(hyst_force) + P(hyst_slope) * (gauge > 0 ? gauge : 0) * 1e-5) * share
+               * (k ? P(hyst_share_2) : 1.0);
         statics = muscle(p, s, active, p[P_force_gain_1 + k], loop);
         if (P(tendon_stiffness) > 0) {
             ten[k] = P(tendon_stiffness) * (dist(a) - FIT - s);
@@ -139,6 +140,7 @@ static void derivative(const double *p, const double *x, double u, const double 
     for (int k = 0; k < 2; k++) {
         double port = pr[k], tp = tt[k], outlet = amb, ti, to, win, wout, dm, heat;
         double fill = (k ? down : up) + P(centre_leakage), vent = (k ? up : down) + P(centre_leakage);
+        if (k == 0) fill *= P(edge_supply_1);
         if (P(line_volume) > 0) { port = x[X_line_1 + k] * rt / P(line_volume); tp = te; }
         if (P(silencer_volume) > 0) outlet = x[X_exhaust_1 + k] * rt / P(silencer_volume);
         win = flow(p, P(conductance) * fill, supply, te, port, tp, &ti);

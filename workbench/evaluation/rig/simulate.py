@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from workbench.evaluation.rig import arm, fast, muscle, plant
 from workbench.evaluation.rig.electronics import CommandPath, PositionLoop, Sensors
 from workbench.evaluation.rig.excitation import RATE
+from workbench.evaluation.rig.varying import Now, varying
 
 Array = NDArray[np.float64]
 STEP = 1e-4
@@ -85,29 +86,22 @@ def driven(
     sensors, steps = Sensors(p, rng), round(1.0 / RATE / STEP)
     path = CommandPath(p, steps, STEP)
     table, states, x = np.empty((count, 5)), np.empty((count, len(state))), np.array(state, float)
-    keep = np.exp(-1.0 / RATE / p["torque_noise_time"])
-    laws = _drifts(p)
+    keep, noise = np.exp(-1.0 / RATE / p["torque_noise_time"]), 0.0
+    laws = varying(p)
     for j in range(count):
-        for name, law in laws.items():
-            p[name] = law(j / RATE)
-        if p["torque_noise"] > 0.0:
-            fresh = np.sqrt(1.0 - keep**2) * p["torque_noise"] * rng.standard_normal()
-            p["external_torque"] = keep * p["external_torque"] + fresh
         states[j] = x
         true = gauge(x, p)
+        now = Now(j / RATE, float(x[0]), float(x[1]), true[0])
+        for name, law in laws.items():
+            p[name] = law(now)
+        if p["torque_noise"] > 0.0:
+            fresh = np.sqrt(1.0 - keep**2) * p["torque_noise"] * rng.standard_normal()
+            noise = keep * noise + fresh
+            p["external_torque"] += noise
         angle = sensors.angle(float(np.degrees(x[0])))
-        read = (sensors.pressure(0, true[0]), sensors.pressure(1, true[1]))
+        read = (sensors.pressure(0, true), sensors.pressure(1, true))
         told = path.quantised(volt(j, angle, read))
         table[j] = j / RATE, told, angle, read[0] * 1e-5, read[1] * 1e-5
         _, x = fast.run(p, x, path(told), step=STEP, keep=steps)
     return Record(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], states)
 
-
-def _drifts(p: dict[str, float]) -> dict[str, Callable[[float], float]]:
-    """Return the laws of the parameters that the rig itself lets drift."""
-
-    def law(first: float, rate: float) -> Callable[[float], float]:
-        return lambda time: max(0.0, first + rate * time)
-
-    rates = {"coulomb": p["coulomb_drift"], "supply_pressure": p["supply_drift"]}
-    return {name: law(p[name], rate) for name, rate in rates.items() if rate != 0.0}
