@@ -110,7 +110,9 @@ def blind(
 @with_campaign
 def own_cases(
     campaign: Campaign,
-    count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 110,
+    count: Annotated[
+        int | None, typer.Option(help="First cases of the plan; all by default.", min=1)
+    ] = None,
     seeds: Seeds = None,
     baselines: Annotated[bool, typer.Option(help="Whether the baselines answer too.")] = True,
 ) -> int:

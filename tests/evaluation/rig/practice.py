@@ -62,7 +62,9 @@ def replay(
     states, _ = fast.run(p, x, np.repeat(u, per), step=step, keep=per)
     bars = plant.pressures(states, p) / 1e5
     sensors = Sensors(p | {"pressure_noise": 0.0, "pressure_step": 0.0}, np.random.default_rng(0))
-    bars = np.array([[sensors.pressure(k, (1e5 * row[0], 1e5 * row[1])) / 1e5 for k in (0, 1)] for row in bars])
+    bars = np.array(
+        [[sensors.pressure(k, (1e5 * row[0], 1e5 * row[1])) / 1e5 for k in (0, 1)] for row in bars]
+    )
     e_angle = np.degrees(states[:, 0]) - data[:, 2]
     e_bar = bars - data[:, 3:]
     return Comparison(float(np.sqrt(np.mean(e_angle**2))), 1e3 * float(np.sqrt(np.mean(e_bar**2))))

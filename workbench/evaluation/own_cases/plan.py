@@ -40,6 +40,12 @@ TRIPLES = (
     ("quadratic_drag", "valve_offset", "polytropic"),
     ("cogging", "leak_between", "pressure_lag"),
     ("cubic_spring", "edge_blocked", "angle_jump"),
+    ("hysteresis_bouc_wen", "line", "constant_torque"),
+    ("muscle_mismatch", "valve_delay", "local_friction"),
+    ("creep", "valve_asymmetry", "pressure_offset"),
+    ("loose_load", "silencers", "angle_gain"),
+    ("load_friction", "leak_muscle_2", "pressure_drift"),
+    ("viscous_asymmetry", "valve_play", "isothermal"),
 )
 
 OUTSIDE = (
@@ -55,8 +61,13 @@ FACTORS = (1.0, 0.4, 2.0)
 
 LOADS_KG = (1.0, 3.0, 5.0)
 
-COLOURED_S = 0.02
-"""Correlation time of coloured noise of the pressure sensors."""
+COLOURED = "coloured noise"
+NOISES = {
+    COLOURED: {"pressure_noise_time": 0.02},
+    "bursts of noise": {"pressure_burst": 6e3},
+    "repeated samples": {"angle_dropout": 0.01},
+}
+"""What the sensors may do beside white noise: parameters of the rig, in SI."""
 
 FIRST_SEED = 2000
 """Seed of the first case of the plan. Other thousands give other cases of the same kinds: other
@@ -72,8 +83,8 @@ class Planned:
     Args:
         seed: Seed of background parameters, excitation and noise.
         load: Mass of the plates as noted, in kg.
-        kind: ``single``, ``pair``, ``nothing``, ``outside``, or ``limited`` where the recordings
-            are closed-loop only.
+        kind: ``single``, ``pair``, ``triple``, ``nothing``, ``outside``, or ``limited`` where the
+            recordings are closed-loop only.
         factor: Size relative to the rig's own.
         spread: How far the background parameters leave their nominal values, relative to their
             usual range.
@@ -103,7 +114,9 @@ class Planned:
         hidden = "+".join(self.effects) or "nothing"
         size = f" x{self.factor:g}" if any(e in SIZES for e in self.effects) else ""
         extra = [] if self.recorded == "all" else [self.recorded]
-        extra += ["coloured noise"] if "pressure_noise_time" in self.changes else []
+        extra += [
+            words for words, changes in NOISES.items() if changes.items() <= self.changes.items()
+        ]
         return hidden + size + (f" ({', '.join(extra)})" if extra else "")
 
     @property
@@ -123,30 +136,25 @@ class _Item:
     effects: tuple[str, ...]
     kind: str
     recorded: str = "all"
-    coloured: bool = False
+    noise: str = ""
 
 
 _SPECIAL = (
     (
-        _Item(("torque_noise",), "outside"),
-        _Item(("pressure_torque",), "outside"),
         _Item(("parasitic_spring",), "limited", "narrow"),
         _Item(("stribeck",), "limited", "closed"),
-        _Item(("tilt",), "single", coloured=True),
+        _Item(("tilt",), "single", noise=COLOURED),
     ),
     (
-        _Item(("coulomb_drift",), "outside"),
-        _Item(("supply_drift",), "outside"),
         _Item((), "limited", "narrow"),
         _Item(("leak_muscle_2",), "limited", "closed"),
         _Item(("quadratic_drag",), "limited", "narrow"),
     ),
     (
-        *(_Item((name,), "outside") for name in OUTSIDE),
         _Item((), "limited", "closed"),
         _Item(("force_shape",), "limited", "narrow"),
         _Item(("valve_offset",), "limited", "closed"),
-        _Item(("valve_offset",), "single", coloured=True),
+        _Item(("valve_offset",), "single", noise=COLOURED),
     ),
 )
 """Beyond single effects and pairs, turn by turn."""
@@ -158,9 +166,9 @@ _NOTHING = 12
 def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
     """Return three turns of cases, each determined by its seed, in the order in which they are run.
 
-    Each turn has every single effect at one size, some of the pairs, some special cases and one in
-    four or five with nothing hidden, spread so that any beginning of the plan is a fair sample. The
-    seed of the first case is a multiple of 1000.
+    Each turn has every single effect at one size, some of the pairs, triples and effects outside
+    the library, some special cases and one in six with nothing hidden, spread so that any
+    beginning of the plan is a fair sample. The seed of the first case is a multiple of 1000.
     """
     cases: list[Planned] = []
     for turn, factor in enumerate(FACTORS):
@@ -168,8 +176,11 @@ def plan(first_seed: int = FIRST_SEED) -> tuple[Planned, ...]:
         pairs = (PAIRS[:3], PAIRS[3:], PAIRS)[turn]
         hidden = [_Item((name,), "single") for name in single]
         hidden += [_Item(pair, "pair") for pair in pairs]
+        hidden += [_Item(names, "triple") for names in TRIPLES[turn::3]]
+        hidden += [_Item((name,), "outside") for name in OUTSIDE[turn::3]]
         hidden += _SPECIAL[turn]
-        nothing = [_Item((), "nothing", coloured=k == _NOTHING - 1) for k in range(_NOTHING)]
+        noises = [""] * (_NOTHING - len(NOISES)) + list(NOISES)
+        nothing = [_Item((), "nothing", noise=noise) for noise in noises]
         placed = 0
         for k, item in enumerate(_strided(hidden)):
             cases.append(_planned(first_seed, len(cases), item, factor))
@@ -190,11 +201,11 @@ def _planned(
     first_seed: int, number: int, item: _Item, factor: float, *, even: bool = False
 ) -> Planned:
     """Give an item its seed, load and sizes; `even` keeps the background nominal."""
-    # Effects outside the library, pairs and limited recordings stay at the rig's own size.
-    factor = factor if item.kind == "single" and not item.coloured else 1.0
+    # Several effects at once, those outside the library and limited recordings stay at the rig's
+    # own size.
+    factor = factor if item.kind == "single" and not item.noise else 1.0
     changes = {n: v for e in item.effects for n, v in sizes(e, factor).items()}
-    if item.coloured:
-        changes["pressure_noise_time"] = COLOURED_S
+    changes |= NOISES.get(item.noise, {})
     # The same kind of case has another load and the other sign in the next thousand.
     turned = number + (first_seed - FIRST_SEED) // 1000
     sign = 1.0 if turned % 2 else -1.0

@@ -98,7 +98,6 @@ def _answerers(scored: Sequence[Score]) -> str:
         ("held-out error over the limit", *(_three(s.ratio) for s in scored)),
         ("size error, median", *(_percent(s.sizes.median) for s in scored)),
         ("size error, 90 %", *(_percent(s.sizes.worst) for s in scored)),
-        ("95 % intervals that cover", *(s.sizes.coverage for s in scored)),
         ("processor seconds, median", *(_three(s.seconds) for s in scored)),
     ]
     return aligned_table(("", *(s.who for s in scored)), rows, width=None)

@@ -36,8 +36,10 @@ def made(case: Planned, folder: Path, *, seconds: float = 20.0) -> Path:
     )
 
 
-def cases(count: int, first_seed: int | None, only: Sequence[str] = ()) -> tuple[Planned, ...]:
-    """Return the first cases of the plan, or all of it where some are asked for by name.
+def cases(
+    count: int | None, first_seed: int | None, only: Sequence[str] = ()
+) -> tuple[Planned, ...]:
+    """Return the first cases of the plan, all of it without a count or where some are named.
 
     Args:
         first_seed: Seed of the first case; None for that of the plan.

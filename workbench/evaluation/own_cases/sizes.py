@@ -154,6 +154,23 @@ COUNTERPARTS: dict[tuple[str, str], Counterpart] = {
         "excess", _p("pressure_gain_2", less=1.0)
     ),
     ("angle_delay", "sensor_delay_angle"): Counterpart("time", _p("angle_delay")),
+    ("angle_offset", "sensor_offset_angle"): Counterpart(
+        "amount", _p("angle_offset", math.radians(1.0))
+    ),
+    ("angle_gain", "sensor_gain_angle"): Counterpart("excess", _p("angle_gain", less=1.0)),
+    ("angle_lag", "sensor_lag_angle"): Counterpart("time", _p("angle_lag")),
+    ("angle_jump", "sensor_jump_angle"): Counterpart(
+        "amount", _p("onset_angle_offset", math.radians(1.0))
+    ),
+    ("pressure_jump", "sensor_jump_pressure_2"): Counterpart(
+        "amount", _p("onset_pressure_offset_2")
+    ),
+    ("edge_blocked", "edge_gain_supply_1"): Counterpart("excess", _p("edge_supply_1", less=1.0)),
+    ("viscous_asymmetry", "direction_dependent_viscous"): Counterpart(
+        "difference", lambda p: 2.0 * p["viscous"] * p["viscous_asymmetry"]
+    ),
+    ("cubic_spring", "cubic_stiffness"): Counterpart("stiffness", _p("cubic_spring")),
+    ("local_friction", "local_friction"): Counterpart("level", _p("local_friction")),
     ("wrong_load", "load_error"): Counterpart("mass", _p("load_error")),
 }
 """By effect of the rig and name in the library: where both state the same quantity."""

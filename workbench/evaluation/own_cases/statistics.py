@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from workbench.evaluation.blind_round import score_round
-from workbench.evaluation.claims import LARGEST_RATIO, answer_of
+from workbench.evaluation.claims import answer_of
 from workbench.evaluation.own_cases.judge import (
     ANSWERERS,
     Judged,
@@ -29,12 +29,21 @@ from workbench.evaluation.rates import Rate
 
 BARS: dict[str, tuple[str, float]] = {
     "false alarms": ("at most", 0.0),
-    "right group": ("at least", 0.9),
-    "right name or class": ("at least", 0.8),
-    "confidently wrong": ("at most", 0.05),
-    "held out within 1.5 of the limit": ("at least", 0.5),
+    "right group": ("at least", 0.96),
+    "right name or class of one": ("at least", 0.9),
+    "right name or class of two": ("at least", 0.8),
+    "right name or class of three": ("at least", 0.65),
+    "confidently wrong": ("at most", 0.02),
+    "held out within 1.3 of the limit": ("at least", 0.85),
+    "95 % intervals that cover": ("at least", 0.92),
 }
-"""What the tool must reach; the last one at the median."""
+"""What the tool must reach."""
+
+NEAR = 1.3
+"""Held-out error over that of the true model that counts as right."""
+
+HIDING = {"single": "one", "pair": "two", "triple": "three"}
+"""Kinds of cases that hide what the library has, and how many effects those are."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +95,7 @@ class Score:
 
     def rates(self) -> dict[str, Rate]:
         """Return the rates that the bars are about, and others beside them."""
-        faulty = [j for j in self.judged if j.effects and j.kind in ("single", "pair")]
+        faulty = [j for j in self.judged if j.effects and j.kind in HIDING]
         clean = [j for j in self.judged if not j.effects]
         outside = [j for j in self.judged if j.kind == "outside"]
         limited = [j for j in self.judged if j.kind == "limited" and j.effects]
@@ -97,14 +106,21 @@ class Score:
             "right group": _over(faulty, lambda j: j.line.located),
             "right region": _over(faulty, lambda j: j.regions),
             "right name or class": _over(faulty, lambda j: j.line.named),
+            **{
+                f"right name or class of {many}": _over(
+                    [j for j in faulty if j.kind == kind], lambda j: j.line.named
+                )
+                for kind, many in HIDING.items()
+            },
             "confidently wrong": Rate(sum(j.wrong for j in self.judged), len(self.judged)),
             "outside the library: right group": _over(outside, lambda j: j.line.located),
             "outside the library: wrong name": Rate(sum(j.wrong for j in outside), len(outside)),
             "closed loop only: wrong name": Rate(sum(j.wrong for j in limited), len(limited)),
             "closed loop only: right name": _over(limited, lambda j: j.line.named),
-            "held out within 1.5 of the limit": Rate(
-                sum(value <= LARGEST_RATIO for value in near), len(near)
+            f"held out within {NEAR} of the limit": Rate(
+                sum(value <= NEAR for value in near), len(near)
             ),
+            "95 % intervals that cover": self.sizes.coverage,
         }
 
     @property
@@ -215,7 +231,7 @@ def by_size(rows: Sequence[Mapping[str, Any]]) -> dict[float, dict[str, Rate]]:
 def by_kind(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """Return how the tool did on each kind of case."""
     result: dict[str, dict[str, Any]] = {}
-    for kind in ("single", "pair", "nothing", "outside", "limited"):
+    for kind in (*HIDING, "nothing", "outside", "limited"):
         own = [j for row in rows if row["kind"] == kind and (j := judge(row)) is not None]
         if own:
             result[kind] = {

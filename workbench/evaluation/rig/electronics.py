@@ -40,9 +40,9 @@ class Sensors:
     def angle(self, true_deg: float) -> float:
         """Return the angle read in degrees."""
         p = self.parameters
-        if p["angle_dropout"] > 0.0 and self._read is not None:
-            if self.rng.random() < p["angle_dropout"]:
-                return self._read
+        dropout = p["angle_dropout"]
+        if dropout > 0.0 and self._read is not None and self.rng.random() < dropout:
+            return self._read
         self._angles.append(self._behind(true_deg))
         lag = p["angle_delay"] / SAMPLE
         whole = math.floor(lag)

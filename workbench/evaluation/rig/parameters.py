@@ -136,7 +136,11 @@ _TABLE: dict[str, tuple[float, str, str]] = {
     "angle_limit": (0.0, "deg", "largest angle that is read, 0: any"),
     "angle_lag": (0.0, "s", "first-order lag of the angle"),
     "angle_play": (0.0, "deg", "half width of a play in the coupling of the encoder"),
-    "angle_eccentricity": (0.0, "deg", "amplitude of an error of the angle with a period of 24 deg"),
+    "angle_eccentricity": (
+        0.0,
+        "deg",
+        "amplitude of an error of the angle with a period of 24 deg",
+    ),
     "angle_dropout": (0.0, "-", "share of the samples that repeat the one before"),
     "angle_step": (0.002, "deg", "quantisation of the angle"),
     "angle_delay": (0.0, "s", "delay of the angle"),

@@ -104,4 +104,3 @@ def driven(
         table[j] = j / RATE, told, angle, read[0] * 1e-5, read[1] * 1e-5
         _, x = fast.run(p, x, path(told), step=STEP, keep=steps)
     return Record(table[:, 0], table[:, 1], table[:, 2], table[:, 3], table[:, 4], states)
-

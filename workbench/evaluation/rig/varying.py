@@ -13,7 +13,14 @@ from workbench.evaluation.rig import arm
 
 
 class Now(NamedTuple):
-    """Where the rig is at a sample: time in s, angle in rad, speed in rad/s, gauge pressure 1."""
+    """Where the rig is at a sample.
+
+    Args:
+        time: In s.
+        angle: In rad.
+        speed: In rad/s.
+        pressure_1: Gauge pressure of muscle 1, in Pa.
+    """
 
     time: float
     angle: float
@@ -25,7 +32,11 @@ Law = Callable[[Now], float]
 
 
 def varying(p: dict[str, float]) -> dict[str, Law]:
-    """Return the laws of the parameters that change, by the parameter that each sets."""
+    """Return the laws of the parameters that change, by the parameter that each sets.
+
+    Args:
+        p: Parameters of the rig, in SI.
+    """
     p = dict(p)
     laws: dict[str, Law] = {"external_torque": _torque(p)}
     for name, change in p.items():
