@@ -135,7 +135,7 @@ def synthesise(
         WorkbenchError: If slycot is not installed or a number is outside its range.
         NumericalError: If there is no stabilising controller, or no stable one.
     """
-    h = check_range("sample time", sample_time, 1e-6, 1.0, "s")
+    h = check_range("sample time", sample_time, 1e-6, 1e4, "s")
     check_range("bandwidth of the pressure loop", inner_bandwidth, 1.0, 1.0 / h, "rad/s")
     check_range("delay", delay, 1e-6, 1.0, "s")
     plant = joint_behind_pressure_loop(joint, inner_bandwidth, delay)

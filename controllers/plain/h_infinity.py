@@ -14,7 +14,7 @@ import numpy as np
 
 from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, sampled_synthesis
-from controllers.plain.single_loop import LoopSpecification
+from controllers.plain.single_loop import SPEED, LoopSpecification
 from controllers.plain.transfer_law import TransferLaw, transfer_controller
 from workbench.errors import check_range
 from workbench.linearisation.transfer import transfer_function
@@ -28,16 +28,17 @@ class PlainHInfinitySpecification(LoopSpecification):
     """What an H-infinity controller for any linear model is designed for.
 
     Args:
-        speed: Speed w below which the error is made small, in rad/s.
+        speed: Speed w below which the error is made small, in rad/s; by default (0) a
+            fiftieth of the sampling rate.
         delay: Delay of sample and converter, in s; one and a half samples by default (0).
     """
 
-    speed: float = 10.0
+    speed: float = 0.0
     delay: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("speed", self.speed, 1e-6, 0.5 / self.sample_time, "rad/s")
+        check_range("speed", self.speed, 0.0, 0.5 / self.sample_time, "rad/s")
         check_range("delay", self.delay, 0.0, 1e3, "s")
 
 
@@ -54,7 +55,8 @@ def design_plain_h_infinity(
 
     want = specification or PlainHInfinitySpecification()
     loop = want.loop(linear)
-    own, w, h = loop.linear, want.speed, want.sample_time
+    own, h = loop.linear, want.sample_time
+    w = want.speed or SPEED / h
     size = abs(complex(transfer_function(own.A, own.B, own.C, own.D, np.array([1j * w]))[0, 0, 0]))
     unit = 1.0 / (size * w * w)
     # The command passes a delay (first-order Pade); a disturbance enters beside it.

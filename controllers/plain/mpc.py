@@ -13,7 +13,7 @@ import numpy as np
 
 from controllers.design import Design
 from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
-from controllers.plain.single_loop import LoopSpecification
+from controllers.plain.single_loop import SPEED, LoopSpecification
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
@@ -27,6 +27,7 @@ class PlainMPCSpecification(LoopSpecification):
 
     Args:
         speed: Speed of the reference's lags, in rad/s; the horizon is four of its time constants.
+            By default (0) a fiftieth of the sampling rate.
         error_scale: Error that weighs as much as a third of the command, in SI of the output; a
             hundredth of its scale by default (0).
         rate_time: Time in which the command may cross half of its range, in s; two prediction
@@ -35,14 +36,14 @@ class PlainMPCSpecification(LoopSpecification):
             of its scale at least (0).
     """
 
-    speed: float = 10.0
+    speed: float = 0.0
     error_scale: float = 0.0
     rate_time: float = 0.0
     noise: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("speed", self.speed, 1e-6, 0.5 / self.sample_time, "rad/s")
+        check_range("speed", self.speed, 0.0, 0.5 / self.sample_time, "rad/s")
         for name in ("error_scale", "rate_time", "noise"):
             check_range(name.replace("_", " "), getattr(self, name), 0.0, 1e12)
 
@@ -59,7 +60,8 @@ def design_plain_mpc(
     want = specification or PlainMPCSpecification()
     loop = want.loop(linear)
     own, h = loop.linear, want.sample_time
-    step = h * max(1, round(0.1 / want.speed / h))
+    speed = want.speed or SPEED / h
+    step = h * max(1, round(0.1 / speed / h))
     scales = {q.name: q.scale for q in own.operating_point.model.states}
     size = np.array([scales.get(name, 1.0) for name in own.state_names])
     entered = int(np.argmax(np.abs(own.B[:, 0]) / size))
@@ -70,7 +72,7 @@ def design_plain_mpc(
         rate_limit=1.0 / (want.rate_time or 2.0 * step),
         disturbances={own.state_names[entered]: walk},
         sensor_noise=(want.noise or max(loop.noise, 1e-4 * loop.output_scale),),
-        reference_speed=want.speed,
+        reference_speed=speed,
         sample_time=h,
     )
     straight = ValveInverse((0.0, loop.command_scale), (0.0, 1.0), loop.rest_command)

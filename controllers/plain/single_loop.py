@@ -54,6 +54,10 @@ class SingleLoop(NamedTuple):
         }
 
 
+SPEED = 0.02
+"""Usual speed of a loop, times the sample time, dimensionless."""
+
+
 def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoop:
     """Read a single loop off a linear model or a python-control system.
 

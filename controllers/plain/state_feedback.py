@@ -30,7 +30,7 @@ import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
-from controllers.plain.single_loop import LoopSpecification, PlainLaw, SingleLoop
+from controllers.plain.single_loop import SPEED, LoopSpecification, PlainLaw, SingleLoop
 from controllers.reference.horizon import lagged
 from controllers.sampling import Rows, rows, total
 from controllers.sensitivity import peak_sensitivities
@@ -254,17 +254,18 @@ class PlainSlidingModeSpecification(ObserverSpecification):
 
     Args:
         slope: Speed of the poles on the surface, in rad/s; poles of the model that are faster stay.
+            By default (0) a fiftieth of the sampling rate.
         reach: What may lead to the surface, as a fraction of the command.
         layer_bandwidth: Pole inside the boundary layer, in rad/s; twice the slope by default (0).
     """
 
-    slope: float = 10.0
+    slope: float = 0.0
     reach: float = 0.5
     layer_bandwidth: float = 0.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("slope of the surface", self.slope, 1e-6, 0.2 / self.sample_time, "rad/s")
+        check_range("slope of the surface", self.slope, 0.0, 0.2 / self.sample_time, "rad/s")
         check_range("reach to the surface", self.reach, 1e-6, 10.0)
         top = 0.5 / self.sample_time
         check_range("bandwidth of the layer", self.layer_bandwidth, 0.0, top, "rad/s")
@@ -282,25 +283,26 @@ def design_plain_sliding_mode(
     loop = want.loop(linear)
     A, B, C = loop.linear.A, loop.linear.B, loop.linear.C
     n = len(A)
+    slope = want.slope or SPEED / want.sample_time
     # With q' = -C x in the place of the error's integral, whose reference is at rest.
     joined = np.block([[A, np.zeros((n, 1))], [-C, np.zeros((1, 1))]])
     entry = np.vstack([B, [[0.0]]])
-    poles = [-abs(p) if abs(p) > want.slope else -want.slope for p in np.linalg.eigvals(A)]
+    poles = [-abs(p) if abs(p) > slope else -slope for p in np.linalg.eigvals(A)]
     surface = _surface(joined, entry, sorted(poles)[:n], loop.actuator)
     kept = surface @ joined
-    bandwidth = want.layer_bandwidth or 2.0 * want.slope
+    bandwidth = want.layer_bandwidth or 2.0 * slope
     reach = want.reach * loop.command_scale
     return _observed(
         loop,
         want,
         kept[:n],
         -float(kept[n]),
-        slow=want.slope,
+        slow=slope,
         name="sliding mode",
         surface=tuple(surface[:n].tolist()),
         surface_integral=-float(surface[n]),
         reach=reach,
-        reference_speed=want.reference_speed or want.slope,
+        reference_speed=want.reference_speed or slope,
         layer=reach / bandwidth,
     )
 

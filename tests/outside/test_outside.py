@@ -135,6 +135,8 @@ def test_every_verb_takes_what_an_outside_package_brings(installed: bool, tmp_pa
         + ["--require", f"{metric}=60N", "--require", "settling_time=1.5s"],
         ["recording", logs[0], "--plant", plant, *read],
         ["refit", *named, *read, "--fit", logs[0], "--hold-out", logs[1], "--out", "refit"],
+        # What an installed package measures is left out where a plant has no such signal.
+        ["verify", "--plant", "servo-axis", "-c", "plain-pid"],
         folder=tmp_path,
         installed=installed,
     )

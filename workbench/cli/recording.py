@@ -3,30 +3,43 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from workbench.cli.as_json import AsJson, tell
+from workbench.cli.plant import CHANGES, Chosen, Short, chosen_plant, options_of
+from workbench.errors import WorkbenchError
 
 UNFIT = 1
 """Exit status if the recording is not fit to judge a model on."""
 
+PlantName = Annotated[
+    str | None,
+    typer.Option(
+        help="Plant that it is a recording of, a name of 'workbench plants' or module:object:"
+        " its inputs and outputs are looked for, and its limits and signs are checked.",
+        metavar="NAME",
+    ),
+]
 
+
+def _chosen(plant: str | None, **given: Any) -> Chosen | None:
+    if plant is not None:
+        return chosen_plant(plant, **given)
+    if any(given.values()):
+        raise WorkbenchError("options of a plant are given, but no plant; name it with --plant")
+    return None
+
+
+@options_of("chosen", {"plant": (PlantName, None), **CHANGES, "short": (Short, None)}, _chosen)
 def recording(
     file: Annotated[Path, typer.Argument(help="Recording: CSV, MATLAB .mat, Parquet or JSON log.")],
     mapping: Annotated[
         Path | None,
         typer.Option(help="TOML file that says which column is which signal.", metavar="FILE"),
     ] = None,
-    plant: Annotated[
-        str | None,
-        typer.Option(
-            help="Plant that it is a recording of, a name of 'workbench plants' or module:object:"
-            " its inputs and outputs are looked for, and its limits and signs are checked.",
-            metavar="NAME",
-        ),
-    ] = None,
+    chosen: Chosen | None = None,
     out: Annotated[Path | None, typer.Option(help="Folder for the page and the pictures.")] = None,
     as_json: AsJson = False,
 ) -> int:
@@ -35,11 +48,10 @@ def recording(
     Examples: 'workbench recording run.csv --out run', 'workbench recording run.csv --plant
     my_plants:rig'.
     """
-    from workbench.cli.plant import chosen_plant
     from workbench.recordings import check_recording, read_recording
     from workbench.recordings.column_matching import driven_by
 
-    model = None if plant is None else chosen_plant(plant).model
+    model = None if chosen is None else chosen.model
     wanted = None if model is None else driven_by(model)
     seen = read_recording(file, mapping=mapping, signals=wanted)
     required = None if wanted is None else [w.name for w in wanted if w.name in seen]

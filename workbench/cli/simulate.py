@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -26,9 +27,23 @@ def simulate(
             metavar="[NAME=]HEIGHT",
         ),
     ] = None,
-    period: Annotated[str, typer.Option(help="Period of the pulses.", metavar="TIME")] = "4s",
-    duration: Annotated[str, typer.Option(help="Length of the run.", metavar="TIME")] = "8s",
-    sample_time: Annotated[str, typer.Option(help="Time between samples.", metavar="TIME")] = "2ms",
+    period: Annotated[
+        str | None,
+        typer.Option(
+            help="Period of the pulses. By default two steps that the linear model responds to.",
+            metavar="TIME",
+        ),
+    ] = None,
+    duration: Annotated[
+        str | None,
+        typer.Option(help="Length of the run. By default four such steps.", metavar="TIME"),
+    ] = None,
+    sample_time: Annotated[
+        str | None,
+        typer.Option(
+            help="Time between samples. By default a thousandth of such a step.", metavar="TIME"
+        ),
+    ] = None,
     out: Annotated[Path | None, typer.Option(help="CSV file for time, inputs and outputs.")] = None,
 ) -> int:
     """Run a plant with given inputs, from rest, and say how far the result can be trusted.
@@ -38,14 +53,22 @@ def simulate(
     'workbench simulate --plant my_plants:circuit --input voltage=0:5,1ms:0 --duration 10ms
     --sample-time 10us'.
     """
+    from workbench.linearisation import linearise
+    from workbench.linearisation.pace import step_time
     from workbench.model.units import quantity
     from workbench.operating_point import operating_point
     from workbench.simulation import simulate as run_model
 
-    step = check_range("sample time", quantity("sample time", sample_time, "s"), 1e-7, 3600.0, "s")
-    length = check_range("duration", quantity("duration", duration, "s"), 2 * step, 1e6 * step, "s")
-    driven = _with_pulses(chosen, pulses, period, length)
     start = operating_point(chosen.model, chosen.design_point)
+
+    def time(name: str, given: str | None, steps: float) -> float:
+        if given is not None:
+            return quantity(name, given, "s")
+        return steps * step_time(linearise(start, verdict=False))
+
+    step = check_range("sample time", time("sample time", sample_time, 1e-3), 1e-7, 3600.0, "s")
+    length = check_range("duration", time("duration", duration, 4.0), 2 * step, 1e6 * step, "s")
+    driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
     run = run_model(
         chosen.model, _held(start, driven, length, step), sample_time=step, start=start.x
     )
@@ -59,7 +82,7 @@ def simulate(
 
 
 def _with_pulses(
-    chosen: Chosen, pulses: str | None, period: str, duration: float
+    chosen: Chosen, pulses: str | None, period: Callable[[], float], duration: float
 ) -> dict[str, tuple[tuple[float, float], ...]]:
     from workbench.model.units import quantity
 
@@ -89,7 +112,7 @@ def _with_pulses(
         room,
         about.unit,
     )
-    half = 0.5 * check_range("period", quantity("period", period, "s"), 1e-6, 1e6, "s")
+    half = 0.5 * check_range("period", period(), 1e-6, 1e6, "s")
     count = int(duration / half) + 1
     driven[name] = tuple(
         (i * half, about.nominal + (size if i % 2 == 0 else -size)) for i in range(count)

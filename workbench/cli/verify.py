@@ -17,7 +17,6 @@ from workbench.cli.plant import Chosen, value_at_rest, with_plant
 from workbench.errors import WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
-    from workbench.linearisation import LinearModel
     from workbench.model import Model
     from workbench.study.designs import ControllerRecipe
     from workbench.study.study import Demand, Study
@@ -54,10 +53,21 @@ def verify(
         str | None,
         typer.Option("--to", help="Controlled output after the step.", metavar="VALUE"),
     ] = None,
-    hold: Annotated[str, typer.Option(help="Time between the steps.", metavar="TIME")] = "2s",
+    hold: Annotated[
+        str | None,
+        typer.Option(
+            help="Time between the steps. By default what the linear model takes to respond.",
+            metavar="TIME",
+        ),
+    ] = None,
     sample_time: Annotated[
-        str, typer.Option(help="Sample time of controllers and loop.", metavar="TIME")
-    ] = "2ms",
+        str | None,
+        typer.Option(
+            help="Sample time of controllers and loop. By default the controllers' own, or a"
+            " thousandth of that.",
+            metavar="TIME",
+        ),
+    ] = None,
     require: Annotated[
         list[str] | None,
         typer.Option(
@@ -89,7 +99,7 @@ def verify(
     from workbench.study.summary import plain_summary
 
     base = _nominal(chosen, [*(design or ()), *chosen.design])
-    scenario = _scenario(chosen, base.linear(), start, end, hold, sample_time)
+    scenario = _scenario(chosen, base, start, end, hold, sample_time, controller or ())
     recipes = _recipes(base, controller or (), scenario)
     study = replace(_study(chosen, recipes, scenario, require or ()), seeds=(seed,))
     with tempfile.TemporaryDirectory() as folder:
@@ -150,15 +160,18 @@ def _study(
 
 def _scenario(
     chosen: Chosen,
-    linear: LinearModel,
+    base: ControllerRecipe,
     start: str | None,
     end: str | None,
-    hold: str,
-    sample_time: str,
+    hold: str | None,
+    sample_time: str | None,
+    controllers: Sequence[str],
 ) -> Scenario:
+    from workbench.linearisation.pace import step_time
     from workbench.model.units import from_si, quantity
     from workbench.verification import Steps, step_scenario
 
+    linear = base.linear()
     name = chosen.plant.controlled_outputs(chosen.model)[0]
     y0 = {n: float(y) for n, y in zip(linear.output_names, linear.y0, strict=True)}
     about = next(q for q in chosen.model.outputs if q.name == name)
@@ -170,8 +183,15 @@ def _scenario(
             (end, last, f"{name} after the step"),
         )
     ]
-    held = check_range("time between the steps", quantity("time", hold, "s"), 1e-6, 1e5, "s")
-    step = check_range("sample time", quantity("sample time", sample_time, "s"), 1e-6, held, "s")
+    shown = step_time(linear)
+    held = shown if hold is None else quantity("time", hold, "s")
+    check_range("time between the steps", held, 1e-6, 1e7, "s")
+    step = (
+        _stated(base, controllers) or shown / 1000
+        if sample_time is None
+        else quantity("sample time", sample_time, "s")
+    )
+    check_range("sample time", step, 1e-6, held, "s")
     unit = about.display_unit
     begin, end_ = (float(from_si(v, unit)) for v in levels)
     asked = step_scenario(
@@ -223,6 +243,17 @@ def _demands(
     for demand in demands:
         check_demand(demand, units, {scenario.name: scenario}, controllers, metrics)
     return tuple(demands), own
+
+
+def _stated(base: ControllerRecipe, names: Sequence[str]) -> float | None:
+    """Return the sample time of the first controller that has one of its own, in s."""
+    from controllers.design import designs_for
+
+    for name in names or [design.name for design in designs_for(base.linear())]:
+        made = replace(base, name=name, design=name)
+        if made.kind().sensors or made.kind().own:
+            return made.build().sample_time
+    return None
 
 
 def _recipes(

@@ -16,27 +16,29 @@ import numpy as np
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation.linear_model import LinearModel
+from workbench.linearisation.pace import step_time
 from workbench.linearisation.transfer import transfer_function
 from workbench.model import Model, Output, Parameter, Scope
 from workbench.model.trace import Equations
 from workbench.operating_point import OperatingPoint
 from workbench.simulation.stepper import Stepper
 
-SAMPLE_TIME = 0.002
-"""Time between samples of the comparison, s."""
-
 BLOCK = 250
 """Samples that are run at once; comparisons last whole blocks."""
 
 
 class Comparison:
-    """Runs the exact plant and a linear model with the same changes of the first input."""
+    """Runs the exact plant and a linear model with the same changes of the first input.
+
+    ``sample_time`` is the time between its samples, in s.
+    """
 
     def __init__(self, linear: LinearModel, output: str = "") -> None:
         op = linear.operating_point
         name = output or linear.output_names[0]
         check_choice("output", name, linear.output_names)
         self.model = linear
+        self.sample_time = step_time(linear) / 1000
         self.index = linear.output_names.index(name)
         outputs = [q.name for q in op.model.outputs]
         self.plant_index = outputs.index(name)
@@ -67,7 +69,7 @@ class Comparison:
         """
         held = np.tile(self.model.u0, (len(change), 1))
         held[:, 0] += change
-        response = self.model.response(held, SAMPLE_TIME)
+        response = self.model.response(held, self.sample_time)
         return np.asarray(response[:, self.index] - self.model.y0[self.index])
 
     def plant(self, change: Vector) -> Vector:
@@ -92,7 +94,7 @@ class Comparison:
         op = self.model.operating_point
         if method not in self.steppers:
             self.steppers[method] = Stepper(
-                self.held_plant, SAMPLE_TIME, 1e-7, "erk" if method == "erk" else "rosenbrock"
+                self.held_plant, self.sample_time, 1e-7, "erk" if method == "erk" else "rosenbrock"
             )
         stepper = self.steppers[method]
         x, read = op.x, []
@@ -132,12 +134,3 @@ def _without_drift(op: OperatingPoint) -> Model:
         equations=_Held(op.model.equations, tuple(n for n in op.drift if "." not in n)),
         parameters=(*op.model.parameters, *extra),
     )
-
-
-def horizon_of(linear: LinearModel) -> float:
-    """Return two periods of the slowest oscillation, or three of the slowest lag, in s."""
-    swinging = [m.frequency_hz for m in linear.modes if m.damping < 1.0 and m.frequency_hz < 20.0]
-    if swinging:
-        return float(np.clip(2.0 / min(swinging), 0.05, 10.0))
-    sizes = [abs(m.pole) for m in linear.modes if abs(m.pole) > 0.1]
-    return float(np.clip(3.0 / min(sizes, default=1.0), 0.05, 10.0))

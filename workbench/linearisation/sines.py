@@ -11,10 +11,12 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_range
-from workbench.linearisation.comparison import BLOCK, SAMPLE_TIME, Comparison, horizon_of
+from workbench.linearisation.comparison import BLOCK, Comparison
 from workbench.linearisation.linear_model import LinearModel
+from workbench.linearisation.pace import horizon_of
 
-_HIGHEST_HZ = 1.0 / (20 * SAMPLE_TIME)
+_LONGEST = 10
+"""Horizons for which a transient is waited out at the most."""
 
 
 @dataclass(frozen=True)
@@ -91,12 +93,12 @@ def frequency_validity(
     trial = Comparison(linear, output)
     wanted = 0.05 * trial.quantity.scale if amplitude is None else amplitude
     check_range("amplitude", wanted, 1e-12, 1e12, trial.quantity.unit)
-    corner = 2.0 / horizon_of(linear)
-    frequencies = np.logspace(
-        math.log10(0.1 * corner), math.log10(min(10.0 * corner, _HIGHEST_HZ)), points
-    )
+    horizon = horizon_of(linear)
+    # Twenty samples show a sine.
+    highest = min(20.0 / horizon, 1.0 / (20 * trial.sample_time))
+    frequencies = np.logspace(math.log10(0.2 / horizon), math.log10(highest), points)
     swinging = [-m.pole.real for m in linear.modes if m.damping < 1.0 and m.pole.real < 0.0]
-    settle = min(4.0 / min(swinging), 8.0) if swinging else 0.0
+    settle = min(4.0 / min(swinging), _LONGEST * horizon) if swinging else 0.0
     amplitudes, ratios = [], []
     for frequency in frequencies:
         gain = abs(trial.gain(2j * math.pi * frequency))
@@ -126,8 +128,8 @@ def _sine_ratio(trial: Comparison, frequency: float, amplitude: float, settle: f
     """Return the fundamental of the plant's output over that of the linear model's."""
     period = 1.0 / frequency
     start = math.ceil((settle + period) / period) * period
-    total = math.ceil((start + 3.0 * period) / (SAMPLE_TIME * BLOCK)) * BLOCK
-    time = np.asarray(SAMPLE_TIME * np.arange(total), dtype=float)
+    total = math.ceil((start + 3.0 * period) / (trial.sample_time * BLOCK)) * BLOCK
+    time = np.asarray(trial.sample_time * np.arange(total), dtype=float)
     change = amplitude * np.sin(2 * math.pi * frequency * time)
     try:
         actual = trial.plant(change)

@@ -9,8 +9,9 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_range
-from workbench.linearisation.comparison import BLOCK, SAMPLE_TIME, Comparison, horizon_of
+from workbench.linearisation.comparison import BLOCK, Comparison
 from workbench.linearisation.linear_model import LinearModel
+from workbench.linearisation.pace import horizon_of
 from workbench.model.units import from_si
 
 _GRID = 13
@@ -88,9 +89,9 @@ def amplitude_validity(
     check_range("deviation", within, 1e-6, 10.0)
     trial = Comparison(linear, output)
     length = horizon_of(linear) if horizon is None else horizon
-    check_range("horizon", length, SAMPLE_TIME, 60.0, "s")
-    blocks = max(1, math.ceil(length / (SAMPLE_TIME * BLOCK)))
-    counted = min(blocks * BLOCK, max(2, round(length / SAMPLE_TIME)))
+    check_range("horizon", length, trial.sample_time, 1e6 * trial.sample_time, "s")
+    blocks = max(1, math.ceil(length / (trial.sample_time * BLOCK)))
+    counted = min(blocks * BLOCK, max(2, round(length / trial.sample_time)))
 
     def error(step: float) -> tuple[float, float]:
         worst, move = 0.0, 0.0
@@ -133,7 +134,7 @@ def amplitude_validity(
         input=linear.input_names[0],
         output=trial.quantity.name,
         within=within,
-        horizon=counted * SAMPLE_TIME,
+        horizon=counted * trial.sample_time,
         lower=lower,
         upper=upper,
         amplitudes=amplitudes,

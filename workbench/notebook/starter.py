@@ -11,14 +11,12 @@ from typing import Any
 from controllers.design import designs_for
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
+from workbench.linearisation.pace import step_time
 from workbench.model import Model
 from workbench.model.units import from_si, shown_unit
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
 from workbench.study.plants import PlantRecipe
-
-SAMPLE_TIME = 0.002
-"""Sample time of the controllers, in s."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +114,8 @@ point
 
 def _control(begin: Beginning, linear: LinearModel) -> list[tuple[str, str]]:
     controlled = begin.plant.controlled_outputs(begin.model)
-    told = {"measured": controlled[0], "sample_time": SAMPLE_TIME}
+    time = step_time(linear)
+    told = {"measured": controlled[0], "sample_time": time / 1000}
     specified = {}
     for design in designs_for(linear):
         values = {} if design.sensors else told
@@ -132,7 +131,7 @@ def _control(begin: Beginning, linear: LinearModel) -> list[tuple[str, str]]:
     scale = {q.name: q.scale for q in begin.model.outputs}[controlled[0]]
     first, last = begin.plant.step or (rest[controlled[0]], rest[controlled[0]] + scale)
     steps: dict[str, tuple[tuple[float, ...], tuple[float, ...]]]
-    steps = {controlled[0]: ((0.0, 0.5), (first, last))}
+    steps = {controlled[0]: ((0.0, time / 4), (first, last))}
     steps |= {name: ((0.0,), (rest[name],)) for name in controlled[1:]}
     levels = {n: ", ".join(_si(begin.model, n, v) for v in steps[n][1]) for n in steps}
     references = "\n".join(
@@ -164,7 +163,7 @@ for name, values in specifications.items():
 references = {{
 {references}
 }}
-step = Scenario("step", references, duration=2.5, sample_time={SAMPLE_TIME})
+step = Scenario("step", references, duration={1.25 * time:g}, sample_time={time / 1000:g})
 runs = [wb.verify(controller, full, step) for controller in controllers]
 runs[0].plot(*runs[1:5])
 """,

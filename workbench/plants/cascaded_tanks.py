@@ -180,4 +180,6 @@ def cascaded_tanks() -> Model:
     ).with_effect(overflow())
 
 
-CASCADED_TANKS = Plant("tanks", cascaded_tanks, "a pump and two tanks under each other")
+CASCADED_TANKS = Plant(
+    "tanks", cascaded_tanks, "a pump and two tanks under each other", step=(5.0, 7.0)
+)

@@ -31,7 +31,7 @@ from workbench.model.units import quantity
 from workbench.study.designs import Fastest
 from workbench.study.study import Box, Limitations, Variation
 from workbench.verification import Requirement, Scenario, Tolerance
-from workbench.verification.scenario import EVENTS_S, FAULTS, RANGES_S
+from workbench.verification.scenario import EVENTS_S, FAULTS, RANGES_S, USUAL_SAMPLES
 from workbench.verification.signals import BEGINS_S, FREQUENCIES_HZ
 
 _FIXED = ("1", "s", "Hz")
@@ -337,7 +337,8 @@ REFERENCE = FieldTable(
 
 
 def _time(key: str, says: str, example: str, **more: Any) -> Field:
-    usual = getattr(Scenario, key, "")
+    samples = USUAL_SAMPLES.get(key)
+    usual = getattr(Scenario, key, "") if samples is None else f"{samples} samples"
     return Field(size, says, example, "s", RANGES_S[key], **{"usual": usual, **more})
 
 

@@ -11,10 +11,14 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.display import Drawn, Rows
-from workbench.errors import check_choice
+from workbench.errors import WorkbenchError, check_choice
 from workbench.model import Input, Model, Output, Quantity
 from workbench.simulation.trajectory import what_moved
 from workbench.verification.scenario import Scenario
+
+
+class NoSignalError(WorkbenchError):
+    """A run has no signal of that name."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -73,7 +77,10 @@ class Run(Drawn):
             if name in names:
                 return np.asarray(table[:, names.index(name)])
         known = [q.name for q in (*self.output_quantities, *self.input_quantities)]
-        check_choice("signal", name, [*known, *self.state_names, *self.signal_names])
+        try:
+            check_choice("signal", name, [*known, *self.state_names, *self.signal_names])
+        except WorkbenchError as error:
+            raise NoSignalError(str(error)) from None
         return self.derived(name, lambda run: self._signal(name))
 
     @cached_property

@@ -23,7 +23,7 @@ from workbench.model import Model
 from workbench.model.units import convert
 from workbench.registry import Registry
 from workbench.verification import responses
-from workbench.verification.closed_loop_run import Run
+from workbench.verification.closed_loop_run import NoSignalError, Run
 from workbench.verification.each_step import each_step
 from workbench.verification.responses import Value
 
@@ -188,7 +188,9 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
     """Compute every metric of a run, and those of a user's own.
 
     Of several steps the worst counts. Metrics of an output use the plant's output without noise.
+    A metric of an installed package is left out where the plant has no signal that it asks for.
     """
+    own = tuple(own)
     found: list[MetricValue] = []
     told = run.infos[0] if run.infos else {}
     guard = run.guarded or any("guard" in info for info in run.infos)
@@ -207,7 +209,12 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
         for label, name in _labels(metric, run.controlled, tuple(commands)):
             unit, shown = (outputs if metric.of == "output" else commands).get(name, ("1", ""))
             follows = metric.unit if metric.of == "output" and "{unit}" in metric.unit else ""
-            value = metric.measure(run, name) if name else metric.measure(run)
+            try:
+                value = metric.measure(run, name) if name else metric.measure(run)
+            except NoSignalError:
+                if metric in own:
+                    raise
+                continue
             value = value if isinstance(value, Value) else Value(float(value))
             found.append(
                 MetricValue(
@@ -378,7 +385,7 @@ STEADY_ERROR = Metric(
             run.time[part], _error(run, name)[part], window=run.scenario.rest_window
         )
     ),
-    "mean error of the last second of each step, as a magnitude; worst step",
+    "mean error at the end of each step, as a magnitude; worst step",
     unit="{unit}",
     of="output",
     needs="rest",
@@ -392,7 +399,7 @@ OSCILLATION = Metric(
             run.time[part], run[name][part], window=run.scenario.rest_window
         )
     ),
-    "what still moves: half of highest minus lowest output in the last second of each step, its"
+    "what still moves: half of highest minus lowest output at the end of each step, its"
     " straight line taken away, the amplitude of a limit cycle; worst step",
     unit="{unit}",
     of="output",

@@ -10,15 +10,15 @@ from workbench.errors import WorkbenchError, check_choice, check_finite, check_r
 from workbench.model.units import to_si
 from workbench.verification.signals import Signal, Steps
 
-EVENTS_S = (0.0, 1e6)
+EVENTS_S = (0.0, 1e8)
 """First and last time of a change, a disturbance or a fault, in s."""
 
 RANGES_S = {
-    "sample_time": (1e-6, 10.0),
-    "duration": (2e-6, 1e5),
-    "settle": (0.0, 1e4),
-    "rest_window": (2e-6, 1e5),
-    "count_from": (0.0, 1e5),
+    "sample_time": (1e-6, 1e4),
+    "duration": (2e-6, 1e8),
+    "settle": (0.0, 1e7),
+    "rest_window": (2e-6, 1e8),
+    "count_from": (0.0, 1e8),
 }
 """Ranges of the times of a scenario, in s; a duration and a rest window have two samples or more,
 and counting begins before the end."""
@@ -114,6 +114,10 @@ class SignalFault:
         return {"stuck": first, "offset": value + self.level, "value": self.level}[self.kind]
 
 
+USUAL_SAMPLES = {"settle": 250, "rest_window": 500}
+"""Times of a scenario, in samples, unless they are given."""
+
+
 @dataclass(frozen=True)
 class Scenario:
     """What a closed loop has to do.
@@ -124,10 +128,11 @@ class Scenario:
         sample_time: Time between samples, in s.
         start: Given values of the operating point at which the run starts, in SI, by name; the
             references at t = 0 by default.
-        settle: Time for which the loop holds the start before t = 0, in s. It is not recorded.
+        settle: Time for which the loop holds the start before t = 0, in s; 250 samples by default.
+            It is not recorded.
         late_samples: Samples by which every command is late, as from a slow computer.
         rest_window: Length of the end of a step at which steady error and oscillation are taken,
-            in s.
+            in s; 500 samples by default.
         count_from: Time from which tracking errors count, in s: a sine starts at full speed, which
             nothing at rest can follow.
     """
@@ -137,18 +142,21 @@ class Scenario:
     duration: float
     sample_time: float = 0.002
     start: Mapping[str, float] | None = None
-    settle: float = 0.5
+    settle: float = math.nan
     changes: tuple[Change, ...] = ()
     disturbances: tuple[Disturbance, ...] = ()
     faults: tuple[SignalFault, ...] = ()
     noise: bool = True
     quantise: bool = True
     late_samples: int = 0
-    rest_window: float = 1.0
+    rest_window: float = math.nan
     count_from: float = 0.0
 
     def __post_init__(self) -> None:
-        """Check the numbers."""
+        """Fill in what follows from the sample time, and check the numbers."""
+        for key, samples in USUAL_SAMPLES.items():
+            if math.isnan(getattr(self, key)):
+                object.__setattr__(self, key, samples * self.sample_time)
         lower = 2 * self.sample_time
         least = {"duration": lower, "rest_window": lower}
         most = {"count_from": self.duration - lower}

@@ -113,6 +113,10 @@ _SLOW = 5.0
 """Factor by which steps may be too long for the model: some machines have a fast part that no
 sample needs to show, and a wrong unit makes them a thousand times too long."""
 
+_STILL, _SHORT = 0.25, 0.5
+"""Shares of the model's time within which no machine shows a motion, and within which few do: a
+slow process may be recorded for less than its time constant."""
+
 
 def _speed_problem(recording: Recording, expected: Expected) -> tuple[str, bool]:
     """Return what does not fit a machine of known speed, and whether it is a wrong unit."""
@@ -122,8 +126,9 @@ def _speed_problem(recording: Recording, expected: Expected) -> tuple[str, bool]
     if step * speed > np.pi:
         moves = f"{said}: the model moves within {1 / speed:.3g} s, which such steps do not show"
         return f"{moves}; {advice}", step * speed > _SLOW * np.pi
-    if length * speed < 0.5:
-        return f"{said}: the model has not moved yet after {0.5 / speed:.3g} s; {advice}", True
+    if length * speed < _SHORT:
+        hardly = f"{said}: the model hardly moves before {_SHORT / speed:.3g} s; {advice}"
+        return hardly, length * speed < _STILL
     return "", False
 
 

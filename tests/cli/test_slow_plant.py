@@ -1,0 +1,59 @@
+"""A process of hours is tried over hours: no default is that of a fast machine."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from workbench.cli.main import WRONG_USE, run
+
+PLANT = """
+from workbench.model import Input, Model, Output, Parameter, State
+
+def oven(capacity_kJ: float = 5.0):
+    def equations(m):
+        heat = m.port("coil.heat", m.p.power * m.u.duty - m.p.loss * m.x.rise, unit="W",
+                      scale=100.0, signals={"rise": m.x.rise}, disturbance=2.0)
+        return {"rise": heat / m.p.capacity}, {"rise": m.x.rise}
+    return Model("oven", equations,
+        states=(State("rise", "K", 50.0),),
+        inputs=(Input("duty", "1", lower=0.0, upper=1.0),),
+        outputs=(Output("rise", "K", 50.0, noise_rms=0.05),),
+        parameters=(
+            Parameter("power", "W", value=300.0, lower=100.0, upper=600.0, fitted=True),
+            Parameter("loss", "W/K", value=2.0, lower=0.1, upper=10.0, fitted=True),
+            Parameter("capacity", "J/K", value=1e3 * capacity_kJ)))
+"""
+
+
+@pytest.fixture
+def oven(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """The plant, in a module beside a recording of less than half of its time constant."""
+    (tmp_path / "ovens.py").write_text(PLANT)
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    duty, rise = np.repeat(rng.uniform(0.0, 1.0, 20), 50), np.zeros(1000)
+    for k in range(999):
+        rise[k + 1] = rise[k] + (300.0 * duty[k] - 2.0 * rise[k]) / 5000.0
+    table = np.c_[np.arange(1000.0), duty, rise + rng.normal(0.0, 0.05, 1000)]
+    np.savetxt("a.csv", table, delimiter=",", header="time_s,duty,rise_K", comments="")
+    return ["--plant", "ovens:oven"]
+
+
+def test_a_step_is_run_until_it_shows(oven: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["verify", *oven, "-c", "lqi", "--from", "20K", "--to", "40K", "--json"]
+    assert run([*words, "--require", "settling_time=5000s"]) == 0
+    (found,) = json.loads(capsys.readouterr().out)["runs"]
+    assert found["metrics"]["rise_time"]["value"] > 50.0
+
+
+def test_a_recording_may_be_short_beside_the_plant(
+    oven: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["recording", "a.csv", *oven, "--capacity", "5"]) == 0
+    assert "doubtful: time base" in capsys.readouterr().out
+    assert run(["recording", "a.csv", "--capacity", "5"]) == WRONG_USE
+    assert "name it with --plant" in capsys.readouterr().err

@@ -1,0 +1,45 @@
+"""The time of a plant comes from its linear model, whether that is a circuit or a furnace."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from workbench.linearisation import linearise
+from workbench.linearisation.pace import horizon_of, step_time
+from workbench.model import Input, Model, Output, Parameter, State
+from workbench.operating_point import operating_point
+
+
+def lag(time: float, integrates: bool = False) -> Model:
+    """A first-order lag, with an integrator behind it or not."""
+    states = (State("x", "K"), *((State("sum", "K s"),) * integrates))
+    return Model(
+        "lag",
+        lambda m: (
+            {"x": (m.u.u - m.x.x) / m.p.time, **({"sum": m.x.x} if integrates else {})},
+            {"y": m.x.x},
+        ),
+        states=states,
+        inputs=(Input("u", "K", lower=-10.0, upper=10.0),),
+        outputs=(Output("y", "K"),),
+        parameters=(Parameter("time", "s", value=time),),
+    )
+
+
+@pytest.mark.parametrize("time", [3e-6, 0.2, 2500.0])
+@pytest.mark.parametrize("integrates", [False, True])
+def test_three_lags_at_every_scale(time: float, integrates: bool) -> None:
+    linear = linearise(operating_point(lag(time, integrates)), verdict=False)
+    assert horizon_of(linear) == pytest.approx(3.0 * time)
+    shown = step_time(linear)
+    assert 2.0 <= shown / horizon_of(linear) < 5.0 + 1e-9
+    assert float(f"{shown:.0e}") == shown and f"{shown:.0e}"[0] in "125"
+
+
+def test_a_slow_plant_is_tried_over_its_own_time() -> None:
+    verdict = linearise(operating_point(lag(2500.0))).verdict
+    holds, agrees = verdict.amplitude, verdict.frequency
+    assert holds.horizon == pytest.approx(7500.0, rel=0.01)
+    assert holds.moves.max() > 9.0 and np.all(holds.errors < 1e-3)
+    assert agrees.agrees.all() and agrees.upper < 0.01
