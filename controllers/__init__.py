@@ -3,7 +3,6 @@
 from controllers.angle_pd import AnglePD
 from controllers.guard import Guard, Guarded
 from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
-from controllers.open_loop import ConstantCommand
 from controllers.pid import CascadePID, PIDSpecification, cascade_pid, design_pid
 from controllers.protocol import Controller
 from controllers.sliding_mode import SlidingMode, SlidingModeSpecification, design_sliding_mode
@@ -12,7 +11,6 @@ from controllers.valve_inverse import ValveInverse
 __all__ = [
     "AnglePD",
     "CascadePID",
-    "ConstantCommand",
     "Controller",
     "Guard",
     "Guarded",

@@ -109,12 +109,10 @@ class Air:
     def weights(
         self, pressure: Number, angle: Number, side: float, arithmetic: Arithmetic
     ) -> tuple[Number, Number]:
-        """Return (V / V_0) (q_0 / q) of a muscle for filling and for venting (ISO 6358-1).
+        """Return (V / V_0) (q_0 / q) of a muscle for filling and for venting, ratios (ISO 6358-1).
 
-        Args:
-            pressure: Gauge pressure, in Pa.
-            angle: Angle, in rad.
-            side: 1 for the muscle that shortens with the angle, -1 for the other; dimensionless.
+        The muscle, at a gauge pressure in Pa and an angle in rad, shortens with the angle (``side``
+        1) or grows (-1).
         """
         usual = 0.5 * sum(self._flows(self.pressure, arithmetic))
         filling, venting = self._flows(pressure, arithmetic)

@@ -36,38 +36,21 @@ class Arithmetic(Protocol):
     def table(self, x: Number, points: tuple[float, ...], values: tuple[float, ...]) -> Number:
         """Interpolate by straight lines an odd table given for x >= 0, constant beyond its end.
 
-        Args:
-            x: The value, in the unit of ``points``.
-            points: Increasing abscissae in any unit, starting at 0.
-            values: Ordinates in any unit, starting at 0.
+        Points, in the unit of x, and values, in any unit, increase and start at 0.
         """
 
     def place(self, x: Number, first: float, spacing: float, count: int) -> tuple[Number, Number]:
-        """Find x on an even grid of ``count`` points: index of the interval, fraction within it.
+        """Find x, in the unit of the grid, on an even grid of ``count`` points.
 
-        The fraction is below 0 or above 1 outside the grid.
-
-        Args:
-            x: The value, in any unit.
-            first: First point of the grid, in the unit of x.
-            spacing: Distance of two points, in the unit of x.
+        Returns:
+            Index of the interval, and the fraction within it, below 0 or above 1 outside the grid.
         """
 
     def between(self, place: tuple[Number, Number], values: tuple[float, ...]) -> Number:
-        """Interpolate by straight lines, continued beyond the ends.
-
-        Args:
-            place: Where, as `place` returned.
-            values: Values at the points of the grid, in any unit.
-        """
+        """Interpolate values of any unit at the grid's points, straight on beyond its ends."""
 
     def where(self, condition: Any, yes: Number, no: Number) -> Number:
-        """Return ``yes`` where the condition holds, else ``no``; both are computed.
-
-        Args:
-            yes: Value if it holds.
-            no: Value if it does not.
-        """
+        """Return ``yes`` where the condition holds, else ``no``, of any unit; both are computed."""
 
     def largest(self, *values: Number) -> Number:
         """Return the largest value."""

@@ -58,8 +58,8 @@ class Estimator:
         rest_command: Commands there, or the curve's value, shape (n_commands,), in SI.
         weak: What friction may swallow of each command, or of the curve's value, shape
             (n_commands,), in SI.
-        commands: Commands at the points of the actuator's curve, increasing, in SI; none without.
-        values: Values of the curve there, increasing, fractions.
+        curve_commands: Commands at points of the actuator's curve, increasing, in SI; or none.
+        curve_values: Values of the curve there, increasing, fractions.
     """
 
     F: Matrix
@@ -73,15 +73,11 @@ class Estimator:
     rest_followed: Matrix
     rest_command: Matrix
     weak: Matrix
-    commands: Matrix
-    values: Matrix
+    curve_commands: Matrix
+    curve_values: Matrix
 
     def expected(self, z: Matrix) -> Matrix:
-        """Return what every sensor should read, shape (n_sensors,), in SI.
-
-        Args:
-            z: States and offsets, shape (n,), in SI.
-        """
+        """Return what every sensor should read by states and offsets, shape (n,), in SI."""
         return np.asarray(self.rest + product(self.C, z))
 
     def at_rest(self, measurement: tuple[float, ...]) -> Matrix:
@@ -89,12 +85,10 @@ class Estimator:
         return product(self.start, np.array(measurement) - self.rest)
 
     def corrected(self, z: Matrix, residual: Matrix, believed: int) -> Matrix:
-        """Return states and offsets with some measurements taken in, shape (n,), in SI.
+        """Return states and offsets, shape (n,), with believed measurements taken in, all in SI.
 
-        Args:
-            z: States and offsets before, shape (n,), in SI.
-            residual: Measurements less what was expected of them, shape (n_sensors,), in SI.
-            believed: The set of sensors that are believed, sensor i counting 2^i (dimensionless).
+        The residual is measurements less what was expected; in the set of believed sensors,
+        sensor i counts 2^i.
         """
         return np.asarray(z + product(self.M[believed], residual))
 
@@ -105,8 +99,8 @@ class Estimator:
 
     def entered(self, command: tuple[float, ...]) -> Matrix:
         """Return commands in SI as the model takes them: the curve's value where there is one."""
-        if len(self.values):
-            return np.array([float(np.interp(command[0], self.commands, self.values))])
+        if len(self.curve_values):
+            return np.array([float(np.interp(command[0], self.curve_commands, self.curve_values))])
         return np.array(command)
 
     def strong(self, command: tuple[float, ...]) -> bool:
@@ -117,8 +111,8 @@ class Estimator:
         """Return the command that brings the followed outputs to rest at a target, all in SI."""
         away = np.array(target) - self.rest_followed
         u = self.rest_command + product(self.K_reference, away) - product(self.K, z)
-        if len(self.values):
-            u = np.interp(u, self.values, self.commands)
+        if len(self.curve_values):
+            u = np.interp(u, self.curve_values, self.curve_commands)
         return [float(v) for v in u]
 
 
@@ -196,8 +190,8 @@ def design_estimator(
         rest_followed=y0[led],
         rest_command=np.asarray(linear.u0),
         weak=WEAK * reach,
-        commands=curve[0],
-        values=curve[1],
+        curve_commands=curve[0],
+        curve_values=curve[1],
     )
 
 

@@ -41,7 +41,7 @@ section 3.6.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,6 +54,13 @@ from controllers.protocol import Command, Controller, Info, Measurement, Referen
 from workbench.errors import WorkbenchError, check_range
 
 _INFINITE = math.inf
+
+
+TIMES = {"bridge": 0.0, "hold": 0.0, "inner": 0.0, "settle": 1.0, "ramp": 1.0}
+"""Times of a `Guard` by name, with the least of each, in samples."""
+
+COUNTS = ("patience", "swings")
+"""What a `Guard` counts up to, or never."""
 
 
 class Fault(NamedTuple):
@@ -235,12 +242,10 @@ class Guard:
     deadline: float = _INFINITE
 
     def __post_init__(self) -> None:
-        for name, least in (
-            ("bridge", 0.0), ("hold", 0.0), ("inner", 0.0), ("settle", 1.0), ("ramp", 1.0),
-        ):  # fmt: skip
+        for name, least in TIMES.items():
             value = check_range(f"{name} of a guard", getattr(self, name), least, 1e6, "samples")
             object.__setattr__(self, name, float(value))
-        for name in ("patience", "swings"):
+        for name in COUNTS:
             value = getattr(self, name)
             if value != _INFINITE:
                 value = float(check_range(f"{name} of a guard", value, 1.0, 1e9, "samples"))
@@ -636,17 +641,11 @@ class Guarded:
             "REPORTS": len(found.reports),
             "LAW_STATES": len(found.states),
             "ESTIMATED": 0 if own is None else len(own.F),
-            "CURVE": 0 if own is None else len(own.values),
+            "CURVE": 0 if own is None else len(own.curve_values),
             "HAS_INNER": int(own is not None and len(own.K) > 0),
-            "BRIDGE": guard.bridge,
-            "HOLD": guard.hold,
-            "INNER": guard.inner,
-            "SETTLE": guard.settle,
-            "RAMP": guard.ramp,
             "WIDER": WIDER,
             "FADE": FADE,
-            "PATIENCE": guard.patience,
-            "SWINGS": guard.swings,
+            **{name.upper(): getattr(guard, name) for name in (*TIMES, *COUNTS)},
         }
         tables: dict[str, Any] = {
             **_columns("SENSOR", SensorLimits._fields, guard.sensors),
@@ -656,21 +655,12 @@ class Guarded:
         if own is None:
             del tables["SENSOR_DOUBT"]
         else:
+            unused = () if len(own.K) else ("K", "K_reference", "rest_followed")
             tables |= {
-                "F": own.F,
-                "G": own.G,
-                "C": own.C,
-                "M": own.M,
-                "START": own.start,
-                "REST": own.rest,
-                "REST_COMMAND": own.rest_command,
-                "WEAK": own.weak,
+                field.name.upper(): getattr(own, field.name)
+                for field in fields(own)
+                if np.size(getattr(own, field.name)) and field.name not in unused
             }
-            if len(own.K):
-                tables |= {"K": own.K, "K_REFERENCE": own.K_reference}
-                tables |= {"REST_FOLLOWED": own.rest_followed}
-            if len(own.values):
-                tables |= {"CURVE_COMMANDS": own.commands, "CURVE_VALUES": own.values}
         report = "report" if found.reports else "0"
         parameter = ", double *report" if found.reports else ""
         text = (

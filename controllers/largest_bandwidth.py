@@ -24,10 +24,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, NamedTuple, TypeVar
 
-import numpy as np
-
 from controllers.protocol import Controller
-from controllers.sensitivity import LoopMatrices, frequencies, gain_of, loops_at
+from controllers.sensitivity import frequencies, loops_at, peaks_of
 from controllers.uncertainty import NONE, Uncertainty
 from workbench.errors import WorkbenchError, check_range
 
@@ -91,7 +89,7 @@ class Held(NamedTuple):
 def held(controller: Controller, models: Sequence[LinearModel], limits: Limits) -> Held:
     """Tell which peaks a controller has on every model, up to the first limit that it misses."""
     h, unsure = controller.sample_time, limits.uncertainty
-    angle = frequencies(h, POINTS)
+    angle = frequencies(h)
     ms = mt = late = 0.0
     for model in models:
         asked = list(unsure.corners)
@@ -101,7 +99,7 @@ def held(controller: Controller, models: Sequence[LinearModel], limits: Limits) 
         for k, (delay, lag) in enumerate(asked[: len(unsure.corners)]):
             where = _where(delay, lag)
             for sensor in _places(controller, unsure):
-                s, t, beyond = _peaks(loops[k], angle, sensor)
+                s, t, beyond = peaks_of(loops[k], angle, sensor)
                 ms = max(ms, s)
                 name = "the command" if sensor is None else controller.sensors[sensor]
                 if s > limits.sensitivity:
@@ -115,14 +113,10 @@ def held(controller: Controller, models: Sequence[LinearModel], limits: Limits) 
                     said = f"|T| w is {share:.3g} times the trusted frequency at {name}{where}"
                     return Held(ms, mt, late, said)
         if math.isfinite(limits.late):
-            late = max(late, _peaks(loops[len(asked) - 1], angle, 0)[0])
+            late = max(late, peaks_of(loops[len(asked) - 1], angle).sensitivity)
             if late > limits.late:
                 return Held(ms, mt, late, f"Ms {late:.3g} with every command one sample late")
     return Held(ms, mt, late)
-
-
-POINTS = 300
-"""Frequencies at which a loop is looked at."""
 
 
 def _places(controller: Controller, uncertainty: Uncertainty) -> tuple[int | None, ...]:
@@ -130,18 +124,6 @@ def _places(controller: Controller, uncertainty: Uncertainty) -> tuple[int | Non
     if uncertainty == NONE:
         return (0,)
     return (0, None, *range(1, len(controller.sensors)))
-
-
-def _peaks(
-    loop: LoopMatrices, angle: np.ndarray[tuple[int], np.dtype[np.float64]], sensor: int | None
-) -> tuple[float, float, float]:
-    """Return Ms, Mt and the largest |T| w, the last in rad per sample."""
-    gain, stable = gain_of(loop, angle, sensor)
-    if not stable:
-        return math.inf, math.inf, math.inf
-    s = np.abs(1.0 / (1.0 + gain))
-    t = np.abs(gain / (1.0 + gain))
-    return float(s.max()), float(t.max()), float((t * angle).max())
 
 
 def _where(delay: float, lag: float) -> str:
@@ -155,11 +137,7 @@ def largest_bandwidth(
     speeds: Sequence[float],
     limits: Limits = Limits(),  # noqa: B008 -- Frozen.
 ) -> MarginedDesign[C]:
-    """Find the fastest design within the limits on every model.
-
-    Args:
-        design: Makes a controller for a speed in rad/s.
-        speeds: Speeds to try, from fast to slow, in rad/s.
+    """Find the fastest design within the limits on every model; speeds in rad/s, from fast to slow.
 
     Raises:
         WorkbenchError: If no speed meets the limits.

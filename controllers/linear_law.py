@@ -40,12 +40,9 @@ class LinearLaw(NamedTuple):
 def linear_law(
     controller: Controller, measurement: tuple[float, ...], reference: tuple[float, ...]
 ) -> LinearLaw:
-    """Linearise a controller around rest, from measurement to linear command.
+    """Linearise a controller from measurement to linear command around rest, given in SI.
 
-    Args:
-        controller: The controller; its law must be smooth around rest.
-        measurement: Measurements of its sensors at rest, in SI.
-        reference: References at which it is at rest, in SI.
+    Its law must be smooth there.
     """
     controller = unguarded(controller)
     if hasattr(controller, "linear_law"):

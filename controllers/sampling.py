@@ -13,18 +13,10 @@ Rows = tuple[tuple[float, ...], ...]
 
 
 def anti_windup(A: Matrix, C: Matrix, pole: float) -> tuple[float, ...]:
-    """Return L for which A - L C has this pole in the place of a slower one of A.
+    """Return L, in SI, for which A - L C has this pole of the z-plane in place of a slower one.
 
     A mode of A that integrates, or nearly does, so follows what is applied while the command is at
-    its end (anti-windup in observer form).
-
-    Args:
-        A: Shape (n, n), dimensionless.
-        C: Shape (1, n), in SI.
-        pole: In the z-plane, dimensionless.
-
-    Returns:
-        L, n numbers, in SI; zeros where no mode is slower.
+    its end (anti-windup in observer form). Zeros where no mode is slower.
 
     Source:
         Åström and Wittenmark, Computer-Controlled Systems, 1997, section 9.4.

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
 
 
-def peak_sensitivities(
-    controller: Controller, linear: LinearModel, *, points: int = 300
-) -> tuple[float, float]:
+def peak_sensitivities(controller: Controller, linear: LinearModel) -> tuple[float, float]:
     """Compute Ms and Mt, ratios, of the loop opened at the measured first sensor.
 
     All other loops stay closed: for a cascade this is the outer loop. The plant is discretised with
@@ -36,27 +34,36 @@ def peak_sensitivities(
     Source:
         Åström and Hägglund, Advanced PID Control, 2006, section 4.6.
     """
-    return peaks_of(loop_matrices(controller, linear), controller.sample_time, points)
+    return peaks_of(loop_matrices(controller, linear), frequencies(controller.sample_time))[:2]
 
 
-def peaks_of(
-    loop_parts: LoopMatrices, sample_time: float, points: int = 300, sensor: int | None = 0
-) -> tuple[float, float]:
-    """Compute what `peak_sensitivities` does, ratios, from the matrices of a loop.
+class Peaks(NamedTuple):
+    """Peaks of a loop, infinite if it is not stable.
 
     Args:
-        sample_time: Time between samples, in s.
-        sensor: Index of the sensor at which the loop is opened; None for the command.
+        sensitivity: Ms, a ratio.
+        complementary: Mt, a ratio.
+        bandwidth: Largest |T| w, in rad per sample.
     """
-    loop, stable = gain_of(loop_parts, frequencies(sample_time, points), sensor)
+
+    sensitivity: float
+    complementary: float
+    bandwidth: float
+
+
+def peaks_of(loop_parts: LoopMatrices, angle: Matrix, sensor: int | None = 0) -> Peaks:
+    """Compute the peaks of a loop opened at one sensor, or at the command (None).
+
+    Frequencies have shape (n,), in rad per sample.
+    """
+    loop, stable = gain_of(loop_parts, angle, sensor)
     if not stable:
-        return float("inf"), float("inf")
-    ms = float(np.max(np.abs(1.0 / (1.0 + loop))))
-    mt = float(np.max(np.abs(loop / (1.0 + loop))))
-    return ms, mt
+        return Peaks(math.inf, math.inf, math.inf)
+    s, t = np.abs(1.0 / (1.0 + loop)), np.abs(loop / (1.0 + loop))
+    return Peaks(float(s.max()), float(t.max()), float((t * angle).max()))
 
 
-def frequencies(sample_time: float, points: int) -> Matrix:
+def frequencies(sample_time: float, points: int = 300) -> Matrix:
     """Return frequencies from 0.05 Hz to nearly half the sampling rate, in rad per sample."""
     return np.geomspace(2 * np.pi * 0.05 * sample_time, 0.98 * np.pi, points)
 
@@ -64,11 +71,9 @@ def frequencies(sample_time: float, points: int) -> Matrix:
 def gain_of(
     loop_parts: LoopMatrices, angle: Matrix, sensor: int | None
 ) -> tuple[npt.NDArray[np.complex128], bool]:
-    """Return the gain of a loop that is opened at one place, all others closed.
+    """Return the gain of a loop opened at one sensor, or at the command (None), all others closed.
 
-    Args:
-        angle: Frequencies, shape (n,), in rad per sample.
-        sensor: Index of the sensor; None for the command.
+    Frequencies are in rad per sample.
 
     Returns:
         Loop gain, shape (n,), dimensionless, negative feedback being L / (1 + L), and whether the

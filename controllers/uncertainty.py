@@ -67,12 +67,9 @@ class Uncertainty:
 
     @classmethod
     def known(cls, delay: float, *, within: float = 0.5e-3, sensor_lag: float = 0.0) -> Uncertainty:
-        """Return what is left to tolerate when latency and lag were identified, at all frequencies.
+        """Return what is left to tolerate of delay and sensor lag, in s, that were identified.
 
-        Args:
-            delay: Identified time between measurement and valve, in s.
-            within: How far delay and lag may be off, in s.
-            sensor_lag: Identified time constant of the sensors with noise, in s.
+        At every frequency the model is trusted; ``within`` is how far both may be off.
         """
         ranges = [(max(v - within, 0.0), v + within) for v in (delay, sensor_lag)]
         return cls(delay=ranges[0], sensor_lag=ranges[1], trusted_frequency=math.inf)

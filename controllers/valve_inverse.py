@@ -81,21 +81,13 @@ class ValveInverse:
         return self.centre + arithmetic.table(opening, self.fractions, self.voltages)
 
     def opening(self, command: float) -> float:
-        """Return the signed opening, a fraction, that a voltage gives.
-
-        Args:
-            command: Voltage, in V.
-        """
+        """Return the signed opening, a fraction, that a voltage in V gives."""
         return float(FLOATS.table(command - self.centre, self.voltages, self.fractions))
 
     def linear_command(self, command: float) -> float:
-        """Return the voltage at which the tangent at rest gives the opening of a command.
+        """Return the voltage, in V, at which the tangent at rest gives the opening of a command.
 
-        Args:
-            command: Voltage on the plant, in V.
-
-        Returns:
-            Voltage for a linear model, in V; it may leave the plant's range.
+        It may leave the plant's range.
         """
         return float(self.tangent(self.opening(command)))
 

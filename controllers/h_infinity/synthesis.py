@@ -210,9 +210,7 @@ def require_slycot() -> None:
 def joint_behind_pressure_loop(joint: JointModel, inner_bandwidth: float, delay: float) -> System:
     """Build the plant from (disturbing acceleration, command) to the angle.
 
-    Args:
-        inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
-        delay: Delay, in s.
+    The pressure loop has a bandwidth v in rad/s, sample, converter and spool a delay in s.
     """
     v, p = inner_bandwidth, 2.0 / delay
     A = np.array(

@@ -54,26 +54,15 @@ class HysteresisCompensation:
         check_range("torque per pressure difference", self.torque_per_difference, 1e-9, 1.0)
 
     def difference(self, turn: Number, mean: Number) -> Number:
-        """Return the pressure difference that the hysteresis costs.
-
-        Args:
-            turn: Position z in the loop, -1..1.
-            mean: Mean gauge pressure, in Pa.
-        """
+        """Return the pressure difference lost at a position z and a mean pressure, in Pa."""
         force = 2.0 * (self.level + self.slope * mean) * turn
         return force * self.lever / self.torque_per_difference
 
     def turned(self, turn: Number, speed: Number, h: float, arithmetic: Arithmetic) -> Number:
-        """Advance the position in the loop by one sample of planned motion.
-
-        Args:
-            turn: Position z in the loop, -1..1.
-            speed: Planned speed, in rad/s.
-            h: Sample time, in s.
+        """Advance the position z in the loop by a sample h, in s, at a planned speed, in rad/s.
 
         Returns:
-            Position one sample later (dimensionless): exact for |z| <= 1 to first order, and
-            never beyond 1.
+            Position (dimensionless): exact for |z| <= 1 to first order, and never beyond 1.
         """
         way = h * self.lever * speed / self.breakaway
         size = arithmetic.largest(way, -way)

@@ -80,12 +80,10 @@ class MotionLearning:
     sample_time: float = 0.002
 
     def start(self, inertia: float, angle: Number, beyond: Number) -> Learned:
-        """Return what is known of a joint at rest.
+        """Return what is known at rest at an angle, in rad.
 
-        Args:
-            inertia: Inertia of the known load relative to that of the design, a ratio.
-            angle: Angle, in rad.
-            beyond: Pressure difference beyond that of rest, in Pa.
+        The inertia is relative to that of the design; ``beyond`` is the pressure difference
+        beyond that of rest, in Pa.
         """
         known = (self.inertia**2, 0.0, 0.0, self.hysteresis**2, 0.0, self.walk**2)
         return Learned(inertia, 1.0, beyond, known, (angle, angle), (beyond, beyond), 0.0)
@@ -102,10 +100,8 @@ class MotionLearning:
     ) -> Learned:
         """Learn from one sample.
 
-        Args:
-            angle: Angle, in rad.
-            beyond: Pressure difference beyond that of rest, in Pa.
-            planned: Planned speed, in rad/s, and mean pressure, in Pa.
+        Angle in rad, pressure difference beyond that of rest in Pa, planned speed in rad/s with
+        the mean pressure in Pa.
         """
         h, w = self.sample_time, self.bandwidth
         fresh = 1.0 - math.exp(-w * h)

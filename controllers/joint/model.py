@@ -65,10 +65,7 @@ class JointModel(NamedTuple):
     def difference_rate(self, opening: Number, speed: Number, difference: Number) -> Number:
         """Return the rate of the pressure difference, in Pa/s.
 
-        Args:
-            opening: Signed opening of the valve, a fraction.
-            speed: Angular speed, in rad/s.
-            difference: Pressure difference, in Pa.
+        It follows from the opening (a fraction), the speed (rad/s) and the difference (Pa).
         """
         driven = self.g * (opening - self.opening) - self.e * speed
         return driven - self.d * (difference - self.difference)

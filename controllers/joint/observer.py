@@ -63,11 +63,7 @@ class JointObserver:
     difference: float = 0.0
 
     def correct(self, predicted: JointEstimate, angle: Number) -> JointEstimate:
-        """Correct a prediction by the measured angle, in SI.
-
-        Args:
-            angle: Measured angle, in rad.
-        """
+        """Correct a prediction by the measured angle, in rad."""
         m = self.correction
         residual = angle - predicted.angle
         return JointEstimate(
@@ -77,11 +73,7 @@ class JointObserver:
         )
 
     def predict(self, estimate: JointEstimate, difference: Number) -> JointEstimate:
-        """Predict the next sample, in SI.
-
-        Args:
-            difference: Pressure difference at this sample, in Pa.
-        """
+        """Predict the next sample under a pressure difference, in Pa."""
         f, g = self.transition, self.input_gain
         theta = estimate.angle - self.angle
         speed, unexplained = estimate.speed, estimate.unexplained
@@ -93,15 +85,7 @@ class JointObserver:
         )
 
     def start(self, joint: JointModel, angle: float, difference: float) -> JointEstimate:
-        """Return the estimate of a joint at rest.
-
-        Args:
-            angle: Measured angle, in rad.
-            difference: Measured pressure difference, in Pa.
-
-        Returns:
-            Estimate in SI whose unexplained acceleration holds the joint where it is.
-        """
+        """Return the estimate, in SI, that holds the joint where it is by what is unexplained."""
         push = joint.b * (difference - self.difference) - joint.a0 * (angle - self.angle)
         return JointEstimate(angle, 0.0, -push)
 

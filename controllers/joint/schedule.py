@@ -65,14 +65,9 @@ class JointSchedule:
         return np.asarray(self.first_angle + self.spacing * steps, dtype=float)
 
     def at(self, angle: Number, mean: Number, arithmetic: Arithmetic = FLOATS) -> JointModel:
-        """Return the joint model at an angle and a mean pressure.
+        """Return the joint model, in SI, at an angle (rad) and a mean pressure (Pa), interpolated.
 
-        Args:
-            angle: Angle, in rad.
-            mean: Mean gauge pressure, in Pa.
-
-        Returns:
-            Interpolated numbers in SI. Beyond the grid only the difference continues.
+        Beyond the grid only the difference continues.
         """
         count = len(self.low[0])
         place = arithmetic.place(angle, self.first_angle, self.spacing, count)
@@ -117,11 +112,7 @@ class JointSchedule:
         )
 
     def models(self, mean: float) -> tuple[JointModel, ...]:
-        """Return the joint models on the grid of angles.
-
-        Args:
-            mean: Mean gauge pressure, in Pa.
-        """
+        """Return the joint models on the grid of angles at a mean gauge pressure, in Pa."""
         return tuple(self.at(angle, mean) for angle in self.angles.tolist())
 
 

@@ -211,11 +211,7 @@ class ScheduledMPC(ValveController):
         opening: Number,
         arithmetic: Arithmetic,
     ) -> ScheduledMPCState:
-        """Return the state after a step.
-
-        Args:
-            opening: Opening applied, a fraction.
-        """
+        """Return the state after a step that applied an opening, a fraction."""
         # At a stop of the valve, whatever the rounding, the integral waits.
         free = arithmetic.largest(opening, -opening) < 1.0 - 1e-9
         summed = arithmetic.where(free, self.sample_time * problem.errors.angle, 0.0)

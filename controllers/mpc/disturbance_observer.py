@@ -57,31 +57,18 @@ class DisturbanceObserver:
     disturbances: int
 
     def correct(self, predicted: Matrix, measurement: tuple[float, ...]) -> Matrix:
-        """Return a prediction of (x, w) corrected by a measurement, in SI.
-
-        Args:
-            predicted: Prediction of (x, w), shape (n,), in SI.
-            measurement: Measurements, absolute, in SI.
-        """
+        """Return a prediction of (x, w), shape (n,), corrected by absolute measurements, in SI."""
         residual = np.array(measurement) - self.rest - product(self.C, predicted)
         return np.asarray(predicted + product(self.M, residual))
 
     def predict(self, estimate: Matrix, u: Matrix) -> Matrix:
-        """Predict (x, w) of the next sample, in SI.
-
-        Args:
-            estimate: Estimate of (x, w), shape (n,), in SI.
-            u: Inputs that are held until then, deviations, shape (n_inputs,), in SI.
-        """
+        """Predict (x, w) of the next sample under held inputs u, deviations, in SI."""
         return np.asarray(product(self.F, estimate) + product(self.G, u))
 
     def at_rest(self, measurement: tuple[float, ...], A: Matrix, E: Matrix) -> Matrix:
         """Return the smallest (x, w), in SI, that explains a measurement as rest without input.
 
-        Args:
-            measurement: Measurements, absolute, in SI.
-            A: Continuous dynamics, shape (n_x, n_x), in SI.
-            E: Effect of the disturbances on the rates, shape (n_x, n_w), in SI.
+        A is the continuous dynamics, E the effect of the disturbances on the rates.
         """
         n = len(A)
         rows = np.block([[A, E], [self.C]])

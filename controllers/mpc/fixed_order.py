@@ -14,12 +14,7 @@ from workbench.arrays import Matrix
 
 
 def product(matrix: Matrix, vector: npt.ArrayLike) -> Matrix:
-    """Multiply a matrix by a vector, column after column.
-
-    Args:
-        matrix: Shape (m, n), in any units.
-        vector: Shape (n,), in any units.
-    """
+    """Multiply a matrix (m, n) by a vector (n,), in any units, column after column."""
     if len(matrix) == 1:
         # A sum of one row would be taken in pairs; a running sum is not.
         return np.cumsum(matrix[0] * np.asarray(vector, dtype=float))[-1:]

@@ -225,12 +225,7 @@ class LinearMPC(ValveController):
 
 
 def told(opening: float, solution: Solution, slack: float) -> dict[str, float | str]:
-    """Return what a step tells about itself, in SI.
-
-    Args:
-        opening: Opening of the valve, a fraction.
-        slack: Pressure out of its limits, in Pa.
-    """
+    """Return what a step tells: the opening, a fraction, the solution and its slack, in Pa."""
     return {
         "opening": opening,
         "status": solution.status,

@@ -391,11 +391,7 @@ class NonlinearMPC(ThroughValve):
         return plan + part * (later_plan - plan), trajectory + part * (later - trajectory)
 
     def predicted(self, z: Matrix) -> Matrix:
-        """Return the states of the prediction among those of the observer.
-
-        Args:
-            z: Estimate of the observer, shape (n + n_w,), scaled.
-        """
+        """Return the states of the prediction among those of the observer, all scaled."""
         names = self.observer.rates.names
         return np.asarray(z[[names.index(name) for name in self.prediction.names]])
 

@@ -50,9 +50,7 @@ class ExtendedKalmanFilter:
     def initial(self, measurement: tuple[float, ...], u: float) -> tuple[Matrix, Matrix]:
         """Return the scaled state nearest to rest that measurements agree with, and its covariance.
 
-        Args:
-            measurement: Measurements, in SI.
-            u: Input, in SI.
+        Measurements and input are in SI.
         """
         y, by_x = self.read(self.rest, [u])
         x = self.rest + np.linalg.pinv(by_x) @ (np.array(measurement) - y.ravel())
@@ -62,13 +60,9 @@ class ExtendedKalmanFilter:
     def correct(
         self, estimate: Matrix, covariance: Matrix, measurement: tuple[float, ...], u: float
     ) -> tuple[Matrix, Matrix]:
-        """Correct a prediction and its covariance, scaled, by the measurements.
+        """Correct a prediction and its covariance, scaled, by measurements in SI.
 
-        Args:
-            estimate: Prediction, shape (n + n_w,), scaled.
-            covariance: Its covariance, shape (n + n_w, n + n_w), scaled.
-            measurement: Measurements, in SI.
-            u: Input held before, in SI.
+        The prediction has shape (n + n_w,); u is the input held before, in SI.
         """
         n = len(self.rest)
         y, by_x = self.read(estimate[:n], [u])
@@ -82,13 +76,7 @@ class ExtendedKalmanFilter:
         return estimate + gain @ residual, 0.5 * (corrected + corrected.T)
 
     def predict(self, estimate: Matrix, covariance: Matrix, u: float) -> tuple[Matrix, Matrix]:
-        """Predict estimate and covariance of the next sample, scaled, as `correct` takes them.
-
-        Args:
-            estimate: Shape (n + n_w,), scaled.
-            covariance: Shape (n + n_w, n + n_w), scaled.
-            u: Input held until then, in SI.
-        """
+        """Predict estimate and covariance, scaled, a sample later under an input in SI."""
         n = len(self.rest)
         x, by_x, _, by_w = self.sample(estimate[:n], [u], estimate[n:])
         F = np.eye(len(estimate))

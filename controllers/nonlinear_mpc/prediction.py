@@ -55,11 +55,7 @@ class Called:
         return buffer, call, inputs, outputs
 
     def __call__(self, *values: npt.ArrayLike) -> list[Matrix]:
-        """Evaluate the function.
-
-        Args:
-            values: Arguments in the function's units; vectors of shape (n,) stand for columns.
-        """
+        """Evaluate the function, in its units; vectors of shape (n,) stand for columns."""
         _, call, inputs, outputs = self._buffers
         for array, value in zip(inputs, values, strict=True):
             array[:] = np.reshape(value, array.shape, order="F")
@@ -138,10 +134,7 @@ def _solved(rates: ca.SX, states: ca.SX) -> ca.SX:
 
 
 def discrete(rates: Dynamics, duration: float, steps: int, name: str) -> ca.Function:
-    """Build the map over one stage and its derivatives.
-
-    Args:
-        duration: Length of the stage, in s.
+    """Build the map over one stage of a duration in s and its derivatives.
 
     Source:
         Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.1.

@@ -74,12 +74,7 @@ class ConicProgram:
     def solve_factored(
         self, problem: Factored, g: Matrix, lower: Matrix, upper: Matrix
     ) -> Solution:
-        """Solve a problem from its factored matrices, as `solve` of the own solver does.
-
-        Args:
-            g: Gradient at x = 0, shape (n,), dimensionless.
-            lower: Lower limits of A x, then of x, shape (m + n,), in their units.
-        """
+        """Solve a factored problem, in its units, as the own solver does."""
         root = np.linalg.inv(problem.inverse)
         rows = (problem.rows * problem.sizes[:, None])[: self._rows] @ root
         m = self._rows

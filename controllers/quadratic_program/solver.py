@@ -85,11 +85,7 @@ class Factored(NamedTuple):
 
 
 def factored(H: Matrix, A: Matrix) -> Factored:
-    """Factor the matrices of a problem.
-
-    Args:
-        H: Symmetric positive definite matrix, shape (n, n), dimensionless.
-        A: Shape (m, n), dimensionless.
+    """Factor the matrices H, shape (n, n), and A, shape (m, n), of a problem in its units.
 
     Raises:
         WorkbenchError: If H is not positive definite or a number is not finite.
@@ -117,12 +113,10 @@ def most_iterations(variables: int, constraints: int) -> int:
 def solve(
     problem: Factored, g: Matrix, lower: Matrix, upper: Matrix, *, limit: int | None = None
 ) -> Solution:
-    """Solve a factored problem.
+    """Solve a factored problem, all in its units, within a number of iterations.
 
-    Args:
-        g: Gradient at x = 0, shape (n,), dimensionless.
-        lower: Lower limits of A x, then of x, shape (m + n,), in their units; may be -inf.
-        limit: Number of iterations after which it is given up (dimensionless).
+    The gradient is that at x = 0, shape (n,); limits, which may be infinite, are those of A x, then
+    those of x, shape (m + n,).
     """
     began = time.perf_counter()
     rows, n = problem.rows, len(g)
@@ -230,15 +224,7 @@ class QuadraticProgram:
         lower_x: Matrix,
         upper_x: Matrix,
     ) -> Solution:
-        """Factor and solve one problem; limits are in the units of rows and variables.
-
-        Args:
-            H: Symmetric positive definite matrix, shape (n, n), dimensionless.
-            g: Shape (n,), dimensionless.
-            A: Shape (m, n), dimensionless.
-            lower_a, upper_a: Shape (m,), in the unit of the row.
-            lower_x, upper_x: Shape (n,), in the unit of the variable.
-        """
+        """Factor and solve one problem; limits are in the units of rows and variables."""
         began = time.perf_counter()
         if self._library is None:
             try:
@@ -258,12 +244,7 @@ class QuadraticProgram:
     def solve_factored(
         self, problem: Factored, g: Matrix, lower: Matrix, upper: Matrix
     ) -> Solution:
-        """Solve a problem whose matrices were factored before, as `solve` does.
-
-        Args:
-            g: Gradient at x = 0, shape (n,), dimensionless.
-            lower: Lower limits of A x, then of x, shape (m + n,), in their units.
-        """
+        """Solve a factored problem, in its units, as the function `solve` does."""
         if self._library is None:
             return solve(problem, g, lower, upper, limit=self.limit)
         began = time.perf_counter()

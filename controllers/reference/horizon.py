@@ -38,11 +38,7 @@ class ReferenceAhead:
     sample_time: float = 0.002
 
     def start(self, angle: float) -> tuple[float, ...]:
-        """Return the state of a reference at rest, in SI.
-
-        Args:
-            angle: Angle, in rad.
-        """
+        """Return the state, in SI, of a reference at rest at an angle, in rad."""
         return (angle, angle) if self.planner is None else tuple(self.planner.start(angle))
 
     def follow(
@@ -67,13 +63,10 @@ class ReferenceAhead:
 def lagged(
     filtered: Number, target: Number, reference: Number, fresh: float
 ) -> tuple[Number, Number]:
-    """Pass a reference through two lags for one sample, in rad.
+    """Pass a reference, in rad, through two lags for one sample.
 
-    Args:
-        filtered: Reference after the first lag, in rad.
-        target: Reference after the second lag, in rad.
-        reference: Reference, in rad.
-        fresh: Share of the new value, omega_r h, dimensionless.
+    ``filtered`` and ``target`` are behind the first and the second; ``fresh`` is the share
+    omega_r h of the new value.
     """
     filtered = filtered + fresh * (reference - filtered)
     return filtered, target + fresh * (filtered - target)

@@ -122,11 +122,7 @@ class Planner:
         check_range("jump of a rough reference", self.jump, 1e-12, 1e9, "rad")
 
     def start(self, angle: Number) -> PlannerState:
-        """Return the state of a reference at rest.
-
-        Args:
-            angle: Angle, in rad.
-        """
+        """Return the state of a reference at rest at an angle, in rad."""
         return PlannerState(angle, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, self.shortest)
 
     def plan(
@@ -217,11 +213,7 @@ class Planner:
         )
 
     def ahead(self, state: PlannerState, plan: Plan, time: Number, arithmetic: Arithmetic) -> Plan:
-        """Return where the joint shall be a little later, if no jump comes.
-
-        Args:
-            time: How much later, in s.
-        """
+        """Return where the joint shall be a time later, in s, if no jump comes."""
         now = _offset(state, state.elapsed)
         jerk = plan.jerk - arithmetic.where(state.elapsed < state.duration, now[3], 0.0)
         elapsed = arithmetic.clip(state.elapsed + time, 0.0, state.duration)

@@ -11,11 +11,12 @@ import pytest
 from controllers.joint.schedule import JointSchedule
 from controllers.largest_bandwidth import Limits, held, largest_bandwidth
 from controllers.pid import CascadePID, ScheduledPIDSpecification, design_scheduled_pid
-from controllers.sensitivity import loops_at, peaks_of
+from controllers.sensitivity import frequencies, loops_at, peaks_of
 from controllers.uncertainty import NONE, Uncertainty
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 
+ANGLES = frequencies(0.002)
 LATE = Uncertainty(delay=(0.0, 0.006), sensor_lag=(0.0, 0.004), trusted_frequency=200.0)
 
 
@@ -88,9 +89,9 @@ def test_a_known_latency_is_predicted_over(
 ) -> None:
     def peak(latency: float) -> float:
         law = pid(schedule, 16.0, latency=latency)
-        return peaks_of(loops_at(law, linear_by_opening, [(0.012, 0.0)])[0], 0.002)[0]
+        return peaks_of(loops_at(law, linear_by_opening, [(0.012, 0.0)])[0], ANGLES)[0]
 
-    prompt = peaks_of(loops_at(pid(schedule, 16.0), linear_by_opening, [(0.0, 0.0)])[0], 0.002)[0]
+    prompt = peaks_of(loops_at(pid(schedule, 16.0), linear_by_opening, [(0.0, 0.0)])[0], ANGLES)[0]
     assert peak(0.012) < 1.25 * prompt < peak(0.0)
 
 
@@ -99,7 +100,7 @@ def test_integration_at_rest_is_no_part_of_the_loop_in_motion(
 ) -> None:
     plain, patient = (pid(schedule, rest_integration=speed) for speed in (0.0, 8.0))
     loops = [loops_at(law, linear_by_opening, [(0.0, 0.0)])[0] for law in (plain, patient)]
-    assert peaks_of(loops[0], 0.002) == pytest.approx(peaks_of(loops[1], 0.002), rel=1e-9)
+    assert peaks_of(loops[0], ANGLES) == pytest.approx(peaks_of(loops[1], ANGLES), rel=1e-9)
     at_rest = (0.5, 3e5, 3e5)
     state = patient.initial_state(at_rest)
     for _ in range(200):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from controllers.open_loop import ConstantCommand
+from tests.verification.held_command import ConstantCommand
 from workbench.plants.servo_axis import servo_axis
 from workbench.verification import Scenario, Steps, metrics, verify
 from workbench.verification.each_step import each_step, step_responses

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers import ConstantCommand, design_pid
+from controllers import design_pid
+from tests.verification.held_command import ConstantCommand
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.linearisation import linearise
 from workbench.model import Effect, Model

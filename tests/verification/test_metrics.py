@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers import ConstantCommand, design_mpc, design_pid
+from controllers import design_mpc, design_pid
+from tests.verification.held_command import ConstantCommand
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
 from workbench.model import Model

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from controllers import ConstantCommand
+from tests.verification.held_command import ConstantCommand
 from workbench.errors import WorkbenchError
 from workbench.plants.arm import arm
 from workbench.verification import (

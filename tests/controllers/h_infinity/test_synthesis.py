@@ -13,7 +13,7 @@ from controllers.h_infinity.controller import HInfinity, HInfinitySpecification,
 from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.joint.model import JointModel
 from controllers.joint.schedule import JointSchedule
-from controllers.sensitivity import loops_at, peak_sensitivities, peaks_of
+from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, peaks_of
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 from workbench.model import Model
@@ -110,7 +110,7 @@ def test_margins_and_linear_model(law: HInfinity, linear_by_opening: LinearModel
     assert mt < 1.9
     # one sample late is worse, and stable
     loop = loops_at(law, linear_by_opening, [(law.sample_time, 0.0)])[0]
-    late, _ = peaks_of(loop, law.sample_time)
+    late = peaks_of(loop, frequencies(law.sample_time)).sensitivity
     assert ms < late < 4.0
     steps = Scenario("step", {"angle": Steps((0.0, 0.1), (0.5, 0.55))}, 1.0)
     run = verify(law, linear_by_opening, steps.without_imperfections())

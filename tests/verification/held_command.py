@@ -1,4 +1,4 @@
-"""No control: a command that is held, for open-loop runs in the sampled loop."""
+"""No control: a command that is held."""
 
 from __future__ import annotations
 
