@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
-from controllers.valve_inverse import ValveLaw
+from controllers.valve_inverse import ACTUATORS, ValveLaw
 from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -111,4 +111,5 @@ ANGLE_PD = Design(
     function=design_angle_pd,
     specification=AnglePDSpecification,
     sensors=("angle",),
+    actuators=ACTUATORS,
 )

@@ -48,6 +48,7 @@ from controllers.pid import (
     design_pid,
 )
 from controllers.protocol import Command
+from controllers.valve_inverse import SENSORS
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -153,7 +154,7 @@ class AngleStiffness(ClosedForm):
     pressure_limits: tuple[float, float] = (0.2e5, 5.8e5)
     pressure_filter: float = 0.002
     name: str = "angle and stiffness"
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
+    sensors: tuple[str, ...] = SENSORS
     controlled: tuple[str, ...] = ("angle", "mean_pressure")
     actuators: tuple[str, ...] = ("valve_1", "valve_2")
     preview: int = 0
@@ -323,4 +324,5 @@ ANGLE_STIFFNESS = Design(
     function=design_angle_stiffness,
     specification=PIDSpecification,
     actuators=("valve_1", "valve_2"),
+    sensors=SENSORS,
 )

@@ -17,6 +17,7 @@ Mathematical Programming 27, 1983.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,9 +26,6 @@ from controllers.guard import FAULTS, Guarded
 from controllers.protocol import Controller
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
-
-UNITS = {"angle": "rad", "pressure_1": "Pa, gauge", "pressure_2": "Pa, gauge", "valve": "V"}
-"""Units of known signals, for the header."""
 
 
 @dataclass(frozen=True)
@@ -51,12 +49,21 @@ class ExportedC:
         )
 
 
-def export_c(controller: Controller, folder: str | Path, *, name: str = "controller") -> ExportedC:
+def export_c(
+    controller: Controller,
+    folder: str | Path,
+    *,
+    name: str = "controller",
+    units: Mapping[str, str] | None = None,
+) -> ExportedC:
     """Write a controller as C source and header, inside its guard.
 
     A controller that can be written says how: its method ``c_source(name)`` returns a `CSource`.
     One without a guard gets that of `Guard`, which needs no limits: no number that is not finite
     reaches the law or the command.
+
+    Args:
+        units: SI units of sensors, controlled outputs and commands by name, for the header.
 
     Raises:
         WorkbenchError: If the name is no C identifier, the controller needs a library at each
@@ -76,12 +83,12 @@ def export_c(controller: Controller, folder: str | Path, *, name: str = "control
         )
     found = guarded.c_source(name)
     target = Path(folder)
-    header = write_whole(target / f"{name}.h", _header(controller, name, found))
+    header = write_whole(target / f"{name}.h", _header(controller, name, found, units or {}))
     source = write_whole(target / f"{name}.c", f'#include "{name}.h"\n\n{found.source}')
     return ExportedC(source, header, len(found.states), found.operations)
 
 
-def _header(controller: Controller, name: str, found: CSource) -> str:
+def _header(controller: Controller, name: str, found: CSource, units: Mapping[str, str]) -> str:
     states, notes, reports = found.states, found.notes, found.reports
     guard = f"{name.upper()}_H"
     indent = " " * (len(name) + 10)
@@ -89,17 +96,17 @@ def _header(controller: Controller, name: str, found: CSource) -> str:
 
     def listed(title: str, entries: tuple[str, ...]) -> list[str]:
         return [f" * {title}:"] + [
-            f" *   [{i}] {entry}" + (f", {UNITS[entry]}" if entry in UNITS else "")
+            f" *   [{i}] {entry}" + (f", {units[entry]}" if entry in units else "")
             for i, entry in enumerate(entries)
         ]
 
-    wanted = tuple(
-        f"wanted {output}" + (f" in {k} samples" if k else " now") + f", {UNITS.get(output, 'SI')}"
+    asked = tuple(
+        f"{output}" + (f" in {k} samples" if k else " now") + f", {units.get(output, 'SI')}"
         for k in range(min(2, 1 + controller.preview))
         for output in controller.controlled
     )
     if controller.preview > 1:
-        wanted = (*wanted, f"and so on up to {controller.preview} samples ahead")
+        asked = (*asked, f"and so on up to {controller.preview} samples ahead")
     lines = [
         "/*",
         f" * {controller.name}: sampled control law, one step every {controller.sample_time:g} s.",
@@ -118,7 +125,7 @@ def _header(controller: Controller, name: str, found: CSource) -> str:
         *(f" *   {i:>2} {fault.name}: {fault.meaning}" for i, fault in enumerate(FAULTS)),
         " *",
         *listed("measurement", controller.sensors),
-        *listed("reference", wanted),
+        *listed("reference", asked),
         *listed("command", controller.actuators),
         *listed("state", states),
         *(listed("report", reports) if reports else ()),

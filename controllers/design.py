@@ -58,8 +58,8 @@ class Design:
     function: Callable[..., Any]
     needs: Source = "linear"
     specification: type[Any] | None = None
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
-    actuators: tuple[str, ...] = ("valve",)
+    sensors: tuple[str, ...] = ()
+    actuators: tuple[str, ...] = ()
     solves: bool = False
     slides: bool = False
     exports: bool = True
@@ -209,4 +209,4 @@ def designs_for(linear: LinearModel) -> tuple[Design, ...]:
         and set(d.sensors) <= set(linear.output_names)
         and set(d.actuators) <= set(linear.input_names)
     ]
-    return tuple(own or [d for d in one if not d.sensors])
+    return tuple(own or [d for d in one if not d.sensors and not d.own])

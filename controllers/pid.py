@@ -50,7 +50,7 @@ from controllers.joint.model import JointModel, joint_model
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_opening
 from controllers.sensitivity import peak_sensitivities
-from controllers.valve_inverse import ValveInverse, ValveLaw
+from controllers.valve_inverse import ACTUATORS, SENSORS, ValveInverse, ValveLaw
 from workbench.errors import WorkbenchError, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -422,6 +422,8 @@ PID = Design(
     function=design_pid,
     specification=PIDSpecification,
     colour=COLOUR,
+    sensors=SENSORS,
+    actuators=ACTUATORS,
 )
 
 SCHEDULED_PID = Design(
@@ -432,4 +434,6 @@ SCHEDULED_PID = Design(
     needs="map",
     specification=ScheduledPIDSpecification,
     colour=COLOUR,
+    sensors=SENSORS,
+    actuators=ACTUATORS,
 )

@@ -48,7 +48,7 @@ from controllers.joint.model import joint_model
 from controllers.joint.observer import design_joint_observer
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import Tracking, TrackingSpecification, arrived_opening
-from controllers.valve_inverse import ValveInverse, ValveLaw
+from controllers.valve_inverse import ACTUATORS, SENSORS, ValveInverse, ValveLaw
 from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
@@ -306,6 +306,8 @@ SLIDING_MODE = Design(
     specification=SlidingModeSpecification,
     slides=True,
     colour=COLOUR,
+    sensors=SENSORS,
+    actuators=ACTUATORS,
 )
 
 SCHEDULED_SLIDING_MODE = Design(
@@ -317,4 +319,6 @@ SCHEDULED_SLIDING_MODE = Design(
     specification=ScheduledSlidingModeSpecification,
     slides=True,
     colour=COLOUR,
+    sensors=SENSORS,
+    actuators=ACTUATORS,
 )

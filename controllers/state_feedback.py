@@ -46,7 +46,7 @@ from controllers.joint.tracking import (
     TrackingState,
     arrived_opening,
 )
-from controllers.valve_inverse import ValveLaw
+from controllers.valve_inverse import ACTUATORS, SENSORS, ValveLaw
 from workbench.arrays import Matrix
 from workbench.errors import check_range
 from workbench.linearisation.zero_order_hold import zero_order_hold
@@ -206,4 +206,6 @@ STATE_FEEDBACK = Design(
     function=design_state_feedback,
     needs="map",
     specification=StateFeedbackSpecification,
+    sensors=SENSORS,
+    actuators=ACTUATORS,
 )

@@ -28,6 +28,13 @@ MPYE_FRACTION: tuple[float, ...] = (
 """Flow as a fraction of the full one, read from the manufacturer's data sheet."""
 
 
+SENSORS = ("angle", "pressure_1", "pressure_2")
+"""Outputs that the controllers of a joint with two muscles read."""
+
+ACTUATORS = ("valve",)
+"""Input that those of a joint with one valve command."""
+
+
 @dataclass(frozen=True)
 class ValveInverse:
     """The controller's knowledge of the valve: its data sheet, not the valve that is mounted.
@@ -123,9 +130,9 @@ class ValveController(ThroughValve):
 
     sample_time: float = 0.002
     valve: ValveInverse = ValveInverse()
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
+    sensors: tuple[str, ...] = SENSORS
     controlled: tuple[str, ...] = ("angle",)
-    actuators: tuple[str, ...] = ("valve",)
+    actuators: tuple[str, ...] = ACTUATORS
     preview: int = 0
 
 

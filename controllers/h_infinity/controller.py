@@ -30,7 +30,7 @@ from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import JointTracking, TrackingSpecification, TrackingState
 from controllers.sampling import Rows, anti_windup, rows, total
-from controllers.valve_inverse import ValveLaw
+from controllers.valve_inverse import ACTUATORS, SENSORS, ValveLaw
 from workbench.errors import check_range
 
 
@@ -173,4 +173,6 @@ H_INFINITY = Design(
     function=design_h_infinity,
     needs="map",
     specification=HInfinitySpecification,
+    sensors=SENSORS,
+    actuators=ACTUATORS,
 )

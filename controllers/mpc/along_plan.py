@@ -51,7 +51,7 @@ from controllers.named_state import flat, names, restored
 from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
 from controllers.state_feedback import error_dynamics
-from controllers.valve_inverse import ValveController
+from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController
 from workbench.arrays import Matrix
 from workbench.errors import check_range
 
@@ -440,4 +440,6 @@ SCHEDULED_MPC = Design(
     specification=ScheduledMPCSpecification,
     solves=True,
     colour=("#00805c", "#36d6a4"),
+    sensors=SENSORS,
+    actuators=ACTUATORS,
 )

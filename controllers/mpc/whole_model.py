@@ -52,7 +52,7 @@ from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.plugins import OPTIONS, OWN, program
 from controllers.quadratic_program.solver import Solution
 from controllers.reference.horizon import lagged
-from controllers.valve_inverse import ValveController, ValveInverse
+from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import check_choice, check_range
 from workbench.linearisation.state_space import linear_model
@@ -392,4 +392,6 @@ LINEAR_MPC = Design(
     specification=MPCSpecification,
     solves=True,
     colour=("#00805c", "#36d6a4"),
+    sensors=SENSORS,
+    actuators=ACTUATORS,
 )

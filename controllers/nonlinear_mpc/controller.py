@@ -58,7 +58,7 @@ from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
 from controllers.reference.horizon import ReferenceAhead
 from controllers.reference.planned import Planner
-from controllers.valve_inverse import ThroughValve, ValveInverse
+from controllers.valve_inverse import ACTUATORS, SENSORS, ThroughValve, ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.actuator_inverse import straightened
@@ -196,9 +196,9 @@ class NonlinearMPC(ThroughValve):
     pressure_limits: tuple[float, float]
     valve: ValveInverse = field(default_factory=ValveInverse)
     name: str = "nonlinear MPC"
-    sensors: tuple[str, ...] = ("angle", "pressure_1", "pressure_2")
+    sensors: tuple[str, ...] = SENSORS
     controlled: tuple[str, ...] = ("angle",)
-    actuators: tuple[str, ...] = ("valve",)
+    actuators: tuple[str, ...] = ACTUATORS
 
     not_in_c = (
         "its prediction is a nonlinear model whose stages and derivatives are integrated by CasADi"
@@ -434,7 +434,7 @@ def design_nonlinear_mpc(
             f"{len(walk)} disturbances are estimated from {len(want.sensor_noise)}"
             " sensors; give as many disturbances as sensors, so that no offset is left"
         )
-    sensors = ("angle", "pressure_1", "pressure_2")
+    sensors = SENSORS
     disturbed = tuple(walk)
     softened = _with_soft_stops(model)
     ahead = dynamics(straightened(softened, "opening"), disturbed, resting=resting)
@@ -481,4 +481,6 @@ NONLINEAR_MPC = Design(
     specification=NonlinearMPCSpecification,
     solves=True,
     exports=False,
+    sensors=SENSORS,
+    actuators=ACTUATORS,
 )

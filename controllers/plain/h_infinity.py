@@ -81,6 +81,4 @@ PLAIN_H_INFINITY = Design(
     summary="H-infinity mixed sensitivity for any linear model; needs slycot",
     function=design_plain_h_infinity,
     specification=PlainHInfinitySpecification,
-    sensors=(),
-    actuators=(),
 )

@@ -86,8 +86,6 @@ PLAIN_MPC = Design(
     summary="linear MPC without offset, for any linear model",
     function=design_plain_mpc,
     specification=PlainMPCSpecification,
-    sensors=(),
-    actuators=(),
     solves=True,
     colour=("#00805c", "#36d6a4"),
 )

@@ -427,8 +427,6 @@ LQI = Design(
     summary="state feedback with integral action and Kalman filter, for any linear model",
     function=design_lqi,
     specification=LQISpecification,
-    sensors=(),
-    actuators=(),
 )
 
 PLAIN_SLIDING_MODE = Design(
@@ -437,8 +435,6 @@ PLAIN_SLIDING_MODE = Design(
     summary="sliding mode with boundary layer and integral, for any linear model",
     function=design_plain_sliding_mode,
     specification=PlainSlidingModeSpecification,
-    sensors=(),
-    actuators=(),
     slides=True,
     colour=("#c24a00", "#ff9152"),
 )

@@ -335,6 +335,4 @@ PLAIN_PID = Design(
     summary="PID of one output by one command, for any linear model",
     function=design_plain_pid,
     specification=PlainPIDSpecification,
-    sensors=(),
-    actuators=(),
 )

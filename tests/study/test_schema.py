@@ -10,6 +10,8 @@ import pytest
 from tests.study.small_study import TEXT, small_study
 from workbench.errors import WorkbenchError
 from workbench.study.schema import load_study
+from workbench.study.study import Demand
+from workbench.verification import Requirement
 
 
 def line(part: str) -> int:
@@ -151,3 +153,11 @@ def test_effects_of_the_library(tmp_path: Path) -> None:
     wrong = (varied[0], varied[1].replace('["muscle_hysteresis"]', '["histeresis"]'))
     with pytest.raises(WorkbenchError, match="line 7: effect is 'histeresis'"):
         load_study(small_study(tmp_path, wrong))
+
+
+def test_a_step_is_told_in_the_unit_of_its_output() -> None:
+    required = Requirement("overshoot", 10.0, "%")
+    told = [str(Demand(required, step=s, step_unit=u)) for s, u in ((0.2, "m"), (math.pi, "deg"))]
+    assert told == [
+        "overshoot of steps of 0.2 m at most 10 %", "overshoot of steps of 180° at most 10 %",
+    ]  # fmt: skip

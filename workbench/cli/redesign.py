@@ -41,12 +41,14 @@ def redesign(
     from workbench.reports.regained_page import regained_page, regained_table
     from workbench.study.plants import PlantRecipe
 
-    trials = []
-    for trial in regained(PlantRecipe(verdict), family or ()):
+    trials, plant = [], PlantRecipe(verdict)
+    units = {q.name: q.unit for model in (plant.build(),) for q in (*model.outputs, *model.inputs)}
+    for trial in regained(plant, family or ()):
         trials.append(trial)
         typer.echo(f"{trial.family}: {trial.which}", err=True)
         if trial.which == WHICH[-1]:
-            export_c(trial.controller, out, name=trial.family.lower().replace(" ", "_"))
+            name = trial.family.lower().replace(" ", "_")
+            export_c(trial.controller, out, name=name, units=units)
     typer.echo(str(regained_table(trials)))
     page = regained_page(trials, Path(verdict).name, command=typed())
     path = write_page(page, out / "redesign.html")

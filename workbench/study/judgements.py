@@ -67,10 +67,8 @@ class Judgement:
 
     def __str__(self) -> str:
         """Return one sentence."""
-        metric = self.demand.requirement.metric
-        if self.demand.step is not None:
-            metric += f" of steps of {math.degrees(self.demand.step):g}°"
-        return f"{self.controller}, {self.scenario}, {self.variation}: {metric} {self.excess()}"
+        what = f"{self.demand.metric} {self.excess()}"
+        return f"{self.controller}, {self.scenario}, {self.variation}: {what}"
 
 
 @dataclass(frozen=True)

@@ -612,7 +612,9 @@ class _Resolver(TomlTables):
                 requirement = Requirement(**{k: v for k, v in given.items() if k in limits})
             with self.at(*path, "step"):
                 step = self.step(table) if "step" in table else None
-            found.append(Demand(requirement, table.get("weight", 1.0), **chosen, step=step))
+            unit = self.output.display_unit
+            weight = table.get("weight", 1.0)
+            found.append(Demand(requirement, weight, **chosen, step=step, step_unit=unit))
             with self.at(*path):
                 check_demand(found[-1], units, self.scenarios_, self.controllers_, own_metrics)
                 check_demands(found)

@@ -6,13 +6,12 @@ for the page of fields and for the entries here that have its name.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from workbench.errors import check_choice
-from workbench.model.units import with_unit
+from workbench.model.units import from_si, with_unit
 from workbench.study.designs import ControllerRecipe
 from workbench.study.plants import PlantRecipe
 from workbench.verification import METRICS, Disturbance, Metric, Requirement, Scenario, Tolerance
@@ -102,6 +101,7 @@ class Demand:
         weight: Weight in the mean score, dimensionless.
         variations: Names of the variations it applies to, with or without their case; all if empty.
         step: Size of the steps that are judged, in SI; all if None. For metrics of steps only.
+        step_unit: Unit in which people read the step.
     """
 
     requirement: Requirement
@@ -110,6 +110,15 @@ class Demand:
     variations: tuple[str, ...] = ()
     plants: tuple[str, ...] = ()
     step: float | None = None
+    step_unit: str = "1"
+
+    @property
+    def metric(self) -> str:
+        """The metric and the steps that it is of, in words."""
+        if self.step is None:
+            return self.requirement.metric
+        size = with_unit(f"{from_si(self.step, self.step_unit):g}", self.step_unit)
+        return f"{self.requirement.metric} of steps of {size}"
 
     def applies(self, controller: str, variation: Variation, scenario: str) -> bool:
         """Tell whether a run is judged by this requirement."""
@@ -125,8 +134,7 @@ class Demand:
         """Return the demand in words."""
         required = self.requirement
         sign = "at most" if required.kind == "at_most" else "at least"
-        step = "" if self.step is None else f" of steps of {math.degrees(self.step):g}°"
-        return f"{required.metric}{step} {sign} {with_unit(f'{required.limit:g}', required.unit)}"
+        return f"{self.metric} {sign} {with_unit(f'{required.limit:g}', required.unit)}"
 
 
 @dataclass(frozen=True)
