@@ -12,7 +12,7 @@ import pytest
 
 from tests.study.small_study import small_study
 from workbench.cli.main import run
-from workbench.cli.typed import typed
+from workbench.cli.running import typed
 from workbench.data_folder import shipped_folder
 
 

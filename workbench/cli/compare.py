@@ -10,25 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from workbench.cli.as_json import AsJson
-from workbench.cli.counter import Jobs, run_counted
+from workbench.cli.options import AsJson, Jobs
 from workbench.cli.plant import named_value
+from workbench.cli.running import counting, processes
 
 if TYPE_CHECKING:
     from workbench.study.study import Study
 
-StudyName = Annotated[
-    Path, typer.Argument(help="Study file (TOML), or the name of a shipped one such as arm.")
-]
-StudyOptions = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--option",
-        "-o",
-        help="Option of the study's plant in the place of the study's own, such as load=3kg.",
-        metavar="NAME=VALUE",
-    ),
-]
 Limit = Annotated[
     bool | None,
     typer.Option(
@@ -41,30 +29,16 @@ Limit = Annotated[
 
 
 def compare(
-    study: StudyName,
-    out: Annotated[Path, typer.Option(help="Folder for the results.", metavar="DIR")],
-    baseline: Annotated[
-        Path | None,
-        typer.Option(help="Stored results; anything worse fails.", metavar="FILE"),
-    ] = None,
+    study: Path,
+    *,
+    out: Path,
+    baseline: Path | None = None,
     jobs: Jobs = None,
-    dask: Annotated[
-        str | None,
-        typer.Option(
-            help="Let a Dask cluster do the runs: address of its scheduler, such as "
-            "tcp://host:8786.",
-            metavar="ADDRESS",
-        ),
-    ] = None,
-    option: StudyOptions = None,
+    dask: str | None = None,
+    option: list[str] | None = None,
     limit: Limit = None,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Do all runs again, also finished ones.")
-    ] = False,
-    verify_cache: Annotated[
-        bool,
-        typer.Option("--verify-cache", help="Do a sample of the finished runs again and compare."),
-    ] = False,
+    fresh: bool = False,
+    verify_cache: bool = False,
     as_json: AsJson = False,
 ) -> int:
     """Run a study: every controller on every plant in every scenario, judged and compared.
@@ -74,26 +48,40 @@ def compare(
     requirement is missed or something is worse than the baseline.
 
     Example: 'workbench compare arm --out comparison'.
+
+    Args:
+        study: Study file (TOML), or the name of a shipped one such as arm.
+        out (DIR): Folder for the results.
+        baseline (FILE): Stored results; anything worse fails.
+        dask (ADDRESS): Let a Dask cluster do the runs: address of its scheduler, such as
+            tcp://host:8786.
+        option (-o NAME=VALUE): Option of the study's plant in the place of the study's own, such as
+            load=3kg.
+        fresh: Do all runs again, also finished ones.
+        verify_cache: Do a sample of the finished runs again and compare.
     """
-    from workbench.cli.typed import typed
+    from workbench.cli.running import typed
     from workbench.reports.figure import own_figures
     from workbench.reports.study_files import write_study_files
     from workbench.study.annotations import github_annotations, on_github
+    from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 
     chosen = named_study(study, limit, option or ())
     # A mistake in a module of figures shows before the runs, not after them.
     own_figures(chosen.report.figures, folder=chosen.path.parent)
     typer.echo(str(chosen), err=True)
-    outcome = run_counted(
-        chosen,
-        out,
-        jobs=jobs,
-        baseline=baseline,
-        dask=dask,
-        fresh=fresh,
-        verify_cache=verify_cache,
-    )
+    with counting() as counter:
+        outcome = run_study(
+            chosen,
+            out,
+            baseline=baseline,
+            jobs=processes(jobs),
+            dask=dask,
+            fresh=fresh,
+            verify_cache=verify_cache,
+            progress=counter,
+        )
     typer.echo("writing the report ...", err=True)
     written = write_study_files(outcome, out, command=typed())
     if on_github(os.environ) and not as_json:

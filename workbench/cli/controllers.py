@@ -7,44 +7,19 @@ from typing import Annotated
 
 import typer
 
-from workbench.cli.counter import Jobs, run_counted
+from workbench.cli.options import Jobs, Positive
+from workbench.cli.running import counting, processes
 
 
 def controllers(
-    out: Annotated[
-        Path, typer.Option(help="Folder for results.json, summary.md, junit.xml and report.html.")
-    ],
-    family: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--family",
-            "-f",
-            help="Name of a controller of the study; by default all.",
-            metavar="NAME",
-        ),
-    ] = None,
-    limits: Annotated[
-        bool, typer.Option(help="Compute the physical limits (kept on disk once found).")
-    ] = True,
-    seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
-    seeds: Annotated[
-        int, typer.Option(help="Number of seeds; the worst of all counts.", min=1)
-    ] = 1,
-    fresh: Annotated[
-        bool,
-        typer.Option(
-            "--fresh",
-            help="Run loads, variations and steps too that no choice of a design was made with.",
-        ),
-    ] = False,
-    blind: Annotated[
-        bool,
-        typer.Option(
-            "--blind",
-            help="Run designs that tolerate delay, lags and wrong loads on drawn machines instead,"
-            " on the workbench's own plant and on an independent simulator.",
-        ),
-    ] = False,
+    *,
+    out: Path,
+    family: list[str] | None = None,
+    limits: bool = True,
+    seed: int = 0,
+    seeds: Positive = 1,
+    fresh: bool = False,
+    blind: bool = False,
     draws: Annotated[int, typer.Option(help="Number of drawn machines.", min=1, max=10000)] = 200,
     jobs: Jobs = None,
 ) -> int:
@@ -58,14 +33,25 @@ def controllers(
     thing in turn or by three, drawn with a seed that nothing was tuned with.
 
     Example: 'workbench controllers --out controllers'.
+
+    Args:
+        out: Folder for results.json, summary.md, junit.xml and report.html.
+        family (-f NAME): Name of a controller of the study; by default all.
+        limits: Compute the physical limits (kept on disk once found).
+        seed: Seed of the sensors' noise.
+        seeds: Number of seeds; the worst of all counts.
+        fresh: Run loads, variations and steps too that no choice of a design was made with.
+        blind: Run designs that tolerate delay, lags and wrong loads on drawn machines instead, on
+            the workbench's own plant and on an independent simulator.
     """
     if blind:
         return _blind(out, draws, jobs)
     from dataclasses import replace
 
-    from workbench.cli.typed import typed
+    from workbench.cli.running import typed
     from workbench.reports.figures.limitations import limitation_tables, missed_table
     from workbench.reports.study_files import write_study_files
+    from workbench.study.result import run_study
     from workbench.study.schema import load_study
     from workbench.study.shipped import shipped_study
     from workbench.study.summary import plain_summary
@@ -75,7 +61,8 @@ def controllers(
         study = study.only(family)
     study = replace(study, seeds=tuple(range(seed, seed + seeds)))
     typer.echo(str(study), err=True)
-    result = run_counted(study, out, jobs=jobs)
+    with counting() as counter:
+        result = run_study(study, out, jobs=processes(jobs), progress=counter)
     for table in limitation_tables(result):
         typer.echo(f"{table}\n")
     written = write_study_files(result, out, command=typed())
@@ -86,10 +73,7 @@ def controllers(
 
 def _blind(out: Path, count: int, jobs: int | None) -> int:
     """Run tolerant designs on drawn machines."""
-    import os
-
-    from workbench.cli.counter import Counter
-    from workbench.cli.typed import typed
+    from workbench.cli.running import typed
     from workbench.evaluation.rig.variations import BLIND_SEED
     from workbench.evaluation.rig.variations import draws as drawn
     from workbench.evaluation.tolerance import SIMULATORS, tolerance, tolerant_study
@@ -98,15 +82,12 @@ def _blind(out: Path, count: int, jobs: int | None) -> int:
     from workbench.study.designs import bandwidth_against_delay
 
     machines = drawn(count, BLIND_SEED)
-    workers = (os.cpu_count() or 1) if jobs is None else jobs
-    counter, rows = Counter(), []
-    try:
-        for row in tolerance(dict.fromkeys(SIMULATORS, machines), out / "blind", jobs=workers):
+    plan, rows = dict.fromkeys(SIMULATORS, machines), []
+    with counting() as counter:
+        for row in tolerance(plan, out / "blind", jobs=processes(jobs)):
             rows.append(row)
             what = f"{row['simulator']} / {row['draw']}"
             counter("machines", len(rows), len(SIMULATORS) * count, what)
-    finally:
-        counter.close()
     designs = {name: recipe.designed() for name, recipe in tolerant_study().controllers.items()}
     for table in (*(reached_table(rows, name) for name in SIMULATORS), margins_table(designs)):
         typer.echo(f"{table}\n")

@@ -6,13 +6,15 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
-from workbench.cli.as_json import AsJson
+from workbench.cli.options import AsJson
 from workbench.cli.plant import chosen_plant
 from workbench.cli.problem import Loaded, with_problem
+from workbench.cli.running import TimeUp, typed
+from workbench.cli.running import time_limit as until
 from workbench.errors import WorkbenchError, check_range
 
 if TYPE_CHECKING:
@@ -30,50 +32,14 @@ QUICK_S = 20.0
 @with_problem()
 def diagnose(
     recorded: Callable[[], Loaded],
-    effects: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--effects",
-            help="Physics of your own that may be missing, beside the library: module:object, an"
-            " effect or a function that returns one; may be given several times.",
-            metavar="NAME",
-        ),
-    ] = None,
-    jobs: Annotated[int, typer.Option(help="Processes that work side by side.")] = 2,
-    time_limit: Annotated[
-        float | None,
-        typer.Option(
-            "--time-limit",
-            help="End after this time with the best verdict until then, which says what was not"
-            " tried; exit status 0.",
-            metavar="SECONDS",
-        ),
-    ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help=f"The same as --time-limit {QUICK_S:g}.")
-    ] = False,
-    propose: Annotated[
-        Path | None,
-        typer.Option(
-            help="CSV file for the next input: times and inputs in the plant's units, to be played"
-            " on the machine.",
-            metavar="FILE",
-        ),
-    ] = None,
-    experiment: Annotated[
-        str | None,
-        typer.Option(
-            help="Play the next input on this machine and diagnose again with what it recorded; the"
-            " new verdict is written into the folder 'experiment' beside the first. A plant that"
-            " stands for it (a name, module:object or verdict.json), or a module:object of your"
-            " own with a method play(experiment) that returns a Recording.",
-            metavar="MACHINE",
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Folder for verdict.json, report.html and the pictures."),
-    ] = None,
+    *,
+    effects: list[str] | None = None,
+    jobs: int = 2,
+    time_limit: float | None = None,
+    quick: bool = False,
+    propose: Path | None = None,
+    experiment: str | None = None,
+    out: Path | None = None,
     as_json: AsJson = False,
 ) -> int:
     """Find out what physics a model leaves out, and prove it on held-out recordings.
@@ -88,7 +54,19 @@ def diagnose(
     diagnosis'.
 
     Args:
-        time_limit: Time after which it ends, in s, 1 to 1e6.
+        effects (NAME): Physics of your own that may be missing, beside the library: module:object,
+            an effect or a function that returns one; may be given several times.
+        jobs: Processes that work side by side.
+        time_limit (SECONDS): End after this time (1 to 1e6 s) with the best verdict until then,
+            which says what was not tried; exit status 0.
+        quick: The same as --time-limit 20.
+        propose (FILE): CSV file for the next input: times and inputs in the plant's units, to be
+            played on the machine.
+        experiment (MACHINE): Play the next input on this machine and diagnose again with what it
+            recorded; the new verdict is written into the folder 'experiment' beside the first. A
+            plant that stands for it (a name, module:object or verdict.json), or a module:object of
+            your own with a method play(experiment) that returns a Recording.
+        out: Folder for verdict.json, report.html and the pictures.
     """
     from workbench.diagnosis.problem import own_laws
 
@@ -168,8 +146,6 @@ class _Asked:
         return second
 
     def _until_limit(self) -> Diagnosis:
-        from workbench.cli.ending import TimeUp
-        from workbench.cli.ending import time_limit as until
         from workbench.diagnosis.conclude import conclude_early
         from workbench.diagnosis.diagnose import stages
         from workbench.files import write_whole
@@ -227,7 +203,6 @@ class _Asked:
         return verdict.to_json(saved_plant(*chosen, own.nominal, verdict.model))
 
     def _write(self, found: Diagnosis, out: Path) -> None:
-        from workbench.cli.typed import typed
         from workbench.diagnosis.comparison import proof_of
         from workbench.diagnosis.nonparametric.law_file import law_file
         from workbench.files import whole_folder, write_whole

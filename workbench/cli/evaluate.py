@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import inspect
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from workbench.cli.as_json import tell
-from workbench.cli.plant import options_of
+from workbench.cli.options import Positive, parameters_of, read_as, taking
+from workbench.cli.options import summary as about
+from workbench.cli.running import tell
 from workbench.errors import WorkbenchError
 
 if TYPE_CHECKING:
@@ -20,33 +20,26 @@ if TYPE_CHECKING:
 
 evaluate = typer.Typer(no_args_is_help=True)
 
-Answers = Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")]
-Seeds = Annotated[int | None, typer.Option(help="Seed of the first case.")]
-Part = Annotated[str, typer.Option(help="K/N: every Nth case from the Kth on.")]
-Only = Annotated[
-    list[str] | None,
-    typer.Option(help="Name of a case, such as own-2003, or of a machine; several times."),
-]
-Jobs = Annotated[int, typer.Option(help="Processes of one diagnosis.", min=1)]
-Side = Annotated[int, typer.Option(help="Cases that are diagnosed side by side.", min=1)]
-Cluster = Annotated[
-    str | None,
-    typer.Option(
-        help="Let a Dask cluster diagnose: address of its scheduler, such as tcp://host:8786.",
-        metavar="ADDRESS",
-    ),
-]
-
 
 @dataclass(frozen=True)
 class Campaign:
-    """Which cases of a plan are answered, by how many processes, and where answers are kept."""
+    """Which cases of a plan are answered, by how many processes, and where answers are kept.
+
+    Args:
+        out (OUT): Folder of the answers.
+        part: K/N: every Nth case from the Kth on.
+        only: Name of a case, such as own-2003, or of a machine; several times.
+        jobs: Cases that are diagnosed side by side.
+        dask (ADDRESS): Let a Dask cluster diagnose: address of its scheduler, such as
+            tcp://host:8786.
+    """
 
     out: Path
-    part: str
-    only: list[str] | None
-    jobs: int
-    dask: str | None
+    _: KW_ONLY
+    part: str = "1/1"
+    only: list[str] | None = None
+    jobs: Positive = 1
+    dask: str | None = None
 
     def run(
         self,
@@ -65,38 +58,28 @@ class Campaign:
         return 0
 
 
-_CAMPAIGN: dict[str, tuple[Any, Any]] = {
-    "out": (Answers, inspect.Parameter.empty),
-    "part": (Part, "1/1"),
-    "only": (Only, None),
-    "jobs": (Side, 1),
-    "dask": (Cluster, None),
-}
-with_campaign = options_of("campaign", _CAMPAIGN, Campaign)
+with_campaign = taking("campaign", Campaign)
 
 
 def blind(
-    verdicts: Annotated[
-        Path,
-        typer.Argument(
-            help="Folder with CASE/verdict.json or CASE.json for each case.", metavar="VERDICTS"
-        ),
-    ],
-    key: Annotated[Path, typer.Option(help="JSON file with the answers.")],
-    commitments: Annotated[
-        Path | None,
-        typer.Option(help="Text file with the SHA-256 of each answer, to check them."),
-    ] = None,
-    names: Annotated[
-        Path | None,
-        typer.Option(help="TOML file on how further words of the key are to be read."),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="JSON file for the score.")] = None,
+    verdicts: Path,
+    *,
+    key: Path,
+    commitments: Path | None = None,
+    names: Path | None = None,
+    out: Path | None = None,
 ) -> int:
     """Score the verdicts of a blind round against the answers.
 
     Prints points per case, rates, and the p-value against random answers. Example:
     'workbench evaluate blind verdicts --key key.json --commitments commitments.txt'.
+
+    Args:
+        verdicts (VERDICTS): Folder with CASE/verdict.json or CASE.json for each case.
+        key: JSON file with the answers.
+        commitments: Text file with the SHA-256 of each answer, to check them.
+        names: TOML file on how further words of the key are to be read.
+        out: JSON file for the score.
     """
     from workbench.evaluation.blind_round import score_verdicts
 
@@ -110,17 +93,21 @@ def blind(
 @with_campaign
 def own_cases(
     campaign: Campaign,
-    count: Annotated[
-        int | None, typer.Option(help="First cases of the plan; all by default.", min=1)
-    ] = None,
-    seeds: Seeds = None,
-    baselines: Annotated[bool, typer.Option(help="Whether the baselines answer too.")] = True,
+    *,
+    count: Annotated[int | None, typer.Option(min=1)] = None,
+    seeds: int | None = None,
+    baselines: bool = True,
 ) -> int:
     """Make cases of the arm on a second simulator, diagnose them and keep the answers.
 
     Finished cases are kept in OUT, one JSON file each: an interrupted run goes on where it stopped,
     and several processes, or a cluster, share the work. 'workbench evaluate report OUT' makes the
     tables.
+
+    Args:
+        count: First cases of the plan; all by default.
+        seeds: Seed of the first case.
+        baselines: Whether the baselines answer too.
     """
     from workbench.evaluation.own_cases import run
 
@@ -129,18 +116,27 @@ def own_cases(
 
 
 def experiments(
-    out: Answers,
-    count: Annotated[int, typer.Option(help="Cases that are to end as classes.", min=1)] = 10,
-    seeds: Seeds = None,
-    part: Part = "1/1",
-    only: Only = None,
-    jobs: Jobs = 1,
+    out: Path,
+    *,
+    count: Positive = 10,
+    seeds: int | None = None,
+    part: str = "1/1",
+    only: list[str] | None = None,
+    jobs: Positive = 1,
 ) -> int:
     """Play what a diagnosis proposes on the machine of poorly recorded cases, and judge again.
 
     Cases of the arm on a second simulator, recorded in closed loop only, are diagnosed until COUNT
     of them ended as classes of look-alikes; each of these gets one more experiment of 20 s. The
     last lines say how many became names. Finished cases are kept in OUT as with own-cases.
+
+    Args:
+        out (OUT): Folder of the answers.
+        count: Cases that are to end as classes.
+        seeds: Seed of the first case.
+        part: K/N: every Nth case from the Kth on.
+        only: Name of a case, such as own-2003, or of a machine; several times.
+        jobs: Processes of one diagnosis.
     """
     _one_thread()
     from workbench.evaluation.own_cases.experiments import run_experiments
@@ -152,15 +148,15 @@ def experiments(
 
 
 @with_campaign
-def foreign(
-    campaign: Campaign,
-    count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 60,
-    seeds: Seeds = None,
-) -> int:
+def foreign(campaign: Campaign, *, count: Positive = 60, seeds: int | None = None) -> int:
     """Diagnose machines that the workbench does not know, on first models of a newcomer.
 
     A drive, a circuit, a tank and a crane of a second simulator, with one effect, two or nothing
     concealed. Finished cases are kept in OUT as with own-cases.
+
+    Args:
+        count: Cases of the plan.
+        seeds: Seed of the first case.
     """
     from workbench.evaluation.foreign import plan, run
 
@@ -169,17 +165,14 @@ def foreign(
 
 
 @with_campaign
-def machines(
-    campaign: Campaign,
-    data: Annotated[
-        Path | None,
-        typer.Option(help="Folder with the recordings; WORKBENCH_DATA, or fetched, without it."),
-    ] = None,
-) -> int:
+def machines(campaign: Campaign, *, data: Path | None = None) -> int:
     """Diagnose recordings of real machines, each from the first model that comes to mind.
 
     A line per machine: what was named, the error on held-out recordings before and after, and what
     it lacks against what is published.
+
+    Args:
+        data: Folder with the recordings; WORKBENCH_DATA, or fetched, without it.
     """
     from workbench.evaluation.machines import run
 
@@ -197,14 +190,15 @@ def left_out(campaign: Campaign) -> int:
     return campaign.run(plan.PLAN, run.answer, run.line_of)
 
 
-def cases(
-    out: Annotated[Path, typer.Argument(help="Folder of the benchmark.", metavar="OUT")],
-    count: Annotated[int, typer.Option(help="Cases of the plan.", min=1)] = 20,
-    seeds: Seeds = None,
-) -> int:
+def cases(out: Path, *, count: Positive = 20, seeds: int | None = None) -> int:
     """Write cases of the arm as folders that any method can read, with the answers beside them.
 
     Each folder has case.toml and its recordings; OUT/key.json says what they hide.
+
+    Args:
+        out (OUT): Folder of the benchmark.
+        count: Cases of the plan.
+        seeds: Seed of the first case.
     """
     from workbench.evaluation.benchmark.cases import write_cases
 
@@ -213,17 +207,16 @@ def cases(
     return 0
 
 
-def baselines(
-    cases: Annotated[Path, typer.Argument(help="Folder of case folders.", metavar="CASES")],
-    out: Annotated[Path, typer.Argument(help="Folder of the answers.", metavar="OUT")],
-    only: Annotated[
-        list[str] | None, typer.Option(help="Name of a method, such as greedy; several times.")
-    ] = None,
-) -> int:
+def baselines(cases: Path, out: Path, *, only: list[str] | None = None) -> int:
     """Let simple methods answer cases: OUT receives one folder of verdicts per method.
 
     Refit only, greedy selection, SINDy on the residual, a Kalman filter with states that walk at
     random, and a neural network in the equations.
+
+    Args:
+        cases (CASES): Folder of case folders.
+        out (OUT): Folder of the answers.
+        only: Name of a method, such as greedy; several times.
     """
     _one_thread()
     from workbench.evaluation.benchmark.baselines import run_baselines
@@ -233,22 +226,16 @@ def baselines(
     return 0
 
 
-def benchmark(
-    cases: Annotated[
-        Path, typer.Argument(help="Folder with key.json, and names.toml if it needs one.")
-    ],
-    verdicts: Annotated[
-        list[Path],
-        typer.Argument(
-            help="Folder with CASE.json or CASE/verdict.json for each case; one per method.",
-            metavar="VERDICTS...",
-        ),
-    ],
-    out: Annotated[Path | None, typer.Option(help="JSON file for the scores.")] = None,
-) -> int:
+def benchmark(cases: Path, verdicts: list[Path], *, out: Path | None = None) -> int:
     """Score the verdicts of one method or several on the same cases, a line per method.
 
     Example: 'workbench evaluate benchmark cases my_method answers/greedy answers/sindy'.
+
+    Args:
+        cases: Folder with key.json, and names.toml if it needs one.
+        verdicts (VERDICTS...): Folder with CASE.json or CASE/verdict.json for each case; one per
+            method.
+        out: JSON file for the scores.
     """
     from workbench.evaluation.benchmark.compare import compared, table
 
@@ -260,12 +247,16 @@ def benchmark(
 
 
 def report(
-    out: Answers,
-    figure: Annotated[Path | None, typer.Option(help="PNG file to draw, of own cases.")] = None,
-    summary: Annotated[Path | None, typer.Option(help="JSON file of the numbers.")] = None,
-    cases: Annotated[bool, typer.Option(help="One line per case too.")] = False,
+    out: Path, *, figure: Path | None = None, summary: Path | None = None, cases: bool = False
 ) -> int:
-    """Tabulate the answers that 'own-cases' or 'foreign' kept."""
+    """Tabulate the answers that 'own-cases' or 'foreign' kept.
+
+    Args:
+        out (OUT): Folder of the answers.
+        figure: PNG file to draw, of own cases.
+        summary: JSON file of the numbers.
+        cases (--cases/--no-cases): One line per case too.
+    """
     from workbench.evaluation.report import report as tabulate
 
     typer.echo(tabulate(out, figure_file=figure, summary_file=summary, each=cases))
@@ -301,4 +292,4 @@ for _verb in (
     benchmark,
     report,
 ):
-    evaluate.command()(_verb)
+    evaluate.command(help=about(_verb))(read_as(_verb, parameters_of(_verb)))

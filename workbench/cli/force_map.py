@@ -3,28 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 
-def force_map(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            help="Table of static forces with the columns pressure, length and force, each with "
-            "its unit (pressure_Pa, length_m, force_N).",
-        ),
-    ],
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for the page, the pictures and results.json.")
-    ] = None,
-) -> int:
+def force_map(file: Path, *, out: Path | None = None) -> int:
     """Fit every force law to a measured force map and judge it on points left out.
 
     Example: 'workbench force-map dmsp-20-300_static_force.csv --out map'.
+
+    Args:
+        file: Table of static forces with the columns pressure, length and force, each with its unit
+            (pressure_Pa, length_m, force_N).
+        out: Folder for the page, the pictures and results.json.
     """
-    from workbench.cli.typed import typed
+    from workbench.cli.running import typed
     from workbench.demo.force_map_study import study_map
     from workbench.demo.force_maps import errors_table, force_map_page, read_force_map
     from workbench.files import json_text, write_whole

@@ -3,33 +3,26 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from workbench.cli.as_json import AsJson, tell
+from workbench.cli.options import AsJson
 from workbench.cli.plant import Chosen, with_plant
+from workbench.cli.running import tell
 
 
 @with_plant("option", "effect", "at")
 def linearise(
-    chosen: Chosen,
-    verdict: Annotated[
-        bool,
-        typer.Option(
-            "--verdict", help="Also simulate how large and how fast a motion may be (seconds)."
-        ),
-    ] = False,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="JSON file for the operating point and the matrices A, B, C, D, in SI."),
-    ] = None,
-    as_json: AsJson = False,
+    chosen: Chosen, *, verdict: bool = False, out: Path | None = None, as_json: AsJson = False
 ) -> int:
     """Trim a plant and print its linear model: modes, and how far to trust it.
 
     Examples: 'workbench linearise --angle 30deg --load 3kg --mean-pressure 3bar --verdict',
     'workbench linearise --plant my_plants:circuit --at voltage=2V'.
+
+    Args:
+        verdict: Also simulate how large and how fast a motion may be (seconds).
+        out: JSON file for the operating point and the matrices A, B, C, D, in SI.
     """
     from workbench.linearisation import linearise as linear_model
     from workbench.operating_point import operating_point

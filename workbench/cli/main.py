@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
 from collections.abc import Sequence
 from typing import Annotated
@@ -10,25 +9,24 @@ from typing import Annotated
 import typer
 
 from workbench.cli.bless import bless
-from workbench.cli.claim import claiming
 from workbench.cli.compare import compare
 from workbench.cli.controllers import controllers
 from workbench.cli.demo import demo
 from workbench.cli.diagnose import diagnose
-from workbench.cli.ending import sigterm_interrupts
 from workbench.cli.evaluate import evaluate
 from workbench.cli.force_map import force_map
 from workbench.cli.linearise import linearise
 from workbench.cli.new import new_controller, new_plant, new_study, study_fields
 from workbench.cli.notebook import notebook
+from workbench.cli.options import parameters_of, read_as, summary
 from workbench.cli.plant import PlantCommand
 from workbench.cli.plants import plants
 from workbench.cli.recording import recording
 from workbench.cli.redesign import redesign
 from workbench.cli.refit import refit
 from workbench.cli.report import report
+from workbench.cli.running import claiming, sigterm_interrupts, typing
 from workbench.cli.simulate import simulate
-from workbench.cli.typed import typing
 from workbench.cli.verify import verify
 from workbench.errors import WorkbenchError
 from workbench.registry import own_place, told
@@ -72,11 +70,9 @@ for _verb in (
     new_plant,
     study_fields,
 ):
-    # What follows is for those who call the function, not for those who type the verb.
-    app.command(
-        help=inspect.cleandoc(_verb.__doc__ or "").split("\n\nArgs:")[0],
-        cls=PlantCommand if "short" in inspect.signature(_verb).parameters else None,
-    )(_verb)
+    _options = parameters_of(_verb)
+    _kind = PlantCommand if any(p.name == "short" for p in _options) else None
+    app.command(help=summary(_verb), cls=_kind)(read_as(_verb, _options))
 
 
 def _tell_version(asked: bool) -> None:

@@ -4,35 +4,41 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 from workbench.errors import WorkbenchError
 
-NewFile = Annotated[Path, typer.Argument(help="File to write; it must not exist.")]
 
-
-def new_study(file: NewFile) -> int:
+def new_study(file: Path) -> int:
     """Write a commented study that runs: a plant, a controller, a scenario, requirements, a box.
 
     Example: 'workbench new-study my_study.toml'.
+
+    Args:
+        file: File to write; it must not exist.
     """
     return _write(file, "my_study.toml")
 
 
-def new_controller(file: NewFile) -> int:
+def new_controller(file: Path) -> int:
     """Write a commented controller that runs: a design on a linear model, and its step.
 
     Example: 'workbench new-controller my_controller.py'.
+
+    Args:
+        file: File to write; it must not exist.
     """
     return _write(file, "my_controller.py")
 
 
-def new_plant(file: NewFile) -> int:
+def new_plant(file: Path) -> int:
     """Write a commented plant that runs: states, inputs, outputs, parameters, a port.
 
     Example: 'workbench new-plant my_plant.py'.
+
+    Args:
+        file: File to write; it must not exist.
     """
     return _write(file, "my_plant.py")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -12,16 +11,14 @@ from workbench.errors import WorkbenchError
 
 
 @with_plant("option", "effect", "at")
-def notebook(
-    chosen: Chosen,
-    out: Annotated[
-        Path, typer.Option(help="Notebook to write; it must not exist.", metavar="FILE.ipynb")
-    ] = Path("starter.ipynb"),
-) -> int:
+def notebook(chosen: Chosen, *, out: Path = Path("starter.ipynb")) -> int:
     """Write a starter notebook: a plant at an operating point, controllers, and their proof.
 
     Examples: 'workbench notebook --angle 30deg --load 3kg --out arm.ipynb',
     'workbench notebook --plant my_plants:circuit --at voltage=2V'.
+
+    Args:
+        out (FILE.ipynb): Notebook to write; it must not exist.
     """
     from workbench.files import write_whole
     from workbench.notebook.starter import Beginning, starter_notebook

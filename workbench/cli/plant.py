@@ -9,17 +9,16 @@ A verb of this kind takes any word that the chosen plant declares as an option o
 from __future__ import annotations
 
 import difflib
-import inspect
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import wraps
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
 from typer.core import TyperCommand
 
+from workbench.cli.options import Short, taking
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.plants import DEFAULT_PLANT
 
@@ -28,69 +27,8 @@ if TYPE_CHECKING:
     from workbench.plants.plant import Plant
     from workbench.study.plants import PlantRecipe
 
-PlantName = Annotated[
-    str,
-    typer.Option(
-        help="Plant: a name of 'workbench plants', a function or model of your own as"
-        " module:object, looked up in the current folder, or the verdict.json of a diagnosis.",
-        metavar="NAME",
-    ),
-]
-Options = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--option",
-        "-o",
-        help="Choose an option of the plant, such as load=3kg; the short form is --load 3kg.",
-        metavar="NAME=VALUE",
-    ),
-]
-Parameters = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--parameter",
-        "-p",
-        help="Change a parameter, such as mass=80kg or supply_pressure=5.5bar; may be given"
-        " several times.",
-        metavar="NAME=VALUE",
-    ),
-]
-Without = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Leave out an effect, such as bearing_friction; may be given several times.",
-        metavar="EFFECT",
-    ),
-]
-Effects = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--effect",
-        help="Attach an effect: a name of the library, a word of the plant, or module:object of"
-        " your own; may be given several times.",
-        metavar="NAME",
-    ),
-]
-At = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--at",
-        help="Value of an output, state or input at rest, such as angle=30deg; the short form is"
-        " --angle 30deg. By default the plant's own.",
-        metavar="NAME=VALUE",
-    ),
-]
-Inputs = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--input",
-        help="Values of an input from times on, such as valve=0:5.5,1.5:4.6; the short form is"
-        " --valve 0:5.5.",
-        metavar="NAME=TIME:VALUE,...",
-    ),
-]
-Short = Annotated[list[str] | None, typer.Option("--set", hidden=True)]
-"""Words that are no options of the verb; `PlantCommand` collects them as ``NAME=VALUE``."""
+CHANGES = ("option", "parameter", "without", "effect", "short")
+"""What may differ of a plant."""
 
 
 class _UnknownOptionError(WorkbenchError):
@@ -179,45 +117,6 @@ class Chosen:
         return given if len(given.keys() - sums) <= len(self.model.inputs) else self.at
 
 
-def options_of(
-    name: str, options: Mapping[str, tuple[Any, Any]], make: Callable[..., Any]
-) -> Callable[[Callable[..., int]], Callable[..., int]]:
-    """Give a verb options of the command line in the place of one of its parameters.
-
-    Args:
-        options: What Typer reads in its place: annotation and default by name.
-    """
-
-    def decorate(verb: Callable[..., int]) -> Callable[..., int]:
-        own = inspect.signature(verb, eval_str=True)
-        kind = inspect.Parameter.POSITIONAL_OR_KEYWORD
-        offered = [
-            inspect.Parameter(n, kind, annotation=annotation, default=default)
-            for n, (annotation, default) in options.items()
-        ]
-        listed = [p for q in own.parameters.values() for p in (offered if q.name == name else [q])]
-
-        @wraps(verb)
-        def run(**given: Any) -> int:
-            taken = {p.name: given.pop(p.name, p.default) for p in offered}
-            return verb(**{name: make(**taken)}, **given)
-
-        run.__signature__ = own.replace(parameters=listed)  # type: ignore[attr-defined]
-        run.__annotations__ = {p.name: p.annotation for p in listed}
-        return run
-
-    return decorate
-
-
-CHANGES: dict[str, tuple[Any, Any]] = {
-    "option": (Options, None),
-    "parameter": (Parameters, None),
-    "without": (Without, None),
-    "effect": (Effects, None),
-}
-"""What may differ of a plant."""
-
-
 def with_plant(*takes: str) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Give a verb a plant: its parameter ``chosen`` becomes the options that describe one.
 
@@ -225,27 +124,21 @@ def with_plant(*takes: str) -> Callable[[Callable[..., int]], Callable[..., int]
         takes: What a word of the plant may be that was given as an option of the verb:
             ``"option"``, ``"effect"``, ``"at"``, ``"input"``, ``"design"``.
     """
-    options: dict[str, tuple[Any, Any]] = {"plant": (PlantName, DEFAULT_PLANT)}
-    options |= {"inputs": (Inputs, None)} if "input" in takes else {}
-    options |= {"at": (At, None)} if "at" in takes else {}
-    options |= {**CHANGES, "short": (Short, None)}
-
-    def make(plant: str, **given: Any) -> Chosen:
-        return chosen_plant(plant, takes=takes, **given)
-
-    return options_of("chosen", options, make)
+    offered = ["plant", *CHANGES, *(["inputs"] if "input" in takes else [])]
+    offered += ["at"] if "at" in takes else []
+    return taking("chosen", chosen_plant, offered, make=partial(chosen_plant, takes=takes))
 
 
 def chosen_plant(
-    name: str,
+    plant: str = DEFAULT_PLANT,
     *,
-    option: Iterable[str] | None = None,
-    parameter: Iterable[str] | None = None,
-    without: Iterable[str] | None = None,
-    effect: Iterable[str] | None = None,
-    at: Iterable[str] | None = None,
-    inputs: Iterable[str] | None = None,
-    short: Iterable[str] | None = None,
+    inputs: list[str] | None = None,
+    at: list[str] | None = None,
+    option: list[str] | None = None,
+    parameter: list[str] | None = None,
+    without: list[str] | None = None,
+    effect: list[str] | None = None,
+    short: Short = None,
     takes: Sequence[str] = ("option", "effect"),
     defaults: Mapping[str, object] | None = None,
     folder: Path | None = None,
@@ -253,10 +146,20 @@ def chosen_plant(
     """Build the plant that the options of a verb describe.
 
     Args:
-        option: Its options as ``NAME=VALUE``; parameters and values at rest are written likewise.
-        inputs: Steps of inputs as ``NAME=TIME:VALUE,...``.
-        short: Words of the plant that were given as options of the verb, as ``NAME=VALUE``.
-        takes: What such a word may be, see `with_plant`.
+        plant (--plant NAME): Plant: a name of 'workbench plants', a function or model of your own
+            as module:object, looked up in the current folder, or the verdict.json of a diagnosis.
+        inputs (--input NAME=TIME:VALUE,...): Values of an input from times on, such as
+            valve=0:5.5,1.5:4.6; the short form is --valve 0:5.5.
+        at (NAME=VALUE): Value of an output, state or input at rest, such as angle=30deg; the short
+            form is --angle 30deg. By default the plant's own.
+        option (-o NAME=VALUE): Choose an option of the plant, such as load=3kg; the short form is
+            --load 3kg.
+        parameter (-p NAME=VALUE): Change a parameter, such as mass=80kg or supply_pressure=5.5bar;
+            may be given several times.
+        without (EFFECT): Leave out an effect, such as bearing_friction; may be given several times.
+        effect (NAME): Attach an effect: a name of the library, a word of the plant, or
+            module:object of your own; may be given several times.
+        takes: What a word of the plant may be, see `with_plant`.
         defaults: Options that hold unless others are given, such as those of a case.
         folder: Where modules of the user stand; the current folder by default.
     """
@@ -265,26 +168,26 @@ def chosen_plant(
     from workbench.study.plants import PlantRecipe
 
     folder = folder or Path.cwd()
-    plant = PLANTS.get(name, folder=folder)
+    kind = PLANTS.get(plant, folder=folder)
     given = dict(named_value("option", text) for text in option or ())
     attached, states, driven = list(effect or ()), list(at or ()), list(inputs or ())
     words, design = [named_value("option", text) for text in short or ()], []
-    own = {n.replace("_", "-"): n for o in plant.options for n in (o.name, o.keyword)}
+    own = {n.replace("_", "-"): n for o in kind.options for n in (o.name, o.keyword)}
     rest = []
     for word, value in words:
         if "design" in takes and word.startswith("design-"):
             design.append(f"{word.removeprefix('design-')}={value}")
         elif word in own or word.replace("_", "-") in own:
-            about = plant.option(word)
+            about = kind.option(word)
             if not value and not isinstance(about.default, bool):
                 raise _UnknownOptionError(f"option --{word} requires a value")
             given[about.name] = value
-        elif word.replace("-", "_") in plant.effects and not value:
+        elif word.replace("-", "_") in kind.effects and not value:
             attached.append(word)
         else:
             rest.append((word, value))
-    checked = plant.parse({**(defaults or {}), **given})
-    base = PlantRecipe(name, tuple(checked.items()), folder=folder)
+    checked = kind.parse({**(defaults or {}), **given})
+    base = PlantRecipe(plant, tuple(checked.items()), folder=folder)
     nominal = base.build()
     known = {"at": _resting(nominal), "input": {q.name for q in nominal.inputs}}
     for word, value in rest:
@@ -296,7 +199,7 @@ def chosen_plant(
         else:
             offered = [
                 *own,
-                *plant.effects,
+                *kind.effects,
                 *(n for t in ("at", "input") if t in takes for n in known[t]),
             ]
             near = difflib.get_close_matches(word, [n.replace("_", "-") for n in offered], n=1)
@@ -310,7 +213,7 @@ def chosen_plant(
     model = recipe.build()
     return Chosen(
         recipe,
-        plant,
+        kind,
         model,
         nominal,
         dict(value_at_rest(model, text) for text in states),

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 
-def plants(
-    name: Annotated[
-        str | None,
-        typer.Argument(help="Plant, or module:object of your own.", metavar="[NAME]"),
-    ] = None,
-) -> int:
+def plants(name: str | None = None) -> int:
     """List the plants, or what one takes: options, inputs, outputs, parameters, laws to attach.
 
     Example: 'workbench plants arm'.
+
+    Args:
+        name ([NAME]): Plant, or module:object of your own.
     """
     from workbench.model.units import written_unit
     from workbench.physics.library import library
@@ -29,13 +26,8 @@ def plants(
     plant = PLANTS.get(name, folder=Path.cwd())
     model = plant.model()
     typer.echo(str(plant))
-    for kind, quantities in (
-        ("inputs", model.inputs),
-        ("outputs", model.outputs),
-        ("states", model.states),
-        ("parameters", model.parameters),
-    ):
-        named = (f"{q.name} ({written_unit(q.unit) or 'ratio'})" for q in quantities)
+    for kind in ("inputs", "outputs", "states", "parameters"):
+        named = (f"{q.name} ({written_unit(q.unit) or 'ratio'})" for q in getattr(model, kind))
         typer.echo(f"  {kind}: {', '.join(named) or 'none'}")
     typer.echo(f"  effects: {', '.join(effect.name for effect in model.effects) or 'none'}")
     offered = sorted(hypothesis.name for hypothesis in library(model))

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from workbench.cli.plant import CHANGES, Chosen, Short, chosen_plant, options_of
+from workbench.cli.options import parameters_of, taking
+from workbench.cli.plant import CHANGES, Chosen, chosen_plant
 from workbench.errors import WorkbenchError, check_range
 from workbench.plants import DEFAULT_PLANT
 
@@ -19,64 +20,7 @@ if TYPE_CHECKING:
     from workbench.model import Model
     from workbench.recordings.case import RefitSettings
 
-CaseName = Annotated[
-    str | None,
-    typer.Argument(
-        help="Folder of a case, or name of a shipped case such as practice-08 or of a machine such"
-        " as emps.",
-        metavar="[CASE]",
-    ),
-]
-Fit = Annotated[
-    list[Path] | None,
-    typer.Option(help="Instead of a case: a recording to fit on; may be given several times."),
-]
-HoldOut = Annotated[
-    list[Path] | None,
-    typer.Option(help="A recording to judge on; may be given several times."),
-]
-Mapped = Annotated[
-    Path | None, typer.Option(help="TOML file that maps their columns to signals.", metavar="FILE")
-]
-CasePlant = Annotated[
-    str | None,
-    typer.Option(
-        "--plant",
-        help="Plant: a name of 'workbench plants', or a function or model of your own as"
-        " module:object; by default that of the case, or the arm.",
-        metavar="NAME",
-    ),
-]
-Noise = Annotated[
-    list[str] | None,
-    typer.Option(
-        help="Standard deviation of the noise of an output, such as position=0.1mm, in place of"
-        " the sensor's data.",
-        metavar="OUTPUT=VALUE",
-    ),
-]
-Starts = Annotated[int | None, typer.Option(help="Number of starts of the search.", metavar="N")]
-Stages = Annotated[
-    str | None,
-    typer.Option(
-        help="Process-noise scales, pass by pass, such as 1,0.1,0.01; by default the most likely.",
-        metavar="SCALE,...",
-    ),
-]
-StartSamples = Annotated[
-    int | None,
-    typer.Option(
-        help="Samples over which hidden states at the start of a free run are estimated.",
-        metavar="N",
-    ),
-]
-Data = Annotated[
-    Path | None,
-    typer.Option(
-        help="Folder with recordings of real machines; by default the environment variable"
-        " WORKBENCH_DATA. What it does not hold is fetched from its publisher.",
-    ),
-]
+_SETTINGS = ("noise", "starts", "stages", "start_samples")
 
 
 @dataclass(frozen=True)
@@ -87,24 +31,6 @@ class Loaded:
     chosen: Chosen
 
 
-_RECORDED: dict[str, tuple[Any, Any]] = {
-    "case": (CaseName, None),
-    "fit": (Fit, None),
-    "hold_out": (HoldOut, None),
-    "plant": (CasePlant, None),
-    "mapping": (Mapped, None),
-    "data": (Data, None),
-    **CHANGES,
-    "short": (Short, None),
-}
-_SETTINGS: dict[str, tuple[Any, Any]] = {
-    "noise": (Noise, None),
-    "starts": (Starts, None),
-    "stages": (Stages, None),
-    "start_samples": (StartSamples, None),
-}
-
-
 def with_problem(*, settings: bool = False) -> Callable[[Callable[..., int]], Callable[..., int]]:
     """Give a verb plant and recordings: its parameter ``recorded`` becomes options that name them.
 
@@ -113,24 +39,45 @@ def with_problem(*, settings: bool = False) -> Callable[[Callable[..., int]], Ca
     Args:
         settings: Whether the settings of a refit may be chosen too.
     """
-
-    def make(**given: Any) -> Callable[[], Loaded]:
-        return partial(_loaded, **given)
-
-    return options_of("recorded", {**_RECORDED, **(_SETTINGS if settings else {})}, make)
+    offered = [p.name for p in parameters_of(_loaded) if settings or p.name not in _SETTINGS]
+    return taking("recorded", _loaded, offered, make=partial(partial, _loaded))
 
 
+@taking("changes", chosen_plant, CHANGES, make=dict)
 def _loaded(
-    case: str | None,
-    fit: Sequence[Path] | None,
-    hold_out: Sequence[Path] | None,
-    plant: str | None,
-    mapping: Path | None,
-    data: Path | None,
-    **given: Any,
+    case: str | None = None,
+    *,
+    fit: list[Path] | None = None,
+    hold_out: list[Path] | None = None,
+    plant: str | None = None,
+    mapping: Path | None = None,
+    data: Path | None = None,
+    changes: dict[str, Any],
+    noise: list[str] | None = None,
+    starts: int | None = None,
+    stages: str | None = None,
+    start_samples: int | None = None,
 ) -> Loaded:
-    """Read what options of a verb name."""
-    changes = {name: given.pop(name) for name in (*CHANGES, "short")}
+    """Read what options of a verb name.
+
+    Args:
+        case ([CASE]): Folder of a case, or name of a shipped case such as practice-08 or of a
+            machine such as emps.
+        fit: Instead of a case: a recording to fit on; may be given several times.
+        hold_out: A recording to judge on; may be given several times.
+        plant (NAME): Plant: a name of 'workbench plants', or a function or model of your own as
+            module:object; by default that of the case, or the arm.
+        mapping (FILE): TOML file that maps their columns to signals.
+        data: Folder with recordings of real machines; by default the environment variable
+            WORKBENCH_DATA. What it does not hold is fetched from its publisher.
+        noise (OUTPUT=VALUE): Standard deviation of the noise of an output, such as position=0.1mm,
+            in place of the sensor's data.
+        starts (N): Number of starts of the search.
+        stages (SCALE,...): Process-noise scales, pass by pass, such as 1,0.1,0.01; by default the
+            most likely.
+        start_samples (N): Samples over which hidden states at the start of a free run are
+            estimated.
+    """
     from workbench.diagnosis.problem import problem_of_case, problem_of_files
     from workbench.recordings.case import RefitSettings, read_case
 
@@ -149,7 +96,7 @@ def _loaded(
             name,
             defaults=read.options if same else {},
             folder=folder,
-            **{**changes, **_joined(read.changes if same else {}, changes)},
+            **(changes | _joined(read.changes if same else {}, changes)),
         )
         if same:
             read.check_options(dict(chosen.recipe.options))
@@ -168,7 +115,8 @@ def _loaded(
             " their values",
             err=True,
         )
-    return Loaded(replace(problem, refit=_settings(problem.model, base, given)), chosen)
+    settings = _settings(problem.model, base, noise, starts, stages, start_samples)
+    return Loaded(replace(problem, refit=settings), chosen)
 
 
 def _joined(of_case: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
@@ -176,30 +124,33 @@ def _joined(of_case: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, A
     return {key: [*of_case.get(name, ()), *(given[key] or ())] for key, name in names.items()}
 
 
-def _settings(model: Model, base: RefitSettings, given: Mapping[str, Any]) -> RefitSettings:
+def _settings(
+    model: Model,
+    base: RefitSettings,
+    noise: list[str] | None,
+    starts: int | None,
+    stages: str | None,
+    start_samples: int | None,
+) -> RefitSettings:
+    from workbench.model.units import quantity
     from workbench.recordings.case import noise_of
 
     changed: dict[str, Any] = {}
-    if given.get("noise"):
-        pairs = [text.partition("=") for text in given["noise"]]
+    if noise:
+        pairs = [text.partition("=") for text in noise]
         for name, sign, _ in pairs:
             if not sign:
                 raise WorkbenchError(f"noise {name!r} has no value; write it as OUTPUT=VALUE")
-        changed["noise"] = {
-            **base.noise,
-            **noise_of(model, {name.strip(): value for name, _, value in pairs}),
-        }
-    if given.get("starts") is not None:
-        changed["starts"] = round(check_range("number of starts", given["starts"], 1, 100))
-    if given.get("start_samples") is not None:
-        changed["start_samples"] = round(
-            check_range("number of start samples", given["start_samples"], 0, 1e6)
-        )
-    if given.get("stages") is not None:
-        from workbench.model.units import quantity
-
+        given = noise_of(model, {name.strip(): value for name, _, value in pairs})
+        changed["noise"] = {**base.noise, **given}
+    if starts is not None:
+        changed["starts"] = round(check_range("number of starts", starts, 1, 100))
+    if start_samples is not None:
+        count = check_range("number of start samples", start_samples, 0, 1e6)
+        changed["start_samples"] = round(count)
+    if stages is not None:
         changed["stages"] = tuple(
             check_range("stage", quantity("stage", text, "1"), 1e-9, 1e9)
-            for text in given["stages"].split(",")
+            for text in stages.split(",")
         )
     return replace(base, **changed)

@@ -3,50 +3,53 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
-from workbench.cli.as_json import AsJson, tell
-from workbench.cli.plant import CHANGES, Chosen, Short, chosen_plant, options_of
+from workbench.cli.options import AsJson, taking
+from workbench.cli.plant import CHANGES, Chosen, chosen_plant
+from workbench.cli.running import tell
 from workbench.errors import WorkbenchError
 
 UNFIT = 1
 """Exit status if the recording is not fit to judge a model on."""
 
-PlantName = Annotated[
-    str | None,
-    typer.Option(
-        help="Plant that it is a recording of, a name of 'workbench plants' or module:object:"
-        " its inputs and outputs are looked for, and its limits and signs are checked.",
-        metavar="NAME",
-    ),
-]
 
+@taking("changes", chosen_plant, CHANGES, make=dict)
+def _chosen(*, plant: str | None = None, changes: dict[str, Any]) -> Chosen | None:
+    """Build the plant of a recording, if one is named.
 
-def _chosen(plant: str | None, **given: Any) -> Chosen | None:
+    Args:
+        plant (NAME): Plant that it is a recording of, a name of 'workbench plants' or
+            module:object: its inputs and outputs are looked for, and its limits and signs are
+            checked.
+    """
     if plant is not None:
-        return chosen_plant(plant, **given)
-    if any(given.values()):
+        return chosen_plant(plant, **changes)
+    if any(changes.values()):
         raise WorkbenchError("options of a plant are given, but no plant; name it with --plant")
     return None
 
 
-@options_of("chosen", {"plant": (PlantName, None), **CHANGES, "short": (Short, None)}, _chosen)
+@taking("chosen", _chosen)
 def recording(
-    file: Annotated[Path, typer.Argument(help="Recording: CSV, MATLAB .mat, Parquet or JSON log.")],
-    mapping: Annotated[
-        Path | None,
-        typer.Option(help="TOML file that says which column is which signal.", metavar="FILE"),
-    ] = None,
-    chosen: Chosen | None = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for the page and the pictures.")] = None,
+    file: Path,
+    *,
+    mapping: Path | None = None,
+    chosen: Chosen | None,
+    out: Path | None = None,
     as_json: AsJson = False,
 ) -> int:
     """Read a recording, say how its columns were understood, and check whether it is fit.
 
     Examples: 'workbench recording run.csv --out run', 'workbench recording run.csv --plant
     my_plants:rig'.
+
+    Args:
+        file: Recording: CSV, MATLAB .mat, Parquet or JSON log.
+        mapping (FILE): TOML file that says which column is which signal.
+        out: Folder for the page and the pictures.
     """
     from workbench.recordings import check_recording, read_recording
     from workbench.recordings.column_matching import driven_by
@@ -68,7 +71,7 @@ def recording(
     }
     tell(content, as_json=as_json)
     if out is not None:
-        from workbench.cli.typed import typed
+        from workbench.cli.running import typed
         from workbench.reports.page import write_page
         from workbench.reports.recording_page import recording_page
 

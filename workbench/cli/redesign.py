@@ -3,29 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
 
-def redesign(
-    verdict: Annotated[
-        str, typer.Argument(help="The verdict.json of a diagnosis of the arm.", metavar="FILE")
-    ],
-    out: Annotated[
-        Path, typer.Option(help="Folder for the page and the controllers in C.", metavar="DIR")
-    ],
-    family: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--family",
-            "-f",
-            help="Family of controllers, such as 'state feedback'; may be given several times. By"
-            " default all of the study 'tolerant'.",
-            metavar="NAME",
-        ),
-    ] = None,
-) -> int:
+def redesign(verdict: str, *, out: Path, family: list[str] | None = None) -> int:
     """Design anew for a machine that was diagnosed, and show what knowing it is worth.
 
     Latency and lags that were found are predicted over, lines and other laws enter the linear
@@ -33,9 +15,15 @@ def redesign(
     plant, and the tolerant one, which knows nothing, on the machine that was found.
 
     Example: 'workbench redesign diagnosis/verdict.json -f "state feedback" --out redesign'.
+
+    Args:
+        verdict (FILE): The verdict.json of a diagnosis of the arm.
+        out (DIR): Folder for the page and the controllers in C.
+        family (-f NAME): Family of controllers, such as 'state feedback'; may be given several
+            times. By default all of the study 'tolerant'.
     """
     from controllers.c_export import export_c
-    from workbench.cli.typed import typed
+    from workbench.cli.running import typed
     from workbench.evaluation.regained import WHICH, regained
     from workbench.reports.page import write_page
     from workbench.reports.regained_page import regained_page, regained_table

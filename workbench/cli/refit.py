@@ -4,26 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
-from workbench.cli.as_json import AsJson, tell
+from workbench.cli.options import AsJson
 from workbench.cli.problem import Loaded, with_problem
+from workbench.cli.running import tell
 
 
 @with_problem(settings=True)
 def refit(
-    recorded: Callable[[], Loaded],
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for the page, the pictures and results.json.")
-    ] = None,
-    as_json: AsJson = False,
+    recorded: Callable[[], Loaded], *, out: Path | None = None, as_json: AsJson = False
 ) -> int:
     """Estimate a model's parameters from recordings and judge it on others.
 
     Examples: 'workbench refit practice-07 --out refit', 'workbench refit emps --data FOLDER',
     'workbench refit --plant my_plants:rig --fit a.csv --hold-out b.csv'.
+
+    Args:
+        out: Folder for the page, the pictures and results.json.
     """
     from workbench.diagnosis.refit_report import run_refit
     from workbench.work.counted import in_words
@@ -31,7 +31,7 @@ def refit(
     report = run_refit(recorded().problem, progress=lambda text: typer.echo(text, err=True))
     typer.echo(f"{report}\nwork: {in_words(report.work)}", err=as_json)
     if out is not None:
-        from workbench.cli.typed import typed
+        from workbench.cli.running import typed
         from workbench.files import json_text, write_whole
         from workbench.reports.page import write_page
         from workbench.reports.refit_page import refit_page

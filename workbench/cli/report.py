@@ -4,41 +4,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from workbench.cli.compare import Limit, StudyName, StudyOptions, named_study
-from workbench.cli.counter import Jobs, run_counted
-from workbench.cli.plant import Short, value_at_rest
+from workbench.cli.compare import Limit, named_study
+from workbench.cli.options import Jobs, Short
+from workbench.cli.plant import value_at_rest
+from workbench.cli.running import counting, processes, typed
 
 
 def report(
-    study: StudyName,
-    out: Annotated[Path, typer.Option(help="Folder for page and pictures.", metavar="DIR")],
-    bode: Annotated[
-        bool,
-        typer.Option("--bode", help="Linear analysis of the controllers alone, without any run."),
-    ] = False,
-    controller: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--controller",
-            "-c",
-            help="Controller of the study; may be given several times. By default all.",
-            metavar="NAME",
-        ),
-    ] = None,
-    at: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--at",
-            help="Operating point of the linear analysis, such as angle=30deg; may be given several"
-            " times. The short form is --angle 30deg. By default those of the study.",
-            metavar="NAME=VALUE",
-        ),
-    ] = None,
-    option: StudyOptions = None,
+    study: Path,
+    *,
+    out: Path,
+    bode: bool = False,
+    controller: list[str] | None = None,
+    at: list[str] | None = None,
+    option: list[str] | None = None,
     limit: Limit = None,
     jobs: Jobs = None,
     short: Short = None,
@@ -49,14 +31,24 @@ def report(
     and margins of the controllers at several angles, in a second or two.
 
     Example: 'workbench report arm --bode --angle 20deg --angle 40deg --out margins'.
+
+    Args:
+        study: Study file (TOML), or the name of a shipped one such as arm.
+        out (DIR): Folder for page and pictures.
+        bode: Linear analysis of the controllers alone, without any run.
+        controller (-c NAME): Controller of the study; may be given several times. By default all.
+        at (NAME=VALUE): Operating point of the linear analysis, such as angle=30deg; may be given
+            several times. The short form is --angle 30deg. By default those of the study.
+        option (-o NAME=VALUE): Option of the study's plant in the place of the study's own, such as
+            load=3kg.
     """
-    from workbench.cli.typed import typed
     from workbench.errors import WorkbenchError, check_choice
     from workbench.reports.figures.study_traces import point_text
     from workbench.reports.page import write_page
     from workbench.reports.study_files import linear_page
     from workbench.reports.study_page import study_page
     from workbench.study.linear_loop import analyse_study
+    from workbench.study.result import run_study
 
     chosen = named_study(study, limit, option or ())
     if limit is not None and bode:
@@ -84,7 +76,9 @@ def report(
                 f"{loop.controller:<20} {point_text(chosen, loop.point):<8} {loop.opened:<8} {said}"
             )
     else:
-        page = study_page(run_counted(chosen, out, jobs=jobs), command=typed())
+        with counting() as counter:
+            result = run_study(chosen, out, jobs=processes(jobs), progress=counter)
+        page = study_page(result, command=typed())
     folder = out / "pictures"
     path = write_page(page, out / "report.html", pictures=folder)
     count = len(page.pictures)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
@@ -19,32 +19,12 @@ if TYPE_CHECKING:
 @with_plant("option", "effect", "input", "at")
 def simulate(
     chosen: Chosen,
-    pulses: Annotated[
-        str | None,
-        typer.Option(
-            help="Instead: pulses of this height about the nominal value of the first input, or of"
-            " one that is named, such as 0.9 or valve=0.9V.",
-            metavar="[NAME=]HEIGHT",
-        ),
-    ] = None,
-    period: Annotated[
-        str | None,
-        typer.Option(
-            help="Period of the pulses. By default two steps that the linear model responds to.",
-            metavar="TIME",
-        ),
-    ] = None,
-    duration: Annotated[
-        str | None,
-        typer.Option(help="Length of the run. By default four such steps.", metavar="TIME"),
-    ] = None,
-    sample_time: Annotated[
-        str | None,
-        typer.Option(
-            help="Time between samples. By default a thousandth of such a step.", metavar="TIME"
-        ),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="CSV file for time, inputs and outputs.")] = None,
+    *,
+    pulses: str | None = None,
+    period: str | None = None,
+    duration: str | None = None,
+    sample_time: str | None = None,
+    out: Path | None = None,
 ) -> int:
     """Run a plant with given inputs, from rest, and say how far the result can be trusted.
 
@@ -52,6 +32,14 @@ def simulate(
     'workbench simulate --load 8kg --pulses 0.9V --out run.csv',
     'workbench simulate --plant my_plants:circuit --input voltage=0:5,1ms:0 --duration 10ms
     --sample-time 10us'.
+
+    Args:
+        pulses ([NAME=]HEIGHT): Instead: pulses of this height about the nominal value of the first
+            input, or of one that is named, such as 0.9 or valve=0.9V.
+        period (TIME): Period of the pulses. By default two steps that the linear model responds to.
+        duration (TIME): Length of the run. By default four such steps.
+        sample_time (TIME): Time between samples. By default a thousandth of such a step.
+        out: CSV file for time, inputs and outputs.
     """
     from workbench.linearisation import linearise
     from workbench.linearisation.pace import step_time

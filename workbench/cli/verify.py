@@ -7,13 +7,13 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from workbench.cli.as_json import AsJson, tell
-from workbench.cli.counter import run_counted
+from workbench.cli.options import AsJson
 from workbench.cli.plant import Chosen, value_at_rest, with_plant
+from workbench.cli.running import counting, tell, typed
 from workbench.errors import WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
@@ -26,63 +26,16 @@ if TYPE_CHECKING:
 @with_plant("option", "effect", "design")
 def verify(
     chosen: Chosen,
-    controller: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--controller",
-            "-c",
-            help="Design that starts from one linear model, such as pid, sliding-mode or mpc, or"
-            " module:function of your own; may be given several times. By default all that fit.",
-            metavar="NAME",
-        ),
-    ] = None,
-    design: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--design",
-            help="What the design takes for another than the plant has: an option, or a value at"
-            " rest, such as load=1kg or angle=30deg; the short form is --design-load 1kg.",
-            metavar="NAME=VALUE",
-        ),
-    ] = None,
-    start: Annotated[
-        str | None,
-        typer.Option("--from", help="Controlled output before the step.", metavar="VALUE"),
-    ] = None,
-    end: Annotated[
-        str | None,
-        typer.Option("--to", help="Controlled output after the step.", metavar="VALUE"),
-    ] = None,
-    hold: Annotated[
-        str | None,
-        typer.Option(
-            help="Time between the steps. By default what the linear model takes to respond.",
-            metavar="TIME",
-        ),
-    ] = None,
-    sample_time: Annotated[
-        str | None,
-        typer.Option(
-            help="Sample time of controllers and loop. By default the controllers' own, or a"
-            " thousandth of that.",
-            metavar="TIME",
-        ),
-    ] = None,
-    require: Annotated[
-        list[str] | None,
-        typer.Option(
-            help="Largest value of a metric, such as settling_time=0.5s; may be given several"
-            " times. By default what the plant declares.",
-            metavar="METRIC=LIMIT",
-        ),
-    ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the sensors' noise.")] = 0,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Folder for results.json, summary.md, junit.xml and report.html.", metavar="DIR"
-        ),
-    ] = None,
+    *,
+    controller: list[str] | None = None,
+    design: list[str] | None = None,
+    start: str | None = None,
+    end: str | None = None,
+    hold: str | None = None,
+    sample_time: str | None = None,
+    require: list[str] | None = None,
+    seed: int = 0,
+    out: Path | None = None,
     as_json: AsJson = False,
 ) -> int:
     """Run controllers on the full plant through a step and back, and score what they do.
@@ -93,17 +46,33 @@ def verify(
 
     Examples: 'workbench verify -c pid -c mpc --from 15deg --to 45deg --hysteresis',
     'workbench verify --plant my_plants:circuit -c my_designs:integral --from 0V --to 1V'.
+
+    Args:
+        controller (-c NAME): Design that starts from one linear model, such as pid, sliding-mode or
+            mpc, or module:function of your own; may be given several times. By default all that
+            fit.
+        design (NAME=VALUE): What the design takes for another than the plant has: an option, or a
+            value at rest, such as load=1kg or angle=30deg; the short form is --design-load 1kg.
+        start (--from VALUE): Controlled output before the step.
+        end (--to VALUE): Controlled output after the step.
+        hold (TIME): Time between the steps. By default what the linear model takes to respond.
+        sample_time (TIME): Sample time of controllers and loop. By default the controllers' own, or
+            a thousandth of that.
+        require (METRIC=LIMIT): Largest value of a metric, such as settling_time=0.5s; may be given
+            several times. By default what the plant declares.
+        seed: Seed of the sensors' noise.
+        out (DIR): Folder for results.json, summary.md, junit.xml and report.html.
     """
-    from workbench.cli.typed import typed
     from workbench.reports.study_files import write_study_files
+    from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 
     base = _nominal(chosen, [*(design or ()), *chosen.design])
     scenario = _scenario(chosen, base, start, end, hold, sample_time, controller or ())
     recipes = _recipes(base, controller or (), scenario)
     study = replace(_study(chosen, recipes, scenario, require or ()), seeds=(seed,))
-    with tempfile.TemporaryDirectory() as folder:
-        result = run_counted(study, out or Path(folder), jobs=1)
+    with tempfile.TemporaryDirectory() as folder, counting() as counter:
+        result = run_study(study, out or Path(folder), progress=counter)
     if len(result.failed) == len(result.records):
         raise WorkbenchError(result.records[0].reason)
     for record in result.records:

@@ -1,0 +1,182 @@
+"""What verbs share while they run: the words typed, their folder, time limits, progress, JSON."""
+
+from __future__ import annotations
+
+import functools
+import os
+import shlex
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from workbench.errors import WorkbenchError
+
+_WORDS: ContextVar[tuple[str, ...]] = ContextVar("_WORDS", default=())
+
+_AGAIN_S = 5.0
+"""Time after which the signal comes again, should a library have swallowed it, in s."""
+
+
+@contextmanager
+def typing(words: Sequence[str]) -> Iterator[None]:
+    """Remember the words after the name of the program while a verb runs."""
+    token = _WORDS.set(tuple(words))
+    try:
+        yield
+    finally:
+        _WORDS.reset(token)
+
+
+def typed() -> str:
+    """Return the command that is running, ready for a shell; empty if a verb was called as code."""
+    words = _WORDS.get()
+    return shlex.join(["workbench", *words]) if words else ""
+
+
+def claiming(verb: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a verb that keeps its folder ``out`` to itself, so that two runs never mix there."""
+
+    @functools.wraps(verb)
+    def claimed_verb(**options: Any) -> Any:
+        from workbench.files import claimed
+
+        with claimed(options["out"]):
+            return verb(**options)
+
+    return claimed_verb
+
+
+class TimeUp(KeyboardInterrupt):
+    """The time is up that the user gave."""
+
+
+@contextmanager
+def time_limit(seconds: float | None) -> Iterator[None]:
+    """End what is done inside after a time in s, above 0; None sets no limit.
+
+    Raises:
+        TimeUp: When the time is up.
+        WorkbenchError: If the platform has no timer that interrupts.
+    """
+    if seconds is None:
+        yield
+        return
+    if not hasattr(signal, "setitimer"):
+        raise WorkbenchError(
+            "a time limit needs a timer that this platform does not have; leave the limit out and"
+            " end with Ctrl-C, which keeps what was found too"
+        )
+
+    def end(*_: object) -> None:
+        raise TimeUp
+
+    before = signal.signal(signal.SIGALRM, end)
+    signal.setitimer(signal.ITIMER_REAL, seconds, _AGAIN_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+@contextmanager
+def sigterm_interrupts() -> Iterator[None]:
+    """Let SIGTERM do inside what Ctrl-C does."""
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def tell(content: Mapping[str, Any], *, as_json: bool, file: Path | None = None) -> None:
+    """Print a result as JSON if a script reads it, and write it to a file if one is named."""
+    from workbench.files import json_text, write_whole
+
+    if as_json:
+        typer.echo(json_text(content), nl=False)
+    if file is not None:
+        write_whole(file, json_text(content))
+        typer.echo(f"written to {file}", err=as_json)
+
+
+class Steps:
+    """Says on the error stream which of some steps is being done, and how long it took."""
+
+    def __init__(self, count: int) -> None:
+        self._count, self._step, self._begin = count, 0, 0.0
+
+    def __call__(self, what: str) -> None:
+        """Say what is being done now."""
+        self.done()
+        self._step += 1
+        self._begin = time.perf_counter()
+        typer.echo(f"[{self._step}/{self._count}] {what} ... ", err=True, nl=False)
+
+    def done(self) -> None:
+        """Say that the step is over."""
+        if self._begin:
+            typer.echo(f"{time.perf_counter() - self._begin:.1f} s", err=True)
+        self._begin = 0.0
+
+
+class Counter:
+    """Counts finished runs on the error stream: a bar on a screen, a line per tenth in a log."""
+
+    def __init__(self) -> None:
+        self._bar: Any = None
+        self._part = ""
+
+    def __call__(self, part: str, done: int, total: int, what: str) -> None:
+        """Show what is finished."""
+        from tqdm import tqdm
+
+        from workbench.study.execution import FINISHED_BEFORE
+
+        screen = sys.stderr.isatty()
+        if self._bar is None or part != self._part or total != self._bar.total:
+            self.close()
+            self._part = part
+            self._bar = tqdm(
+                total=total,
+                # What was finished before took no time of this run.
+                initial=done if what == FINISHED_BEFORE else 0,
+                desc=part,
+                unit="run",
+                file=sys.stderr,
+                # A log keeps every line: there, one per tenth is enough.
+                miniters=1 if screen else max(1, total // 10),
+                mininterval=0.1 if screen else 0.0,
+                maxinterval=1e9,
+            )
+        self._bar.update(done - self._bar.n)
+        if screen:
+            self._bar.set_postfix_str(what, refresh=False)
+
+    def close(self) -> None:
+        """End the line."""
+        if self._bar is not None:
+            self._bar.close()
+        self._bar = None
+
+
+def processes(jobs: int | None) -> int:
+    """Return the number of processes that was asked for: one per core by default."""
+    return (os.cpu_count() or 1) if jobs is None else jobs
+
+
+@contextmanager
+def counting() -> Iterator[Counter]:
+    """Count the runs that are done inside."""
+    counter = Counter()
+    try:
+        yield counter
+    finally:
+        counter.close()
