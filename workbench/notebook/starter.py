@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,6 +16,7 @@ from workbench.model import Model
 from workbench.model.units import from_si, shown_unit
 from workbench.operating_point import operating_point
 from workbench.plants.plant import Plant
+from workbench.reports.page import template
 from workbench.study.plants import PlantRecipe
 
 
@@ -37,11 +38,24 @@ class Beginning:
 
 def starter_notebook(begin: Beginning) -> str:
     """Return a notebook, as text, that runs as it stands beside the modules that it names."""
-    smooth = begin.model.without(*begin.model.dry_effects)
-    linear = linearise(operating_point(smooth, begin.at))
-    cells = [*_plant(begin), *_linear(begin), *_control(begin, linear), *_further(begin)]
+    plant, recipe, model = begin.plant, begin.recipe, begin.model
+    linear = linearise(operating_point(model.without(*model.dry_effects), begin.at))
+    controlled, time = plant.controlled_outputs(model), step_time(linear)
+    text = template("workbench.notebook", "starter.j2").render(
+        plant=plant,
+        recipe=recipe,
+        model=model,
+        options={n: _with_unit(plant, n, value) for n, value in recipe.options},
+        changes=_changes(recipe),
+        at=", ".join(f"{name!r}: {_si(model, name, v)}" for name, v in begin.at.items()),
+        controlled=controlled[0],
+        specified=_specified(model, linear, controlled[0], time / 1000),
+        steps=_steps(begin, linear, controlled, time / 4),
+        time=time,
+    )
+    _, *parts = re.split(r"^=== (.+)\n", text, flags=re.MULTILINE)
     content = {
-        "cells": [_cell(name, text.strip("\n")) for name, text in cells],
+        "cells": [_cell(*cell) for cell in zip(parts[::2], parts[1::2], strict=True)],
         "metadata": {
             "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
             "language_info": {"name": "python"},
@@ -52,143 +66,48 @@ def starter_notebook(begin: Beginning) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
-def _plant(begin: Beginning) -> list[tuple[str, str]]:
-    plant, recipe = begin.plant, begin.recipe
-    options = {}
-    for name, value in recipe.options:
-        unit = plant.option(name).unit
-        options[name] = f"{value:g} {unit}" if unit else value
+def _with_unit(plant: Plant, name: str, value: Any) -> Any:
+    unit = plant.option(name).unit
+    return f"{value:g} {unit}" if unit else value
+
+
+def _changes(recipe: PlantRecipe) -> str:
+    """Return effects and parameters as keywords of `Plant.model`."""
     units = {q.name: "" if q.unit == "1" else q.unit for q in recipe.build().parameters}
-    parameters = [
-        f"{name}={value:.10g} {units[name]}".rstrip() for name, value in recipe.parameters
-    ]
+    parameters = [f"{n}={value:.10g} {units[n]}".rstrip() for n, value in recipe.parameters]
     changes = {"effects": recipe.effects, "without": recipe.without, "parameters": parameters}
-    given = [f"{name}={list(words)!r}" for name, words in changes.items() if words]
-    own = "\n\nIts module must stand beside this notebook." if ":" in recipe.kind else ""
-    told = f"`workbench plants {recipe.kind}` tells what may be chosen about it."
-    summary = f"{plant.summary[:1].upper()}{plant.summary[1:]}. " if plant.summary else ""
-    return [
-        ("title-text", f"# {plant.name}\n\n{summary}{told}{own}"),
-        (
-            "plant",
-            f"""
-%matplotlib inline
-from pathlib import Path
-
-import workbench as wb
-from controllers.design import DESIGNS
-from workbench.model.units import to_si
-from workbench.plants.registry import PLANTS
-from workbench.verification import Scenario, Steps
-
-plant = PLANTS.get({recipe.kind!r}, folder=Path.cwd())
-options = {options!r}
-nominal = plant.model(options)
-full = {f"plant.model(options, {', '.join(given)})" if given else "nominal"}
-full
-""",
-        ),
-    ]
+    return ", ".join(f"{name}={list(words)!r}" for name, words in changes.items() if words)
 
 
-def _linear(begin: Beginning) -> list[tuple[str, str]]:
-    at = ", ".join(f"{name!r}: {_si(begin.model, name, v)}" for name, v in begin.at.items())
-    return [
-        (
-            "point-text",
-            "## Operating point and linear model\n\nFriction without a slope at rest is left out"
-            " for the design, not for the proof.",
-        ),
-        (
-            "point",
-            f"""
-smooth = nominal.without(*nominal.dry_effects)
-point = wb.operating_point(smooth, {{{at}}})
-point
-""",
-        ),
-        ("linear", "linear = wb.linearise(point)\nlinear"),
-        ("bode", f"linear.plot({begin.plant.controlled_outputs(begin.model)[0]!r})"),
-    ]
-
-
-def _control(begin: Beginning, linear: LinearModel) -> list[tuple[str, str]]:
-    controlled = begin.plant.controlled_outputs(begin.model)
-    time = step_time(linear)
-    told = {"measured": controlled[0], "sample_time": time / 1000}
-    specified = {}
+def _specified(
+    model: Model, linear: LinearModel, measured: str, sample_time: float
+) -> dict[str, dict[str, Any]]:
+    """Return the designs that command every input, with what each must be told."""
+    found = {}
     for design in designs_for(linear):
-        values = {} if design.sensors else told
+        told = {} if design.sensors else {"measured": measured, "sample_time": sample_time}
         try:
-            controller = design.controller(linear, design.specified(values))
+            controller = design.controller(linear, design.specified(told))
         except WorkbenchError:
             continue
-        if {q.name for q in begin.model.inputs} <= set(controller.actuators):
-            specified[design.name] = values
-    if not specified:
-        return [("control-text", "No design of the workbench fits this plant as it stands.")]
+        if {q.name for q in model.inputs} <= set(controller.actuators):
+            found[design.name] = told
+    return found
+
+
+def _steps(
+    begin: Beginning, linear: LinearModel, controlled: Sequence[str], at: float
+) -> list[tuple[str, list[float], str]]:
+    """Return times and levels of the references: a step of the first, the others at rest."""
     rest = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
-    scale = {q.name: q.scale for q in begin.model.outputs}[controlled[0]]
-    first, last = begin.plant.step or (rest[controlled[0]], rest[controlled[0]] + scale)
-    steps: dict[str, tuple[tuple[float, ...], tuple[float, ...]]]
-    steps = {controlled[0]: ((0.0, time / 4), (first, last))}
-    steps |= {name: ((0.0,), (rest[name],)) for name in controlled[1:]}
-    levels = {n: ", ".join(_si(begin.model, n, v) for v in steps[n][1]) for n in steps}
-    references = "\n".join(
-        f"    {name!r}: Steps({list(steps[name][0])}, [{levels[name]}])," for name in steps
-    )
-    designs = "\n".join(f"    {name!r}: {values!r}," for name, values in specified.items())
+    name = controlled[0]
+    scale = {q.name: q.scale for q in begin.model.outputs}[name]
+    levels: dict[str, tuple[float, ...]] = {n: (rest[n],) for n in controlled}
+    levels[name] = begin.plant.step or (rest[name], rest[name] + scale)
     return [
-        (
-            "control-text",
-            "## Controllers and their proof\n\nEach is designed on the linear model and runs on"
-            " the full plant, with saturation, converters and noise. Write into the braces what"
-            " you want to be different; `DESIGNS.get(NAME).keys` lists what may be specified.",
-        ),
-        (
-            "controllers",
-            f"""
-specifications = {{
-{designs}
-}}
-controllers = []
-for name, values in specifications.items():
-    design = DESIGNS.get(name)
-    controllers.append(design.controller(linear, design.specified(values)))
-""",
-        ),
-        (
-            "proof",
-            f"""
-references = {{
-{references}
-}}
-step = Scenario("step", references, duration={1.25 * time:g}, sample_time={time / 1000:g})
-runs = [wb.verify(controller, full, step) for controller in controllers]
-runs[0].plot(*runs[1:5])
-""",
-        ),
-        ("metrics", 'for run in runs:\n    print(wb.metrics(run), end="\\n\\n")'),
+        (n, [0.0, at][: len(values)], ", ".join(_si(begin.model, n, v) for v in values))
+        for n, values in levels.items()
     ]
-
-
-def _further(begin: Beginning) -> list[tuple[str, str]]:
-    inputs = ", ".join(q.name for q in begin.model.inputs)
-    outputs = ", ".join(q.name for q in begin.model.outputs)
-    text = f"""
-## When the machine says otherwise
-
-A recording is a table with the time, the inputs ({inputs}) and at least one of the outputs
-({outputs}), with units in its headers.
-
-```python
-fit_on = [wb.read_recording("first.csv")]
-hold_out = [wb.read_recording("second.csv")]
-diagnosis = wb.diagnose(nominal, fit_on, hold_out)
-diagnosis.plot()
-```
-"""
-    return [("further-text", text)]
 
 
 def _si(model: Model, name: str, value: float) -> str:
@@ -202,14 +121,7 @@ def _si(model: Model, name: str, value: float) -> str:
 
 
 def _cell(name: str, text: str) -> dict[str, Any]:
-    lines = re.findall(r".*\n|.+$", text)
+    cell = {"id": name, "metadata": {}, "source": text.strip("\n").splitlines(keepends=True)}
     if name.endswith("-text"):
-        return {"cell_type": "markdown", "id": name, "metadata": {}, "source": lines}
-    return {
-        "cell_type": "code",
-        "execution_count": None,
-        "id": name,
-        "metadata": {},
-        "outputs": [],
-        "source": lines,
-    }
+        return {"cell_type": "markdown", **cell}
+    return {"cell_type": "code", "execution_count": None, **cell, "outputs": []}

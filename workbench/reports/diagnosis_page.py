@@ -21,7 +21,6 @@ from workbench.reports.diagnosis_nonparametric import (
     taken_back,
 )
 from workbench.reports.diagnosis_tables import (
-    METHODS,
     checks_table,
     errors_table,
     isolability_table,
@@ -38,7 +37,7 @@ from workbench.reports.figures.diagnosis_missing import (
     diagnosis_signal,
 )
 from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
-from workbench.reports.page import Block, Method, Page, Section, Words
+from workbench.reports.page import Block, Commands, Method, Page, Section, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import plain
 from workbench.work.counted import in_words
@@ -304,8 +303,6 @@ def _limits(diagnosis: Diagnosis, verdict: Verdict) -> Section:
 
 
 def _recordings(verdict: Verdict, commands: Sequence[str]) -> Section:
-    from workbench.reports.page import Commands
-
     blocks: list[Block] = []
     remarks = [row for row in verdict.data if row.get("result") != "pass"]
     blocks += [Words(text, "note") for text in unfit_sentences(verdict)]
@@ -315,7 +312,7 @@ def _recordings(verdict: Verdict, commands: Sequence[str]) -> Section:
         blocks.append(Words(f"All {len(verdict.data)} checks of the recordings passed."))
     unfit = verdict.kind == "data_unfit"
     if not unfit:
-        blocks.append(Method(METHODS))
+        blocks.append(Method(methods("diagnosis")))
     if commands:
         blocks.append(Commands(tuple(commands)))
     title = "Which check failed" if unfit else "Recordings and methods"

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -46,6 +49,13 @@ class Method:
 
     entries: tuple[tuple[str, str], ...]
     title: str = "How each number was computed"
+
+
+@cache
+def methods(page: str) -> tuple[tuple[str, str], ...]:
+    """Return how the numbers of a page are computed, as ``methods.toml`` has it."""
+    text = files("workbench.reports").joinpath("methods.toml").read_text(encoding="utf-8")
+    return tuple(tomllib.loads(text)[page].items())
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from workbench.diagnosis.refit_report import RefitReport
 from workbench.model.units import to_si
 from workbench.reports.figures.diagnosis_runs import diagnosis_residuals, diagnosis_runs
 from workbench.reports.figures.study_traces import written
-from workbench.reports.page import Answers, Block, Method, Page, Section, Words, again
+from workbench.reports.page import Answers, Block, Method, Page, Section, Words, again, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Table, interval, number
 from workbench.work.counted import in_words
@@ -33,7 +33,7 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
                     *drawn[1:],
                     _errors(report),
                     *(Words(f"{note[0].upper()}{note[1:]}.", "note") for note in task.notes),
-                    _method(),
+                    Method(methods("refit")),
                 ),
             ),
         )
@@ -179,18 +179,3 @@ def _verdict(report: RefitReport) -> str:
         "The refitted model stays above the noise floor on held-out recordings: the model lacks"
         " something, or the recordings do not determine it well enough."
     )
-
-
-def _method() -> Method:
-    return Method(
-        (
-            ("estimate", "Gauss-Newton on the innovations of an extended Kalman filter, with the "
-             "parameters' bounds and priors, jointly over the recordings"),
-            ("nominal, refitted", "the model runs free along the inputs of the recording, from the "
-             "start that its first samples show"),
-            ("noise-limited", "noise of the measurements, and what free runs with parameters drawn "
-             "from their estimates differ by; up to three times this, and five times the noise, "
-             "counts as the floor, if the filter had next to nothing to take up"),
-            ("noise", "noise and resolution of the sensor"),
-        )
-    )  # fmt: skip

@@ -18,7 +18,7 @@ from workbench.reports.metrics_table import (
     metrics_table,
     score_cell,
 )
-from workbench.reports.page import Block, Commands, Method, Page, Section, Words
+from workbench.reports.page import Block, Commands, Method, Page, Section, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Mark, Table, number
 from workbench.study.grouped import changes_by_plant, missed_by_plant
@@ -30,30 +30,6 @@ from workbench.study.tasks import Record
 from workbench.verification import Metrics
 from workbench.verification.metrics import columns
 from workbench.work.counted import in_words
-
-STUDY_METHODS: tuple[tuple[str, str], ...] = (
-    (
-        "score",
-        "metric over limit, or limit over metric where it must be at least that; of a controller, "
-        "the worst over all hard requirements, scenarios, variations and seeds",
-    ),
-    (
-        "mean score",
-        "mean over all requirements, hard and soft, of each one's worst score (at most 10), by the "
-        "weights of the study",
-    ),
-    (
-        "worse than the baseline",
-        "a metric of a run moved the wrong way by more than its tolerance, absolute plus relative, "
-        "as results.json lists it; of a sliding mode only the invariants count, such "
-        "as rms and peak of s over its layer",
-    ),
-    (
-        "solve times",
-        "measured, differ from machine to machine, and never fail a study by a baseline",
-    ),
-)
-"""How the numbers that only a study has were computed."""
 
 
 def study_page(outcome: StudyResult, *, command: str = "") -> Page:
@@ -400,14 +376,14 @@ def _how(outcome: StudyResult, figures: Sequence[Figure], command: str) -> Secti
         ),
     )
     runs = [r.metrics for r in outcome.records if r.metrics is not None]
-    methods = [entry for figure in figures for entry in figure.methods]
+    own = [entry for figure in figures for entry in figure.methods]
     return Section(
         "how",
         "How it was done",
         (
             plants,
             designs,
-            Method((*metric_methods(runs), *STUDY_METHODS, *methods)),
+            Method((*metric_methods(runs), *methods("study"), *own)),
             *([Commands((command,))] if command else []),
         ),
         folded=True,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from controllers.design import DESIGNS
 from workbench.checked_json import ListShape, NamedShape, Shape
-from workbench.study.shapes import STUDY, FieldTable
+from workbench.study.shapes import TABLES, FieldTable
 from workbench.verification import METRICS
 
 _HEAD = """# Fields of a study file
@@ -46,7 +46,8 @@ def study_fields() -> str:
 
 def tables() -> Iterator[tuple[str, str, FieldTable]]:
     """Yield heading, meaning and shape of every table of a study file, each once."""
-    waiting: list[tuple[str, str, FieldTable]] = [("Top of the file", "The study itself.", STUDY)]
+    top = TABLES["study"]
+    waiting = [("Top of the file", "The study itself.", top)]
     seen: list[int] = []
     while waiting:
         heading, says, table = waiting.pop(0)
@@ -55,7 +56,7 @@ def tables() -> Iterator[tuple[str, str, FieldTable]]:
         seen.append(id(table))
         yield heading, says, table
         inside = []
-        outer = "" if table is STUDY else heading.strip("`[]") + "."
+        outer = "" if table is top else heading.strip("`[]") + "."
         for key, field in table.fields.items():
             inner, several, names = _table(field.shape, key)
             if inner is not None:

@@ -25,12 +25,11 @@ from workbench.operating_point.operating_point import check_value
 from workbench.plants import DEFAULT_PLANT
 from workbench.plants.registry import PLANTS
 from workbench.registry import user_code
-from workbench.study import shapes
 from workbench.study.designs import ControllerRecipe, Fastest, Pairs
 from workbench.study.feasible import can_have, check_demand, check_demands
 from workbench.study.inputs import new_study, watched
 from workbench.study.plants import PlantRecipe, tolerated
-from workbench.study.shapes import STUDY, FieldTable
+from workbench.study.shapes import TABLES, FieldTable, ToldError
 from workbench.study.study import (
     NOMINAL,
     Box,
@@ -177,7 +176,7 @@ class _Resolver(TomlTables):
             name: self.selection(table, part, name)
             for part in ("controllers", "scenarios")
             for name, table in self.named(part).items()
-            if set(table) & set(shapes.SELECTION)
+            if set(table) & set(TABLES["selection"].fields)
         }
         own = self.metrics(top.get("metrics", []))
         controlled = dict.fromkeys(n for s in self.scenarios_.values() for n in s.references)
@@ -216,10 +215,10 @@ class _Resolver(TomlTables):
                     f"schema is {self.table['schema']!r}; this version reads schema {SCHEMA}"
                 )
         try:
-            self.table = STUDY(self.table, ())
+            self.table = TABLES["study"](self.table, ())
         except ShapeError as error:
             with self.at(*error.place):
-                told = isinstance(error, shapes.ToldError)
+                told = isinstance(error, ToldError)
                 raise WorkbenchError(
                     error.text if told else f"{_word(error.place)} {error.text}"
                 ) from None
@@ -304,7 +303,7 @@ class _Resolver(TomlTables):
         kind = given.get("kind", DEFAULT_PLANT)
         with self.at("plant", "kind"):
             PLANTS.get(kind, folder=self.folder)
-        base = self.chosen(PlantRecipe(kind, folder=self.folder), given, shapes.PLANT, "plant")
+        base = self.chosen(PlantRecipe(kind, folder=self.folder), given, TABLES["plant"], "plant")
         with self.at("plant", "kind"):
             base.build()
         recipe = self.varied(base, given, "plant")
@@ -335,7 +334,7 @@ class _Resolver(TomlTables):
         found = {}
         for name, table in self.named("plants").items():
             path = ("plants", name)
-            own = self.chosen(base, table, shapes.PLANTS, *path)
+            own = self.chosen(base, table, TABLES["plants"], *path)
             found[name] = self.varied(own, table, *path)
             with self.at(*path):
                 found[name].build()
@@ -432,7 +431,7 @@ class _Resolver(TomlTables):
         *path: str | int,
     ) -> ControllerRecipe:
         with self.at(*path):
-            shapes.CONTROLLER.check_needed(table, path)
+            TABLES["controller"].check_needed(table, path)
         own = self.varied(plant, table, *path)
         default = tuple(plant.plant().design_point.items())
         at = self.point(table["at"], model, *path, "at") if "at" in table else default
@@ -477,7 +476,7 @@ class _Resolver(TomlTables):
         *path: str | int,
     ) -> Fastest:
         with self.at(*path):
-            shapes.FASTEST.check_needed(given, path)
+            TABLES["fastest"].check_needed(given, path)
         table, model = dict(given), recipe.plant.build()
         kinds = {v.kind: v for v in self.variations_.values() if v.case == case}
         nominal = dict(kinds[NOMINAL].plant.parameters)
@@ -537,7 +536,7 @@ class _Resolver(TomlTables):
         self, name: str, given: Mapping[str, Any], model: Model, *path: str | int
     ) -> Scenario:
         with self.at(*path):
-            shapes.SCENARIO.check_needed(given, path)
+            TABLES["scenario"].check_needed(given, path)
         own = {f.name for f in fields(Scenario)}
         table = {key: value for key, value in given.items() if key in own}
         if "start" in table:

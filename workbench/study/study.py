@@ -1,7 +1,7 @@
 """A study: controllers, plants and their variations, scenarios and what is required, as data.
 
-What an entry of a study file means stands in `workbench.study.shapes`, once for the file's check,
-for the page of fields and for the entries here that have its name.
+What an entry of a study file means stands in ``fields.toml``, once for the file's check, for the
+page of fields and for the entries here that have its name.
 """
 
 from __future__ import annotations

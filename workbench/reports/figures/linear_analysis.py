@@ -12,39 +12,13 @@ from workbench.reports.figure import Figure
 from workbench.reports.figures.bode import bode
 from workbench.reports.figures.nyquist import nyquist
 from workbench.reports.figures.study_traces import output_of, point_text, written
-from workbench.reports.page import Block, Words
+from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.style import REFERENCE, SIMULATED, label, new_figure
 from workbench.reports.tables import Cell, Table, number
 from workbench.study.linear_loop import LoopAnalysis
 from workbench.study.plant_map import GAIN_HZ, plant_map
 from workbench.study.study import Study
-
-LINEAR_METHODS: tuple[tuple[str, str], ...] = (
-    (
-        "loop gain",
-        "the controller's own step, linearised around rest by differences, on the linear model "
-        "with inputs held over a sample: filters, inner loops, observers and sampling count. "
-        "Opened once at the controlled output (inner loops stay closed) and once at the command "
-        "(everything opens)",
-    ),
-    (
-        "Ms, Mt",
-        "peaks of 1/(1 + L) and L/(1 + L) over 600 frequencies up to the Nyquist frequency",
-    ),
-    (
-        "disk margin",
-        "1 / max |(S - T)/2|: gain and phase may change together inside a disk of that size; the "
-        "factor and the phase follow from it (Seiler, Packard and Gahinet, 2020)",
-    ),
-    (
-        "map of the plant",
-        "exact derivatives of the nominal plant at rest, over its range, without friction and "
-        "hysteresis, whose slopes at rest a moving machine does not have",
-    ),
-    ("delay margin", "phase down to -180° at a crossover over its frequency; the smallest"),
-)
-"""How the numbers of the linear analysis were computed."""
 
 
 def linear_blocks(study: Study, loops: tuple[LoopAnalysis, ...]) -> list[Block]:
@@ -231,5 +205,5 @@ LINEAR = Figure(
     lambda result: linear_blocks(result.study, result.loops),
     title="Linear analysis at every operating point",
     order=40,
-    methods=LINEAR_METHODS,
+    methods=methods("linear"),
 )

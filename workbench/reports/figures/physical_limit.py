@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import output_of, value_text
-from workbench.reports.page import Block, Words
+from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FONT_POINTS, INK, REFERENCE, colours, key, label, new_figure
 from workbench.reports.tables import Cell, Table, number
@@ -183,21 +183,5 @@ LIMIT = Figure(
     _draw,
     title="Distance to the physical limit",
     order=10,
-    methods=(
-        (
-            "physical limit",
-            "shortest time in which the nominal plant, from rest, can be within 2 % of the step "
-            "for "
-            "good: a time-optimal move of the full model, by direct "
-            "collocation with 64 intervals (Betts, 2010), without noise, sampling or controller. "
-            "Held "
-            "inputs make it too long by up to two intervals, 3 %",
-        ),
-        (
-            "settling / limit",
-            "settling time of a step over its physical limit; of a scenario, the worst step and "
-            "seed "
-            "on the nominal plant. It is shown, never required, and no baseline holds it",
-        ),
-    ),
+    methods=methods("limit"),
 )

@@ -11,7 +11,7 @@ from workbench.arrays import Vector
 from workbench.reports.figure import Figure
 from workbench.reports.figures.study_traces import breakable
 from workbench.reports.metrics_table import demand_text, metric_title, score_cell
-from workbench.reports.page import Block, Words
+from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.style import INK, REFERENCE, colours, label, new_figure
 from workbench.reports.tables import Cell, Table, number
@@ -130,21 +130,5 @@ ROBUSTNESS = Figure(
     _draw,
     title="Robustness over a box of plants",
     order=50,
-    methods=(
-        (
-            "probability of meeting a requirement",
-            "share of the plants drawn uniformly from the box (scrambled Sobol sequence), with the "
-            "exact 95 % interval of Clopper and Pearson",
-        ),
-        (
-            "worst plant",
-            "the worst of the draws and of a local search that starts there: first the corner to "
-            "which a straight line through all scores points, then one parameter at a time",
-        ),
-        (
-            "hurts most",
-            "slope of the straight line fitted to the scores of the draws, from the lowest to the "
-            "highest value of the parameter; R² says how much of the scores the line explains",
-        ),
-    ),
+    methods=methods("robustness"),
 )
