@@ -10,7 +10,7 @@ import pytest
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.problem import problem_of_case
 from workbench.diagnosis.refit_report import run_refit
-from workbench.evaluation.machines.run import task_of
+from workbench.evaluation.machines.real_machine import task_of
 from workbench.recordings.case import read_case
 from workbench.recordings.public_data import public_file
 

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from workbench.errors import WorkbenchError
+from workbench.evaluation.foreign.foreign_case import answer as diagnosed
 from workbench.evaluation.foreign.plan import plan
-from workbench.evaluation.foreign.run import answer as diagnosed
 from workbench.evaluation.kept import answered, read_kept, run_cases
 
 

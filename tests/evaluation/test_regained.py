@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.evaluation.regained import WHICH, Trial, flow_share, nominal_recipe, regained
+from workbench.evaluation.regained import WHICH, DesignRun, flow_share, nominal_recipe, regained
 from workbench.evaluation.tolerance import tolerant_study
 from workbench.plants.arm.arm import ARM
 from workbench.reports.page import write_page
@@ -43,17 +43,19 @@ def test_the_rules_of_a_redesign_are_those_of_the_nominal_designs() -> None:
 def test_the_page_sets_the_three_designs_side_by_side(tmp_path: Path) -> None:
     time = np.arange(0.0, 2.0, 0.01)
     told = {"settling": [0.2, 0.4], "overshoot": 0.02, "oscillation": math.radians(0.1)}
-    trials = [Trial("state feedback", w, 20.0, "", None, told, time, 0.3 + 0 * time) for w in WHICH]
-    table = regained_table(trials)
+    runs = [
+        DesignRun("state feedback", w, 20.0, "", None, told, time, 0.3 + 0 * time) for w in WHICH
+    ]
+    table = regained_table(runs)
     assert [row[1] for row in table.rows] == list(WHICH) and table.rows[0][3] == "0.300"
-    page = write_page(regained_page(trials, "verdict.json"), tmp_path / "redesign.html")
+    page = write_page(regained_page(runs, "verdict.json"), tmp_path / "redesign.html")
     assert "redesigned, on the machine" in page.read_text()
 
 
 @pytest.mark.long
 def test_what_was_found_gives_the_speed_back() -> None:
     nominal, tolerant, own = (
-        max(trial.told["settling"]) for trial in regained(late(), ["state feedback"])
+        max(run.told["settling"]) for run in regained(late(), ["state feedback"])
     )
     # A third of the flow costs a factor 3^(1/3), the latency 8 ms.
     assert own <= nominal * 3.0 ** (1.0 / 3.0) + 0.008

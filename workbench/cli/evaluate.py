@@ -109,10 +109,10 @@ def own_cases(
         seeds: Seed of the first case.
         baselines: Whether the baselines answer too.
     """
-    from workbench.evaluation.own_cases import run
+    from workbench.evaluation.own_cases import own_case
 
-    answer = run.answer if baselines else run.answer_alone
-    return campaign.run(run.cases(count, seeds, campaign.only or ()), answer, run.line_of)
+    answer = own_case.answer if baselines else own_case.answer_alone
+    return campaign.run(own_case.cases(count, seeds, campaign.only or ()), answer, own_case.line_of)
 
 
 def experiments(
@@ -158,10 +158,10 @@ def foreign(campaign: Campaign, *, count: Positive = 60, seeds: int | None = Non
         count: Cases of the plan.
         seeds: Seed of the first case.
     """
-    from workbench.evaluation.foreign import plan, run
+    from workbench.evaluation.foreign import foreign_case, plan
 
     first = plan.FIRST_SEED if seeds is None else seeds
-    return campaign.run(plan.plan(count, first), run.answer, run.line_of)
+    return campaign.run(plan.plan(count, first), foreign_case.answer, foreign_case.line_of)
 
 
 @with_campaign
@@ -174,9 +174,13 @@ def machines(campaign: Campaign, *, data: Path | None = None) -> int:
     Args:
         data: Folder with the recordings; WORKBENCH_DATA, or fetched, without it.
     """
-    from workbench.evaluation.machines import run
+    from workbench.evaluation.machines import real_machine
 
-    return campaign.run([run.Machine(name, data) for name in run.table()], run.answer, run.line_of)
+    return campaign.run(
+        [real_machine.Machine(name, data) for name in real_machine.table()],
+        real_machine.answer,
+        real_machine.line_of,
+    )
 
 
 @with_campaign
@@ -185,9 +189,9 @@ def left_out(campaign: Campaign) -> int:
 
     A line per piece; finished ones are kept in OUT as with own-cases.
     """
-    from workbench.evaluation.left_out import plan, run
+    from workbench.evaluation.left_out import plan, reduced_plant
 
-    return campaign.run(plan.PLAN, run.answer, run.line_of)
+    return campaign.run(plan.PLAN, reduced_plant.answer, reduced_plant.line_of)
 
 
 def cases(out: Path, *, count: Positive = 20, seeds: int | None = None) -> int:

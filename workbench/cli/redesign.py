@@ -29,16 +29,16 @@ def redesign(verdict: str, *, out: Path, family: list[str] | None = None) -> int
     from workbench.reports.regained_page import regained_page, regained_table
     from workbench.study.plants import PlantRecipe
 
-    trials, plant = [], PlantRecipe(verdict)
+    runs, plant = [], PlantRecipe(verdict)
     units = {q.name: q.unit for model in (plant.build(),) for q in (*model.outputs, *model.inputs)}
-    for trial in regained(plant, family or ()):
-        trials.append(trial)
-        typer.echo(f"{trial.family}: {trial.which}", err=True)
-        if trial.which == WHICH[-1]:
-            name = trial.family.lower().replace(" ", "_")
-            export_c(trial.controller, out, name=name, units=units)
-    typer.echo(str(regained_table(trials)))
-    page = regained_page(trials, Path(verdict).name, command=typed())
+    for run in regained(plant, family or ()):
+        runs.append(run)
+        typer.echo(f"{run.family}: {run.which}", err=True)
+        if run.which == WHICH[-1]:
+            name = run.family.lower().replace(" ", "_")
+            export_c(run.controller, out, name=name, units=units)
+    typer.echo(str(regained_table(runs)))
+    page = regained_page(runs, Path(verdict).name, command=typed())
     path = write_page(page, out / "redesign.html")
     typer.echo(f"written to {path}, and the redesigned controllers in C beside it")
     return 0

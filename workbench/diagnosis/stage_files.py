@@ -59,8 +59,8 @@ from workbench.diagnosis.stages import Fitted, Located, Prepared, Validated
 from workbench.errors import WorkbenchError
 from workbench.files import write_whole
 from workbench.model import Effect, Model
-from workbench.physics.free_form import Curve
 from workbench.physics.library import Hypothesis
+from workbench.physics.nonparametric_term import Curve
 from workbench.recordings.recording import Recording
 from workbench.work.counted import Work
 

@@ -41,7 +41,7 @@ CASE = "3 kg horizontal"
 
 
 @dataclass(frozen=True)
-class Trial:
+class DesignRun:
     """A design on a plant along the steps of the tolerant study.
 
     Args:
@@ -147,7 +147,7 @@ def flow_share(machine: Model, nominal: Model, plant: Plant) -> float:
     return min(1.0, rates[1] / rates[0])
 
 
-def regained(machine: PlantRecipe, families: Sequence[str] = ()) -> Iterator[Trial]:
+def regained(machine: PlantRecipe, families: Sequence[str] = ()) -> Iterator[DesignRun]:
     """Run the three designs of each family.
 
     Args:
@@ -167,4 +167,4 @@ def regained(machine: PlantRecipe, families: Sequence[str] = ()) -> Iterator[Tri
         ):
             run = verify(law, plant.build(), scenario)
             told = measured(run.time, run["angle"], run["valve"], signal)
-            yield Trial(family, which, speed, limit, law, told, run.time, run["angle"])
+            yield DesignRun(family, which, speed, limit, law, told, run.time, run["angle"])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from workbench.errors import WorkbenchError
-from workbench.evaluation.foreign import run as foreign
+from workbench.evaluation.foreign import foreign_case as foreign
 from workbench.evaluation.kept import read_kept
 from workbench.evaluation.own_cases import report as own_cases
 from workbench.files import json_text, write_whole

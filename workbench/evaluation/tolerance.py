@@ -128,7 +128,7 @@ def measured(time: Array, angle: Array, valve: Array, signal: Steps) -> dict[str
 
 
 @dataclass(frozen=True)
-class Trial:
+class DrawnMachine:
     """A drawn machine on one simulator."""
 
     draw: Draw
@@ -136,29 +136,34 @@ class Trial:
 
     @property
     def name(self) -> str:
-        """Name of the trial."""
+        """Name of the machine."""
         return f"{self.simulator.replace(' ', '-')}-{self.draw.name}"
 
 
-def run_trial(trial: Trial, _jobs: int) -> dict[str, Any]:
+def run_machine(machine: DrawnMachine, _jobs: int) -> dict[str, Any]:
     """Run every design on one drawn machine; a machine that cannot rest or run has a reason."""
     study = tolerant_study()
     scenario = next(iter(study.scenarios.values()))
     found: dict[str, Any] = {}
     for name, recipe in study.controllers.items():
         try:
-            run = _RUNS[trial.simulator]
-            row = run(recipe.build(), trial.draw, scenario)
+            run = _RUNS[machine.simulator]
+            row = run(recipe.build(), machine.draw, scenario)
         except WorkbenchError as error:
             row = {"reason": str(error)}
         found[name] = row
-    kinds = list(trial.draw.kinds)
-    return {"draw": trial.draw.name, "simulator": trial.simulator, "kinds": kinds, "runs": found}
+    kinds = list(machine.draw.kinds)
+    return {
+        "draw": machine.draw.name,
+        "simulator": machine.simulator,
+        "kinds": kinds,
+        "runs": found,
+    }
 
 
 def tolerance(
     drawn: Mapping[str, Sequence[Draw]], out: Path, *, jobs: int = 1
 ) -> Iterator[dict[str, Any]]:
     """Run every design on drawn machines, by simulator, each kept as soon as it is there."""
-    trials = [Trial(draw, name) for name, draws in drawn.items() for draw in draws]
-    yield from answered(trials, out, run_trial, jobs=jobs)
+    machines = [DrawnMachine(draw, name) for name, draws in drawn.items() for draw in draws]
+    yield from answered(machines, out, run_machine, jobs=jobs)

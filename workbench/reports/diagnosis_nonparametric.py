@@ -102,15 +102,15 @@ def nonparametric_blocks(term: NonparametricTerm) -> list[Block]:
 def likenesses_table(term: NonparametricTerm) -> Table:
     """Build the table of shapes that stood in the place of the curve."""
     rows = tuple(
-        (plain(k.law) if k.law else "the curve itself", number(k.gain, 5), number(k.charged, 5))
+        (plain(k.law) if k.law else "the curve itself", number(k.gain, 5), number(k.penalised, 5))
         for k in term.likenesses
     )
     return Table(
         "Shapes of the library in the place of the curve",
-        ("shape of", "gain when refitted", "less its charge"),
+        ("shape of", "gain when refitted", "less its penalty"),
         rows,
-        "Gains in units of log likelihood; each parameter is charged. law.py holds the first of"
-        " them as a law of your own, ready for --effects.",
+        "Gains in units of log likelihood; every parameter has its penalty. law.py holds the first"
+        " of them as a law of your own, ready for --effects.",
     )
 
 

@@ -270,11 +270,11 @@ def _alternatives(diagnosis: Diagnosis, verdict: Verdict) -> Section:
         title = _round_title(i, len(diagnosis.accepted))
         blocks.append(scores_table(title, scores, candidates, gone))
     if blocks:
-        charged = len(diagnosis.rounds[0][0].scores)
-        tried = "effect of the library was" if charged == 1 else "effects of the library were"
+        count = len(diagnosis.rounds[0][0].scores)
+        tried = "effect of the library was" if count == 1 else "effects of the library were"
         blocks[:0] = [
             Words(
-                f"{charged} {tried} tried on an equal footing; to be accepted, one has to pay for"
+                f"{count} {tried} tried on an equal footing; to be accepted, one has to pay for"
                 " the size of the library, and to improve the held-out recordings beyond chance."
             ),
             *refusals(diagnosis),

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from workbench.evaluation.regained import WHICH, Trial
+from workbench.evaluation.regained import WHICH, DesignRun
 from workbench.evaluation.tolerance import tolerant_study
 from workbench.reports.page import Page, Section, again
 from workbench.reports.pictures import Picture
@@ -19,7 +19,7 @@ STYLES = dict(zip(WHICH, (":", "--", "-"), strict=True))
 """Line style of each of the three designs."""
 
 
-def regained_table(trials: Sequence[Trial]) -> Table:
+def regained_table(runs: Sequence[DesignRun]) -> Table:
     """Return what the three designs of each family reach."""
     return Table(
         "15° steps of three designs of each family",
@@ -34,39 +34,39 @@ def regained_table(trials: Sequence[Trial]) -> Table:
         ),
         tuple(
             (
-                trial.family,
-                trial.which,
-                number(trial.speed),
-                number(float(np.mean(trial.told["settling"]))),
-                number(100.0 * trial.told["overshoot"]),
-                number(math.degrees(trial.told["oscillation"]), 2),
-                trial.limit,
+                run.family,
+                run.which,
+                number(run.speed),
+                number(float(np.mean(run.told["settling"]))),
+                number(100.0 * run.told["overshoot"]),
+                number(math.degrees(run.told["oscillation"]), 2),
+                run.limit,
             )
-            for trial in trials
+            for run in runs
         ),
     )
 
 
-def regained_picture(trials: Sequence[Trial]) -> Picture:
+def regained_picture(runs: Sequence[DesignRun]) -> Picture:
     """Draw the first step of the three designs of each family."""
     (scenario,) = tolerant_study().scenarios.values()
     (signal,) = scenario.references.values()
     assert isinstance(signal, Steps)
     begin, (first, last) = signal.times[1], signal.values[:2]
-    families = list(dict.fromkeys(trial.family for trial in trials))
+    families = list(dict.fromkeys(run.family for run in runs))
     shades = colours(families)
     figure, rows = new_figure([2.2] * len(families))
     for axes, family in zip(rows, families, strict=True):
-        for trial in trials:
-            if trial.family != family:
+        for run in runs:
+            if run.family != family:
                 continue
-            shown = (trial.time > begin - 0.05) & (trial.time < begin + 1.0)
+            shown = (run.time > begin - 0.05) & (run.time < begin + 1.0)
             axes.plot(
-                trial.time[shown] - begin,
-                np.degrees(trial.angle[shown]),
-                STYLES[trial.which],
+                run.time[shown] - begin,
+                np.degrees(run.angle[shown]),
+                STYLES[run.which],
                 color=shades[family].light,
-                label=trial.which,
+                label=run.which,
             )
         axes.axhspan(
             *(math.degrees(last + sign * 0.02 * (last - first)) for sign in (-1, 1)),
@@ -84,10 +84,10 @@ def regained_picture(trials: Sequence[Trial]) -> Picture:
     )
 
 
-def regained_page(trials: Sequence[Trial], machine: str, *, command: str = "") -> Page:
+def regained_page(runs: Sequence[DesignRun], machine: str, *, command: str = "") -> Page:
     """Build the page of designs on a machine that was found."""
     sections = (
-        Section("steps", "Lost and regained", (regained_table(trials), regained_picture(trials))),
+        Section("steps", "Lost and regained", (regained_table(runs), regained_picture(runs))),
         *again(command),
     )
     return Page("Redesign", f"Designs for what was found in {machine}.", sections)

@@ -41,10 +41,10 @@ def test_the_curve_has_the_shape_of_the_spring_that_is_hidden() -> None:
     term = _term()
     assert term.likeness is not None and term.likeness.law == "linear_spring"
     assert term.likeness.values["size"] == pytest.approx(-200.0, rel=0.01)
-    # Two parameters in the place of six ordinates: no less likely, and charged less.
+    # Two parameters in the place of six ordinates: no less likely, and penalised less.
     curve = next(k for k in term.likenesses if not k.law)
     assert curve.gain == pytest.approx(term.gain)
-    assert term.likeness.charged > curve.charged
+    assert term.likeness.penalised > curve.penalised
     verdict = sprung()[0].verdict
     assert isinstance(verdict, Verdict) and "shape of linear spring" in verdict.sentence
 
@@ -138,4 +138,4 @@ def test_a_memory_is_written_with_its_state(tmp_path: Path) -> None:
 
 def test_a_term_that_was_refused_is_no_law() -> None:
     with pytest.raises(WorkbenchError, match="not accepted"):
-        law_file(replace(_term(), reason="it gains less than the charge"), "axis")
+        law_file(replace(_term(), reason="it gains less than the penalty"), "axis")

@@ -1,4 +1,4 @@
-"""Selection: charge, shortlist, and the rules by which an effect is refused."""
+"""Selection: penalty, shortlist, and the rules by which an effect is refused."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def test_scores_are_sorted_and_confusion_is_a_cosine(without_friction: Scores) -
     assert confusion.max() <= 1.0 + 1e-6
 
 
-def test_what_a_parameter_imitates_is_absorbed(without_friction: Scores) -> None:
+def test_what_a_parameter_reproduces_is_collinear(without_friction: Scores) -> None:
     # The axis has a free constant force of its own, as fitted parameter ``offset``.
     assert by_name(without_friction)["constant_force"].collinearity > COLLINEAR
     assert not by_name(without_friction)["constant_force"].testable

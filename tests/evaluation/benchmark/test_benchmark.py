@@ -23,8 +23,8 @@ from workbench.evaluation.benchmark.cases import write_cases
 from workbench.evaluation.benchmark.compare import compared, table
 from workbench.evaluation.benchmark.neural import Network, trained
 from workbench.evaluation.benchmark.random_walk import walk_gains
+from workbench.evaluation.own_cases.own_case import made
 from workbench.evaluation.own_cases.plan import Planned
-from workbench.evaluation.own_cases.run import made
 from workbench.physics.stiffness import linear_spring
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings import read_case

@@ -11,7 +11,7 @@ import pytest
 from workbench.cli.main import run as command
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.verdict import SCHEMA
-from workbench.evaluation.foreign import run as foreign
+from workbench.evaluation.foreign import foreign_case as foreign
 from workbench.evaluation.foreign.plan import plan
 
 TRUTH = {

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from workbench.evaluation.left_out.plan import PLAN
-from workbench.evaluation.left_out.run import answer
+from workbench.evaluation.left_out.reduced_plant import answer
 from workbench.physics.library import library
 
 TRIED = {
@@ -33,7 +33,7 @@ FLOOR_DEG = 0.02
 
 def diagnosed(name: str, seconds: float = 10.0) -> dict[str, Any]:
     case = next(c for c in PLAN if c.name == name)
-    row = answer(replace(case, seconds=seconds, tried=TRIED[case.trial]), 1)
+    row = answer(replace(case, seconds=seconds, tried=TRIED[case.experiment]), 1)
     return row | {"found": [f["effect"] for f in row["verdict"]["findings"]]}
 
 
@@ -66,7 +66,7 @@ def test_what_is_left_out_of_the_arm_is_found_on_its_motion(
 
 
 @pytest.mark.long
-def test_parameters_imitate_the_flattened_ends() -> None:
+def test_parameters_reproduce_the_flattened_ends() -> None:
     row = diagnosed("flattened-ends-motion", 4.0)
     # Found or not, nothing else may be named for it.
     assert set(row["found"]) <= {"flattened_ends"} and row["right"]

@@ -10,7 +10,7 @@ import pytest
 
 from workbench.diagnosis.estimation.free_run import free_run
 from workbench.diagnosis.estimation.observe import observe
-from workbench.evaluation.machines import run as machines
+from workbench.evaluation.machines import real_machine as machines
 from workbench.evaluation.machines.plants import axis, axis_in_loop, muscle, pendulum, piston, tanks
 from workbench.model import Model
 

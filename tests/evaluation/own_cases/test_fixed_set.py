@@ -8,8 +8,8 @@ import pytest
 
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.verdict import Verdict
+from workbench.evaluation.own_cases.own_case import made
 from workbench.evaluation.own_cases.plan import names, plan
-from workbench.evaluation.own_cases.run import made
 from workbench.recordings import read_case
 
 pytestmark = pytest.mark.long

@@ -55,7 +55,7 @@ def test_names_and_places(
     assert judged.wrong == wrong
 
 
-def test_a_free_form_in_the_right_group_is_right_outside_the_library() -> None:
+def test_a_nonparametric_term_in_the_right_group_is_right_outside_the_library() -> None:
     said = verdict(found(None, "joint.torque"), kind="located_unnamed")
     judged = judge(row(1, ("pressure_torque",), said, kind="outside"))
     assert judged is not None and judged.line.points == 6

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from workbench.evaluation.answer_key import NOTHING
+from workbench.evaluation.own_cases.own_case import made
 from workbench.evaluation.own_cases.plan import (
     FACTORS,
     OUTSIDE,
@@ -18,7 +19,6 @@ from workbench.evaluation.own_cases.plan import (
     names,
     plan,
 )
-from workbench.evaluation.own_cases.run import made
 from workbench.evaluation.own_cases.sizes import COUNTERPARTS, SIZES, sizes
 from workbench.evaluation.rig.effects import EFFECTS
 from workbench.evaluation.rig.parameters import PARAMETERS, nominal

@@ -225,7 +225,7 @@ class Sight:
     Args:
         now: Standard deviation of its size by the present recordings, in the unit of the size.
         then: The same with the experiment, in the same unit.
-        collinearity: Share of its signature that the free parameters can then imitate, 0 to 1,
+        collinearity: Share of its signature that the free parameters can then reproduce, 0 to 1,
             dimensionless.
     """
 
@@ -245,7 +245,7 @@ def visible(
 ) -> list[Sight]:
     """Predict how clearly experiments would show effects.
 
-    The free parameters can imitate an effect as far as the present recordings and the experiment
+    The free parameters can reproduce an effect as far as the present recordings and the experiment
     together let them.
 
     Args:

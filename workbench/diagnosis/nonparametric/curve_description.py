@@ -80,8 +80,8 @@ def _chosen(columns: dict[str, Vector], curve: Vector) -> list[str]:
         matrix = np.column_stack([np.ones(len(curve)), *(columns[name] for name in trial)])
         answer = np.linalg.lstsq(matrix, curve, rcond=None)[0]
         # A frequency has two coefficients and a choice of its own: it must be worth two terms.
-        charge = 1.0 + 0.5 * sum(name.startswith("sin") for name in trial)
-        return charge * float(np.sum((curve - matrix @ answer) ** 2))
+        penalty = 1.0 + 0.5 * sum(name.startswith("sin") for name in trial)
+        return penalty * float(np.sum((curve - matrix @ answer) ** 2))
 
     while len(names) < _MOST:
         rest = {n: left([*names, n]) for n in columns if n not in names}

@@ -1,6 +1,6 @@
 """What a located signal depends on: regressions on what ports see, tests against shifted signals.
 
-What the free parameters of the model can imitate at the same place takes part in every regression,
+What free parameters of the model can reproduce at the same place takes part in every regression,
 so that only what goes beyond it counts.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.physics.free_form import Curve
+from workbench.physics.nonparametric_term import Curve
 
 SURROGATES = 99
 """Shifted signals against which a dependence is tested; the smallest p-value is 0.01."""
@@ -121,8 +121,8 @@ class Evidence:
         prior = np.concatenate([self.toward, np.zeros(columns.shape[1])])
         return prior + _ridge(matrix, self.signal[rows] - matrix @ prior, penalty)
 
-    def imitated(self, column: Vector) -> float:
-        """Return which share of a column's mean square the free parameters can imitate, a fraction.
+    def reproduced(self, column: Vector) -> float:
+        """Return the share of a column's mean square that free parameters reproduce, a fraction.
 
         Args:
             column: The column, shape (n_located n,), in the signals' unit.

@@ -3,7 +3,7 @@
 Where the library has no name for a mismatch, the smoothed unknown input tells what it depends on
 and gives a first curve; the curve is then part of the equations and its ordinates are refitted
 together with the free parameters of the model. The result is empirical: it has no meaning beyond
-the range of the data, and it differs from the true law by what the free parameters can imitate (the
+the range of the data, and it differs from the true law by what free parameters can reproduce (the
 linear part of a friction goes into the damper, a constant into an offset, a common factor into an
 inertia), because the data do not say which of both it is.
 """
@@ -47,7 +47,7 @@ from workbench.diagnosis.nonparametric.result import (
 )
 from workbench.diagnosis.nonparametric.shapes import matched
 from workbench.errors import NumericalError
-from workbench.physics.free_form import Curve
+from workbench.physics.nonparametric_term import Curve
 
 KNOTS = (6, 12)
 """Knots per argument: the fewer, unless the more predict better."""
@@ -62,7 +62,7 @@ SIGNIFICANT = 0.02
 """Largest p-value of an argument."""
 
 LEAST_GAIN = 15.0
-"""Gain of log likelihood that is asked for beyond the charge for the ordinates."""
+"""Gain of log likelihood that is asked for beyond the penalty for the ordinates."""
 
 WORSE, BETTER = 1.02, 0.95
 """Held-out free-run error over that without the term: largest of any output, and what at least one
@@ -71,7 +71,7 @@ must fall to."""
 _FEWER = 0.01
 _RELATIVE = 1.1
 _CLEARLY = 20.0
-_IMITATED = 0.99
+_REPRODUCED = 0.99
 _CLASSES = 20
 _DRAWS = 100
 
@@ -116,7 +116,7 @@ def nonparametric_term(
             failure = str(error)
     if not fits:
         return NonparametricTerm(base, tuple(ports), reason=failure)
-    # Another place than the located one must be clearly better: many laws there imitate one here.
+    # Another place than the located one must be clearly better: many laws there reproduce one here.
     shape, law, fit = min(
         fits, key=lambda f: f[2].cost + _CLEARLY * (f[0].site.ports != evidence.located)
     )
@@ -134,7 +134,7 @@ def nonparametric_term(
     found = _judged(found, base, fit_on, hold_out)
     if not found.accepted:
         return found
-    return matched(found, base, fit_on, priors, charge=_charge_per_ordinate(fit_on))
+    return matched(found, base, fit_on, priors, penalty=_penalty_per_ordinate(fit_on))
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def _with(start: _Shape, name: str, evidence: Evidence, given: Vector) -> _Shape
     x = evidence.at_ports(site.signals[name])
     # A constant belongs to the free parameters if they have one, else to the first curve.
     one = site.columns(np.ones((*site.value.shape, 1)), start.relative)[:, 0]
-    centred = bool(given.size) or evidence.imitated(one) > _IMITATED
+    centred = bool(given.size) or evidence.reproduced(one) > _REPRODUCED
     trials = []
     for knots in KNOTS:
         curve = spread(x, name, site.units[name], knots, centred=centred)
@@ -371,14 +371,14 @@ def _judged(
         found, held_out=held_out, rmse={name: (before[name], after[name]) for name in before}
     )
     own = len(fit.refit.estimates) - len(base.refit.estimates)
-    charge = LEAST_GAIN + own * _charge_per_ordinate(fit_on)
+    penalty = LEAST_GAIN + own * _penalty_per_ordinate(fit_on)
     ratios = {name: after[name] / max(before[name], 1e-300) for name in before}
     worst, best = max(ratios, key=ratios.__getitem__), min(ratios, key=ratios.__getitem__)
     reason = ""
     if not fit.refit.converged:
         reason = "the refit did not converge"
-    elif found.gain < charge:
-        reason = f"it gains less than the charge for its ordinates, {charge:.0f}"
+    elif found.gain < penalty:
+        reason = f"it gains less than the penalty for its ordinates, {penalty:.0f}"
     elif held_out[1] <= 0.0:
         reason = "it does not reliably improve the held-out recordings"
     elif not ratios[worst] <= WORSE:
@@ -388,7 +388,7 @@ def _judged(
     return replace(found, reason=reason)
 
 
-def _charge_per_ordinate(fit_on: Sequence[Observed]) -> float:
+def _penalty_per_ordinate(fit_on: Sequence[Observed]) -> float:
     """Return what a parameter has to gain: half the logarithm of the tenths of a second."""
     samples = sum(len(r.outputs) * r.sample_time for r in fit_on) / 0.1
     return 0.5 * math.log(max(samples, 2.0))

@@ -39,7 +39,7 @@ def law_file(term: NonparametricTerm, plant: str) -> str:
         f"{a.name} from {a.hull[0]:.4g} to {a.hull[1]:.4g} {a.unit}" for a in term.arguments
     )
     likely = "".join(
-        f"\n    {k.law or 'the curve itself':<32} {k.gain:.1f}, less its charge {k.charged:.1f}"
+        f"\n    {k.law or 'the curve itself':<32} {k.gain:.1f}, less its penalty {k.penalised:.1f}"
         for k in term.likenesses
     )
     compared = (
@@ -155,7 +155,7 @@ def _curve(term: NonparametricTerm) -> str:
     memory = ""
     states = ""
     imported = (
-        "from workbench.physics.free_form import Curve\n"
+        "from workbench.physics.nonparametric_term import Curve\n"
         "from workbench.physics.law import Law, size\n"
     )
     if term.law is not None and term.law.loop is not None:

@@ -14,7 +14,7 @@ from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.nonparametric.curve_description import Term
 from workbench.errors import check_choice
 from workbench.model import Effect
-from workbench.physics.free_form import Curve, free_form
+from workbench.physics.nonparametric_term import Curve, nonparametric_term
 
 EFFECT_NAME = "nonparametric"
 """Name of the effect in the extended model."""
@@ -66,13 +66,13 @@ class Likeness:
         law: Law of the library that has the shape; empty for the curve itself.
         values: ``size``, ``level`` and further parameters of the shape, in SI.
         gain: Gain of log likelihood on the fitting recordings, dimensionless.
-        charged: The same less the charge for the parameters, dimensionless.
+        penalised: The same less the penalty for the parameters, dimensionless.
     """
 
     law: str
     values: Mapping[str, float]
     gain: float
-    charged: float
+    penalised: float
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class Law:
     @property
     def effect(self) -> Effect:
         """The effect, with ordinates of zero."""
-        return free_form(
+        return nonparametric_term(
             self.ports,
             self.curves,
             unit=self.unit,

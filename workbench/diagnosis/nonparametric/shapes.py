@@ -142,13 +142,13 @@ def matched(
     fit_on: Sequence[Observed],
     priors: Sequence[Prior],
     *,
-    charge: float,
+    penalty: float,
 ) -> NonparametricTerm:
     """Compare the curve of an accepted term with the shapes of the library.
 
     Args:
         base: The refitted model without it, for which recordings and priors are.
-        charge: What a parameter has to gain, in units of log likelihood.
+        penalty: What a parameter has to gain, in units of log likelihood.
 
     Returns:
         The term with what its curve resembles, the likeliest first; unchanged if it has two
@@ -174,10 +174,10 @@ def matched(
             q.name: fit.refit.estimate(f"{EFFECT_NAME}.{q.name}").value for q in effect.parameters
         }
         gain = base.cost - fit.cost
-        likenesses.append(Likeness(shape.name, own, gain, gain - charge * len(own)))
+        likenesses.append(Likeness(shape.name, own, gain, gain - penalty * len(own)))
     curves = len(term.fit.refit.estimates) - len(base.refit.estimates)
-    likenesses.append(Likeness("", {}, term.gain, term.gain - charge * curves))
-    return replace(term, likenesses=tuple(sorted(likenesses, key=lambda k: -k.charged)))
+    likenesses.append(Likeness("", {}, term.gain, term.gain - penalty * curves))
+    return replace(term, likenesses=tuple(sorted(likenesses, key=lambda k: -k.penalised)))
 
 
 def _nearest(
@@ -210,8 +210,8 @@ def _nearest(
             ).x
         answer, left = linear(inner)
         # A law with more of its own must come nearer, but not nearer than the curve is known.
-        charge = (2 + len(inner)) * math.log(len(x))
-        off = len(x) * math.log(float(np.mean(left**2)) + _EXACT) + charge
+        penalty = (2 + len(inner)) * math.log(len(x))
+        off = len(x) * math.log(float(np.mean(left**2)) + _EXACT) + penalty
         if off < best[0] and answer[0] != 0.0:
             values = dict(zip(shape.inner, inner.tolist(), strict=True))
             best = off, {"size": float(answer[0]), "level": -float(answer[1] / answer[0]), **values}

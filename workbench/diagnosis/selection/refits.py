@@ -311,7 +311,7 @@ def _runs_closer(candidate: Candidate, without: RunErrors) -> bool:
 def _leaders(first: Sequence[Candidate]) -> list[int]:
     """Choose which hypotheses to follow, by their gain in the first refit.
 
-    A lag or delay of a sensor imitates many a slow or springy part of the process, and does so at
+    A lag or delay of a sensor reproduces many a slow or springy part of the process, and does so at
     several sensors: of each such law one is followed, and two at the most. The best score is
     followed whatever its first refit gained.
     """
@@ -459,7 +459,7 @@ def _first(
         ways = [_Way({}, (begun.fit.noise_scale,), (ended, ended | usual))]
         score = replace(score, entry=begun.entry, shape={})
     else:
-        # Without the effect, the free parameters have gone where they imitate it best, from where
+        # Without the effect, the free parameters have gone where they reproduce it best, from where
         # one that is far may not be found; where recordings are short, nobody waits for more ways.
         means = {q.name: q.mean for q in priors}
         if thorough or score.entry.far or any(e.on_bound for e in base.refit.estimates):

@@ -1,7 +1,7 @@
 """Scoring a library of effects: one pass of the filter with all of them attached at size zero.
 
 The derivative of the whitened prediction errors with respect to the size of an effect, less what
-the free parameters can imitate, tells how much the effect would gain, how large it would be, how
+the free parameters can reproduce, tells how much the effect would gain, how large it would be, how
 much of it is collinear with them, which effects look alike, and the smallest size to be seen.
 """
 
@@ -42,7 +42,7 @@ class Score:
             of time; dimensionless.
         size: Expected size, in the SI unit of the size parameter.
         std: Standard deviation of the size, in the same unit.
-        collinearity: Share of the effect's signature that other parameters can imitate, 0 to 1,
+        collinearity: Share of the effect's signature that other parameters can reproduce, 0 to 1,
             dimensionless.
         smallest: Smallest size to be seen on these data, in the same unit.
         shape: Values of the effect's other parameters at which it scores best, in their SI units,
@@ -115,7 +115,7 @@ def score_library(
     """Score effects that are not in the model.
 
     Args:
-        priors: Priors of the free parameters, which may imitate an effect.
+        priors: Priors of the free parameters, which may reproduce an effect.
         noise_scale: Process-noise scale that the filter allows, dimensionless.
 
     Example:

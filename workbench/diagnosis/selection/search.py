@@ -196,7 +196,7 @@ def score(task: Task) -> Scored:
     perfect = _perfect(task)
     tried = task.tried(base.model)
     task.say(f"scoring {len(tried)} effects")
-    # A parameter on its bound has gone there to imitate something.
+    # A parameter on its bound has gone there to reproduce something.
     model = base.model.with_parameters(start_values(base.refit, task.priors))
     try:
         blocks_of_cost(replace(base, refit=replace(base.refit, model=model)), task.fitting)

@@ -9,7 +9,7 @@ LEAST_SCORE = 8.0
 """Expected gain of log likelihood below which an effect is not refitted."""
 
 _PLAIN = 500.0
-"""Expected gain beyond which even an effect that is nearly absorbed is refitted."""
+"""Expected gain beyond which even an effect that is nearly reproduced is refitted."""
 
 _LEADERS = 2
 """How many of the best scores are refitted even if stiff."""
@@ -46,7 +46,7 @@ def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
 
 
 def _plain(score: Score) -> bool:
-    """Whether an effect shows although parameters within their priors imitate nearly all of it."""
+    """Whether an effect shows although parameters within their priors reproduce most of it."""
     return abs(score.sigma) > _SIGMA and score.gain > _PLAIN
 
 

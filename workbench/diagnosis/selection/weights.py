@@ -80,11 +80,11 @@ def set_weights(compared: Sequence[Compared], penalty: float) -> tuple[Weighted,
     if not costs:
         return ()
     table = np.array(list(costs.values()))
-    charge = penalty * np.array([len(effects) for effects in costs])
+    penalties = penalty * np.array([len(effects) for effects in costs])
     rng = np.random.default_rng(_SEED)
     count = table.shape[1]
     times = rng.multinomial(count, np.full(count, 1.0 / count), size=_DRAWS)
-    total = times @ table.T + charge
+    total = times @ table.T + penalties
     likelihood = np.exp(total.min(axis=1, keepdims=True) - total)
     weights = (likelihood / likelihood.sum(axis=1, keepdims=True)).mean(axis=0)
     found = (Weighted(effects, float(w)) for effects, w in zip(costs, weights, strict=True))

@@ -10,8 +10,8 @@ from typing import Any
 from workbench.errors import WorkbenchError
 from workbench.evaluation.answer_key import NOTHING
 from workbench.evaluation.own_cases.limit import limited_errors
+from workbench.evaluation.own_cases.own_case import made
 from workbench.evaluation.own_cases.plan import FIRST_SEED, Planned, plan
-from workbench.evaluation.own_cases.run import made
 from workbench.files import write_whole
 
 KEY, NAMES = "key.json", "names.toml"

@@ -18,7 +18,7 @@ from workbench.recordings import Recording, read_case
 LOAD_KG = 3.0
 SEED = 11
 
-Trial = Literal["isometric", "motion"]
+Experiment = Literal["isometric", "motion"]
 
 
 @dataclass(frozen=True)
@@ -27,23 +27,23 @@ class LeftOut:
 
     Args:
         answers: Names in the library that are right; none where nothing is left out.
-        absorbed: Whether parameters imitate most of it, so that silence is right as well.
+        collinear: Whether parameters reproduce most of it, so that silence is right as well.
         seconds: Length of a recording of the arm, in s.
         tried: Names of the effects that compete; the whole library if none.
     """
 
     physics: str
-    trial: Trial
+    experiment: Experiment
     nominal: Callable[[], Model]
     answers: tuple[str, ...]
-    absorbed: bool = False
+    collinear: bool = False
     seconds: float = 10.0
     tried: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
         """Name of the case, such as ``phi-isometric``."""
-        return f"{self.physics.replace(' ', '-')}-{self.trial}"
+        return f"{self.physics.replace(' ', '-')}-{self.experiment}"
 
 
 def _arm() -> Model:
@@ -70,7 +70,7 @@ PLAN: tuple[LeftOut, ...] = (
         "motion",
         lambda: _arm().without("end_flattening"),
         ("flattened_ends",),
-        absorbed=True,
+        collinear=True,
     ),
     LeftOut(
         "energy of the gas",
@@ -99,7 +99,7 @@ def recordings(case: LeftOut, folder: Path) -> tuple[tuple[Recording, ...], tupl
         Recordings to fit on and others to judge on: isometric ramps of a muscle, or the arm in
         motion, open and closed loop.
     """
-    if case.trial == "isometric":
+    if case.experiment == "isometric":
         return (_ramps("fitted", (0, 5, 11, 18, 26), 1),), (_ramps("held out", (2, 8, 22), 2),)
     made = read_case(make_case(SEED, [], LOAD_KG, folder, seconds=case.seconds))
     return tuple(made.fit.values()), tuple(made.hold_out.values())

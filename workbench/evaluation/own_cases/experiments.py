@@ -20,9 +20,9 @@ from workbench.evaluation.answer_key import Truth
 from workbench.evaluation.blind_round import Line, score_case
 from workbench.evaluation.claims import answer_of
 from workbench.evaluation.kept import answered, chosen_cases, diagnosed, silent, version
+from workbench.evaluation.own_cases.own_case import made
 from workbench.evaluation.own_cases.plan import Planned, names, plan
 from workbench.evaluation.own_cases.rig_machine import rig_of
-from workbench.evaluation.own_cases.run import made
 from workbench.evaluation.rates import Rate
 from workbench.recordings import read_case
 

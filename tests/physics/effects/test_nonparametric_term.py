@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from workbench.errors import WorkbenchError
-from workbench.physics.free_form import Curve, free_form
+from workbench.physics.nonparametric_term import Curve, nonparametric_term
 from workbench.plants.servo_axis import servo_axis
 
 KNOTS = (-1.0, -0.3, 0.0, 0.2, 1.5)
@@ -41,7 +41,9 @@ def test_beyond_the_knots_straight_then_constant() -> None:
 
 def test_zero_ordinates_change_nothing() -> None:
     axis = servo_axis()
-    with_it = axis.with_effect(free_form("axis.force", (Curve("speed", "m/s", KNOTS),), unit="N"))
+    with_it = axis.with_effect(
+        nonparametric_term("axis.force", (Curve("speed", "m/s", KNOTS),), unit="N")
+    )
     assert np.allclose(with_it.rates([0.1, 0.3], [50.0]), axis.rates([0.1, 0.3], [50.0]))
 
 
@@ -50,7 +52,7 @@ def test_a_relative_curve_is_a_fraction_of_the_signal() -> None:
     flat = {f"speed_{i}": 0.5 for i in (1, 2, 3)}
     curve = Curve("speed", "m/s", (-1.0, 0.0, 1.0))
     more = bare.with_effect(
-        free_form("axis.force", (curve,), unit="N", relative=True, ordinates=flat)
+        nonparametric_term("axis.force", (curve,), unit="N", relative=True, ordinates=flat)
     )
     assert more.rates([0.0, 0.2], [40.0])[1] == pytest.approx(
         1.5 * bare.rates([0.0, 0.2], [40.0])[1]
@@ -60,9 +62,9 @@ def test_a_relative_curve_is_a_fraction_of_the_signal() -> None:
 def test_a_loop_tends_to_the_sign_of_the_rate() -> None:
     curve = Curve("position", "m", (-1.0, 0.0, 1.0))
     axis = servo_axis().with_effect(
-        free_form("axis.force", (curve,), unit="N", loop=("speed", "m", 0.01))
+        nonparametric_term("axis.force", (curve,), unit="N", loop=("speed", "m", 0.01))
     )
-    place = [q.name for q in axis.states].index("free_form.memory_1")
+    place = [q.name for q in axis.states].index("nonparametric.memory_1")
     for memory, speed, rate in ((0.0, 0.1, 10.0), (1.0, 0.1, 0.0), (-1.0, -0.1, 0.0)):
         state = [0.0, speed, memory]
         assert axis.rates(state, [0.0])[place] == pytest.approx(rate, abs=1e-9)
@@ -73,4 +75,4 @@ def test_too_few_knots_and_double_arguments_are_refused() -> None:
         Curve("speed", "m/s", (0.0, 1.0))
     curve = Curve("speed", "m/s", KNOTS)
     with pytest.raises(WorkbenchError, match="two curves"):
-        free_form("axis.force", (curve, curve), unit="N")
+        nonparametric_term("axis.force", (curve, curve), unit="N")

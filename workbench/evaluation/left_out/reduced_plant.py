@@ -21,7 +21,7 @@ def answer(case: LeftOut, jobs: int) -> dict[str, Any]:
     """Diagnose one reduced plant; returns its verdict with what is asked of it.
 
     ``right`` tells whether everything found is a right answer, and something was found if it had
-    to; ``collinearity`` is the share of the right effect's signature that parameters imitate;
+    to; ``collinearity`` is the share of the right effect's signature that parameters reproduce;
     ``moved`` holds the relative changes of the parameters that left their priors farthest.
     """
     model = case.nominal()
@@ -37,7 +37,7 @@ def answer(case: LeftOut, jobs: int) -> dict[str, Any]:
         estimates = {e.name: e.value / e.prior.mean - 1.0 for e in found.base.refit.estimates}
         return {
             "right": names <= set(case.answers)
-            and (bool(names) or case.absorbed or not case.answers),
+            and (bool(names) or case.collinear or not case.answers),
             "collinearity": own.collinearity if own else None,
             "expected_gain": own.gain if own else None,
             "unit": unit,
@@ -70,12 +70,12 @@ def line_of(row: Mapping[str, Any]) -> str:
     )
     if "right" not in row:
         return f"{row['case']:<30} {verdict['verdict']}: {verdict.get('failure', '')}"
-    errors, imitated = row["held_out"], row["collinearity"]
+    errors, reproduced = row["held_out"], row["collinearity"]
     return (
         f"{row['case']:<30} {verdict['verdict']:<16} {found or '-':<40}"
         f" {'right' if row['right'] else 'WRONG'}, held out"
         f" {errors['refitted']:.4g} -> {errors['extended']:.4g} {row['unit']}"
-        + (f", parameters imitate {100 * imitated:.1f} %" if imitated is not None else "")
+        + (f", parameters reproduce {100 * reproduced:.1f} %" if reproduced is not None else "")
         + f"; {', '.join(f'{n} {100 * v:+.0f} %' for n, v in row['moved'].items())}"
         f" ({row['seconds']:.0f} s)"
     )

@@ -119,7 +119,7 @@ class Curve:
         return [one, t, *(maximum(t - knot, 0.0) ** 3 for knot in self._scaled)]
 
 
-def free_form(
+def nonparametric_term(
     port: str | tuple[str, ...],
     curves: tuple[Curve, ...],
     *,
@@ -129,7 +129,7 @@ def free_form(
     upper: float = 100.0,
     typical: float = 1.0,
     loop: tuple[str, str, float] | None = None,
-    name: str = "free_form",
+    name: str = "nonparametric",
 ) -> Effect:
     """Build a law that is nothing but one or two curves, and a loop if it has a memory.
 

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from workbench.demo.demonstration import run_demo
 from workbench.demo.part import Part
-from workbench.demo.run import run_demo
 from workbench.errors import WorkbenchError
 from workbench.reports.page import Section, Words
 from workbench.reports.pictures import Picture
