@@ -16,9 +16,9 @@ class Now(NamedTuple):
     """Where the rig is at a sample.
 
     Args:
-        time: In s.
-        angle: In rad.
-        speed: In rad/s.
+        time: Time, in s.
+        angle: Angle, in rad.
+        speed: Its rate, in rad/s.
         pressure_1: Gauge pressure of muscle 1, in Pa.
     """
 
