@@ -195,16 +195,16 @@ class GuardState(NamedTuple):
     mend: tuple[float, ...]
     origin: tuple[float, ...]
     target: tuple[float, ...]
-    best: float
-    idle: float
-    railed: float
-    side: float
-    turns: float
-    bad: float
-    away: float
-    good: float
-    wait: float
-    ramp: float
+    best: float = 0.0
+    idle: float = 0.0
+    railed: float = 0.0
+    side: float = 0.0
+    turns: float = 0.0
+    bad: float = 0.0
+    away: float = 0.0
+    good: float = 0.0
+    wait: float = 0.0
+    ramp: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -352,14 +352,7 @@ class Guarded:
             mend=zeros,
             origin=at,
             target=at,
-            best=0.0,
-            idle=0.0,
-            railed=0.0,
-            side=0.0,
-            turns=0.0,
-            bad=0.0,
             away=0.0 if finite else self.guard.inner + 1.0,
-            good=0.0,
             wait=0.0 if finite else self.guard.settle,
             ramp=self.guard.ramp,
         )

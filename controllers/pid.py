@@ -257,21 +257,10 @@ def cascade_pid(
     sample_time: float = 0.002,
     valve: ValveInverse | None = None,
 ) -> CascadePID:
-    """Return a cascaded PID around one point, with gains given by hand.
+    """Return a cascaded PID around one point, with gains given by hand, in SI.
 
-    Args:
-        proportional: Kp, in Pa/rad.
-        integral: Ki, in Pa/(rad s).
-        derivative: Kd, in Pa s/rad.
-        inner: Inner gain, opening fraction per Pa.
-        derivative_filter: Time constant of the derivative's filter, in s.
-        setpoint_weight: Weight of the reference in the proportional part, dimensionless.
-        derivative_weight: Weight of the reference in the derivative part, dimensionless.
-        reference_speed: Speed of the reference's lags, in rad/s; 0 for none.
-        tracking_time: Time constant of the anti-windup, in s.
-        difference_limit: Largest pressure difference asked for, in Pa.
-        pressure_filter: Time constant of the pressures' filter, in s.
-        sample_time: Time between steps, in s.
+    They are those of `FixedGains`; the reference passes a `LaggedReference` of this speed; the rest
+    is as `CascadePID` has it.
     """
     return CascadePID(
         LaggedReference(reference_speed, pressure_filter, sample_time),

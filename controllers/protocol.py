@@ -29,14 +29,6 @@ class Controller(Protocol):
 
     Time: the measurement of sample k is taken at t = k h, the command computed from it is held
     over [k h, (k + 1) h).
-
-    Attributes:
-        name: Name under which results are reported.
-        sample_time: Time h between steps, in s.
-        sensors: Names of the outputs that it reads.
-        controlled: Names of the outputs that have a reference.
-        actuators: Names of the inputs that it commands.
-        preview: Number of future samples of the reference that it wants.
     """
 
     @property

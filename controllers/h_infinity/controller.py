@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Numbers, Told
 from controllers.design import Design
-from controllers.h_infinity.synthesis import Weights, synthesise
+from controllers.h_infinity.synthesis import Weights, joint_behind_pressure_loop, synthesise
 from controllers.joint.schedule import JointSchedule
 from controllers.joint.tracking import JointTracking, TrackingSpecification, TrackingState
 from controllers.sampling import Rows, anti_windup, rows, total
@@ -128,6 +128,9 @@ class HInfinitySpecification(TrackingSpecification):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        top = 1.0 / self.sample_time
+        check_range("bandwidth of the pressure loop", self.inner_bandwidth, 1.0, top, "rad/s")
+        check_range("delay", self.delay, 1e-6, 1.0, "s")
         check_range("compensated share", self.compensation, 0.0, 1.0)
 
 
@@ -143,13 +146,8 @@ def design_h_infinity(
     want = specification or HInfinitySpecification()
     joint = schedule.at(want.angle, want.mean_pressure)
     weights = want.weights or Weights(want.speed)
-    found = synthesise(
-        joint,
-        weights,
-        inner_bandwidth=want.inner_bandwidth,
-        delay=want.delay,
-        sample_time=want.sample_time,
-    )
+    plant = joint_behind_pressure_loop(joint, want.inner_bandwidth, want.delay)
+    found = synthesise(plant, weights, sample_time=want.sample_time)
     return HInfinity(
         want.tracking(schedule),
         rows(found.A),

@@ -115,41 +115,13 @@ class Synthesis(NamedTuple):
 
 
 def synthesise(
-    joint: JointModel,
-    weights: Weights,
-    *,
-    inner_bandwidth: float = 120.0,
-    delay: float = 0.004,
-    tolerance: float = 0.03,
-    sample_time: float = 0.002,
+    plant: System, weights: Weights, *, tolerance: float = 0.03, sample_time: float = 0.002
 ) -> Synthesis:
     """Synthesise the controller of least weighted norm, reduce its order and sample it.
 
     Args:
-        inner_bandwidth: Bandwidth v of the pressure loop, in rad/s.
-        delay: Delay of sample, converter and spool, in s.
-        tolerance: How much larger the norm may become by the reduction, a fraction.
-        sample_time: Time between samples, in s.
-
-    Raises:
-        WorkbenchError: If slycot is not installed or a number is outside its range.
-        NumericalError: If there is no stabilising controller, or no stable one.
-    """
-    h = check_range("sample time", sample_time, 1e-6, 1e4, "s")
-    check_range("bandwidth of the pressure loop", inner_bandwidth, 1.0, 1.0 / h, "rad/s")
-    check_range("delay", delay, 1e-6, 1.0, "s")
-    plant = joint_behind_pressure_loop(joint, inner_bandwidth, delay)
-    return sampled_synthesis(plant, weights, tolerance=tolerance, sample_time=h)
-
-
-def sampled_synthesis(
-    plant: System, weights: Weights, *, tolerance: float = 0.03, sample_time: float = 0.002
-) -> Synthesis:
-    """Synthesise a controller for a plant from (disturbance, command) to its output, and sample it.
-
-    Args:
-        plant: Two inputs, one output, no direct path; about as large as a double integrator at the
-            speed of the weights.
+        plant: From (disturbance, command) to the output, no direct path; about as large as a double
+            integrator at the speed of the weights.
         tolerance: How much larger the norm may become by the reduction, a fraction.
         sample_time: Time between samples, in s.
 

@@ -12,15 +12,14 @@ joint shall be from a third-order model of the reference with its poles at omega
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers
 from controllers.joint.model import JointModel
 from controllers.joint.observer import JointEstimate, JointObserver
-from controllers.joint.tracking import Context, Start
+from controllers.joint.tracking import Context, Start, Tracking
 from controllers.reference.horizon import lagged
 from controllers.reference.planned import Plan
-from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
 UNIT = JointModel(b=1.0, a1=0.0, a0=0.0, g=1.0, e=0.0, d=0.0)
@@ -35,29 +34,8 @@ class LaggedState(NamedTuple):
     difference: Number
 
 
-State = TypeVar("State")
-
-
-class _AroundOnePoint(Generic[State]):
-    """What no front end around one point does: predict over a latency, learn the valve's centre."""
-
-    def sent(self, state: State, opening: Number, arithmetic: Arithmetic = FLOATS) -> State:
-        """Return the state as it is: around one point nothing is predicted over a latency."""
-        return state
-
-    def command(
-        self,
-        valve: ValveInverse,
-        state: State,
-        opening: Number,
-        arithmetic: Arithmetic = FLOATS,
-    ) -> Number:
-        """Return the voltage, in V, that the valve's curve gives."""
-        return valve.command(opening, arithmetic)
-
-
 @dataclass(frozen=True)
-class LaggedReference(_AroundOnePoint[LaggedState]):
+class LaggedReference(Tracking):
     """Two lags of the reference and a filter of the pressure difference.
 
     Args:
@@ -76,7 +54,6 @@ class LaggedReference(_AroundOnePoint[LaggedState]):
         check_range("reference speed", self.speed, 0.0, 1.0 / h, "rad/s")
 
     def start(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Start:
-        """Take a measurement as that of a joint at rest."""
         angle, p1, p2 = measurement
         return Start(LaggedState(angle, angle, p1 - p2), UNIT, p1 - p2)
 
@@ -115,7 +92,7 @@ class ReferenceModelState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ReferenceModel(_AroundOnePoint[ReferenceModelState]):
+class ReferenceModel(Tracking):
     """Third-order model of the reference, and observer of the joint at one point.
 
     Args:
@@ -137,7 +114,6 @@ class ReferenceModel(_AroundOnePoint[ReferenceModelState]):
         check_range("reference speed", self.speed, 0.1, 0.5 / h, "rad/s")
 
     def start(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Start:
-        """Take a measurement as that of a joint at rest."""
         angle, p1, p2 = measurement
         estimate = self.observer.start(self.joint, angle, p1 - p2)
         state = ReferenceModelState(estimate, p1 - p2, Plan(angle, 0.0, 0.0, 0.0))

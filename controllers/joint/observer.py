@@ -134,14 +134,8 @@ def kalman_correction(
 ) -> tuple[float, float, float]:
     """Compute the observer's gains as a stationary Kalman filter.
 
-    The joint is a double integrator driven by the acceleration from the pressures, whose noise and
-    whose unexplained part, a random walk, are given.
-
-    Args:
-        angle_noise: Noise rms of the measured angle, in rad.
-        acceleration_noise: Noise rms of the acceleration from the pressures, in rad/s2.
-        acceleration_walk: Random walk of the unexplained acceleration, rms over 1 s, in rad/s2.
-        sample_time: Time between samples, in s.
+    The joint is a double integrator driven by the acceleration from the pressures. Its noise, rms,
+    and its unexplained part, a random walk, rms over 1 s, are given in rad/s2.
 
     Returns:
         Gains for angle, speed and unexplained acceleration, in SI.

@@ -128,12 +128,14 @@ class Tracking(Protocol):
         """Plan and estimate one sample; return what the feedback is told and the next state."""
 
     def sent(self, state: Any, opening: Number, arithmetic: Arithmetic = FLOATS) -> Any:
-        """Remember an opening, a fraction, that is on its way."""
+        """Remember an opening, a fraction, that is on its way, if it counts."""
+        return state
 
     def command(
         self, valve: ValveInverse, state: Any, opening: Number, arithmetic: Arithmetic = FLOATS
     ) -> Number:
-        """Return the voltage, in V, for an opening, a fraction."""
+        """Return the voltage, in V, for an opening, a fraction: that of the valve's curve."""
+        return valve.command(opening, arithmetic)
 
 
 class AtRest(NamedTuple):
@@ -180,7 +182,7 @@ class TrackingState(NamedTuple):
 
 
 @dataclass(frozen=True)
-class JointTracking:
+class JointTracking(Tracking):
     """Planner, observer and schedule of a joint.
 
     Args:
@@ -217,7 +219,6 @@ class JointTracking:
         return round(self.latency / self.sample_time)
 
     def start(self, measurement: Numbers, arithmetic: Arithmetic = FLOATS) -> Start:
-        """Take a measurement as that of a joint at rest."""
         angle, p1, p2 = measurement
         mean = 0.5 * (p1 + p2)
         joint = self.schedule.at(angle, mean, arithmetic)
@@ -247,7 +248,6 @@ class JointTracking:
         reference: Number,
         arithmetic: Arithmetic,
     ) -> tuple[Context, TrackingState]:
-        """Plan and estimate one sample."""
         h = self.sample_time
         angle, p1, p2 = measurement
         plan, planner = self.planner.plan(state.plan, reference, arithmetic)

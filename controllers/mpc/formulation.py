@@ -88,21 +88,10 @@ def formulated(
     slack_scale: float,
     softness: float,
 ) -> Formulation:
-    """Write down a linear MPC problem.
+    """Write down a linear MPC problem, in SI, as `controllers.mpc.prediction.condense` has it.
 
-    Args:
-        phi: Transition of (x, w) over a prediction sample, shape (n_z, n_z), in SI.
-        gamma: Effect of the opening, shape (n_z, 1), in SI.
-        C: Followed output, then the limited ones, shape (1 + n_limited, n_x), in SI.
-        disturbances: Number of disturbances w, the last entries of z (dimensionless).
-        target: (xs, us) per (w, r), shape (n_x + 1, n_w + 1), in SI.
-        cost_to_go: P, shape (n_x, n_x), per SI squared.
-        weights: q, R and S of output error (per SI squared), opening and change (dimensionless).
-        blocks: Lengths of the moves, in prediction samples.
-        move_limit: Largest change of the opening within a prediction sample, a fraction.
-        output_limits: Lowest and highest value of each limited output, deviations in SI.
-        slack_scale: Unit of the slack and of the limited outputs' rows, in SI.
-        softness: Cost of a slack of 1, dimensionless.
+    phi and gamma hold over a prediction sample for z = (x, w), whose last entries are disturbances;
+    ``target`` is (xs, us) per (w, r), shape (n_x + 1, n_w + 1), ``cost_to_go`` P, shape (n_x, n_x).
     """
     n_z, n_u, N = len(phi), len(blocks), sum(blocks)
     n_x = n_z - disturbances

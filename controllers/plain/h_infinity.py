@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from controllers.design import Design
-from controllers.h_infinity.synthesis import Weights, sampled_synthesis
+from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.plain.single_loop import SPEED, LoopSpecification
 from controllers.plain.transfer_law import TransferLaw, transfer_controller
 from workbench.errors import check_range
@@ -66,9 +66,8 @@ def design_plain_h_infinity(
     A = np.block([[own.A, 2.0 * B], [np.zeros((1, n)), np.array([[-p]])]])
     entries = np.block([[B, -B], [np.zeros((1, 1)), np.array([[p]])]])
     C = np.hstack([own.C, np.zeros((1, 1))])
-    found = sampled_synthesis(
-        (A, entries, C, np.zeros((1, 2))), Weights(w), tolerance=0.3, sample_time=h
-    )
+    plant = A, entries, C, np.zeros((1, 2))
+    found = synthesise(plant, Weights(w), tolerance=0.3, sample_time=h)
     law = ct.ss(found.A, found.B, unit * found.C, unit * found.D, h)
     return transfer_controller(
         law, tracking_time=1.0 / w, sample_time=h, name="H-infinity", **loop.ends

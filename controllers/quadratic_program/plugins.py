@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
@@ -81,15 +82,10 @@ class ConicProgram:
         return self.solve(root.T @ root, g, rows, lower[:m], upper[:m], lower[m:], upper[m:])
 
 
-_MADE: dict[tuple[int, int, str], ConicProgram] = {}
-
-
+@lru_cache(maxsize=32)
 def program(variables: int, constraints: int, solver: str = OWN) -> QuadraticProgram | ConicProgram:
     """Return a solver for n variables and m rows, made once: ``"own"`` or one of `OPTIONS`."""
     check_choice("solver", solver, (OWN, *OPTIONS))
     if solver == OWN:
         return quadratic_program(variables, constraints)
-    key = variables, constraints, solver
-    if key not in _MADE:
-        _MADE[key] = ConicProgram(*key)
-    return _MADE[key]
+    return ConicProgram(variables, constraints, solver)

@@ -60,18 +60,10 @@ def guarded(
 ) -> Guarded:
     """Put a controller into a guard with the limits that its plant declares.
 
-    Args:
-        at: Where the plant rests, values by name in SI; by default where its nominal inputs hold
-            it, or the operating point of the linear model.
-        bridge: How long the law acts on estimates, in samples.
-        hold: How long the last command is held, in samples.
-        inner: How long the inner law brings the plant to rest, in samples.
-        settle: How long measurements must be plausible before the law returns, in samples.
-        ramp: How long the reference then moves to what is asked, in samples.
-        patience: How long a command may be at its end, or an error may stay, in samples; by
-            default 100 times what the plant needs, and `LEAST_PATIENCE` at least.
-        swings: Changes of an error's side after which a loop oscillates (dimensionless).
-        deadline: Time that a step of the law may take by what it tells itself, in s.
+    The plant rests where ``at`` says, values by name in SI; by default where its nominal inputs
+    hold it, or at the operating point of the linear model. Patience is 100 times what the plant
+    needs by default, and `LEAST_PATIENCE` at least; times, in samples, and deadline, in s, are as
+    `controllers.guard.Guard` has them.
 
     Raises:
         WorkbenchError: If the plant lacks a sensor or an actuator of the controller.

@@ -10,7 +10,7 @@ import pytest
 
 from controllers.h_infinity import synthesis
 from controllers.h_infinity.controller import HInfinity, HInfinitySpecification, design_h_infinity
-from controllers.h_infinity.synthesis import Weights, synthesise
+from controllers.h_infinity.synthesis import Weights, joint_behind_pressure_loop, synthesise
 from controllers.joint.model import JointModel
 from controllers.joint.schedule import JointSchedule
 from controllers.sensitivity import frequencies, loops_at, peak_sensitivities, peaks_of
@@ -25,11 +25,12 @@ if not synthesis.has_slycot():
 JOINT = JointModel(b=1.6e-4, a1=1.5, a0=96.0, g=3.5e7, e=6.2e5, d=0.8)
 WEIGHTS = Weights(25.0)
 BANDWIDTH, DELAY = 120.0, 0.004
+PLANT = joint_behind_pressure_loop(JOINT, BANDWIDTH, DELAY)
 
 
 @pytest.fixture(scope="module")
 def found() -> HInfinity:
-    return synthesise(JOINT, WEIGHTS, inner_bandwidth=BANDWIDTH, delay=DELAY)
+    return synthesise(PLANT, WEIGHTS)
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +87,7 @@ def test_order_is_reduced_and_the_sampled_controller_agrees(found: HInfinity) ->
 
 
 def test_a_faster_wish_costs_a_larger_norm() -> None:
-    assert synthesise(JOINT, Weights(35.0)).gamma > synthesise(JOINT, Weights(15.0)).gamma
+    assert synthesise(PLANT, Weights(35.0)).gamma > synthesise(PLANT, Weights(15.0)).gamma
 
 
 def test_steps_on_the_plant(law: HInfinity, plant_with_hysteresis: Model) -> None:
@@ -138,7 +139,7 @@ def test_anti_windup_forgets(law: HInfinity) -> None:
 def test_absent_slycot_is_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(synthesis.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(WorkbenchError, match=r"pip install 'muscle-arm-workbench\[hinf\]'"):
-        synthesise(JOINT, WEIGHTS)
+        synthesise(PLANT, WEIGHTS)
 
 
 def test_wrong_weights_are_named() -> None:
