@@ -37,7 +37,6 @@ ALLOWED = {
     "recordings/checks/excitation.py": "angle is a quantity",
     "physics/place.py": "angle is a quantity, load what weighs on a bearing",
     "physics/supply.py": "supply_pressure is a role of ports",
-    "diagnosis/experiment/menu.py": "settings of rigs that a user can change",
     "diagnosis/nonparametric/dependence.py": "angle is a quantity",
 }
 

@@ -117,8 +117,10 @@ class Parameter(Quantity):
         upper: Largest plausible value, in ``unit``.
         source: Where the number comes from: a document, a measurement, an estimate.
         fitted: Whether refitting may change it.
-        held: Whether refitting holds it although it is not known, because it scales with others or
-            shows in a few moments only: its bounds then widen the intervals of what is refitted.
+        fixed: Whether refitting leaves it although it is not known, because it scales with others
+            or shows in a few moments only: its bounds then widen the intervals of what is refitted.
+        setting: Step by which the user of the machine can set it to another value, in ``unit``; 0
+            where that is not possible.
 
     Raises:
         WorkbenchError: If the value is not finite or outside its bounds.
@@ -130,7 +132,8 @@ class Parameter(Quantity):
     upper: float = math.inf
     source: str = ""
     fitted: bool = False
-    held: bool = False
+    fixed: bool = False
+    setting: float = 0.0
 
     def __post_init__(self) -> None:
         """Check the value against its bounds and derive the scale from it."""

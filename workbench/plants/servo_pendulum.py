@@ -95,7 +95,9 @@ def servo_pendulum(load_kg: float = 0.49, *, length: float = 0.1) -> Model:
         # The encoder has 4096 steps per turn.
         outputs=(Output("angle", "rad", 1.0, resolution=1.534e-3, display_unit="deg"),),
         parameters=(
-            Parameter("load", "kg", value=load_kg, lower=0.0, upper=5.0, source="weighed"),
+            Parameter(
+                "load", "kg", value=load_kg, upper=5.0, lower=0.0, source="weighed", setting=0.5
+            ),
             Parameter("length", "m", value=length, lower=0.01, upper=1.0, source="measured"),
             Parameter(
                 "duty_gain",

@@ -64,7 +64,7 @@ def test_the_menu_of_the_arm_stays_within_its_range() -> None:
 def test_settings_are_those_a_user_can_change() -> None:
     words = dict(other_settings(arm(load_kg=3)))
     assert words["at 1 kg load"] == {"load": 1.0}
-    assert words["at 7 bar supply"] == {"supply_pressure": 7e5}
+    assert words["at 7 bar supply pressure"] == {"supply_pressure": 7e5}
     assert not any("load" in w for w, _ in other_settings(arm(load_kg=3), ["load"]))
     assert other_settings(servo_axis()) == ()
     rest = Experiment("rest", 0.01, np.full((100, 1), 5.0))

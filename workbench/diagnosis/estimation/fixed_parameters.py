@@ -1,7 +1,7 @@
 """Intervals that count what a refit holds although it is not known exactly.
 
 Some parameters scale with others, so that no recording tells them apart: the volume of the muscles
-with every flow. One of them is held; its uncertainty then belongs to the intervals of the others,
+with every flow. One of them is fixed; its uncertainty then belongs to the intervals of the others,
 after S. F. Schmidt's consider analysis (1966).
 """
 
@@ -20,20 +20,20 @@ from workbench.errors import NumericalError
 
 
 def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> ProcessNoiseFit:
-    """Widen the intervals of a refit by what the parameters that it held may be wrong.
+    """Widen the intervals of a refit by what the parameters that it left may be wrong.
 
-    ``P = (J^T J + diag(prior variances)^-1)^-1`` over free and held parameters together, of which
+    ``P = (J^T J + diag(prior variances)^-1)^-1`` over free and fixed parameters together, of which
     the block of the free ones is kept; the estimates stay.
     """
     model = fit.model
     estimates = {e.name: e.value for e in fit.refit.estimates}
-    names = [q.name for q in model.parameters if q.held and q.name not in estimates]
+    names = [q.name for q in model.parameters if q.fixed and q.name not in estimates]
     if not names:
         return fit
     own = [e.prior for e in fit.refit.estimates]
-    # The nominal value is the best guess of what is held: only its uncertainty counts here.
+    # The nominal value is the best guess of what is fixed: only its uncertainty counts here.
     every = [*own, *default_priors(model, names)]
-    held = {q.name: q.value for q in model.parameters if q.name in names}
+    fixed = {q.name: q.value for q in model.parameters if q.name in names}
     filter_ = PredictionError(
         model,
         recordings[0].sample_time,
@@ -46,7 +46,7 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
     except NumericalError:
         return fit
     outcome = Outcome(
-        np.array([(estimates | held)[p.name] for p in every]),
+        np.array([(estimates | fixed)[p.name] for p in every]),
         parts,
         fit.cost,
         fit.refit.converged,

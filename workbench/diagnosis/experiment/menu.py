@@ -1,7 +1,7 @@
 """A menu of experiments that a machine can run: inputs within what recordings show is admissible.
 
 Some inputs are played as they are, others come from a loop that follows a reference. Each can be
-repeated with another load or supply, where the model has such a setting.
+repeated at another value of a parameter that the machine lets its user set.
 """
 
 from __future__ import annotations
@@ -18,19 +18,13 @@ from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
-from workbench.model.units import from_si
+from workbench.model.units import from_si, shown_unit, with_unit
 from workbench.simulation import simulate
 from workbench.simulation.stepper import Stepper
 
 LONGEST = 20.0
 """Duration of an experiment, in s; a thousand samples where they are longer apart.
 Twice the longest recording at the most."""
-
-SETTINGS: Mapping[str, tuple[str, float, str]] = {
-    "supply_pressure": ("supply", 1e5, "bar"),
-    "load": ("load", 2.0, "kg"),
-}
-"""Parameters that the user of a machine sets: in words, by how much in SI, the unit to read."""
 
 _TOLERANCE = 1e-6
 _OUTSIDE = 0.25
@@ -115,13 +109,13 @@ def other_settings(
     """Return changed settings of a model, in SI by name, with words; none that is being fitted."""
     found = []
     for q in model.parameters:
-        if q.name not in SETTINGS or q.name in free:
+        if not q.setting or q.name in free:
             continue
-        word, step, unit = SETTINGS[q.name]
-        for value in (q.value - step, q.value + step):
+        unit = shown_unit(q.unit)
+        for value in (q.value - q.setting, q.value + q.setting):
             if q.lower <= value <= q.upper:
-                shown = value / 1e5 if unit == "bar" else value
-                found.append((f"at {shown:.3g} {unit} {word}", {q.name: value}))
+                words = with_unit(f"{from_si(value, unit):.3g}", unit)
+                found.append((f"at {words} {q.name.replace('_', ' ')}", {q.name: value}))
     return tuple(found)
 
 

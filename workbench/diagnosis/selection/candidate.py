@@ -55,7 +55,7 @@ class Candidate:
 
     @property
     def size(self) -> Estimate | None:
-        """Estimate of the size parameter; None if the refit failed or the size was held."""
+        """Estimate of the size parameter; None if the refit failed or the size was fixed."""
         if self.fit is None or self.entry.replaces:
             return None
         return self.fit.refit.estimate(f"{self.entry.effect.name}.{self.entry.size_parameter}")

@@ -338,7 +338,7 @@ def entry_priors(score: Score) -> tuple[tuple[Prior, ...], dict[str, float]]:
     Returns:
         Priors of the size and of the shape parameters that a refit may change, and starting
         values by name, in SI: the expected size, and the library's shape. The size of a law that
-        is either there or not is held.
+        is either there or not is fixed.
     """
     entry = score.entry
     priors, start = [], {}

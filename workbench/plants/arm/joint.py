@@ -35,6 +35,7 @@ PARAMETERS = (
         lower=0.0,
         upper=MAXIMUM_LOAD,
         source="chosen by the user",
+        setting=2.0,
     ),
     Parameter(
         "arm_inertia",
@@ -73,7 +74,7 @@ PARAMETERS = (
         lower=1e3,
         upper=1e6,
         source="estimate",
-        held=True,
+        fixed=True,
     ),
     Parameter(
         "stop_damping",
@@ -83,7 +84,7 @@ PARAMETERS = (
         lower=0.0,
         upper=1e3,
         source="estimate",
-        held=True,
+        fixed=True,
     ),
     Parameter(
         "load_cell_arm",

@@ -35,7 +35,7 @@ PARAMETERS = (
         lower=0.9,
         upper=1.25,
         source="nominal",
-        held=True,
+        fixed=True,
     ),
     Parameter(
         "dead_volume",

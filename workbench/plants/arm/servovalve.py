@@ -77,6 +77,7 @@ PARAMETERS = (
         lower=2e5,
         upper=1e6,
         source="paper",
+        setting=1e5,
     ),
     Parameter(
         "ambient_pressure",
