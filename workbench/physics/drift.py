@@ -9,9 +9,9 @@ import casadi as ca
 
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Law, Own, drives, sensors, shape, size
+from workbench.physics.law import Law, Own, by_port, drives, each, sensors, shape, size, together
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.place import Place
+from workbench.physics.place import EFFORTS, Place
 
 _TIMES = (10.0, 30.0, 3.0, 100.0)
 """Times of a jump that are worth trying without knowing the recording, s."""
@@ -90,7 +90,11 @@ def when(at: Place) -> tuple[Own, ...]:
 offset_jump = Law(
     "offset_jump",
     "y = u + amount step(t - time)",
-    drives("force", "acceleration", "flow", only=lambda at: at.driven),
+    together(
+        drives("force", "acceleration", "flow", only=lambda at: at.driven),
+        each(*EFFORTS, needs=("speed",), label=by_port),
+        each("valve_command", label=by_port),
+    ),
     lambda at: (
         size("amount", at.unit, 0.05 * at.scale, at.scale, "height of the jump", signed=True),
         *when(at),
@@ -102,7 +106,7 @@ offset_jump = Law(
     rates=lambda e: {"clock": 1.0 + 0.0 * e.x.clock},
     shapes=lambda at: [{"time": time} for time in _times(at)],
     source="an event: something slipped, came loose or was switched",
-    look_alikes=("offset", "gain_jump"),
+    look_alikes=("offset", "gain_jump", "constant_torque", "constant_force", "valve_offset"),
     separated_by="a repetition of the recording: an event does not repeat",
 )  # fmt: skip
 
@@ -110,6 +114,7 @@ offset_jump = Law(
 gain_jump = replace(
     offset_jump,
     name="gain_jump",
+    where=drives("force", "acceleration", "flow", only=lambda at: at.driven),
     equation="y = u (1 + amount step(t - time))",
     parameters=lambda at: (
         size("amount", "1", 0.1, 1.0, "relative height of the jump", signed=True),

@@ -489,6 +489,16 @@ def first_of(*wheres: Where) -> Where:
     return where
 
 
+def together(*wheres: Where) -> Where:
+    """Let a law act wherever one of several ways finds a place, once at each."""
+
+    def where(survey: Survey) -> Iterator[Fit]:
+        fits = {sites[0][0].name: (end, sites) for w in wheres for end, sites in w(survey)}
+        yield from fits.values()
+
+    return where
+
+
 def sensors(*, together: bool = True, only: Callable[[Place], bool] = lambda at: True) -> Where:
     """Let a law act on every sensor and, if wanted, on all of a kind (``name_1``, ``name_2``)."""
 

@@ -21,6 +21,7 @@ def library(
     sample_time: float = 0.0,
     ranges: Mapping[str, tuple[float, float]] | None = None,
     more_of: Collection[str] = (),
+    found: Collection[str] = (),
 ) -> tuple[Hypothesis, ...]:
     """Return every law of the library at each place of a model that it fits, at zero size.
 
@@ -37,6 +38,8 @@ def library(
         ranges: Smallest and largest value along the recordings of ports and states, by name, in
             SI, for limits that lie there.
         more_of: Names of attached effects of which there may be more than their parameters allow.
+        found: Names of attached effects that were missing at first: what they are is not offered a
+            change with time too.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -44,7 +47,9 @@ def library(
         >>> "stribeck_friction" in names, "coulomb_friction" in names
         (True, False)
     """
-    survey = Survey(model, outputs, duration=duration, sample_time=sample_time, ranges=ranges)
+    survey = Survey(
+        model, outputs, duration=duration, sample_time=sample_time, ranges=ranges, found=found
+    )
     given = [item for item in extra if isinstance(item, Hypothesis)]
     laws = dict.fromkeys([*LAWS.members().values(), *(x for x in extra if isinstance(x, Law))])
     own = {hypothesis.name for hypothesis in given}
@@ -52,12 +57,12 @@ def library(
     taken = {effect.name for effect in model.effects}
     known = [effect for effect in model.effects if effect.name not in more_of]
     downhill = {law.name for law in laws if law.downhill}
-    found = [
+    missing = [
         h
         for h in (*offered, *given)
         if h.name not in taken and not any(_same(h, e, downhill) for e in known)
     ]
-    return tuple(sorted(found, key=lambda h: h.group == "sensor"))
+    return tuple(sorted(missing, key=lambda h: h.group == "sensor"))
 
 
 def _same(hypothesis: Hypothesis, attached: Effect, downhill: set[str]) -> bool:

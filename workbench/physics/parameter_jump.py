@@ -1,6 +1,7 @@
 """A parameter of the plant that changes during a recording: at a time, or little by little.
 
-Offered for every refitted parameter that enters the equations through one port alone.
+Offered for every refitted parameter, of the plant or of an effect of it, that enters the equations
+through one port alone.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from workbench.physics.place import Place, Survey
 def _each_parameter(survey: Survey) -> Iterator[Fit]:
     for place in survey.places:
         for q in place.parameters:
-            yield f"_{q.name}", ((replace(place, parameters=(q,)),),)
+            yield f"_{q.name.replace('.', '_')}", ((replace(place, parameters=(q,)),),)
 
 
 def _amount(at: Place) -> Own:

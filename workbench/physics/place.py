@@ -8,7 +8,7 @@ level. No name of a state or signal is needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -36,7 +36,7 @@ FLOWS = ("flow", "heat", "current")
 COORDINATES = {"N m": "rad", "N": "m", "V": "A s", "m/s2": "m", "rad/s2": "rad"}
 """Unit of what an effort moves, where the model does not tell."""
 
-_VISIBLE = 0.05
+_VISIBLE = 0.02
 """Part of a port's scale that a parameter must bring in to be offered a change with time."""
 
 _ROLES = {
@@ -238,6 +238,7 @@ class Survey:
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
         ranges: Smallest and largest value along the recordings of ports and states, by name, in
             SI.
+        found: Names of attached effects whose parameters are not offered a change with time.
 
     Example:
         >>> from workbench.plants.servo_axis import servo_axis
@@ -254,8 +255,9 @@ class Survey:
         duration: float = 0.0,
         sample_time: float = 0.0,
         ranges: Mapping[str, tuple[float, float]] | None = None,
+        found: Collection[str] = (),
     ) -> None:
-        self.model, self.trace = model, model.exact
+        self.model, self.trace, self._found = model, model.exact, found
         self.ranges = ranges or {}
         # Who gives ports no size leaves out that of other quantities too.
         self._sized = all(q.sized for q in model.ports if not q.name.endswith(".reading"))
@@ -492,12 +494,12 @@ class Survey:
 
     @cached_property
     def _entering(self) -> tuple[tuple[Parameter, ...], ...]:
-        """Refitted parameters of the plant that each port alone brings into the equations."""
+        """Refitted parameters that each port alone brings into the equations."""
         t, found = self.trace, [list[Parameter]() for _ in self.trace.ports]
         everything = ca.vertcat(t.rates, t.outputs)
         by_port = ca.vertcat(t.rates_by_port, t.outputs_by_port)
         for k, q in enumerate(self.model.parameters):
-            if not q.fitted or "." in q.name:
+            if not q.fitted or q.name.partition(".")[0] in self._found:
                 continue
             whole = self._sampled(ca.jacobian(everything, t.p[k]))
             for i in range(len(t.ports)):

@@ -10,9 +10,10 @@ from dataclasses import replace
 
 from workbench.model import EffectView, State
 from workbench.model.regularisation import Expression
+from workbench.physics.drift import offset_jump
 from workbench.physics.flow import orifice_flow
 from workbench.physics.gas import AIR
-from workbench.physics.law import Fit, Law, Own, shape, share, size
+from workbench.physics.law import Fit, Law, Own, each, shape, share, size
 from workbench.physics.place import Place, Survey
 
 _CRITICAL_RATIO = 0.3
@@ -116,3 +117,11 @@ regulator_droop = Law(
     look_alikes=("supply_droop",),
     separated_by="one long fill: a reservoir runs down, a regulator settles",
 )  # fmt: skip
+
+supply_jump = replace(
+    offset_jump,
+    name="supply_jump",
+    where=each("supply_pressure"),
+    source="a regulator that sticks, another consumer that is switched on",
+    look_alikes=("supply_droop", "reservoir_droop", "regulator_droop"),
+)

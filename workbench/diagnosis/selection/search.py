@@ -149,6 +149,8 @@ class Task:
     def tried(self, model: Model) -> list[Hypothesis]:
         """Return the effects that may be missing from a model."""
         entries = self.entries
+        given = {effect.name for effect in self.nominal.effects}
+        attached = {effect.name for effect in model.effects}
         if entries is None:
             longest = max(self.fitting, key=lambda r: len(r.outputs))
             entries = library(
@@ -159,8 +161,8 @@ class Task:
                 sample_time=longest.sample_time,
                 ranges=self._ranges,
                 more_of=self._more_of,
+                found=attached - given,
             )
-        attached = {effect.name for effect in model.effects}
         return [e for e in entries if e.name not in attached]
 
     def closest(self, fit: ProcessNoiseFit, *, robust: bool = False) -> ProcessNoiseFit:

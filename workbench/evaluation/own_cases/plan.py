@@ -20,7 +20,7 @@ SINGLE = (
     "wrong_load", "angle_offset", "angle_gain", "angle_clipping", "angle_lag", "angle_jump",
     "angle_coarse", "pressure_clipping", "pressure_drift", "pressure_jump", "edge_blocked",
     "viscous_asymmetry", "local_friction", "cubic_spring", "hysteresis_one", "load_jump",
-    "force_fade",
+    "force_fade", "coulomb_drift", "coulomb_jump", "torque_jump", "valve_jump", "supply_jump",
 )  # fmt: skip
 """Effects of the rig that the library has, by other laws in part."""
 
@@ -49,10 +49,9 @@ TRIPLES = (
 )
 
 OUTSIDE = (
-    "torque_noise", "pressure_torque", "coulomb_drift", "supply_drift", "supply_jump",
-    "torque_jump", "valve_jump", "coulomb_jump", "leak_jump", "leak_crack", "coulomb_asymmetry",
-    "end_pads", "hum", "supply_ripple", "valve_stiction", "command_hold", "angle_play",
-    "angle_eccentricity", "pressure_cross",
+    "torque_noise", "pressure_torque", "supply_drift", "leak_jump", "leak_crack",
+    "coulomb_asymmetry", "end_pads", "hum", "supply_ripple", "valve_stiction", "command_hold",
+    "angle_play", "angle_eccentricity", "pressure_cross",
 )  # fmt: skip
 """Effects that the library does not have."""
 

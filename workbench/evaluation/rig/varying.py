@@ -16,9 +16,9 @@ class Now(NamedTuple):
     """Where the rig is at a sample.
 
     Args:
-        time: Time, in s.
-        angle: Angle, in rad.
-        speed: Its rate, in rad/s.
+        time: Time since the start, in s.
+        angle: Angle of the joint, in rad.
+        speed: Its speed, in rad/s.
         pressure_1: Gauge pressure of muscle 1, in Pa.
     """
 
