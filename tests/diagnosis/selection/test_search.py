@@ -5,7 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from tests.diagnosis.example_diagnosis import example_diagnosis
-from workbench.diagnosis.selection.rules import HELD_OUT, LEAST_SHARE, SHARE, Limits
+from workbench.diagnosis.selection.rules import (
+    HELD_OUT,
+    LEAST_PREDICTED,
+    LEAST_SHARE,
+    SHARE,
+    Limits,
+)
 from workbench.diagnosis.selection.search import Task, _openings, _with_pair, _withdrawn
 from workbench.diagnosis.selection.selected import Accepted
 
@@ -28,6 +34,8 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
     # Free runs show it: it stays, with a doubt.
     ((kept, _),) = _withdrawn(task, given.selected, little).accepted
     assert kept.name == "coulomb_friction" and why in kept.doubts[-1]
+    # But not if it predicts next to nothing of what is missing.
+    assert _withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED.value).accepted == ()
 
 
 def test_only_what_gains_where_it_was_not_fitted_opens_a_pair() -> None:

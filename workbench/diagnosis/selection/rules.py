@@ -189,6 +189,12 @@ LEAST_SHOWN = Threshold(
     "What takes so much of the mean square of the free runs' error is there, however far the rest"
     " is from the noise.",
 )
+LEAST_PREDICTED = Threshold(
+    "share of an effect that free runs show",
+    0.1,
+    "What brings runs closer but predicts so little of the excess misfit has moved other parameters"
+    " to better values, and stands for something that the library has no name for.",
+)
 LEAST_OF_REST = Threshold(
     "share of a further effect",
     0.6,

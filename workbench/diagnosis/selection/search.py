@@ -58,6 +58,7 @@ from workbench.diagnosis.selection.rules import (
     LEAST_LEFT,
     LEAST_OF_ALL,
     LEAST_OF_REST,
+    LEAST_PREDICTED,
     LEAST_SHARE,
     LEAST_SHOWN,
     LEAST_TOGETHER,
@@ -633,7 +634,8 @@ def _withdrawn(task: Task, state: Selected, excess: float) -> Selected:
             + (" together with those before" if count > 1 else "")
             + f", {100 * least:.0f} % is asked for"
         )
-        if count == 1 and _shown_in_runs(task, state.accepted[0].candidate):
+        predicts = gain >= LEAST_PREDICTED.value * excess
+        if count == 1 and predicts and _shown_in_runs(task, state.accepted[0].candidate):
             return _doubted(state, why)
         if count == 1:
             state = _set_aside(state, why)
