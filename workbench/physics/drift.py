@@ -16,6 +16,9 @@ from workbench.physics.place import EFFORTS, Place
 _TIMES = (10.0, 30.0, 3.0, 100.0)
 """Times of a jump that are worth trying without knowing the recording, s."""
 
+_WIDTH = 0.03
+"""Half-width of a jump whose time is still to be found, as a fraction of the recording."""
+
 _FRACTIONS = (0.5, 0.3, 0.7, 0.15, 0.85)
 """The same as fractions of the recording."""
 
@@ -78,12 +81,15 @@ def passed(at: PortView) -> Expression:
 
 
 def when(at: Place) -> tuple[Own, ...]:
-    """Return the parameters of a jump: its time, and a width of about a sample."""
+    """Return the parameters of a jump: its time, and a width that begins so wide as to be seen.
+
+    Of a sharp jump at the wrong time nothing says in which direction the right time lies.
+    """
     return (
         shape("time", "s", _times(at)[0], "time of the jump", around=None, between=(0.0, 1e6),
               scale=0.1 * at.duration),
-        shape("width", "s", 2.0 * at.sample_time or 0.02, "half-width of the jump", source="",
-              fitted=False),
+        shape("width", "s", _WIDTH * (at.duration or _TIMES[0]), "half-width of the jump",
+              around=(2e-3, 5.0), source="", fitted=False),
     )  # fmt: skip
 
 

@@ -267,18 +267,25 @@ def _first_refits(
     begun: Sequence[Candidate | None],
     jobs: int,
 ) -> list[Candidate]:
-    """Refit hypotheses on the beginning of each recording, from where earlier refits ended."""
+    """Refit hypotheses on the beginning of each recording, from where earlier refits ended.
+
+    What happens later than that is refitted on as much as shows it.
+    """
     if not field:
         return []
     short = sum(len(r.outputs) for r in fit_on) <= _SHORT
-    heads = [replace(r, inputs=r.inputs[:samples], outputs=r.outputs[:samples]) for r in fit_on]
     # Minus the logarithm of the priors is in the cost of a refit too.
     known = base.cost - float(blocks_of_cost(base, fit_on).sum())
-    cost = known + float(blocks_of_cost(base, heads).sum())
+    lengths = [samples if score.due < samples else 2 * score.due for score in field]
+    heads = {
+        n: [replace(r, inputs=r.inputs[:n], outputs=r.outputs[:n]) for r in fit_on]
+        for n in {*lengths}
+    }
+    costs = {n: known + float(blocks_of_cost(base, head).sum()) for n, head in heads.items()}
     return in_order(
         [
-            (_first, (base, cost, score, priors, heads, enough, earlier, short))
-            for score, earlier in zip(field, begun, strict=True)
+            (_first, (base, costs[n], score, priors, heads[n], enough, earlier, short))
+            for score, earlier, n in zip(field, begun, lengths, strict=True)
         ],
         jobs=jobs,
     )
@@ -704,7 +711,7 @@ def _judged_on(
             break
         best = entry, fit, started
         wider = widened(entry, fit) or _tuned(entry, fit, started)
-        if wider is entry:
+        if wider is entry and fit.refit.converged:
             break
         entry = wider
     assert best is not None

@@ -102,9 +102,12 @@ def selection_penalty(library: int, samples: int, parameters: int) -> float:
 
 
 def _refit(q: Question) -> str:
-    if q.candidate.fit is None:
-        return q.candidate.refused or "the refit failed"
-    return "" if q.candidate.fit.refit.converged else "the refit did not converge"
+    return "" if q.candidate.fit is not None else q.candidate.refused or "the refit failed"
+
+
+def _converged(q: Question) -> str:
+    fit = q.candidate.fit
+    return "" if fit is None or fit.refit.converged else "the refit did not converge"
 
 
 def _sigma(q: Question) -> str:
@@ -150,7 +153,7 @@ def _held_out(q: Question) -> str:
 
 
 RULES = (
-    Rule("refit", 0.0, "A refit that failed or did not converge says nothing.", _refit),
+    Rule("refit", 0.0, "A refit that failed says nothing.", _refit),
     Rule("selection penalty", 1.0, "Among many effects one gains by chance.", _penalty),
     Rule("share of the excess", 1.0, "Less may be the wrong shape of another effect.", _share),
     Rule("held-out gain", 0.0, "Only what predicts unseen recordings is physics.", _held_out),
@@ -158,6 +161,12 @@ RULES = (
 """What refuses an effect, in the order in which it is asked."""
 
 DOUBTS = (
+    Rule(
+        "converged",
+        0.0,
+        "What it has gained it gains, but further steps would gain more: its size is not settled.",
+        _converged,
+    ),
     Rule(
         "size beyond its uncertainty",
         3.0,

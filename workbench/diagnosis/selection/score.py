@@ -31,6 +31,9 @@ COLLINEAR = 0.99
 
 _SIGMA = 4.0
 
+_DUE = 0.1
+"""Part of a slope after which an effect counts as seen."""
+
 
 @dataclass(frozen=True)
 class Score:
@@ -47,6 +50,8 @@ class Score:
         smallest: Smallest size to be seen on these data, in the same unit.
         shape: Values of the effect's other parameters at which it scores best, in their SI units,
             by short name.
+        due: Samples of each recording after which a tenth of the gain is to be had, a number: of
+            what happens at a time there is nothing to be seen before.
     """
 
     entry: Hypothesis
@@ -57,6 +62,7 @@ class Score:
     collinearity: float
     smallest: float
     shape: Mapping[str, float] = field(default_factory=dict)
+    due: int = 0
 
     @property
     def testable(self) -> bool:
@@ -248,6 +254,7 @@ class _Totals:
         self.information = np.zeros((n, n))
         self.gradient = np.zeros(n)
         self.blocks: list[Vector] = []
+        self.begins: list[Vector] = []
 
     def add(self, parts: Sequence[Innovations], sample_time: float) -> None:
         errors = np.nan_to_num(parts[0].whitened)
@@ -258,7 +265,9 @@ class _Totals:
         self.information += rows.T @ rows
         products = np.einsum("kyf,ky->kf", jacobian, errors)
         self.gradient += products.sum(axis=0)
-        self.blocks.append(summed_over_blocks(products, sample_time))
+        blocks = summed_over_blocks(products, sample_time)
+        self.blocks.append(blocks)
+        self.begins.append(np.linspace(0.0, len(errors), len(blocks), endpoint=False))
 
 
 def _scores(
@@ -289,6 +298,7 @@ def _scores(
     for i in np.argsort(-gain):
         best.setdefault(variants[i].entry.name, int(i))
     order = list(best.values())
+    due = _due(projected_blocks, np.concatenate(totals.begins))
     units = scale[n:]
     scores = tuple(
         Score(
@@ -300,10 +310,25 @@ def _scores(
             float(collinearity[i]),
             float(_SIGMA * deviation[i] * units[i]),
             dict(variants[i].shape),
+            round(float(due[i])),
         )
         for i in order
     )
     return Scores(scores, confusion[np.ix_(order, order)], noise_scale)
+
+
+def _due(blocks: Vector, begins: Vector) -> Vector:
+    """Return after how many samples a tenth of each slope has been gathered.
+
+    Args:
+        blocks: Slopes by block of time, shape (n_blocks, n_effects), dimensionless.
+        begins: First sample of each block, shape (n_blocks,), a number.
+    """
+    order = np.argsort(begins, kind="stable")
+    gathered = np.cumsum(blocks[order], axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        first = np.argmax(gathered / gathered[-1] >= _DUE, axis=0)
+    return begins[order][first]
 
 
 def by_name(scores: Scores) -> Mapping[str, Score]:
