@@ -53,6 +53,17 @@ def test_verdict_reads_back_from_json() -> None:
     assert data["fit"]["units"] == {"position": "m"}
 
 
+def test_a_name_is_doubted_where_most_is_missing_still() -> None:
+    given, _ = example_diagnosis()
+    assert given.validated is not None and given.before is not None
+    left = replace(given.before, alone={k: 0.6 * v for k, v in given.before.alone.items()})
+    found = replace(given, validated=replace(given.validated, location=left))
+    assert [f.belief for f in conclude(given).findings] == ["sure"]
+    (finding,) = conclude(found).findings
+    assert finding.belief == "likely"
+    assert finding.doubts[-1].startswith("beside it 60 % of what was missing is still missing")
+
+
 def test_numbers_that_are_not_finite_become_null() -> None:
     text = _verdict().to_json()
     assert "NaN" not in text and "Infinity" not in text

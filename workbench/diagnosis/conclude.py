@@ -10,7 +10,7 @@ from workbench.diagnosis.estimation.refit_result import Estimate
 from workbench.diagnosis.location.missing_signal import Occurrence
 from workbench.diagnosis.nonparametric.result import NonparametricTerm
 from workbench.diagnosis.selection.held_out import explained, held_out_errors
-from workbench.diagnosis.selection.rules import IMPERFECT, NEAR_NOISE
+from workbench.diagnosis.selection.rules import IMPERFECT, MOST_LEFT, NEAR_NOISE
 from workbench.diagnosis.selection.score import COLLINEAR
 from workbench.diagnosis.selection.weights import Weighted
 from workbench.diagnosis.stages import Diagnosis
@@ -238,10 +238,11 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
     parameters = _own(diagnosis.extended, entry.effect.name)
     size = parameters.get(entry.size_parameter)
     about = entry.effect.about
+    doubts = (*candidate.doubts, *_still_missing(diagnosis))
     # A law that is either there or not is told by its other numbers.
     told = {entry.size_parameter: size} if size else parameters
     text = (
-        f"{'Likely missing' if candidate.doubts else 'Missing'}:"
+        f"{'Likely missing' if doubts else 'Missing'}:"
         f" {entry.name.replace('_', ' ')} at {', '.join(entry.ports)}"
         + "".join(
             f", {name} {v.value:.3g} +- {v.std:.2g} {v.unit}".removesuffix(" 1")
@@ -250,7 +251,7 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
         + (f"; cannot be told from {', '.join(alike[1:])}" if len(alike) > 1 else "")
         + (f"; {about.separated_by} would decide" if len(alike) > 1 and about.separated_by else "")
         + "."
-        + (f" Only likely: {'; '.join(candidate.doubts)}." if candidate.doubts else "")
+        + (f" Only likely: {'; '.join(doubts)}." if doubts else "")
     )
     occurrence = diagnosis.validated.occurrence(index) if diagnosis.validated else None
     return Finding(
@@ -264,10 +265,22 @@ def _finding(diagnosis: Diagnosis, index: int, fit: dict[str, dict[str, float]])
         held_out=candidate.held_out,
         weight=_weight(diagnosis, {entry.effect.name, *alike}),
         p_value=_by_chance(candidate.held_out),
-        belief="likely" if candidate.doubts else "sure",
-        doubts=candidate.doubts,
+        belief="likely" if doubts else "sure",
+        doubts=doubts,
         occurrence=occurrence,
     )
+
+
+def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
+    """Doubt what was found where most of what was missing is missing still."""
+    before, after = diagnosis.before, diagnosis.after
+    if before is None or after is None or not after.alone:
+        return ()
+    share = after.alone[after.best] / before.alone[before.best]
+    if not share > MOST_LEFT.value:
+        return ()
+    place = after.best.replace("_", " ")
+    return (f"beside it {100 * share:.0f} % of what was missing is still missing, at {place}",)
 
 
 def _without_name(

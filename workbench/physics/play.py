@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression, maximum
 from workbench.physics.elastoplastic import elastoplastic_rate
-from workbench.physics.law import Law, by_port, each, shape, size
-from workbench.physics.place import EFFORTS
+from workbench.physics.law import Law, by_port, each, sensors, shape, size
+from workbench.physics.offset_gain import sensor_error
+from workbench.physics.place import COORDINATES, EFFORTS
 
 
 def _slack() -> tuple[State, ...]:
@@ -110,6 +113,20 @@ backlash = Law(
     source="Krasnosel'skii and Pokrovskii 1989, play operator",
     look_alikes=("dead_band", "delay"),
     separated_by="slow triangles of several amplitudes: play has a loop, a dead band none",
+)
+
+sensor_play = replace(
+    backlash,
+    name="sensor_play",
+    where=sensors(together=False, only=lambda at: at.unit in COORDINATES.values()),
+    parameters=lambda at: (
+        size("half_width", at.unit, sensor_error(at) * at.scale, at.scale, "half of the slack"),
+        *command_play.parameters(at)[1:],
+    ),
+    group="sensor",
+    source="slack in the coupling of an encoder",
+    look_alikes=("sensor_delay", "sensor_lag", "sensor_quantisation"),
+    separated_by="slow triangles: what lags behind at any speed is play",
 )
 
 

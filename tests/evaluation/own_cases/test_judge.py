@@ -55,6 +55,12 @@ def test_names_and_places(
     assert judged.wrong == wrong
 
 
+def test_a_wrong_name_with_a_doubt_is_not_a_confident_one() -> None:
+    for belief, sure in (("sure", True), ("likely", False)):
+        judged = judge(row(1, ("tilt",), verdict(OFFSET | {"belief": belief})))
+        assert judged is not None and judged.wrong and judged.sure == sure
+
+
 def test_a_nonparametric_term_in_the_right_group_is_right_outside_the_library() -> None:
     said = verdict(found(None, "joint.torque"), kind="located_unnamed")
     judged = judge(row(1, ("pressure_torque",), said, kind="outside"))

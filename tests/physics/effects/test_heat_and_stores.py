@@ -93,7 +93,7 @@ def test_a_parameter_jumps_in_time() -> None:
     law = offered(crane(), "parameter_jump_drag", duration=40.0, sample_time=0.01)
     assert law.ports == ("cart.force",)
     assert [shape["time"] for shape in law.shapes] == [20.0, 12.0, 28.0, 6.0, 34.0]
-    model = crane().with_effect(law.at_size(3.0, {"time": 20.0}))
+    model = crane().with_effect(law.at_size(3.0, {"time": 20.0, "width": 0.1}))
     for clock, drag in ((10.0, 5.0), (30.0, 8.0)):
         changed = crane().with_parameters({"drag": drag})
         np.testing.assert_allclose(

@@ -234,6 +234,12 @@ LEAST_EXPLAINED = Threshold(
     0.3,
     "Share of the held-out free-run error beyond the noise that everything found must remove.",
 )
+MOST_LEFT = Threshold(
+    "share still missing",
+    0.5,
+    "Where more than half of the misfit of the worst place is left beside everything found, a name"
+    " may stand for something that the library does not have.",
+)
 NEAR_NOISE = Threshold(
     "near the noise",
     3.0,

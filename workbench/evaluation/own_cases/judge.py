@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +36,7 @@ class Judged:
         effects: What is hidden, by the rig's names.
         factor: Size relative to the rig's own.
         regions: Whether each hidden effect was put into the right region.
+        sure: Whether a wrong name, if there is one, was said without a doubt.
         sizes: Sizes of rightly named effects beside the true ones.
         over_limit: Held-out error over that of the true model, root mean square over the outputs,
             dimensionless; NaN if it was not given.
@@ -49,6 +50,7 @@ class Judged:
     line: Line
     names: int
     regions: tuple[bool, ...]
+    sure: bool = True
     sizes: tuple[SizeFound, ...] = ()
     over_limit: float = math.nan
     seconds: float = math.nan
@@ -133,10 +135,18 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
         line,
         given.names,
         regions,
+        any(_surely_wrong(f, truths) for f in verdict["findings"]),
         tuple(_sizes(row, verdict)),
         error_ratio(held_out.get("extended") or {}, row["limit"]),
         math.nan if seconds is None else float(seconds),
     )
+
+
+def _surely_wrong(finding: Mapping[str, Any], truths: Sequence[Truth]) -> bool:
+    """Tell whether a finding without a doubt names nothing that is hidden."""
+    names = {finding["effect"], *(finding.get("class") or ())} - {None, "nonparametric"}
+    hidden = {name for truth in truths for name in truth.library}
+    return bool(names) and finding.get("belief", "sure") == "sure" and not names & hidden
 
 
 def _region(group: str) -> str:

@@ -21,7 +21,7 @@ SINGLE = (
     "angle_coarse", "pressure_clipping", "pressure_drift", "pressure_jump", "edge_blocked",
     "viscous_asymmetry", "local_friction", "cubic_spring", "hysteresis_one", "load_jump",
     "force_fade", "coulomb_drift", "coulomb_jump", "torque_jump", "valve_jump", "supply_jump",
-    "leak_jump", "leak_crack",
+    "leak_jump", "leak_crack", "angle_play",
 )  # fmt: skip
 """Effects of the rig that the library has, by other laws in part."""
 
@@ -52,7 +52,7 @@ TRIPLES = (
 OUTSIDE = (
     "torque_noise", "pressure_torque", "supply_drift",
     "coulomb_asymmetry", "end_pads", "hum", "supply_ripple", "valve_stiction", "command_hold",
-    "angle_play", "angle_eccentricity", "pressure_cross",
+    "angle_eccentricity", "pressure_cross",
 )  # fmt: skip
 """Effects that the library does not have."""
 

@@ -112,7 +112,10 @@ class Score:
                 )
                 for kind, many in HIDING.items()
             },
-            "confidently wrong": Rate(sum(j.wrong for j in self.judged), len(self.judged)),
+            "wrong name": Rate(sum(j.wrong for j in self.judged), len(self.judged)),
+            "confidently wrong": Rate(
+                sum(j.wrong and j.sure for j in self.judged), len(self.judged)
+            ),
             "outside the library: right group": _over(outside, lambda j: j.line.located),
             "outside the library: wrong name": Rate(sum(j.wrong for j in outside), len(outside)),
             "closed loop only: wrong name": Rate(sum(j.wrong for j in limited), len(limited)),
