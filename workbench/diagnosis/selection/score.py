@@ -328,7 +328,7 @@ def _due(blocks: Vector, begins: Vector) -> Vector:
     gathered = np.cumsum(blocks[order], axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         first = np.argmax(gathered / gathered[-1] >= _DUE, axis=0)
-    return begins[order][first]
+    return np.asarray(begins[order][first])
 
 
 def by_name(scores: Scores) -> Mapping[str, Score]:
