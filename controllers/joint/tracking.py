@@ -59,7 +59,7 @@ prediction over a delay: Manitius and Olbrot, IEEE Trans. AC-24, 1979.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple, Protocol
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers
@@ -181,37 +181,48 @@ class TrackingState(NamedTuple):
     learned: Learned | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrackingOptions:
+    """What a front end is told beside plan, model and observer.
+
+    Args:
+        lead: Time by which the opening of the feedforward leads the plan, in s: the lag of spool
+            and sample, so that the move goes where it is planned.
+        latency: Known time between measurement and valve that is predicted over, in s.
+        sensor_lag: Known lag of the pressure sensors, in s.
+        rest_integration: Speed of an integration where plan and joint rest, in 1/s; 0 for none.
+        centring: Speed at which the valve's centre is learned where plan and joint rest, in 1/s; 0
+            for none.
+        hysteresis: Hysteresis of the muscles that is compensated along planned moves, whether it
+            was fitted or is what such muscles have; None for none.
+        learning: How inertia and hysteresis are learned in motion; None for not.
+        sample_time: Time between steps, in s.
+    """
+
+    lead: float = 0.0
+    latency: float = 0.0
+    sensor_lag: float = 0.0
+    rest_integration: float = 0.0
+    centring: float = 0.0
+    hysteresis: HysteresisCompensation | None = None
+    learning: MotionLearning | None = None
+    sample_time: float = 0.002
+
+
 @dataclass(frozen=True)
-class JointTracking(Tracking):
+class JointTracking(TrackingOptions, Tracking):
     """Planner, observer and schedule of a joint.
 
     Args:
         schedule: Joint model over angle and mean pressure.
         correction: Gains of the observer for angle, speed and unexplained acceleration, in SI.
         pressure_filter: Time constant of the pressures' filter, in s.
-        sample_time: Time between samples, in s.
-        hysteresis: Fitted hysteresis that is compensated along the plan; None for none.
-        lead: Time by which the opening of the feedforward leads the plan, in s.
-        latency: Known time between measurement and valve that is predicted over, in s; whole
-            samples count.
-        sensor_lag: Known lag of the pressure sensors, in s.
-        rest_integration: Speed rho of the integration at rest, in 1/s; 0 for none.
-        centring: Speed sigma at which the valve's centre is learned at rest, in 1/s; 0 for none.
-        learning: How inertia and hysteresis are learned in motion; None for not.
     """
 
     schedule: JointSchedule
     planner: Planner
     correction: tuple[float, float, float]
     pressure_filter: float = 0.002
-    sample_time: float = 0.002
-    hysteresis: HysteresisCompensation | None = None
-    lead: float = 0.0
-    latency: float = 0.0
-    sensor_lag: float = 0.0
-    rest_integration: float = 0.0
-    centring: float = 0.0
-    learning: MotionLearning | None = None
 
     @property
     def on_their_way(self) -> int:
@@ -424,7 +435,7 @@ SHORTEST = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrackingSpecification:
+class TrackingSpecification(TrackingOptions):
     """How moves are planned and the joint is observed: what every scheduled design is asked.
 
     Args:
@@ -432,10 +443,6 @@ class TrackingSpecification:
         jerk_limit: Largest planned jerk, in rad/s3, whatever the joint could do: what feedforward
             for a light joint gets wrong if its load is heavier than known must stay within what
             feedback corrects.
-        lead: Time by which the opening of the feedforward leads the plan, in s: the lag of spool
-            and sample, so that the move goes where it is planned.
-        latency: Known time between measurement and valve that is predicted over, in s.
-        sensor_lag: Known lag of the pressure sensors, in s.
         reference_bandwidth: Bandwidth of the filter of a rough reference (quantised, held,
             noisy), in rad/s; 0 for a smooth one.
         reference_jump: Smallest step of a rough reference that is planned as a move, in rad.
@@ -446,20 +453,10 @@ class TrackingSpecification:
         unexplained_bandwidth: Bandwidth up to which the unexplained acceleration is believed, in
             rad/s, in the place of what the noises say; 0 for that. A load that swings on its own
             is unexplained too, and must not be compensated where its phase is unknown.
-        rest_integration: Speed of an integration where plan and joint rest, in 1/s; 0 for none.
-        centring: Speed at which the valve's centre is learned where plan and joint rest, in 1/s; 0
-            for none.
-        hysteresis: Hysteresis of the muscles that is compensated along planned moves, whether it
-            was fitted or is what such muscles have; None for none.
-        learning: How inertia and hysteresis are learned in motion; None for not.
-        sample_time: Time between steps, in s.
     """
 
     jerk_share: float = 0.7
     jerk_limit: float = 1800.0
-    lead: float = 0.0
-    latency: float = 0.0
-    sensor_lag: float = 0.0
     reference_bandwidth: float = 0.0
     reference_jump: float = 0.02
     mean_pressure: float = 3.8e5
@@ -467,11 +464,6 @@ class TrackingSpecification:
     acceleration_noise: float = 0.5
     acceleration_walk: float = 100.0
     unexplained_bandwidth: float = 0.0
-    rest_integration: float = 0.0
-    centring: float = 0.0
-    hysteresis: HysteresisCompensation | None = None
-    learning: MotionLearning | None = None
-    sample_time: float = 0.002
 
     def __post_init__(self) -> None:
         check_range("sample time", self.sample_time, 1e-6, 1.0, "s")
@@ -512,16 +504,6 @@ class TrackingSpecification:
         if self.unexplained_bandwidth:
             # Speed follows at once; what is left of the residual turns into w at this rate.
             correction = (*correction[:2], self.unexplained_bandwidth * correction[1])
-        return JointTracking(
-            schedule,
-            self.planner(schedule),
-            correction,
-            sample_time=self.sample_time,
-            lead=self.lead,
-            latency=self.latency,
-            sensor_lag=self.sensor_lag,
-            rest_integration=self.rest_integration,
-            centring=self.centring,
-            hysteresis=self.hysteresis,
-            learning=self.learning and replace(self.learning, sample_time=self.sample_time),
-        )
+        told = {field.name: getattr(self, field.name) for field in fields(TrackingOptions)}
+        told["learning"] = self.learning and replace(self.learning, sample_time=self.sample_time)
+        return JointTracking(schedule, self.planner(schedule), correction, **told)
