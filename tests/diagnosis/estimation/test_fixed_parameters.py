@@ -16,10 +16,10 @@ from workbench.physics.offset_gain import gain
 from workbench.plants.servo_axis import servo_axis
 
 
-def held(model: Model, name: str) -> Model:
+def fixed(model: Model, name: str) -> Model:
     """Return a model that holds a parameter because it scales with others."""
     changed = copy(model)
-    parameters = tuple(replace(q, held=q.name == name) for q in model.parameters)
+    parameters = tuple(replace(q, fixed=q.name == name) for q in model.parameters)
     object.__setattr__(changed, "parameters", parameters)
     return changed
 
@@ -32,7 +32,7 @@ def test_what_is_held_widens_the_interval_of_what_scales_with_it() -> None:
     seen = made_up(axis, pushes(400, largest=200.0), sample_time=0.01)
     fit = fit_with_process_noise(axis, [seen], default_priors(axis, ["mass"]))
     assert with_fixed_uncertainty(fit, [seen]) is fit
-    model = held(fit.model, "drive.excess")
+    model = fixed(fit.model, "drive.excess")
     wide = with_fixed_uncertainty(replace(fit, refit=replace(fit.refit, model=model)), [seen])
     (mass,) = wide.refit.estimates
     assert mass.value == fit.refit.estimate("mass").value
