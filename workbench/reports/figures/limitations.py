@@ -7,8 +7,8 @@ planned moves that are made shorter and longer.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from workbench.model import Output
@@ -28,7 +28,7 @@ from workbench.verification.metrics import worst
 from workbench.verification.responses import Value
 
 Step = tuple[float, float]
-Rows = list[tuple[Cell | str, ...]]
+Row = tuple[Cell | str, ...]
 
 
 @dataclass(frozen=True)
@@ -262,7 +262,7 @@ def _cell(value: float, limit: float, text: str = "", reason: str = "") -> Cell:
 def reached_table(result: StudyResult) -> Table:
     """Return how many requirements every controller meets on all plants that are judged."""
     cases = evidence(result)
-    rows: Rows = []
+    rows: list[Row] = []
     for controller in result.study.controllers:
         if not result.study.selection(controller).judged:
             continue
@@ -283,10 +283,22 @@ def reached_table(result: StudyResult) -> Table:
     return Table("Requirements met in all variations", head, tuple(rows))
 
 
+def _table(
+    result: StudyResult,
+    title: str,
+    head: Sequence[str],
+    rows: Callable[[Evidence], Iterator[Row]],
+    note: str = "",
+) -> Table:
+    """Return a table whose rows begin with the plant."""
+    every = [(e.case.name, *row) for e in evidence(result) for row in rows(e)]
+    return Table(title, ("plant", *head), tuple(every), note)
+
+
 def steps_table(result: StudyResult, *, nominal: bool) -> Table:
     """Return settling, overshoot and rest of every controller, nominal or the worst variation."""
-    rows: Rows = []
-    for e in evidence(result):
+
+    def rows(e: Evidence) -> Iterator[Row]:
         for controller in e.controllers:
             kinds = [NOMINAL] if nominal else e.judged(controller)
             settling = [e.metric(controller, kinds, "settling_time", _size(s)) for s in e.steps]
@@ -295,29 +307,20 @@ def steps_table(result: StudyResult, *, nominal: bool) -> Table:
                 (e.metric(controller, kinds, n).value, _limit_of(e, controller, n))
                 for n in ("overshoot", "steady_error", "oscillation")
             )
-            rows.append(
-                (
-                    e.case.name,
-                    controller,
-                    *(Cell(number(v.value), "", v.reason) for v in settling),
-                    *(_cell(r.value, e.want.ratio, reason=r.reason) for r in ratios),
-                    _cell(*over, number(100 * over[0])),
-                    *(_cell(*rest, number(e.shown(rest[0]))) for rest in (error, oscillation)),
-                )
+            yield (
+                controller,
+                *(Cell(number(v.value), "", v.reason) for v in settling),
+                *(_cell(r.value, e.want.ratio, reason=r.reason) for r in ratios),
+                _cell(*over, number(100 * over[0])),
+                *(_cell(*rest, number(e.shown(rest[0]))) for rest in (error, oscillation)),
             )
+
     first = evidence(result)[0]
     sizes = [first.size(s) for s in first.steps]
-    head = (
-        "plant",
-        "controller",
-        *(f"settling {s} s" for s in sizes),
-        *(f"{s} / limit" for s in sizes),
-        "overshoot %",
-        f"steady error {first.unit}",
-        f"oscillation {first.unit}",
-    )
+    head = ["controller", *(f"settling {s} s" for s in sizes), *(f"{s} / limit" for s in sizes)]
+    head += ["overshoot %", f"steady error {first.unit}", f"oscillation {first.unit}"]
     which = "nominal" if nominal else "worst of all variations"
-    return Table(f"Steps, {which}", head, tuple(rows))
+    return _table(result, f"Steps, {which}", head, rows)
 
 
 def _limit_of(e: Evidence, controller: str, metric: str) -> float:
@@ -332,36 +335,20 @@ def _limit_of(e: Evidence, controller: str, metric: str) -> float:
 
 def missed_table(result: StudyResult) -> Table:
     """List every requirement that is missed, and every ratio to the limit, each with its cause."""
-    rows: Rows = []
-    for e in evidence(result):
+
+    def rows(e: Evidence) -> Iterator[Row]:
         for controller in e.controllers:
-            rows += _missed_requirements(e, controller)
-            for step in e.steps:
-                most = e.ratio(controller, e.judged(controller), step)
-                if math.isnan(e.limit(step)) or most.value <= e.want.ratio:
-                    continue
-                rows.append(
-                    (
-                        e.case.name,
-                        controller,
-                        f"settling {e.size(step)} / limit",
-                        number(e.ratio(controller, [NOMINAL], step).value),
-                        number(most.value),
-                        f"{e.want.ratio:g}",
-                        cause_of_ratio(e, controller, step),
-                    )
-                )
-    head = ("plant", "controller", "metric", "nominal", "worst", "limit", "what prevents it")
-    note = (
-        "Each cause is shown below, with its runs."
-        if rows
-        else "Every requirement is met in every variation."
-    )
-    return Table("Requirements that are missed", head, tuple(rows), note)
+            for row in _missed(e, controller):
+                yield (controller, *row)
+
+    head = ("controller", "metric", "nominal", "worst", "limit", "what prevents it")
+    found = _table(result, "Requirements that are missed", head, rows)
+    note = "Each cause is shown below, with its runs."
+    none = "Every requirement is met in every variation."
+    return replace(found, note=note if found.rows else none)
 
 
-def _missed_requirements(e: Evidence, controller: str) -> Rows:
-    rows: Rows = []
+def _missed(e: Evidence, controller: str) -> Iterator[Row]:
     known = e.result.study.variations
     for demand in e.result.study.demands:
         every = e.judgements(controller)
@@ -371,18 +358,23 @@ def _missed_requirements(e: Evidence, controller: str) -> Rows:
         most = max(own.values(), key=lambda j: j.score)
         required = demand.requirement
         step = "" if demand.step is None else f" {e.size((0.0, demand.step))}"
-        rows.append(
-            (
-                e.case.name,
-                controller,
-                f"{metric_title(required.metric)}{step}, {most.scenario}",
-                number(own[NOMINAL].value) if NOMINAL in own else "–",
-                number(most.value),
-                f"{required.limit:g} {written(required.unit)}".strip(),
-                _cause_of_miss(e, controller, own),
-            )
+        yield (
+            f"{metric_title(required.metric)}{step}, {most.scenario}",
+            number(own[NOMINAL].value) if NOMINAL in own else "–",
+            number(most.value),
+            f"{required.limit:g} {written(required.unit)}".strip(),
+            _cause_of_miss(e, controller, own),
         )
-    return rows
+    for pair in e.steps:
+        worst_ratio = e.ratio(controller, e.judged(controller), pair).value
+        if not math.isnan(e.limit(pair)) and not worst_ratio <= e.want.ratio:
+            yield (
+                f"settling {e.size(pair)} / limit",
+                number(e.ratio(controller, [NOMINAL], pair).value),
+                number(worst_ratio),
+                f"{e.want.ratio:g}",
+                cause_of_ratio(e, controller, pair),
+            )
 
 
 def _better(e: Evidence, reached: Mapping[str, float], own: float) -> str:
@@ -526,26 +518,26 @@ def _paced(e: Evidence) -> list[_Paced]:
 
 def plan_table(result: StudyResult) -> Table:
     """Return what planned moves cost that are made shorter and longer."""
-    rows: Rows = []
-    cases = evidence(result)
-    for e in cases:
+
+    def rows(e: Evidence) -> Iterator[Row]:
         for p in _paced(e):
             ratios = [e.ratio(p.controller, [p.known], s).value for s in e.steps]
             overs = [e.metric(p.controller, p.kinds, "overshoot", _size(s)).value for s in e.steps]
             oscillation = e.metric(p.controller, p.kinds, "oscillation").value
-            limit = _limit_of(e, p.controller, "oscillation")
-            rows.append(
-                (
-                    e.case.name,
-                    f"× {p.pace:g}",
-                    *(_cell(r, e.want.ratio) for r in ratios),
-                    *(_cell(o, e.want.overshoot, number(100 * o)) for o in overs),
-                    _cell(oscillation, limit, number(e.shown(oscillation))),
-                )
+            yield (
+                f"× {p.pace:g}",
+                *(_cell(r, e.want.ratio) for r in ratios),
+                *(_cell(o, e.want.overshoot, number(100 * o)) for o in overs),
+                _cell(
+                    oscillation,
+                    _limit_of(e, p.controller, "oscillation"),
+                    number(e.shown(oscillation)),
+                ),
             )
+
+    cases = evidence(result)
     sizes = [cases[0].size(s) for s in cases[0].steps]
     head = (
-        "plant",
         "duration of the plan",
         *(f"as known: {s} / limit" for s in sizes),
         *(f"worst: overshoot {s}, %" for s in sizes),
@@ -553,7 +545,7 @@ def plan_table(result: StudyResult) -> Table:
     )
     name = next((p.controller for e in cases for p in _paced(e)), "")
     title = f"{name} with its planned moves made shorter and longer"
-    return Table(title, head, tuple(rows), "The feedback is the same in all rows of a plant.")
+    return _table(result, title, head, rows, "The feedback is the same in all rows of a plant.")
 
 
 def plan_words(e: Evidence) -> list[str]:
@@ -608,60 +600,50 @@ def limits_table(result: StudyResult) -> Table:
 
 def known_table(result: StudyResult) -> Table:
     """Return what tolerance costs: designs that are not judged beside those that are."""
-    rows: Rows = []
-    cases = evidence(result)
-    for e in cases:
+
+    def rows(e: Evidence) -> Iterator[Row]:
         shown = [c for c in e.want.controllers if c in e.case.controllers]
-        if set(shown) <= set(e.controllers):
-            continue
-        for controller in shown:
-            for kind in (NOMINAL, e.want.unknown.variation):
-                if e.has(controller, kind):
-                    over = e.metric(controller, [kind], "overshoot").value
-                    oscillation = e.metric(controller, [kind], "oscillation").value
-                    rows.append(
-                        (
-                            e.case.name,
-                            controller,
-                            "as known" if kind == NOMINAL else kind,
-                            *(number(e.ratio(controller, [kind], s).value) for s in e.steps),
-                            number(100 * over),
-                            number(e.shown(oscillation)),
-                        )
-                    )
-    sizes = [f"{cases[0].size(s)} / limit" for s in cases[0].steps]
-    last = ("overshoot %", f"oscillation {cases[0].unit}")
-    head = ("plant", "controller", "varied", *sizes, *last)
-    return Table("Speed against tolerance of what nobody announced", head, tuple(rows))
+        kinds = (NOMINAL, e.want.unknown.variation)
+        for controller in [] if set(shown) <= set(e.controllers) else shown:
+            for kind in (k for k in kinds if e.has(controller, k)):
+                yield (
+                    controller,
+                    "as known" if kind == NOMINAL else kind,
+                    *(number(e.ratio(controller, [kind], s).value) for s in e.steps),
+                    number(100 * e.metric(controller, [kind], "overshoot").value),
+                    number(e.shown(e.metric(controller, [kind], "oscillation").value)),
+                )
+
+    first = evidence(result)[0]
+    sizes = [f"{first.size(s)} / limit" for s in first.steps]
+    head = ("controller", "varied", *sizes, "overshoot %", f"oscillation {first.unit}")
+    return _table(result, "Speed against tolerance of what nobody announced", head, rows)
 
 
 def ladder_table(result: StudyResult) -> Table:
     """Return settling with one limitation less at a time."""
-    rows: Rows = []
-    cases = evidence(result)
-    for e in cases:
+
+    def settled(e: Evidence, controller: str, kind: str, step: Step) -> Cell:
+        found, ratio = e.settling(controller, kind, step), e.ratio(controller, [kind], step).value
+        text = number(found.value)
+        if math.isnan(ratio):
+            return Cell(text, reason=found.reason)
+        return _cell(ratio, e.want.ratio, f"{text} ({number(ratio)})")
+
+    def rows(e: Evidence) -> Iterator[Row]:
         for controller in e.want.controllers:
             for kind, what in ((NOMINAL, "everything"), *e.want.ladder):
-                if controller not in e.case.controllers or not e.has(controller, kind):
-                    continue
-                cells = []
-                for step in e.steps:
-                    settled = e.settling(controller, kind, step)
-                    ratio = e.ratio(controller, [kind], step).value
-                    text = number(settled.value)
-                    cells.append(
-                        Cell(text, reason=settled.reason)
-                        if math.isnan(ratio)
-                        else _cell(ratio, e.want.ratio, f"{text} ({number(ratio)})")
-                    )
-                rows.append((e.case.name, controller, what, *cells))
-    steps = [cases[0].words(s) for s in cases[0].steps]
+                if controller in e.case.controllers and e.has(controller, kind):
+                    yield (controller, what, *(settled(e, controller, kind, s) for s in e.steps))
+
+    first = evidence(result)[0]
     note = (
         "Each row has what the row above has, less what it names. What is left in the last row is"
         " the smooth plan, the sample time and the margins of the loop."
     )
     title = "One limitation less at a time: settling in s, and over the limit"
-    return Table(title, ("plant", "controller", "the plant has", *steps), tuple(rows), note)
+    head = ("controller", "the plant has", *map(first.words, first.steps))
+    return _table(result, title, head, rows, note)
 
 
 def ladder_words(e: Evidence) -> list[str]:
@@ -693,17 +675,18 @@ def ladder_words(e: Evidence) -> list[str]:
 
 def time_table(result: StudyResult) -> Table:
     """Return where the time of a step goes, nominal runs."""
-    rows: Rows = []
-    cases = evidence(result)
-    for e in cases:
+
+    def rows(e: Evidence) -> Iterator[Row]:
         for c in e.controllers:
             times = [
                 (e.limit(s), e.planned(c, s), e.settling(c, NOMINAL, s).value) for s in e.steps
             ]
-            rows.append((e.case.name, c, *(" / ".join(map(number, t)) for t in times)))
-    head = ("plant", "controller", *(cases[0].words(s) for s in cases[0].steps))
+            yield (c, *(" / ".join(map(number, t)) for t in times))
+
+    first = evidence(result)[0]
+    head = ("controller", *map(first.words, first.steps))
     title = "Time into the 2 % band: limit / planned move / output, in s"
-    return Table(title, head, tuple(rows))
+    return _table(result, title, head, rows)
 
 
 MARGINS = Figure("margins", margins_table, title="How close to the edge", order=4)
