@@ -121,7 +121,9 @@ def _si(model: Model, name: str, value: float) -> str:
 
 
 def _cell(name: str, text: str) -> dict[str, Any]:
-    cell = {"id": name, "metadata": {}, "source": text.strip("\n").splitlines(keepends=True)}
-    if name.endswith("-text"):
-        return {"cell_type": "markdown", **cell}
-    return {"cell_type": "code", "execution_count": None, **cell, "outputs": []}
+    lines = text.strip("\n").splitlines(keepends=True)
+    cell: dict[str, Any] = {"cell_type": "markdown", "id": name, "metadata": {}, "source": lines}
+    if not name.endswith("-text"):
+        cell |= {"cell_type": "code", "execution_count": None, "outputs": []}
+    # In the order in which a notebook is saved again.
+    return dict(sorted(cell.items()))
