@@ -271,11 +271,12 @@ class JointTracking(TrackingOptions, Tracking):
         omega = state.speed + self.correction[1] * residual
         w = state.unexplained + self.correction[2] * residual
         joint = self.schedule.at(angle, mean, arithmetic)
-        inertia, share = self.schedule.known_inertia, 1.0
+        # What is not learned is that of the design: made for a heavier load it brakes that too.
+        inertia, share, b = 1.0, 1.0, joint.b
         if state.learned is not None:
             inertia, share = state.learned.inertia, state.learned.hysteresis
-        # The observer starts from the b that the margins were found with.
-        b = joint.b * self.schedule.known_inertia / inertia
+            # The observer starts from the b that the margins were found with.
+            b = joint.b * self.schedule.known_inertia / inertia
         difference = filtered
         if self.sensor_lag:
             arrived = state.sent[0] if state.sent else 0.0

@@ -11,6 +11,7 @@ import pytest
 
 from controllers.arithmetic import FLOATS
 from controllers.joint.hysteresis_compensation import HysteresisCompensation
+from controllers.joint.learning import MotionLearning
 from controllers.joint.schedule import JointSchedule
 from controllers.state_feedback import StateFeedbackSpecification, design_state_feedback
 from workbench.model import Model
@@ -32,6 +33,26 @@ def test_a_valve_that_leaks_is_held_open_by_the_feedforward(schedule: JointSched
     start = own.initial_state(rest)
     now, _ = own.tracking.context(start.tracking, rest, rest[0], FLOATS)
     assert now.opening == pytest.approx(schedule.at(rest[0], 3.55e5).opening, rel=1e-6)
+
+
+@pytest.mark.parametrize("learning", [None, MotionLearning()], ids=["design", "learned"])
+def test_a_move_is_braked_with_the_inertia_of_the_design_until_another_is_learned(
+    schedule: JointSchedule, learning: MotionLearning | None
+) -> None:
+    heavier = replace(
+        schedule,
+        low=(tuple(0.8 * b for b in schedule.low[0]), *schedule.low[1:]),
+        high=(tuple(0.8 * b for b in schedule.high[0]), *schedule.high[1:]),
+    )
+    own = law(schedule.with_inertia_of(heavier), learning=learning)
+    rest = (0.5, 3.8e5, 3.8e5)
+    state = own.initial_state(rest).tracking
+    for _ in range(30):
+        now, state = own.tracking.context(state, rest, 0.7, FLOATS)
+    b = (heavier if learning is None else schedule).at(now.plan.angle, 3.8e5).b
+    held = schedule.at(now.plan.angle, 3.8e5).difference
+    pushed = now.plan.acceleration + schedule.at(now.plan.angle, 3.8e5).a1 * now.plan.speed
+    assert now.reference_difference == pytest.approx(held + pushed / b, rel=1e-2)
 
 
 def test_the_pressures_of_a_compensated_hysteresis_are_fed_forward_by_the_valve(
