@@ -35,7 +35,8 @@ def test_effects_that_explain_too_little_are_taken_back_with_the_reason() -> Non
     ((kept, _),) = _withdrawn(task, given.selected, little).accepted
     assert kept.name == "coulomb_friction" and why in kept.doubts[-1]
     # But not if it predicts next to nothing of what is missing.
-    assert _withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED.value).accepted == ()
+    gone = _withdrawn(task, given.selected, 2.0 * gain / LEAST_PREDICTED.value)
+    assert gone.accepted == gone.aside == () and left.aside != ()
 
 
 def test_only_what_gains_where_it_was_not_fitted_opens_a_pair() -> None:

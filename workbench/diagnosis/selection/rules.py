@@ -199,10 +199,10 @@ LEAST_SHOWN = Threshold(
     " is from the noise.",
 )
 LEAST_PREDICTED = Threshold(
-    "share of an effect that free runs show",
+    "least share of a name",
     0.1,
-    "What brings runs closer but predicts so little of the excess misfit has moved other parameters"
-    " to better values, and stands for something that the library has no name for.",
+    "What predicts less of the excess misfit is no name even if runs come closer with it: it has"
+    " moved other parameters to better values, beside something that the library may not have.",
 )
 LEAST_OF_REST = Threshold(
     "share of a further effect",

@@ -634,10 +634,9 @@ def _withdrawn(task: Task, state: Selected, excess: float) -> Selected:
             + (" together with those before" if count > 1 else "")
             + f", {100 * least:.0f} % is asked for"
         )
-        predicts = gain >= LEAST_PREDICTED.value * excess
-        if count == 1 and predicts and _shown_in_runs(task, state.accepted[0].candidate):
-            return _doubted(state, why)
-        if count == 1:
+        if count == 1 and gain >= LEAST_PREDICTED.value * excess:
+            if _shown_in_runs(task, state.accepted[0].candidate):
+                return _doubted(state, why)
             state = _set_aside(state, why)
         state = replace(
             state,
