@@ -8,7 +8,9 @@ from functools import cached_property
 from typing import Protocol
 
 import casadi as ca
+import numpy as np
 
+from workbench.arrays import Vector
 from workbench.errors import WorkbenchError
 from workbench.model.effect import Effect
 from workbench.model.quantities import Quantity
@@ -115,6 +117,27 @@ class Trace:
             expressions: What it returns, in this trace's symbols; any shape, in SI.
         """
         return ca.Function(name, [self.x, self.u, self.p], list(expressions))
+
+    def along(
+        self, states: Vector, inputs: Vector, parameters: Vector, *expressions: ca.SX
+    ) -> list[Vector]:
+        """Evaluate expressions in this trace's symbols at every sample, in SI.
+
+        Args:
+            states: States, shape (n, n_states), in SI.
+            inputs: Inputs, shape (n, n_inputs), in SI.
+            parameters: Parameters, shape (n_parameters,) or (n, n_parameters), in SI.
+
+        Returns:
+            Values of each expression, shape (n, rows, columns), in SI.
+        """
+        n = len(states)
+        function = self.function("along", *map(ca.densify, expressions)).map(n)
+        p = parameters.T if parameters.ndim == 2 else np.tile(parameters[:, None], (1, n))
+        return [
+            np.asarray(values, dtype=float).reshape(values.shape[0], n, -1).transpose(1, 0, 2)
+            for values in function.call([states.T, inputs.T, p])
+        ]
 
     @cached_property
     def rates_function(self) -> ca.Function:

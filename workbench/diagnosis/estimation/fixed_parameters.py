@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit
 from workbench.diagnosis.estimation.refit_result import Outcome, summarise
@@ -34,13 +34,7 @@ def with_fixed_uncertainty(fit: ProcessNoiseFit, recordings: Sequence[Observed])
     # The nominal value is the best guess of what is fixed: only its uncertainty counts here.
     every = [*own, *default_priors(model, names)]
     fixed = {q.name: q.value for q in model.parameters if q.name in names}
-    filter_ = PredictionError(
-        model,
-        recordings[0].sample_time,
-        recordings[0].used,
-        tuple(p.name for p in every),
-        disturbances(model, fit.noise_scale),
-    )
+    filter_ = filter_of(model, recordings[0], fit.noise_scale, [p.name for p in every])
     try:
         parts = filter_.along(recordings, model.values)
     except NumericalError:

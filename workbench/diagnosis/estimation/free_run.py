@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -53,7 +54,8 @@ class FreeRun:
         """Root mean square of the error by output, in its SI unit; infinite if the run failed."""
         if not self.finite:
             return dict.fromkeys(self.used, float("inf"))
-        return dict(zip(self.used, _rms(self.error).tolist(), strict=True))
+        rms = np.sqrt(np.nanmean(self.error**2, axis=0))
+        return dict(zip(self.used, rms.tolist(), strict=True))
 
     @property
     def spread(self) -> dict[str, float]:
@@ -90,33 +92,28 @@ def free_run(
     """
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     units = tuple(model.outputs[i].unit for i in rows)
-    lower = [q.lower for q in model.inputs]
-    upper = [q.upper for q in model.inputs]
+    lower, upper = [q.lower for q in model.inputs], [q.upper for q in model.inputs]
     inputs = np.clip(observed.inputs, lower, upper)
-    start = _start(model, observed, inputs[0])
     time = observed.sample_time * np.arange(len(inputs), dtype=np.float64)
+    failure = ""
     try:
-        run = simulate(
+        simulated = simulate(
             model,
             inputs,
             sample_time=observed.sample_time,
-            start=start,
+            start=_start(model, observed, inputs[0]),
             tolerance=_TOLERANCE,
             values=_values(model, values),
             check=False,
-        )
+        ).outputs[:, rows]
     except NumericalError as error:
-        nothing = np.full_like(observed.outputs, np.nan)
-        return FreeRun(
-            observed.name, observed.used, units, time, observed.outputs, nothing, str(error)
-        )
-    return FreeRun(
-        observed.name, observed.used, units, time, observed.outputs, run.outputs[:, rows]
-    )
+        simulated, failure = np.full_like(observed.outputs, np.nan), str(error)
+    return FreeRun(observed.name, observed.used, units, time, observed.outputs, simulated, failure)
 
 
-def _rms(error: Vector) -> Vector:
-    return np.asarray(np.sqrt(np.nanmean(error**2, axis=0)))
+def rms_of(runs: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Return the root mean square over runs of their errors by output, in SI."""
+    return {name: math.sqrt(sum(r[name] ** 2 for r in runs) / len(runs)) for name in runs[0]}
 
 
 def _values(model: Model, values: npt.ArrayLike | Mapping[str, float] | None) -> Vector:

@@ -205,6 +205,19 @@ def disturbances(model: Model, noise_scale: float) -> dict[str, float]:
     }
 
 
+def filter_of(
+    model: Model, observed: Observed, noise_scale: float, free: Sequence[str] = ()
+) -> PredictionError:
+    """Return the filter of a model for recordings like one, at a process-noise scale.
+
+    Args:
+        noise_scale: Process-noise scale, dimensionless.
+        free: Names of the parameters whose derivatives are wanted.
+    """
+    pushed = disturbances(model, noise_scale)
+    return PredictionError(model, observed.sample_time, observed.used, tuple(free), pushed)
+
+
 def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:
     """Stack the innovations of several recordings for least squares.
 
@@ -213,11 +226,6 @@ def stack(parts: Sequence[Innovations]) -> tuple[Vector, Vector]:
         measurement are left out.
     """
     errors = np.concatenate([part.whitened.ravel() for part in parts])
-    rows = np.concatenate([part.jacobian.reshape(errors_of(part), -1) for part in parts])
+    rows = np.concatenate([p.jacobian.reshape(p.whitened.size, -1) for p in parts])
     used = np.isfinite(errors)
     return errors[used], rows[used]
-
-
-def errors_of(part: Innovations) -> int:
-    """Return how many prediction errors a recording has, samples times outputs."""
-    return int(part.whitened.size)

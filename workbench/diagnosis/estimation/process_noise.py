@@ -15,10 +15,8 @@ import numpy as np
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import (
-    Innovations,
     Observed,
-    PredictionError,
-    disturbances,
+    filter_of,
 )
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.refit import ENOUGH, refit
@@ -85,16 +83,7 @@ def extended_start(observed: Observed, model: Model, extended: Model) -> Observe
     rms = np.array(
         [known.get(q.name, q.start_rms or _UNKNOWN_START * q.scale) for q in extended.states]
     )
-    return Observed(
-        observed.name,
-        observed.sample_time,
-        observed.inputs,
-        observed.outputs,
-        observed.used,
-        observed.noise_rms,
-        start,
-        rms,
-    )
+    return replace(observed, start=start, start_rms=rms)
 
 
 def _misread(model: Model, extended: Model, observed: Observed, start: Vector) -> set[str]:
@@ -187,11 +176,8 @@ def _first_scale(
     p = model.with_parameters(values).values
     least, best = np.inf, _USUAL
     for scale in (s for s in reversed(LADDER) if s >= _USUAL):
-        filter_ = PredictionError(
-            model, first.sample_time, first.used, (), disturbances(model, scale)
-        )
         try:
-            cost = filter_.run(first, p).cost
+            cost = filter_of(model, first, scale).run(first, p).cost
         except NumericalError:
             continue
         if cost > least:
@@ -208,16 +194,11 @@ def blocks_of_cost(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> Vect
     Raises:
         NumericalError: If the filter leaves the finite numbers.
     """
-    filter_ = PredictionError(
-        fit.model,
-        recordings[0].sample_time,
-        recordings[0].used,
-        (),
-        disturbances(fit.model, fit.noise_scale),
-    )
+    filter_ = filter_of(fit.model, recordings[0], fit.noise_scale)
     parts = filter_.along(recordings, fit.model.values)
+    costs = [np.nan_to_num(0.5 * p.whitened**2 + p.log_deviation).sum(axis=1) for p in parts]
     return np.concatenate(
-        [_blocks(p, r.sample_time) for p, r in zip(parts, recordings, strict=True)]
+        [summed_over_blocks(c, r.sample_time) for c, r in zip(costs, recordings, strict=True)]
     )
 
 
@@ -233,17 +214,13 @@ def ranges_along(
         NumericalError: If the filter leaves the finite numbers.
     """
     model, trace = fit.model, fit.model.exact
-    rms = disturbances(model, fit.noise_scale)
     seen: dict[str, list[Vector]] = {}
     for observed in recordings:
-        filter_ = PredictionError(model, observed.sample_time, observed.used, (), rms)
+        filter_ = filter_of(model, observed, fit.noise_scale)
         every = max(1, len(observed.outputs) // _LOOKS)
         states = filter_.run(observed, model.values).states[::every]
-        inputs, n = observed.inputs[::every], len(states)
-        signals = trace.signals_function.map(n)(
-            states.T, inputs.T, np.tile(model.values[:, None], (1, n))
-        )
-        named = dict(zip(trace.signal_names, np.asarray(signals), strict=True))
+        signals = trace.along(states, observed.inputs[::every], model.values, trace.signals)[0]
+        named = dict(zip(trace.signal_names, signals[:, :, 0].T, strict=True))
         named |= dict(zip((q.name for q in model.states), states.T, strict=True))
         named |= {
             f"{name}.reading": column
@@ -280,11 +257,6 @@ def summed_over_blocks(values: Vector, sample_time: float) -> Vector:
     return np.asarray(np.add.reduceat(values, np.arange(0, len(values), size), axis=0))
 
 
-def _blocks(part: Innovations, sample_time: float) -> Vector:
-    costs = np.nan_to_num(0.5 * part.whitened**2 + part.log_deviation).sum(axis=1)
-    return summed_over_blocks(costs, sample_time)
-
-
 def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
     """Return minus the log likelihood, dimensionless, to be expected if the model left nothing out.
 
@@ -296,10 +268,7 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
         NumericalError: If the model leaves the finite numbers.
     """
     first = recordings[0]
-    tight, blind = (
-        PredictionError(model, first.sample_time, first.used, (), disturbances(model, noise_scale))
-        for noise_scale in (LADDER[-1], 1e-9)
-    )
+    tight, blind = (filter_of(model, first, noise_scale) for noise_scale in (LADDER[-1], 1e-9))
     scales = {q.name: q.scale for q in model.outputs}
     scale = np.array([scales[name] for name in first.used])
     total = 0.0

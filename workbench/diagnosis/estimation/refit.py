@@ -18,10 +18,11 @@ from workbench.diagnosis.estimation.prediction_error import (
     Innovations,
     Observed,
     PredictionError,
+    filter_of,
     stack,
 )
-from workbench.diagnosis.estimation.priors import Prior, default_priors, widened
-from workbench.diagnosis.estimation.refit_result import Estimate, Outcome, Refit, summarise
+from workbench.diagnosis.estimation.priors import Prior, default_priors
+from workbench.diagnosis.estimation.refit_result import Outcome, Refit, summarise
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
@@ -125,17 +126,7 @@ def _search(
     for number, noise_scale in enumerate(stages):
         if progress:
             progress(f"refit pass {number + 1} of {len(stages)}")
-        filter_ = PredictionError(
-            model,
-            recordings[0].sample_time,
-            recordings[0].used,
-            names,
-            {
-                q.name: noise_scale * q.disturbance
-                for q in model.ports
-                if noise_scale * q.disturbance > 0
-            },
-        )
+        filter_ = filter_of(model, recordings[0], noise_scale, names)
 
         def evaluate(
             trial: Vector, filter_: PredictionError = filter_
@@ -230,14 +221,3 @@ class _Problem:
             free &= ~out
         trial = np.clip(values + step * self._scale, self._lower, self._upper)
         return trial, -float(gradient @ step + 0.5 * step @ hessian @ step)
-
-
-__all__ = [
-    "Estimate",
-    "Prior",
-    "Progress",
-    "Refit",
-    "default_priors",
-    "refit",
-    "widened",
-]

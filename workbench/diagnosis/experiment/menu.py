@@ -55,28 +55,24 @@ class Experiment:
         return self.sample_time * (len(self.inputs) - 1)
 
     def measurements(self, model: Model, start: npt.ArrayLike) -> Vector | None:
-        """Simulate what the sensors of a model would read, without noise, shape (n, n_outputs).
+        """Simulate what the sensors of a model would read, shape (n, n_outputs), without noise.
 
-        Args:
-            start: States at the first sample, shape (n_states,), in SI.
-
-        Returns:
-            Measurements in SI; None if the integrator gives up.
+        It is None if the integrator gives up. Measurements and the states at the start, shape
+        (n_states,), are in SI.
         """
         if self.planned is not None and self.planned[0] is model:
             return self.planned[1]
         try:
-            run = simulate(
+            return simulate(
                 self.on(model),
                 self.inputs,
                 sample_time=self.sample_time,
                 start=start,
                 tolerance=_TOLERANCE,
                 check=False,
-            )
+            ).outputs
         except NumericalError:
             return None
-        return run.outputs
 
     def on(self, model: Model) -> Model:
         """Return a model as it is set for the experiment."""
@@ -120,11 +116,7 @@ def other_settings(
 
 
 def with_setting(experiment: Experiment, words: str, values: Mapping[str, float]) -> Experiment:
-    """Return an experiment at another setting.
-
-    Args:
-        values: Changed parameters, in SI, by name.
-    """
+    """Return an experiment at another setting: changed parameters, in SI, by name."""
     return replace(
         experiment, text=f"{experiment.text}, {words}", settings=dict(values), planned=None
     )
@@ -194,12 +186,8 @@ class _Plan:
                         continue
                     text = f"{words} of {q.name}, +-{size:.3g} {q.unit}, for {self.duration:.3g} s"
                     made.append(Experiment(text, self.sample_time, inputs))
-        made.append(
-            Experiment(
-                f"rest for {self.duration:.3g} s", self.sample_time, np.tile(self.rest, (self.n, 1))
-            )
-        )
-        return made
+        rest = np.tile(self.rest, (self.n, 1))
+        return [*made, Experiment(f"rest for {self.duration:.3g} s", self.sample_time, rest)]
 
     def _shapes(self) -> list[tuple[str, Vector]]:
         """Return signals between -1 and 1 over the duration."""
@@ -224,7 +212,7 @@ class _Plan:
         if not (half > 0 and self.reach[channel] > 0):
             return []
         loop = _Loop(self, channel)
-        if not loop.works:
+        if loop.gain == 0.0:
             return []
         q = self.model.outputs[self.rows[0]]
         t, base = self.share, 1.0 / self.duration
@@ -270,12 +258,8 @@ class _Loop:
         self.stepper = Stepper(plan.model, plan.sample_time, _TOLERANCE)
         self.gain = self._tuned()
 
-    @property
-    def works(self) -> bool:
-        """Whether the input moves the output."""
-        return self.gain != 0.0
-
     def _tuned(self) -> float:
+        """Return the input per output that a step shows; 0 if the input does not move it."""
         plan = self.plan
         rest = np.tile(plan.rest, (self.window, 1))
         pushed = rest.copy()

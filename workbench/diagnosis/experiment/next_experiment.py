@@ -144,10 +144,6 @@ def _plain(name: str) -> str:
     return name.replace("_", " ")
 
 
-def _bare(explanation: Explanation) -> str:
-    return _plain(explanation.name)
-
-
 def _deciding(
     left: Sequence[Explanation], recordings: Sequence[Observed], nominal: Model
 ) -> Advice:
@@ -155,7 +151,7 @@ def _deciding(
     if not ranked or not ranked[0].gain > 0.0:
         return Advice()
     best = ranked[0]
-    names = f"{_bare(left[0])} from {' and '.join(_bare(e) for e in left[1:])}"
+    names = f"{_plain(left[0].name)} from {' and '.join(_plain(e.name) for e in left[1:])}"
     step: dict[str, object] = {
         "experiment": best.experiment.text,
         "separation_sigma": round(float(best.sigma), 1),
@@ -196,7 +192,7 @@ def _sharpening(diagnosis: Diagnosis, recordings: Sequence[Observed]) -> Advice:
         "experiment": experiment.text,
         "separation_sigma": None,
         "sentence": f"{_capital(experiment.text)} would bring the size of"
-        f" {_bare(explanation)}, {size.value:.3g} {size.unit}, from +-{now:.2g} to"
+        f" {_plain(explanation.name)}, {size.value:.3g} {size.unit}, from +-{now:.2g} to"
         f" +-{then:.2g} {size.unit}.",
     }
     return Advice(said, experiment)

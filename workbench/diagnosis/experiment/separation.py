@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -21,6 +21,7 @@ from workbench.diagnosis.estimation.prediction_error import (
     Observed,
     PredictionError,
     disturbances,
+    filter_of,
     stack,
 )
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
@@ -66,7 +67,6 @@ class Separator:
     """
 
     def __init__(self, recording: Observed, observed_with: Model) -> None:
-        """Remember the recording."""
         self.recording, self.model = recording, observed_with
         self._filters: dict[tuple[str, float], PredictionError] = {}
 
@@ -76,57 +76,53 @@ class Separator:
         Args:
             inputs: Inputs of an experiment, shape (n, n_inputs), in SI.
         """
-        r = self.recording
-        first = Observed(
-            r.name, r.sample_time, inputs, r.outputs[:1].repeat(len(inputs), axis=0), r.used,
-            r.noise_rms, r.start, r.start_rms,
-        )  # fmt: skip
+        outputs = self.recording.outputs[:1].repeat(len(inputs), axis=0)
+        first = replace(self.recording, inputs=inputs, outputs=outputs)
         return extended_start(first, self.model, explanation.fit.model)
 
     def played(self, truth: Explanation, experiment: Experiment) -> Observed | None:
-        """Return what the sensors would read if an explanation is true.
+        """Return what the sensors would read, without noise, if an explanation is true.
 
-        Returns:
-            A recording without noise; None if the model does not reach the end.
+        It is None if the model does not reach the end.
         """
         begin = self.start(truth, experiment.inputs)
         read = experiment.measurements(truth.fit.model, begin.start)
         if read is None:
             return None
         names = [q.name for q in truth.fit.model.outputs]
-        r = self.recording
-        return Observed(
-            experiment.text, r.sample_time, experiment.inputs,
-            read[:, [names.index(name) for name in r.used]], r.used, r.noise_rms, r.start,
-            r.start_rms,
-        )  # fmt: skip
+        used = read[:, [names.index(name) for name in self.recording.used]]
+        return replace(self.recording, name=experiment.text, inputs=experiment.inputs, outputs=used)
 
     def errors(
         self, explanation: Explanation, seen: Observed, experiment: Experiment, noise_scale: float
     ) -> Innovations | None:
-        """Run the filter of an explanation along what would be read, at a noise scale.
+        """Run the filter of an explanation along what would be read, at a scale (dimensionless).
 
-        Args:
-            noise_scale: Process-noise scale, dimensionless.
-
-        Returns:
-            Whitened errors; None if the filter leaves the finite numbers.
+        The result is None if the filter leaves the finite numbers.
         """
-        key = explanation.name, noise_scale
+        key, model = (explanation.name, noise_scale), explanation.fit.model
         if key not in self._filters:
-            model = explanation.fit.model
-            self._filters[key] = PredictionError(
-                model,
-                seen.sample_time,
-                seen.used,
-                explanation.free,
-                disturbances(model, noise_scale),
-            )
-        begun = extended_start(seen, self.model, explanation.fit.model)
+            self._filters[key] = filter_of(model, seen, noise_scale, explanation.free)
+        begun = extended_start(seen, self.model, model)
         try:
-            return self._filters[key].run(begun, experiment.on(explanation.fit.model).values)
+            return self._filters[key].run(begun, experiment.on(model).values)
         except NumericalError:
             return None
+
+    def both(
+        self, truth: Explanation, other: Explanation, experiment: Experiment
+    ) -> tuple[Observed, Innovations, Innovations] | None:
+        """Return what would be read if an explanation is true, and the errors of it and another.
+
+        The result is None if one of them leaves the finite numbers.
+        """
+        seen = self.played(truth, experiment)
+        if seen is None:
+            return None
+        noise_scale = min(truth.fit.noise_scale, other.fit.noise_scale)
+        right = self.errors(truth, seen, experiment, noise_scale)
+        wrong = self.errors(other, seen, experiment, noise_scale)
+        return None if right is None or wrong is None else (seen, right, wrong)
 
 
 @dataclass(frozen=True)
@@ -152,22 +148,12 @@ def separation(
     derivatives J with respect to its free parameters, and the covariance P of those by the
     recordings that exist, ``gain = min_d (|e + J d|^2 + d' P^-1 d) / 2``; the standard deviations
     are the root of twice the gain over the factor by which correlated errors enlarge the standard
-    deviations of the present fits.
-
-    Args:
-        truth: The explanation that is taken as true.
-
-    Returns:
-        The predicted separation; none at all if a model leaves the finite numbers.
+    deviations of the present fits. It is none at all if a model leaves the finite numbers.
     """
-    noise_scale = min(truth.fit.noise_scale, other.fit.noise_scale)
-    seen = separator.played(truth, experiment)
-    if seen is None:
+    found = separator.both(truth, other, experiment)
+    if found is None:
         return Separation(experiment, 0.0, 0.0)
-    wrong = separator.errors(other, seen, experiment, noise_scale)
-    right = separator.errors(truth, seen, experiment, noise_scale)
-    if wrong is None or right is None:
-        return Separation(experiment, 0.0, 0.0)
+    _, right, wrong = found
     left, own = reduced(wrong, _information(other)), reduced(right, _information(truth))
     gain = max(left - own, 0.0)
     inflation = max(truth.inflation, other.inflation)
@@ -246,11 +232,7 @@ def visible(
     """Predict how clearly experiments would show effects.
 
     The free parameters can reproduce an effect as far as the present recordings and the experiment
-    together let them.
-
-    Args:
-        explanation: The model without the effects.
-        recordings: The present recordings, observed with the separator's model.
+    together let them. The recordings are observed with the separator's model.
     """
     base = explanation.fit.model
     model = base.with_effect(*(e.effect for e in entries))
@@ -310,34 +292,26 @@ def sensors(
     Returns:
         Ports and published signals, the best first, with standard deviations, dimensionless.
     """
-    seen = separator.played(truth, experiment)
-    if seen is None:
+    told = separator.both(truth, other, experiment)
+    if told is None:
         return []
-    noise_scale = min(truth.fit.noise_scale, other.fit.noise_scale)
-    right = separator.errors(truth, seen, experiment, noise_scale)
-    wrong = separator.errors(other, seen, experiment, noise_scale)
-    if right is None or wrong is None:
-        return []
-    signals = [
-        _signals(truth, right.states, experiment)[0],
-        (followed := _signals(other, wrong.states, experiment))[0],
-    ]
-    slopes = followed[1]
-    names = other.fit.model.exact.signal_names
+    seen, right, wrong = told
+    true, _ = _signals(truth, right.states, experiment)
+    followed, slopes = _signals(other, wrong.states, experiment)
+    names, known = (e.fit.model.exact.signal_names for e in (other, truth))
     measurements = {*seen.used, *(f"{q}.reading" for q in seen.used)}
     ports = {q.name: q.scale for q in other.fit.model.ports}
     information = _information(other)
     each = min(1.0, seen.sample_time / (2 * CORRELATION_TIME))
     found = []
     for i, name in enumerate(names):
-        if name not in truth.fit.model.exact.signal_names or name in measurements:
+        if name not in known or name in measurements:
             continue
-        j = truth.fit.model.exact.signal_names.index(name)
-        scale = ports.get(name, float(np.abs(signals[1][:, i]).max()))
+        scale = ports.get(name, float(np.abs(followed[:, i]).max()))
         if not scale > 0:
             continue
         noise = SENSOR_NOISE * scale / math.sqrt(each)
-        error = (signals[0][:, j] - signals[1][:, i]) / noise
+        error = (true[:, known.index(name)] - followed[:, i]) / noise
         rows = -slopes[:, i] / noise
         gradient = rows.T @ error
         step = np.linalg.solve(rows.T @ rows + information, gradient)
@@ -354,11 +328,6 @@ def _signals(
     names = [q.name for q in model.parameters]
     columns = [names.index(n) for n in explanation.free]
     scale = np.array([model.parameters[c].scale for c in columns])
-    slope = ca.densify(ca.jacobian(traced.signals, traced.p)[:, columns])
-    function = ca.Function("signals", [traced.x, traced.u, traced.p], [traced.signals, slope])
-    values, slopes = function.map(len(states))(
-        states.T, experiment.inputs.T, np.tile(model.values[:, None], (1, len(states)))
-    )
-    n_s = len(traced.signal_names)
-    by_time = np.asarray(slopes).reshape(n_s, len(states), len(columns)).transpose(1, 0, 2)
-    return np.asarray(values).T, by_time * scale
+    slope = ca.jacobian(traced.signals, traced.p)[:, columns]
+    along = traced.along(states, experiment.inputs, model.values, traced.signals, slope)
+    return along[0][:, :, 0], along[1] * scale

@@ -12,14 +12,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.location.structure import Structure, cut, structure_of
 from workbench.diagnosis.location.transfers import Transfers, transfers
 from workbench.errors import check_choice
 from workbench.model import Model
 
-Vector = npt.NDArray[np.float64]
 Groups = tuple[tuple[str, ...], ...]
 
 _SAME = 1e-6
@@ -83,26 +82,14 @@ class Isolability:
     transfers: Transfers = field(repr=False)
 
     def group_of(self, port: str) -> tuple[str, ...]:
-        """Return the ports that cannot be told from one, itself among them.
-
-        Returns:
-            The group; the port alone if nothing can be seen there.
-
-        Raises:
-            WorkbenchError: If there is no such port.
-        """
+        """Return the ports that cannot be told from one; itself alone if nothing is seen there."""
         check_choice("port", port, [*(p for g in self.groups for p in g), *self.unseen])
         return next((g for g in self.groups if port in g), (port,))
 
     def sensors_that_split(self, group: Sequence[str] | None = None) -> tuple[Sensor, ...]:
-        """Return sensors that would tell more ports apart.
+        """Return sensors that would split the group of some ports, or any, the best first.
 
-        Args:
-            group: Ports of the group that is to be split; every group by default.
-
-        Returns:
-            Sensors, those that split the most first; of several that split the same, the first in
-            the order of the equations.
+        Of several that split the same, it is the first in the order of the equations.
         """
         wanted = self.groups if group is None else (self.group_of(next(iter(group))),)
         found: dict[tuple[Groups, ...], Sensor] = {}
@@ -140,9 +127,7 @@ class Isolability:
         return "\n".join(lines)
 
 
-def isolability(
-    model: Model, *, outputs: Sequence[str] | None = None, ports: Sequence[str] | None = None
-) -> Isolability:
+def isolability(model: Model, *, outputs: Sequence[str] | None = None) -> Isolability:
     """Find out which ports the sensors could tell apart, from the equations alone.
 
     A port is told from another if its equation can still be checked against the measurements when
@@ -153,28 +138,20 @@ def isolability(
 
     Args:
         outputs: Names of the outputs that are recorded; all by default.
-        ports: Names of the ports at which something may be missing; all by default.
-
-    Returns:
-        Groups of ports that cannot be told apart.
 
     Raises:
-        WorkbenchError: If there is no such output or port.
+        WorkbenchError: If there is no such output.
 
     Example:
-        >>> from workbench.plants.cascaded_tanks import cascaded_tanks
-        >>> print(isolability(cascaded_tanks(), ports=("upper.inflow", "lower.outflow")))
-        cascaded tanks with level: groups of ports that can be told apart
+        >>> from workbench.plants.servo_axis import servo_axis
+        >>> print(isolability(servo_axis()))
+        servo axis with position: groups of ports that can be told apart
           ports of a group                                              hardest to tell from
-          upper.inflow, lower.outflow
+          axis.force, position.reading
     """
     read = tuple(q.name for q in model.outputs) if outputs is None else tuple(outputs)
     parts = cut(model)
     structure, readable = structure_of(parts, read)
-    if ports is not None:
-        for port in ports:
-            check_choice("port", port, list(structure.suspects))
-        structure = structure.suspecting(ports)
     moved = transfers(parts, read)
     sines = moved.sines()
     groups, unseen = structure.groups()
@@ -196,14 +173,9 @@ def isolability(
 def _joined(groups: Groups, moved: Transfers, sines: Vector) -> Groups:
     """Join groups in which two ports move the measurements in the same direction."""
     joined: list[tuple[str, ...]] = []
+    alike = np.nan_to_num(sines, nan=1.0) < _SAME
     for group in groups:
-        same = [
-            g
-            for g in joined
-            if (
-                np.nan_to_num(sines[np.ix_(moved.rows(group), moved.rows(g))], nan=1.0) < _SAME
-            ).any()
-        ]
+        same = [g for g in joined if alike[np.ix_(moved.rows(group), moved.rows(g))].any()]
         joined = [g for g in joined if g not in same]
         together = {*group, *(p for g in same for p in g)}
         joined.append(tuple(p for p in moved.ports if p in together))

@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
 from workbench.errors import NumericalError
 from workbench.model import Model
-
-Vector = npt.NDArray[np.float64]
 
 LEVELS = (1.0, 3.0, 10.0, 100.0, 1000.0)
 """Process-noise scales that are tried at a group."""
@@ -86,6 +85,22 @@ def groups_of(model: Model) -> dict[str, tuple[str, ...]]:
         if port.disturbance > 0:
             groups[port.group] = (*groups.get(port.group, ()), port.name)
     return groups
+
+
+def directions_of(model: Model, x: Vector, u: Vector) -> Vector:
+    """Return the directions in which ports move the rates, scaled, shape (n_states, n_ports).
+
+    They have length one, or zero where a port moves no rate.
+
+    Args:
+        x: States, shape (n_states,), in SI.
+        u: Inputs, shape (n_inputs,), in SI.
+    """
+    slope = model.exact.function("slope", ca.densify(model.exact.rates_by_port))
+    matrix = np.asarray(slope(x, u, model.values))
+    matrix = matrix / np.array([q.scale for q in model.states])[:, None]
+    length = np.linalg.norm(matrix, axis=0)
+    return np.asarray(matrix / np.where(length > 0, length, np.inf))
 
 
 def locate(model: Model, recordings: Sequence[Observed]) -> Location:

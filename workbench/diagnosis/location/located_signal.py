@@ -6,16 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from workbench.diagnosis.estimation.prediction_error import (
-    Observed,
-    PredictionError,
-    disturbances,
-)
+from workbench.arrays import Vector
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
+from workbench.diagnosis.location.locate import directions_of
 from workbench.diagnosis.location.missing_signal import (
     MissingSignal,
     correlation_ratio,
@@ -26,8 +23,7 @@ from workbench.diagnosis.location.unknown_input import UnknownInput, unknown_inp
 from workbench.diagnosis.stages import Diagnosis
 from workbench.model import Model, Port
 from workbench.model.model import index_of
-
-Vector = npt.NDArray[np.float64]
+from workbench.model.units import rate_unit
 
 _PARALLEL = 0.999
 """Cosine above which two ports act on the rates in the same way."""
@@ -84,9 +80,7 @@ def prediction_error_signal(diagnosis: Diagnosis, recordings: Sequence[Observed]
     """
     base = diagnosis.base
     model, first = base.model, recordings[0]
-    filter_ = PredictionError(
-        model, first.sample_time, first.used, (), disturbances(model, base.noise_scale)
-    )
+    filter_ = filter_of(model, first, base.noise_scale)
     started = [extended_start(seen, diagnosis.nominal, model) for seen in recordings]
     runs = filter_.along(started, model.values)
     square = np.concatenate([np.nan_to_num(run.whitened) ** 2 for run in runs])
@@ -263,31 +257,32 @@ def added_at_ports(
     Raises:
         NumericalError: If the filter cannot follow the recording.
     """
-    rms = {q.name: q.disturbance for q in extended.ports if q.disturbance > 0}
-    filter_ = PredictionError(extended, observed.sample_time, observed.used, (), rms)
     every = round((missing.time[1] - missing.time[0]) / observed.sample_time)
-    states = filter_.run(observed, extended.values).states[::every][: len(missing.time)]
+    states = (
+        filter_of(extended, observed, 1.0)
+        .run(observed, extended.values)
+        .states[::every][: len(missing.time)]
+    )
     shared = [index_of("state", q.name, extended.states) for q in model.states]
     states[:, shared] = missing.states
     rows = [index_of("output", name, model.outputs) for name in observed.used]
     there = [[q.name for q in model.ports].index(name) for name in missing.ports]
-    trace, n = model.exact, len(missing.time)
-    slopes = trace.function(
-        "slopes",
-        ca.densify(trace.rates_by_port[:, there]),
-        ca.densify(trace.outputs_by_port[rows, there]),
+    trace, full = model.exact, extended.exact
+    by_rate, by_read = trace.along(
+        missing.states,
+        missing.inputs,
+        model.values,
+        trace.rates_by_port[:, there],
+        trace.outputs_by_port[rows, there],
     )
-    p = np.tile(model.values[:, None], (1, n))
-    by_rate, by_read = (
-        np.asarray(result).reshape(len(result), n, -1).transpose(1, 0, 2)
-        for result in map(np.asarray, slopes.map(n)(missing.states.T, missing.inputs.T, p))
+    with_it, without = (
+        full.along(states, missing.inputs, values, full.rates, full.outputs)
+        for values in (extended.values, extended.with_parameters(absent).values)
     )
-    with_it = _both(extended, extended.values, states, missing.inputs)
-    without = _both(extended, extended.with_parameters(absent).values, states, missing.inputs)
     state_scale = np.array([q.scale for q in model.states])
     read_scale = np.array([model.outputs[i].scale for i in rows])
-    rates = (with_it[0] - without[0])[shared].T / state_scale
-    reads = (with_it[1] - without[1])[rows].T / read_scale
+    rates = (with_it[0] - without[0])[:, shared, 0] / state_scale
+    reads = (with_it[1] - without[1])[:, rows, 0] / read_scale
     return np.column_stack(
         [
             _divided(rates, by_rate[:, :, i] / state_scale)
@@ -312,24 +307,13 @@ def told_apart(model: Model, ports: Sequence[str], observed: Observed) -> tuple[
         return tuple(ports)
     start = dict(zip((q.name for q in model.states), observed.start.tolist(), strict=False))
     x = model.initial_state(start, u=observed.inputs[0])
-    slope = model.exact.function("slope", ca.densify(model.exact.rates_by_port))
-    matrix = np.asarray(slope(x, observed.inputs[0], model.values))
-    matrix = matrix / np.array([q.scale for q in model.states])[:, None]
-    length = np.linalg.norm(matrix, axis=0)
-    directions = matrix / np.where(length > 0, length, np.inf)
+    directions = directions_of(model, x, observed.inputs[0])
     names = [q.name for q in model.ports]
     chosen = directions[:, [names.index(name) for name in ports]]
     for i, port in enumerate(model.ports):
         if port.disturbance > 0 and np.all(np.abs(directions[:, i] @ chosen) > _PARALLEL):
             return (port.name,)
     return tuple(ports)
-
-
-def _both(model: Model, values: Vector, states: Vector, inputs: Vector) -> tuple[Vector, Vector]:
-    function = model.exact.function("both", model.exact.rates, model.exact.outputs)
-    n = len(states)
-    rates, outputs = function.map(n)(states.T, inputs.T, np.tile(values[:, None], (1, n)))
-    return np.asarray(rates), np.asarray(outputs)
 
 
 def _divided(difference: Vector, direction: Vector) -> Vector:
@@ -366,14 +350,12 @@ def _local(
 
     Beyond what a law could depend on there, much else goes along by chance.
     """
-    values = model.exact.function("signals", model.exact.signals)
-    n = sum(len(part.time) for part in parts)
+    trace = model.exact
     states = np.concatenate([part.states for part in parts])
     inputs = np.concatenate([part.inputs for part in parts])
-    p = np.tile(model.values[:, None], (1, n))
-    published = np.asarray(values.map(n)(states.T, inputs.T, p))
-    units = model.exact.signal_units
-    of = {name: (units[i], published[i]) for i, name in enumerate(model.exact.signal_names)}
+    published = trace.along(states, inputs, model.values, trace.signals)[0][:, :, 0].T
+    named = zip(trace.signal_names, trace.signal_units, published, strict=True)
+    of = {name: (unit, column) for name, unit, column in named}
     of |= {name: (unit, column) for name, unit, column in arguments}
     own = dict(zip(port.signals, port.origins, strict=False))
     near = [(name, *of[origin]) for name, origin in own.items() if origin in of]
@@ -398,14 +380,10 @@ def _arguments(
         *((q.name, q.unit, states[:, i]) for i, q in enumerate(model.states)),
         *((q.name, q.unit, inputs[:, i]) for i, q in enumerate(model.inputs)),
         *(
-            (f"rate of {q.name}", _per_second(q.unit), rates[:, i])
+            (f"rate of {q.name}", rate_unit(q.unit), rates[:, i])
             for i, q in enumerate(model.states)
         ),
     ]
-
-
-def _per_second(unit: str) -> str:
-    return f"{unit.removesuffix('/s')}/s2" if unit.endswith("/s") else f"{unit}/s"
 
 
 def _argument(

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.model.units import readable, written_unit
-
-Vector = npt.NDArray[np.float64]
 
 BINS = 24
 """Classes into which an argument is divided to see what depends on it."""

@@ -7,7 +7,7 @@ decomposition of Dulmage and Mendelsohn finds them from the structure alone, wit
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import casadi as ca
 import numpy as np
@@ -104,33 +104,11 @@ class Structure:
             left = [name for name in left if name not in group]
         return tuple(groups), unseen
 
-    def suspecting(self, ports: Sequence[str]) -> Structure:
-        """Return the structure with fewer equations that may be wrong.
-
-        Args:
-            ports: Names of the ports whose equations remain suspects.
-        """
-        kept = {p: row for p, row in self.suspects.items() if p in ports}
-        return Structure(self.holds, self.equations, self.unknowns, kept)
-
     def with_measurement(self, holds: Sequence[str]) -> Structure:
-        """Return the structure with another sensor.
-
-        Args:
-            holds: Names of the unknowns in what it reads.
-
-        Raises:
-            WorkbenchError: If there is no such unknown.
-        """
-        for name in holds:
-            check_choice("unknown", name, self.unknowns)
+        """Return the structure with another sensor, which reads what holds some unknowns."""
         row = np.isin(self.unknowns, list(holds))
-        return Structure(
-            np.vstack([self.holds, row]),
-            (*self.equations, "another sensor"),
-            self.unknowns,
-            self.suspects,
-        )
+        equations = (*self.equations, "another sensor")
+        return replace(self, holds=np.vstack([self.holds, row]), equations=equations)
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.location.structure import Cut
 
-Vector = npt.NDArray[np.float64]
 Complex = npt.NDArray[np.complex128]
 
 FREQUENCIES = (0.1, 1.0, 10.0, 100.0)

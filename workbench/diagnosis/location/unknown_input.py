@@ -13,19 +13,18 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.filter import substeps_of
 from workbench.diagnosis.estimation.prediction_error import (
     CORRELATION_TIME,
     Observed,
     PredictionError,
+    disturbances,
 )
 from workbench.errors import NumericalError, check_choice
 from workbench.model import Model
 from workbench.model.model import index_of
-
-Vector = npt.NDArray[np.float64]
 
 TRUSTED = 0.1
 """Share of the expected disturbance that is left to the other ports."""
@@ -114,8 +113,7 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
 
 def _filtered(model: Model, observed: Observed, ports: Sequence[str]) -> Vector:
     """States that follow the measurements, as the first estimate of the smoother."""
-    rms = {q.name: q.disturbance for q in model.ports if q.disturbance > 0}
-    rms |= {q.name: 0.1 * q.scale for q in model.ports if q.name in ports}
+    rms = disturbances(model, 1.0) | {q.name: 0.1 * q.scale for q in model.ports if q.name in ports}
     filter_ = PredictionError(model, observed.sample_time, observed.used, (), rms)
     return filter_.run(observed, model.values).states
 

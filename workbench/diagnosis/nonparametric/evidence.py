@@ -16,6 +16,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
+from workbench.diagnosis.location.locate import directions_of
 from workbench.diagnosis.location.unknown_input import unknown_input
 from workbench.diagnosis.nonparametric.dependence import Evidence, Site
 from workbench.errors import WorkbenchError
@@ -63,17 +64,14 @@ def gather(
     trace = model.exact
     columns = [index_of("parameter", prior.name, model.parameters) for prior in priors]
     free = trace.p[columns] if columns else ca.SX(0, 1)
-    functions = trace.function(
-        "evidence",
-        ca.densify(trace.rates_by_port),
-        ca.densify(ca.jacobian(trace.rates, free)),
+    by_port, by_free, values, *local = trace.along(
+        x,
+        u,
+        model.values,
+        trace.rates_by_port,
+        ca.jacobian(trace.rates, free),
         trace.signals,
-        *(ca.densify(ca.vcat(list(seen[port].values()))) for port in seen),
-    )
-    n = len(x)
-    results = functions.map(n)(x.T, u.T, np.tile(model.values[:, None], (1, n)))
-    by_port, by_free, values, *local = (
-        result.reshape(len(result), n, -1).transpose(1, 0, 2) for result in map(np.asarray, results)
+        *(ca.vcat(list(seen[port].values())) for port in seen),
     )
     scale = np.array([q.scale for q in model.states])[:, None]
     there = by_port[:, :, [names.index(port) for port in ports]] / scale
@@ -107,23 +105,14 @@ def gather(
 def _pairs(model: Model, ports: Sequence[str]) -> list[tuple[str, ...]]:
     """Pairs of ports, numbered 1 and 2, that act on the rates as a located port does."""
     names = [port.name for port in model.ports]
-    groups = {port.name: port for port in model.ports}
-    pairs = [
-        (name, name.replace("_1.", "_2."))
-        for name in names
-        if "_1." in name and name.replace("_1.", "_2.") in groups
-    ]
-    x = model.initial_state()
-    slope = model.exact.function("slope", ca.densify(model.exact.rates_by_port))
-    matrix = np.asarray(slope(x, model.nominal_input, model.values))
-    matrix = matrix / np.array([q.scale for q in model.states])[:, None]
-    length = np.linalg.norm(matrix, axis=0)
-    directions = matrix / np.where(length > 0, length, np.inf)
+    twins = [(name, name.replace("_1.", "_2.")) for name in names if "_1." in name]
+    directions = directions_of(model, model.initial_state(), model.nominal_input)
     own = directions[:, [names.index(port) for port in ports]]
     return [
         pair
-        for pair in pairs
-        if pair[0] not in ports
+        for pair in twins
+        if pair[1] in names
+        and pair[0] not in ports
         and all(np.max(np.abs(directions[:, names.index(port)] @ own)) > _PARALLEL for port in pair)
     ]
 
@@ -131,14 +120,13 @@ def _pairs(model: Model, ports: Sequence[str]) -> list[tuple[str, ...]]:
 def _pushed(model: Model, x: Vector, u: Vector) -> npt.NDArray[np.bool_]:
     """Where a port acts whose signal is only known in proportion, such as a stop in contact."""
     names = [q.name for q in model.ports if q.relative_disturbance > 0]
-    trace, n = model.exact, len(x)
+    if not names:
+        return np.zeros(len(x), dtype=bool)
+    trace = model.exact
     rows = [trace.signal_names.index(name) for name in names]
-    if not rows:
-        return np.zeros(n, dtype=bool)
-    values = trace.function("pushes", trace.signals[rows]).map(n)
-    pushes = np.asarray(values(x.T, u.T, np.tile(model.values[:, None], (1, n))))
+    pushes = trace.along(x, u, model.values, trace.signals[rows])[0][:, :, 0]
     scale = np.array([q.scale for q in model.ports if q.name in names])
-    return np.asarray(np.any(np.abs(pushes.T) > 1e-3 * scale, axis=1))
+    return np.asarray(np.any(np.abs(pushes) > 1e-3 * scale, axis=1))
 
 
 def _seen_at(model: Model, ports: Sequence[str]) -> dict[str, dict[str, Expression]]:
@@ -192,7 +180,8 @@ def _site(
         column = np.column_stack([of_port[port][:, i, 0] for port in ports])
         if float(np.std(column)) < 1e-9 * max(float(np.abs(column).max()), 1e-12):
             continue
-        if any(abs(_correlation(column, other)) > _SAME for other in signals.values()):
+        alike = (np.corrcoef(column.ravel(), v.ravel())[0, 1] for v in signals.values())
+        if any(abs(float(r)) > _SAME for r in alike):
             continue
         signals[name] = column
         units[name] = _unit(name, column[:, 0], known, units)
@@ -211,7 +200,3 @@ def _unit(
             return unit
     of = name.removesuffix("_speed")
     return f"{units[of]}/s" if of in units and of != name else "1"
-
-
-def _correlation(one: Vector, other: Vector) -> float:
-    return float(np.corrcoef(one.ravel(), other.ravel())[0, 1])

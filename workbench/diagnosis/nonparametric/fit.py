@@ -11,13 +11,13 @@ inertia), because the data do not say which of both it is.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.free_run import free_run, rms_of
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
@@ -157,6 +157,19 @@ class _Shape:
             blocks.append(self.site.columns(along[:, :, None], self.relative))
         return np.column_stack([*blocks, evidence.nominal[:, :0]])
 
+    @property
+    def names(self) -> list[str]:
+        """Names of the coefficients as parameters of the extended model."""
+        own = [short for curve in self.curves for short in curve.names]
+        return [f"{EFFECT_NAME}.{n}" for n in (*own, *(["loop"] if self.loop else []))]
+
+    def law(self, typical: float, upper: float) -> Law:
+        site, loop = self.site, None
+        if self.loop is not None:
+            name, distance = self.loop
+            loop = (str(rate_of(name, site)), site.units[name], distance)
+        return Law(site.ports, self.curves, site.unit, self.relative, typical, upper, loop)
+
 
 def _shapes(evidence: Evidence) -> list[_Shape] | str:
     """Choose arguments and loop by what they predict of the signal; or say why not.
@@ -244,14 +257,6 @@ def _with_loop(shape: _Shape, evidence: Evidence) -> _Shape:
     return best
 
 
-def _law(shape: _Shape, typical: float, upper: float) -> Law:
-    site, loop = shape.site, None
-    if shape.loop is not None:
-        name, distance = shape.loop
-        loop = (str(rate_of(name, site)), site.units[name], distance)
-    return Law(site.ports, shape.curves, site.unit, shape.relative, typical, upper, loop)
-
-
 def _refit(
     base: ProcessNoiseFit,
     shape: _Shape,
@@ -264,12 +269,9 @@ def _refit(
     steps, ordinates = answer[: len(priors)], answer[len(priors) :]
     size = float(np.sqrt(np.mean(ordinates**2))) or 1.0
     upper = 20.0 * size
-    law = _law(shape, size, upper)
+    law = shape.law(size, upper)
     model = base.model.with_effect(law.effect)
-    names = [f"{EFFECT_NAME}.{short}" for curve in shape.curves for short in curve.names]
-    if shape.loop is not None:
-        names.append(f"{EFFECT_NAME}.loop")
-    own = [Prior(name, 0.0, 3.0 * size, -upper, upper) for name in names]
+    own = [Prior(name, 0.0, 3.0 * size, -upper, upper) for name in shape.names]
     if shape.loop is not None:
         q = model.parameter(f"{EFFECT_NAME}.distance")
         own.append(Prior(q.name, q.value, q.value, q.lower, q.upper))
@@ -277,7 +279,7 @@ def _refit(
         prior.name: float(np.clip(estimate.value + step * prior.std, prior.lower, prior.upper))
         for prior, estimate, step in zip(priors, base.refit.estimates, steps, strict=True)
     }
-    begin |= dict(zip(names, ordinates.tolist(), strict=True))
+    begin |= dict(zip(shape.names, ordinates.tolist(), strict=True))
     begin |= {prior.name: prior.mean for prior in own if prior.name not in begin}
     started = [extended_start(seen, base.model, model) for seen in fit_on]
     fit = fit_with_process_noise(
@@ -297,10 +299,7 @@ def _with_evidence(
     fit = found.fit.refit
     before = {e.name: e.value for e in base.refit.estimates}
     steps = [(fit.estimate(q.name).value - before[q.name]) / q.std for q in priors]
-    shorts = [short for curve in shape.curves for short in curve.names]
-    values = [fit.estimate(f"{EFFECT_NAME}.{short}").value for short in shorts]
-    if shape.loop is not None:
-        values.append(fit.estimate(f"{EFFECT_NAME}.loop").value)
+    values = [fit.estimate(name).value for name in shape.names]
     columns = shape.columns(evidence)
     rest = evidence.signal - evidence.nominal @ np.array(steps) - columns @ np.array(values)
     known = evidence.known
@@ -365,8 +364,8 @@ def _judged(
         held_out = gain_interval(_most_likely(base, hold_out), _most_likely(fit, started))
     except NumericalError as error:
         return replace(found, reason=str(error))
-    before = _errors([free_run(base.model, seen).rmse for seen in hold_out])
-    after = _errors([free_run(fit.model, seen).rmse for seen in started])
+    before = rms_of([free_run(base.model, seen).rmse for seen in hold_out])
+    after = rms_of([free_run(fit.model, seen).rmse for seen in started])
     found = replace(
         found, held_out=held_out, rmse={name: (before[name], after[name]) for name in before}
     )
@@ -406,7 +405,3 @@ def _most_likely(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> Vector
         if scale >= 0.99 * fit.noise_scale
     ]
     return min(trials, key=lambda blocks: float(blocks.sum()))
-
-
-def _errors(runs: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    return {name: float(np.sqrt(np.mean([run[name] ** 2 for run in runs]))) for name in runs[0]}

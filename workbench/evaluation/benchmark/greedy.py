@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.free_run import free_run, rms_of
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.process_noise import (
@@ -161,10 +161,8 @@ def _cost(diagnosis: Diagnosis, fit: ProcessNoiseFit, heads: Sequence[Observed])
 def _errors(
     diagnosis: Diagnosis, fit: ProcessNoiseFit, judging: Sequence[Observed]
 ) -> dict[str, float]:
-    runs = [
-        free_run(fit.model, extended_start(r, diagnosis.nominal, fit.model)).rmse for r in judging
-    ]
-    return {n: math.sqrt(sum(r[n] ** 2 for r in runs) / len(runs)) for n in runs[0]}
+    begun = (extended_start(r, diagnosis.nominal, fit.model) for r in judging)
+    return rms_of([free_run(fit.model, r).rmse for r in begun])
 
 
 def _refitted(diagnosis: Diagnosis) -> dict[str, float]:

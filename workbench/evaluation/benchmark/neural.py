@@ -18,7 +18,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.free_run import free_run
+from workbench.diagnosis.estimation.free_run import free_run, rms_of
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
 from workbench.diagnosis.location.locate import groups_of
@@ -137,10 +137,8 @@ def neural(
 
     extended = model.with_effect(Effect("network", (best[1],), transform))
     runs = [free_run(extended, extended_start(seen, nominal, extended)).rmse for seen in judging]
-    errors = {o: float(np.sqrt(np.mean([run[o] ** 2 for run in runs]))) for o in runs[0]}
-    return [
-        {"effect": "nonparametric", "where": [best[1]], "class": ["nonparametric"], "r2": best[0]}
-    ], errors
+    found = {"effect": "nonparametric", "where": [best[1]], "class": ["nonparametric"]}
+    return [found | {"r2": best[0]}], rms_of(runs)
 
 
 def _predicted(x: Vector, y: Vector) -> float:

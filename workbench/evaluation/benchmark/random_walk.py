@@ -18,11 +18,7 @@ import casadi as ca
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.diagnosis.estimation.prediction_error import (
-    Observed,
-    PredictionError,
-    disturbances,
-)
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, extended_start
 from workbench.diagnosis.location.locate import groups_of
 from workbench.model import Effect, Model, Parameter
@@ -67,9 +63,7 @@ def walk_gains(
     placed = [groups[port] for port in offsets.values()]
     placed += [_group_of(base.model, e.name, groups) for e in base.refit.estimates]
     first = recordings[0]
-    filter_ = PredictionError(
-        model, first.sample_time, first.used, tuple(free), disturbances(model, base.noise_scale)
-    )
+    filter_ = filter_of(model, first, base.noise_scale, free)
     length = max(BLOCK_SAMPLES, round(BLOCK_S / first.sample_time))
     told = []
     for seen in recordings:

@@ -14,12 +14,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.model import Model
 
 Array = NDArray[np.float64]
@@ -209,20 +208,14 @@ def _predicted(
 ) -> dict[str, Array]:
     """Return what the equations say of the rates, the temperatures integrated along."""
     # Spool and temperatures are not read: the filter of the refitted model says what they were.
-    filter_ = PredictionError(
-        model, observed.sample_time, observed.used, (), disturbances(model, share)
-    )
-    x = filter_.run(observed, model.values).states.T.copy()
+    x = filter_of(model, observed, share).run(observed, model.values).states.copy()
     at = {state.name: i for i, state in enumerate(model.states)}
     ambient = model.parameter("ambient_pressure").value
     read = (("pressure_1", p1 + ambient), ("pressure_2", p2 + ambient), ("angle", q), ("speed", w))
     for name, signal in read:
-        x[at[name]] = signal
-    rates, values, n = model.exact.rates_function, model.values, len(q)
-    u = observed.inputs.T
-    parameters = ca.repmat(ca.DM(values), 1, n)
-    all_rates = np.asarray(rates.map(n)(ca.DM(x), ca.DM(u), parameters))
-    return {name: all_rates[at[name]] for name in ("speed", "pressure_1", "pressure_2")}
+        x[:, at[name]] = signal
+    rates = model.exact.along(x, observed.inputs, model.values, model.exact.rates)[0]
+    return {name: rates[:, at[name], 0] for name in ("speed", "pressure_1", "pressure_2")}
 
 
 def _regress(equation: str, terms: dict[str, Array], y: Array) -> Sparse:
