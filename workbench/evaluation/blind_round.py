@@ -28,6 +28,7 @@ from workbench.evaluation.answer_key import (
     words_of,
 )
 from workbench.evaluation.claims import Answer, read_answer
+from workbench.evaluation.rates import Rate
 from workbench.recordings.aligned_table import aligned_table
 
 RIGHT, CLASS, GROUP, SIDE, NONE, WRONG = 6, 3, 2, 1, 0, -6
@@ -56,7 +57,6 @@ class Line:
 
     Args:
         hidden: What was hidden, in the words of the key.
-        points: Points, and the most that could be had.
         most: Most points that could be had.
         remark: The points in words, effect by effect.
         located: Whether each hidden effect was put into the right group.
@@ -73,6 +73,17 @@ class Line:
     located: tuple[bool, ...] = ()
     named: tuple[bool, ...] = ()
     over_noise: float = math.nan
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the score as plain data."""
+        return {
+            "case": self.case,
+            "hidden": self.hidden,
+            "said": self.said,
+            "points": self.points,
+            "most": self.most,
+            "remark": self.remark,
+        }
 
 
 @dataclass(frozen=True)
@@ -107,10 +118,19 @@ class RoundScore:
         """Cases with a confident wrong name."""
         return sum("wrong name" in line.remark for line in self.lines)
 
+    @property
+    def rates(self) -> dict[str, Rate]:
+        """Shares of hidden effects, of cases, and of cases that hide nothing."""
+        return {
+            "right group": Rate.of(right for line in self.lines for right in line.located),
+            "right name or class": Rate.of(right for line in self.lines for right in line.named),
+            "wrong name": Rate(self.wrong, len(self.lines)),
+            "false alarm": Rate(*self.false_alarms),
+        }
+
     def as_data(self) -> dict[str, Any]:
         """Return the score as plain data."""
-        located = [right for line in self.lines for right in line.located]
-        named = [right for line in self.lines for right in line.named]
+        group, name, wrong, _ = (r.value if r.total else None for r in self.rates.values())
         return {
             "schema": "workbench.round/1",
             "points": self.points,
@@ -120,21 +140,12 @@ class RoundScore:
             "answers_checked": self.committed,
             "false_alarms": self.false_alarms[0],
             "cases_hiding_nothing": self.false_alarms[1],
-            "right_group_rate": float(np.mean(located)) if located else None,
-            "right_name_or_class_rate": float(np.mean(named)) if named else None,
-            "confidently_wrong_rate": self.wrong / len(self.lines) if self.lines else None,
+            "right_group_rate": group,
+            "right_name_or_class_rate": name,
+            "confidently_wrong_rate": wrong,
             "cases": [
-                {
-                    "case": line.case,
-                    "hidden": line.hidden,
-                    "said": line.said,
-                    "points": line.points,
-                    "most": line.most,
-                    "remark": line.remark,
-                    "error_over_noise": None
-                    if not math.isfinite(line.over_noise)
-                    else line.over_noise,
-                }
+                line.as_data()
+                | {"error_over_noise": line.over_noise if math.isfinite(line.over_noise) else None}
                 for line in self.lines
             ],
         }
@@ -153,12 +164,10 @@ class RoundScore:
             )
             for line in self.lines
         ]
-        data = self.as_data()
+        group, name, wrong, _ = (
+            f"{100 * r.value:.0f} %" if r.total else "–" for r in self.rates.values()
+        )
         silent, nothing = self.false_alarms
-
-        def rate(name: str) -> str:
-            return "–" if data[name] is None else f"{100 * data[name]:.0f} %"
-
         checked = (
             "not checked against commitments"
             if self.committed is None
@@ -169,9 +178,8 @@ class RoundScore:
                 aligned_table(heading, rows, width=None),
                 f"{self.points} of {self.most} points; random answers {self.chance:.1f},"
                 f" p = {self.p_value:.2g}",
-                f"right group {rate('right_group_rate')}, right name or class"
-                f" {rate('right_name_or_class_rate')}, confidently wrong"
-                f" {rate('confidently_wrong_rate')}, false alarms {silent} of {nothing}",
+                f"right group {group}, right name or class {name}, confidently wrong {wrong},"
+                f" false alarms {silent} of {nothing}",
                 checked,
             ]
         )

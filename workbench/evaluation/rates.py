@@ -6,6 +6,7 @@ Units: fractions.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,12 @@ class Rate:
     count: int
     total: int
 
+    @classmethod
+    def of(cls, flags: Iterable[bool]) -> Rate:
+        """Return the share of flags that are set."""
+        listed = list(flags)
+        return cls(sum(listed), len(listed))
+
     @property
     def value(self) -> float:
         """The share; NaN out of none."""
@@ -24,8 +31,13 @@ class Rate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval."""
-        return wilson(self.count, self.total)
+        """Wilson's 95 % interval; all shares out of none."""
+        if self.total == 0:
+            return 0.0, 1.0
+        share, n, z = self.value, float(self.total), 1.959964
+        middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
+        half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
+        return max(0.0, middle - half), min(1.0, middle + half)
 
     def as_data(self) -> dict[str, Any]:
         """Return plain data."""
@@ -44,13 +56,3 @@ class Rate:
         low, high = self.interval
         share = f"{100 * self.value:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
         return f"{self.count}/{self.total} = {share}"
-
-
-def wilson(count: int, total: int, *, z: float = 1.959964) -> tuple[float, float]:
-    """Return Wilson's interval of a share, as fractions; `z` is a quantile of the normal law."""
-    if total == 0:
-        return 0.0, 1.0
-    share, n = count / total, float(total)
-    middle = (share + z**2 / (2 * n)) / (1 + z**2 / n)
-    half = z / (1 + z**2 / n) * math.sqrt(share * (1 - share) / n + z**2 / (4 * n**2))
-    return max(0.0, middle - half), min(1.0, middle + half)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from workbench.data_folder import shipped_data
-from workbench.diagnosis.estimation.refit import default_priors, refit
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.problem import problem_of_case
 from workbench.diagnosis.refit_report import run_refit
 from workbench.evaluation.rig.cases import make_case

@@ -9,7 +9,8 @@ import pytest
 
 from workbench.diagnosis.estimation.made_up import made_up, made_up_axis, pushes
 from workbench.diagnosis.estimation.prediction_error import Observed
-from workbench.diagnosis.estimation.refit import default_priors, refit, widened
+from workbench.diagnosis.estimation.priors import default_priors, widened
+from workbench.diagnosis.estimation.refit import refit
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.plants.servo_axis import servo_axis

@@ -44,7 +44,7 @@ def recorded(
     """A recording of the rig in SI."""
     start = settled(p, seconds=2.0)
     if reference is not None:
-        bars = [float(b) / 1e5 for b in simulate.gauge(start, p)]
+        bars = [float(b) / 1e5 for b in plant.gauge(start, p)]
         start = plant.initial(30.0, (float(np.mean(bars)),) * 2, p)
     r = simulate.run(p, start, command=command, reference=reference, seed=seed)
     return Recording(

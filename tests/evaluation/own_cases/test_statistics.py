@@ -12,7 +12,7 @@ from tests.evaluation.own_cases.made_up import found, row, verdict
 from workbench.evaluation.benchmark.sindy import thresholded
 from workbench.evaluation.own_cases.report import figure, summary, tables
 from workbench.evaluation.own_cases.statistics import by_effect, by_size, score_of, scores
-from workbench.evaluation.rates import wilson
+from workbench.evaluation.rates import Rate
 from workbench.evaluation.report import report
 from workbench.files import plain
 
@@ -34,12 +34,12 @@ ROWS = [
 def test_wilson_interval_against_its_definition() -> None:
     # The bounds are the shares at which the count is 1.96 standard deviations away.
     for count, total in ((0, 24), (3, 40), (40, 40)):
-        for bound in wilson(count, total):
+        for bound in Rate(count, total).interval:
             if 0.0 < bound < 1.0:
                 deviation = np.sqrt(bound * (1 - bound) / total)
                 assert abs(count / total - bound) / deviation == pytest.approx(1.96, abs=1e-3)
-    assert wilson(0, 24)[0] == 0.0 and wilson(40, 40)[1] == 1.0
-    assert wilson(0, 0) == (0.0, 1.0)
+    assert Rate(0, 24).interval[0] == 0.0 and Rate(40, 40).interval[1] == 1.0
+    assert Rate(0, 0).interval == (0.0, 1.0)
 
 
 def test_rates_of_the_tool_and_of_baselines() -> None:

@@ -10,8 +10,7 @@ import numpy as np
 
 from workbench.evaluation.rig import fast, plant
 from workbench.evaluation.rig.electronics import Sensors
-from workbench.evaluation.rig.hysteresis import elements
-from workbench.evaluation.rig.parameters import nominal
+from workbench.evaluation.rig.parameters import elements, nominal
 
 NAMES = {
     "J_arm": "arm_inertia", "kF": "force_gain", "C": "conductance", "leak": "centre_leakage",
@@ -60,11 +59,9 @@ def replay(
     n = round(PREHISTORY / step)
     _, x = fast.run(p, x, np.full(n, 5.0), step=step, keep=n)
     states, _ = fast.run(p, x, np.repeat(u, per), step=step, keep=per)
-    bars = plant.pressures(states, p) / 1e5
     sensors = Sensors(p | {"pressure_noise": 0.0, "pressure_step": 0.0}, np.random.default_rng(0))
-    bars = np.array(
-        [[sensors.pressure(k, (1e5 * row[0], 1e5 * row[1])) / 1e5 for k in (0, 1)] for row in bars]
-    )
+    true = [plant.gauge(x, p) for x in states]
+    bars = np.array([[sensors.pressure(k, row) / 1e5 for k in (0, 1)] for row in true])
     e_angle = np.degrees(states[:, 0]) - data[:, 2]
     e_bar = bars - data[:, 3:]
     return Comparison(float(np.sqrt(np.mean(e_angle**2))), 1e3 * float(np.sqrt(np.mean(e_bar**2))))

@@ -46,7 +46,7 @@ def run_baselines(cases: Path, out: Path, only: Sequence[str] = ()) -> Iterator[
             continue
         case = read_case(folder)
         fit_on, hold_out = tuple(case.fit.values()), tuple(case.hold_out.values())
-        for found in stages(case.model(), fit_on, hold_out, advise=False, progress=_quiet):
+        for found in stages(case.model(), fit_on, hold_out, advise=False, progress=lambda _: None):
             if found.fitted is not None or found.prepared.unfit or found.verdict is not None:
                 break
         for name, path in open_.items():
@@ -55,10 +55,6 @@ def run_baselines(cases: Path, out: Path, only: Sequence[str] = ()) -> Iterator[
             )
             keep(path, given)
             yield f"{folder.name} {name:<16} {given['verdict']:<16} {_said(given)}"
-
-
-def _quiet(_: str) -> None:
-    """Say nothing."""
 
 
 def _said(verdict: Mapping[str, Any]) -> str:
@@ -95,35 +91,27 @@ def _answer(
 ) -> dict[str, Any]:
     prepared, base, nominal = diagnosis.prepared, diagnosis.base, diagnosis.nominal
     findings: list[dict[str, Any]] = []
-    extended: Mapping[str, float] = {}
+    extended: Mapping[str, float] = errors["refitted"]
     more: dict[str, Any] = {}
     kind = "named"
-    if name == "refit only":
-        extended = errors["refitted"]
-    elif name == "greedy":
-        findings, extended, stopped = greedy(
+    if name == "greedy":
+        findings, found, stopped = greedy(
             diagnosis, prepared.fitting, prepared.judging, prepared.priors
         )
-        extended, more = extended or errors["refitted"], {"stopped": stopped}
+        extended, more = found or extended, {"stopped": stopped}
     elif name == "sindy":
-        findings = sindy(base.model, prepared.fitting, base.noise_scale)
+        findings, extended = sindy(base.model, prepared.fitting, base.noise_scale), {}
     elif name == "random walk":
         findings, kind = random_walk(base, nominal, prepared.fitting), "unexplained"
-        extended = errors["refitted"]
-    else:
+    elif name == "neural residual":
         findings, extended = neural(base, nominal, prepared.fitting, prepared.judging)
         kind = "located_unnamed"
+    held_out = {"refitted": errors["refitted"], "extended": extended}
     return {
         "schema": SCHEMA,
         "verdict": kind if findings else "nothing_missing",
         "findings": findings,
-        "fit": {
-            "held_out": {
-                "refitted": dict(errors["refitted"]),
-                "extended": dict(extended),
-                "noise_floor": dict(errors["noise_floor"]),
-            }
-        },
+        "fit": {"held_out": held_out | {"noise_floor": errors["noise_floor"]}},
     } | more
 
 

@@ -15,7 +15,6 @@ from workbench.evaluation.benchmark.baselines import read_limits
 from workbench.evaluation.benchmark.cases import KEY, NAMES
 from workbench.evaluation.blind_round import RoundScore, score_verdicts, verdict_file
 from workbench.evaluation.claims import error_ratio
-from workbench.evaluation.rates import Rate
 from workbench.recordings.aligned_table import aligned_table
 
 
@@ -24,7 +23,6 @@ class Scored:
     """One method's score on the cases.
 
     Args:
-        method: Name of the folder of its answers.
         over_limit: Median of the held-out error over that of the true model, or over the noise of
             the sensors where the key does not give it, dimensionless; NaN if no answer gives it.
     """
@@ -33,26 +31,12 @@ class Scored:
     score: RoundScore
     over_limit: float
 
-    @property
-    def rates(self) -> dict[str, Rate]:
-        """Shares of hidden effects, of cases, and of cases that hide nothing."""
-        lines = self.score.lines
-        located = [right for line in lines for right in line.located]
-        named = [right for line in lines for right in line.named]
-        silent = self.score.false_alarms
-        return {
-            "right group": Rate(sum(located), len(located)),
-            "right name or class": Rate(sum(named), len(named)),
-            "wrong name": Rate(self.score.wrong, len(lines)),
-            "false alarm": Rate(silent[0], silent[1]),
-        }
-
     def as_data(self) -> dict[str, Any]:
         """Return the score as plain data."""
         return self.score.as_data() | {
             "method": self.method,
             "over_limit": self.over_limit,
-            "rates": {name: rate.as_data() for name, rate in self.rates.items()},
+            "rates": {name: rate.as_data() for name, rate in self.score.rates.items()},
         }
 
 
@@ -62,22 +46,15 @@ def compared(cases: Path, verdicts: Sequence[Path]) -> tuple[Scored, ...]:
     Args:
         cases: Folder with ``key.json`` and, if its words need one, ``names.toml``.
         verdicts: One folder per method with ``CASE.json`` or ``CASE/verdict.json``.
-
-    Returns:
-        Scores in the order of the methods.
     """
     key, table = cases / KEY, cases / NAMES
     names = table if table.exists() else None
     scores = [score_verdicts(folder, key, names=names) for folder in verdicts]
     limits = read_limits(key)
     return tuple(
-        Scored(_name(folder), score, _over(folder, score, limits))
+        Scored(folder.resolve().name, score, _over(folder, score, limits))
         for folder, score in zip(verdicts, scores, strict=True)
     )
-
-
-def _name(folder: Path) -> str:
-    return folder.resolve().name
 
 
 def _over(folder: Path, score: RoundScore, limits: dict[str, Any]) -> float:
@@ -102,7 +79,7 @@ def table(scores: Sequence[Scored]) -> str:
             s.method,
             f"{s.score.points} of {s.score.most}",
             f"{s.score.chance:.1f}",
-            *(str(rate) for rate in s.rates.values()),
+            *(str(rate) for rate in s.score.rates.values()),
             "–" if math.isnan(s.over_limit) else f"{s.over_limit:.3g}",
         )
         for s in scores

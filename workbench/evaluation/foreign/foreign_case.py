@@ -124,20 +124,16 @@ def rates_of(rows: Sequence[Mapping[str, Any]]) -> dict[str, Rate]:
     clean = [(r, j) for r, j in judged if not r["hidden"]]
     faulty = [(r, j) for r, j in judged if r["hidden"]]
     named = [(t, right) for r, j in faulty for t, right in zip(r["hidden"], j.named, strict=True)]
-    located = [right for _, j in faulty for right in j.located]
-    known = [right for t, right in named if t["library"]]
-    ratios = [over_limit(r) for r in rows]
+    within = "held-out error within 1.5 of the truth"
     return {
-        "false names": Rate(sum(_names(r) for r, _ in clean), len(clean)),
-        "right name or class": Rate(sum(right for _, right in named), len(named)),
-        "right name or class, what the library has": Rate(sum(known), len(known)),
-        "right place": Rate(sum(located), len(located)),
-        "wrong name": Rate(sum("wrong name" in j.remark for _, j in faulty), len(faulty)),
-        "held-out error within 1.5 of the truth": Rate(
-            sum(ratio <= LARGEST_RATIO for ratio in ratios), len(ratios)
-        ),
-        "gains but is refused": Rate(sum(bool(refused_right(r)) for r, _ in faulty), len(faulty)),
-        "diagnosis failed": Rate(sum(r["verdict"]["verdict"] == "failed" for r in rows), len(rows)),
+        "false names": Rate.of(_names(r) for r, _ in clean),
+        "right name or class": Rate.of(right for _, right in named),
+        "right name or class, what the library has": Rate.of(r for t, r in named if t["library"]),
+        "right place": Rate.of(right for _, j in faulty for right in j.located),
+        "wrong name": Rate.of("wrong name" in j.remark for _, j in faulty),
+        within: Rate.of(over_limit(r) <= LARGEST_RATIO for r in rows),
+        "gains but is refused": Rate.of(bool(refused_right(r)) for r, _ in faulty),
+        "diagnosis failed": Rate.of(r["verdict"]["verdict"] == "failed" for r in rows),
     }
 
 
@@ -153,13 +149,9 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         "versions": sorted({r["version"] for r in rows}),
         "rates": {name: rate.as_data() for name, rate in rates_of(rows).items()},
         "each": [
-            {
-                "case": row["case"],
+            judge(row).as_data()
+            | {
                 "hidden": row["title"],
-                "said": (line := judge(row)).said,
-                "points": line.points,
-                "most": line.most,
-                "remark": line.remark,
                 "over_limit": over_limit(row),
                 "refused": refused_right(row),
             }

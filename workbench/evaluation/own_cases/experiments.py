@@ -16,10 +16,10 @@ from typing import Any
 
 from workbench.diagnosis.experiment.play import with_experiment
 from workbench.diagnosis.stages import Diagnosis
-from workbench.evaluation.answer_key import Truth
 from workbench.evaluation.blind_round import Line, score_case
 from workbench.evaluation.claims import answer_of
 from workbench.evaluation.kept import answered, chosen_cases, diagnosed, silent, version
+from workbench.evaluation.own_cases.judge import truths_of
 from workbench.evaluation.own_cases.own_case import made
 from workbench.evaluation.own_cases.plan import Planned, names, plan
 from workbench.evaluation.own_cases.rig_machine import rig_of
@@ -62,14 +62,10 @@ def run_experiments(
     only: Sequence[str] = (),
     jobs: int = 1,
 ) -> Iterator[str]:
-    """Diagnose poorly recorded cases until some ended as classes, each with one more experiment.
+    """Diagnose poorly recorded cases until ``count`` ended as classes, each with one experiment.
 
     Yields one line per case, then the table; answers are kept as `answered` keeps them, and those
     of other parts count too.
-
-    Args:
-        count: Cases that are to end as classes.
-        first_seed: Seed of the first case; None for that of the plan.
     """
     cases = poor_cases(FIRST_SEED if first_seed is None else first_seed)
     for case in chosen_cases(cases, part, only):
@@ -141,15 +137,12 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
     played = [row for row in rows if "after" in row]
     named = [row for row in played if is_name(row["after"])]
     right = [row for row in named if "wrong" not in _judged(row, row["after"]).remark]
-    return "\n".join(
-        [
-            f"{len(rows)} cases, {len(played)} ended as classes and got an experiment",
-            f"became a name        {Rate(len(named), len(played))}",
-            f"became a right name  {Rate(len(right), len(played))}",
-        ]
+    return (
+        f"{len(rows)} cases, {len(played)} ended as classes and got an experiment\n"
+        f"became a name        {Rate(len(named), len(played))}\n"
+        f"became a right name  {Rate(len(right), len(played))}"
     )
 
 
 def _judged(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> Line:
-    truths: tuple[Truth, ...] = names().truths(row["case"], list(row["effects"]))
-    return score_case(answer_of(verdict, row["case"], names()), truths)
+    return score_case(answer_of(verdict, row["case"], names()), truths_of(row))

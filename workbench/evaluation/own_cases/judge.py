@@ -33,11 +33,9 @@ class Judged:
     """One answer to one case.
 
     Args:
-        effects: What is hidden, by the rig's names.
         factor: Size relative to the rig's own.
         regions: Whether each hidden effect was put into the right region.
         sure: Whether a wrong name, if there is one, was said without a doubt.
-        sizes: Sizes of rightly named effects beside the true ones.
         over_limit: Held-out error over that of the true model, root mean square over the outputs,
             dimensionless; NaN if it was not given.
         seconds: Processor time, in s.
@@ -102,8 +100,8 @@ def verdict_of(row: Mapping[str, Any], who: str) -> Mapping[str, Any] | None:
 
     A baseline that failed has answered nothing, which scores as an abstention.
     """
-    verdict = row["verdict"] if who == "tool" else row["baselines"].get(who)
-    return None if verdict is None else dict(verdict)
+    found: Mapping[str, Any] | None = row["verdict"] if who == "tool" else row["baselines"].get(who)
+    return found
 
 
 def truths_of(row: Mapping[str, Any]) -> tuple[Truth, ...]:
@@ -118,13 +116,8 @@ def judge(row: Mapping[str, Any], who: str = "tool") -> Judged | None:
         return None
     given, truths = answer_of(verdict, row["case"], names()), truths_of(row)
     line = score_case(given, truths)
-    regions = tuple(
-        any(
-            bool(groups) and _region(groups[0]) in {_region(g) for g in truth.groups}
-            for _, groups in given.findings
-        )
-        for truth in truths
-    )
+    found = {_region(groups[0]) for _, groups in given.findings if groups}
+    regions = tuple(bool(found & set(map(_region, truth.groups))) for truth in truths)
     held_out = verdict.get("fit", {}).get("held_out", {})
     seconds = row.get("processor_seconds") if who == "tool" else verdict.get("processor_seconds")
     return Judged(
@@ -159,28 +152,15 @@ def _sizes(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> list[SizeFound
     for finding in verdict["findings"]:
         for effect in row["effects"]:
             counterpart = COUNTERPARTS.get((effect, finding["effect"]))
-            value = (finding.get("parameters") or {}).get(
-                counterpart.parameter if counterpart else ""
-            )
-            if counterpart is None or value is None or value["value"] is None:
+            if counterpart is None:
                 continue
-            true = counterpart.true(row["true"] | _default_truth(row))
-            std = value.get("std")
-            found.append(
-                SizeFound(
-                    effect,
-                    finding["effect"],
-                    true,
-                    float(value["value"]),
-                    math.nan if std is None else float(std),
-                )
-            )
+            value = (finding.get("parameters") or {}).get(counterpart.parameter)
+            if value is None or value["value"] is None:
+                continue
+            true = counterpart.true(nominal() | row["true"])
+            std = math.nan if value.get("std") is None else float(value["std"])
+            found.append(SizeFound(effect, finding["effect"], true, float(value["value"]), std))
     return found
-
-
-def _default_truth(row: Mapping[str, Any]) -> dict[str, float]:
-    """Return true parameters that stand at the rig's own size because nothing changed them."""
-    return {k: v for k, v in nominal().items() if k not in row["true"]}
 
 
 def smallest_predicted(row: Mapping[str, Any], effect: str) -> float | None:
@@ -200,7 +180,7 @@ def true_size(row: Mapping[str, Any], effect: str) -> float | None:
     It is in the library's unit where the library has that size; else how far the rig's parameter
     departs from that of the plain rig, or the parameter itself where the effect grows as it falls.
     """
-    true = _default_truth(row) | row["true"]
+    true = nominal() | row["true"]
     name = _by_size(effect)
     if name is not None:
         return abs(COUNTERPARTS[effect, name].true(true))

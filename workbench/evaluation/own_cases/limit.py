@@ -52,7 +52,7 @@ def _read_start(state: Array, data: Array, p: dict[str, float]) -> Array:
     moved = state.copy()
     moved[0] += np.radians(seen[2] - exact[2])
     for k in (0, 1):
-        before = simulate.gauge(state, p)[k] + p["ambient_pressure"]
+        before = plant.gauge(state, p)[k] + p["ambient_pressure"]
         gain = p[f"pressure_gain_{k + 1}"]
         factor = 1.0 + 1e5 * (seen[3 + k] - exact[3 + k]) / gain / before
         # The temperature stays as it was.

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from workbench.evaluation.own_cases.judge import ANSWERERS, judge, truths_of, verdict_of
+from workbench.evaluation.own_cases.judge import ANSWERERS, judge, truths_of
 from workbench.evaluation.own_cases.plan import FACTORS
 from workbench.evaluation.own_cases.statistics import (
     BARS,
@@ -44,8 +44,13 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
         _kinds(rows),
         _sizes(rows),
         _effects(by_effect(rows)),
-        *_weights(rows),
     ]
+    weighed = [
+        pair
+        for row in rows
+        for pair in told(row["verdict"], [name for t in truths_of(row) for name in t.library])
+    ]
+    parts += ["\n".join(lines)] if (lines := reliability_lines(weighed)) else []
     failures = [
         f"{r['case']} {r['title']}: {failure}"
         for r in rows
@@ -54,17 +59,6 @@ def tables(rows: Sequence[Mapping[str, Any]]) -> str:
     if failures:
         parts.append("\n".join(["diagnoses that failed", *(f"  {line}" for line in failures)]))
     return "\n\n".join(parts)
-
-
-def _weights(rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    weighed = [
-        pair
-        for row in rows
-        if (verdict := verdict_of(row, "tool")) is not None
-        for pair in told(verdict, [name for t in truths_of(row) for name in t.library])
-    ]
-    lines = reliability_lines(weighed)
-    return ["\n".join(lines)] if lines else []
 
 
 def _met(name: str, rate: Rate) -> bool:
@@ -76,13 +70,9 @@ def _met(name: str, rate: Rate) -> bool:
 
 def _bars(tool: Score) -> str:
     rates = tool.rates()
+    met = {name: "met" if _met(name, rates[name]) else "missed" for name in BARS}
     rows = [
-        (
-            name,
-            rates[name],
-            f"{sense} {100 * bar:.0f} %",
-            "met" if _met(name, rates[name]) else "missed",
-        )
+        (name, rates[name], f"{sense} {100 * bar:.0f} %", met[name])
         for name, (sense, bar) in BARS.items()
     ]
     return aligned_table(("bars", "reached", "wanted", ""), rows, width=None)
@@ -208,14 +198,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
             for e in by_effect(rows)
         ],
         "each": [
-            {
-                "case": row["case"],
-                "hidden": row["title"],
-                "said": judged.line.said,
-                "points": judged.line.points,
-                "most": judged.line.most,
-                "remark": judged.line.remark,
-            }
+            judged.line.as_data() | {"hidden": row["title"]}
             for row in rows
             if (judged := judge(row)) is not None
         ],

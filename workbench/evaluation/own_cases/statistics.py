@@ -6,7 +6,7 @@ Units: all numbers are dimensionless, sizes as `true_size` states them.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -48,11 +48,7 @@ HIDING = {"single": "one", "pair": "two", "triple": "three"}
 
 @dataclass(frozen=True)
 class Sizes:
-    """How well sizes are estimated.
-
-    Args:
-        found: Sizes of rightly named effects beside the true ones.
-    """
+    """How well the sizes of rightly named effects are estimated."""
 
     found: tuple[SizeFound, ...]
 
@@ -101,28 +97,26 @@ class Score:
         limited = [j for j in self.judged if j.kind == "limited" and j.effects]
         near = [j.over_limit for j in [*faulty, *clean] if math.isfinite(j.over_limit)]
         return {
-            "false alarms": Rate(sum(j.wrong for j in clean), len(clean)),
-            "nothing hidden: not silent": Rate(sum(j.line.points < 0 for j in clean), len(clean)),
-            "right group": _over(faulty, lambda j: j.line.located),
-            "right region": _over(faulty, lambda j: j.regions),
-            "right name or class": _over(faulty, lambda j: j.line.named),
+            "false alarms": Rate.of(j.wrong for j in clean),
+            "nothing hidden: not silent": Rate.of(j.line.points < 0 for j in clean),
+            "right group": Rate.of(flag for j in faulty for flag in j.line.located),
+            "right region": Rate.of(flag for j in faulty for flag in j.regions),
+            "right name or class": Rate.of(flag for j in faulty for flag in j.line.named),
             **{
-                f"right name or class of {many}": _over(
-                    [j for j in faulty if j.kind == kind], lambda j: j.line.named
+                f"right name or class of {many}": Rate.of(
+                    flag for j in faulty if j.kind == kind for flag in j.line.named
                 )
                 for kind, many in HIDING.items()
             },
-            "wrong name": Rate(sum(j.wrong for j in self.judged), len(self.judged)),
-            "confidently wrong": Rate(
-                sum(j.wrong and j.sure for j in self.judged), len(self.judged)
+            "wrong name": Rate.of(j.wrong for j in self.judged),
+            "confidently wrong": Rate.of(j.wrong and j.sure for j in self.judged),
+            "outside the library: right group": Rate.of(
+                flag for j in outside for flag in j.line.located
             ),
-            "outside the library: right group": _over(outside, lambda j: j.line.located),
-            "outside the library: wrong name": Rate(sum(j.wrong for j in outside), len(outside)),
-            "closed loop only: wrong name": Rate(sum(j.wrong for j in limited), len(limited)),
-            "closed loop only: right name": _over(limited, lambda j: j.line.named),
-            f"held out within {NEAR} of the limit": Rate(
-                sum(value <= NEAR for value in near), len(near)
-            ),
+            "outside the library: wrong name": Rate.of(j.wrong for j in outside),
+            "closed loop only: wrong name": Rate.of(j.wrong for j in limited),
+            "closed loop only: right name": Rate.of(flag for j in limited for flag in j.line.named),
+            f"held out within {NEAR} of the limit": Rate.of(value <= NEAR for value in near),
             "95 % intervals that cover": self.sizes.coverage,
         }
 
@@ -142,9 +136,12 @@ class Score:
         return Sizes(tuple(found for j in self.judged for found in j.sizes))
 
 
-def _over(judged: Iterable[Judged], what: Callable[[Judged], tuple[bool, ...]]) -> Rate:
-    flags = [flag for j in judged for flag in what(j)]
-    return Rate(sum(flags), len(flags))
+def _right(judged: Sequence[Judged]) -> dict[str, Rate]:
+    return {
+        "right group": Rate.of(flag for j in judged for flag in j.line.located),
+        "right name or class": Rate.of(flag for j in judged for flag in j.line.named),
+        "wrong name": Rate.of(j.wrong for j in judged),
+    }
 
 
 def scores(rows: Sequence[Mapping[str, Any]]) -> tuple[Score, ...]:
@@ -219,16 +216,8 @@ def by_effect(rows: Sequence[Mapping[str, Any]]) -> tuple[ByEffect, ...]:
 def by_size(rows: Sequence[Mapping[str, Any]]) -> dict[float, dict[str, Rate]]:
     """Return rates of single effects by their size over the rig's own."""
     judged = [j for row in rows if row["kind"] == "single" and (j := judge(row)) is not None]
-    result = {}
-    for factor in sorted(FACTORS):
-        own = [j for j in judged if j.factor == factor]
-        if own:
-            result[factor] = {
-                "right group": _over(own, lambda j: j.line.located),
-                "right name or class": _over(own, lambda j: j.line.named),
-                "wrong name": Rate(sum(j.wrong for j in own), len(own)),
-            }
-    return result
+    sizes = {factor: [j for j in judged if j.factor == factor] for factor in sorted(FACTORS)}
+    return {factor: _right(own) for factor, own in sizes.items() if own}
 
 
 def by_kind(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
@@ -241,8 +230,6 @@ def by_kind(rows: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
                 "cases": len(own),
                 "points": sum(j.line.points for j in own),
                 "most": sum(j.line.most for j in own),
-                "right group": _over(own, lambda j: j.line.located),
-                "right name or class": _over(own, lambda j: j.line.named),
-                "wrong name": Rate(sum(j.wrong for j in own), len(own)),
+                **_right(own),
             }
     return result

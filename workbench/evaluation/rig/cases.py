@@ -108,5 +108,5 @@ def make_case(
 
 
 def _mean_bar(state: NDArray[np.float64], p: dict[str, float]) -> tuple[float, float]:
-    mean = sum(simulate.gauge(state, p)) / 2e5
+    mean = sum(plant.gauge(state, p)) / 2e5
     return mean, mean

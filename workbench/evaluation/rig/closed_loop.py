@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.evaluation.rig import simulate
+from workbench.evaluation.rig import plant, simulate
 from workbench.evaluation.rig.excitation import RATE
 
 Array = NDArray[np.float64]
@@ -51,14 +51,7 @@ def follow(
     *,
     seed: int = 0,
 ) -> ClosedRun:
-    """Run a controller on the rig along a reference.
-
-    Args:
-        parameters: Parameters of the rig.
-        state: State of the rig at the start.
-        reference: Wanted angle in rad over time in s.
-        seconds: Duration.
-    """
+    """Run a controller on the rig, from a state on, along a reference in rad over time in s."""
     time = np.arange(round(seconds * RATE)) / RATE
     wanted = np.array([reference(t) for t in time.tolist()])
     infos: list[dict[str, float]] = []
@@ -73,5 +66,5 @@ def follow(
         return min(10.0, max(0.0, float(command[0])))
 
     run = simulate.driven(parameters, state, len(time), volt, seed=seed)
-    pressures = np.array([simulate.gauge(x, parameters) for x in run.states])
+    pressures = np.array([plant.gauge(x, parameters) for x in run.states])
     return ClosedRun(time, wanted, run.states[:, 0], pressures, run.valve, infos)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from workbench.evaluation.rig.hysteresis import elements
+from workbench.evaluation.rig.parameters import elements
 
 
 @dataclass(frozen=True)

@@ -46,25 +46,26 @@ def pulse_train(seconds: float) -> Array:
 
 def sines(rng: np.random.Generator, seconds: float) -> Array:
     """Return a reference of three sines about 31 degrees."""
-    t = np.arange(round(seconds * RATE)) / RATE
-    r = np.full(t.size, rng.uniform(29.0, 33.0))
-    for low, high, size in ((0.12, 0.2, 7.0), (0.25, 0.4, 3.0), (0.5, 0.8, 2.0)):
-        r += (
-            rng.uniform(0.6, 1.0)
-            * size
-            * np.sin(2 * np.pi * (rng.uniform(low, high) * t + rng.random()))
-        )
-    return r
+    parts = ((0.12, 0.2, 7.0), (0.25, 0.4, 3.0), (0.5, 0.8, 2.0))
+    return _waves(rng, seconds, (29.0, 33.0), 0.6, parts)
 
 
 def slow_sines(rng: np.random.Generator, seconds: float) -> Array:
     """Return a reference of two slow sines of a few degrees: the arm hardly moves."""
+    return _waves(rng, seconds, (28.0, 32.0), 0.7, ((0.08, 0.12, 3.0), (0.15, 0.25, 1.0)))
+
+
+def _waves(
+    rng: np.random.Generator,
+    seconds: float,
+    middle: tuple[float, float],
+    least: float,
+    parts: tuple[tuple[float, float, float], ...],
+) -> Array:
+    """Add sines to a middle: lowest and highest frequency in Hz, and the largest size, of each."""
     t = np.arange(round(seconds * RATE)) / RATE
-    r = np.full(t.size, rng.uniform(28.0, 32.0))
-    for low, high, size in ((0.08, 0.12, 3.0), (0.15, 0.25, 1.0)):
-        r += (
-            rng.uniform(0.7, 1.0)
-            * size
-            * np.sin(2 * np.pi * (rng.uniform(low, high) * t + rng.random()))
-        )
+    r = np.full(t.size, rng.uniform(*middle))
+    for low, high, size in parts:
+        part = rng.uniform(least, 1.0) * size
+        r += part * np.sin(2 * np.pi * (rng.uniform(low, high) * t + rng.random()))
     return r

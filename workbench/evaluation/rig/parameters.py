@@ -6,22 +6,14 @@ Units: as in the table.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+import numpy as np
 
 ELEMENTS = 12
 """Number of Maxwell-slip elements a muscle can have."""
 
 
-@dataclass(frozen=True)
-class Parameter:
-    """One number: nominal value, unit, meaning.  A zero nominal value means 'switched off'."""
-
-    value: float
-    unit: str
-    meaning: str
-
-
-_TABLE: dict[str, tuple[float, str, str]] = {
+PARAMETERS: dict[str, tuple[float, str, str]] = {
     # arm
     "load": (3.0, "kg", "plates on the arm"),
     "arm_inertia": (0.0556, "kg m^2", "inertia of the bare arm about the axis"),
@@ -136,11 +128,7 @@ _TABLE: dict[str, tuple[float, str, str]] = {
     "angle_limit": (0.0, "deg", "largest angle that is read, 0: any"),
     "angle_lag": (0.0, "s", "first-order lag of the angle"),
     "angle_play": (0.0, "deg", "half width of a play in the coupling of the encoder"),
-    "angle_eccentricity": (
-        0.0,
-        "deg",
-        "amplitude of an error of the angle with a period of 24 deg",
-    ),
+    "angle_eccentricity": (0.0, "deg", "amplitude of an angle error with a period of 24 deg"),
     "angle_dropout": (0.0, "-", "share of the samples that repeat the one before"),
     "angle_step": (0.002, "deg", "quantisation of the angle"),
     "angle_delay": (0.0, "s", "delay of the angle"),
@@ -169,20 +157,27 @@ _TABLE: dict[str, tuple[float, str, str]] = {
     "torque_noise": (0.0, "N m", "rms of a coloured disturbance torque"),
     "torque_noise_time": (0.1, "s", "correlation time of the disturbance torque"),
 }
-for _i in range(1, ELEMENTS + 1):
-    _TABLE[f"hyst_d{_i}"] = (1.0, "m", f"break-away distance of Maxwell-slip element {_i}")
-for _i in range(1, ELEMENTS + 1):
-    _TABLE[f"hyst_w{_i}"] = (0.0, "-", f"share of Maxwell-slip element {_i} in the half width")
-
-PARAMETERS: dict[str, Parameter] = {name: Parameter(*row) for name, row in _TABLE.items()}
-"""Every parameter by name; the order is the order of the compiled parameter vector."""
+PARAMETERS |= {f"hyst_d{i + 1}": (1.0, "m", "break-away distance") for i in range(ELEMENTS)}
+PARAMETERS |= {f"hyst_w{i + 1}": (0.0, "-", "share of the half width") for i in range(ELEMENTS)}
+"""Nominal value (zero where it means 'switched off'), unit and meaning of every parameter by name;
+the order is that of the compiled parameter vector. The last are those of Maxwell-slip elements."""
 
 
 def nominal(changes: Mapping[str, float] | None = None) -> dict[str, float]:
     """Return the nominal parameters with some of them changed; unknown names are refused."""
-    values = {name: parameter.value for name, parameter in PARAMETERS.items()}
+    values = {name: value for name, (value, _, _) in PARAMETERS.items()}
     for name, value in (changes or {}).items():
         if name not in values:
             raise KeyError(f"unknown rig parameter {name!r}")
         values[name] = float(value)
+    return values
+
+
+def elements(smallest: float, largest: float, count: int = ELEMENTS) -> dict[str, float]:
+    """Return parameters of equal Maxwell-slip elements, break-aways between two ends in m."""
+    spread = np.geomspace(smallest, largest, count).tolist()
+    values: dict[str, float] = {}
+    for i in range(ELEMENTS):
+        values[f"hyst_d{i + 1}"] = spread[i] if i < count else 1.0
+        values[f"hyst_w{i + 1}"] = 1.0 / count if i < count else 0.0
     return values

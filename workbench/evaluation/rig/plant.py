@@ -94,13 +94,13 @@ def initial(
     return x
 
 
-def pressures(states: NDArray[np.float64], parameters: dict[str, float]) -> NDArray[np.float64]:
-    """Return the gauge pressures in Pa, shape (..., 2), of states of shape (..., n)."""
-    p = namespace(parameters)
-    flat = np.atleast_2d(states)
-    out = np.empty((len(flat), 2))
-    for j, x in enumerate(flat):
-        for k, (_, _, s) in enumerate(lengths(x, p)):
-            v = p.volume_gain * muscle.volume(s) + p.dead_volume
-            out[j, k] = (p.gamma - 1.0) * x[3 + 2 * k] / v - p.ambient_pressure
-    return out.reshape(*states.shape[:-1], 2)
+def gauge(state: NDArray[np.float64], p: dict[str, float]) -> tuple[float, float]:
+    """Return the true gauge pressures in Pa."""
+    out = []
+    for k, a in enumerate((float(state[0]), arm.SPAN - float(state[0]))):
+        s = arm.distance(a) - arm.FITTINGS
+        if p["tendon_stiffness"] > 0:
+            s = float(state[INDEX["fibre_1"] + k])
+        v = p["volume_gain"] * muscle.volume(s) + p["dead_volume"]
+        out.append((p["gamma"] - 1) * float(state[3 + 2 * k]) / v - p["ambient_pressure"])
+    return out[0], out[1]

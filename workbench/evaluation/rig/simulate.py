@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from workbench.evaluation.rig import arm, fast, muscle, plant
+from workbench.evaluation.rig import fast, plant
 from workbench.evaluation.rig.electronics import CommandPath, PositionLoop, Sensors
 from workbench.evaluation.rig.excitation import RATE
 from workbench.evaluation.rig.varying import Now, varying
@@ -36,18 +36,6 @@ class Record:
         return np.column_stack(
             [self.time, self.valve, self.angle, self.pressure_1, self.pressure_2]
         )
-
-
-def gauge(state: Array, p: dict[str, float]) -> tuple[float, float]:
-    """Return the true gauge pressures in Pa."""
-    out = []
-    for k, a in enumerate((float(state[0]), arm.SPAN - float(state[0]))):
-        s = arm.distance(a) - arm.FITTINGS
-        if p["tendon_stiffness"] > 0:
-            s = float(state[plant.INDEX["fibre_1"] + k])
-        v = p["volume_gain"] * muscle.volume(s) + p["dead_volume"]
-        out.append((p["gamma"] - 1) * float(state[3 + 2 * k]) / v - p["ambient_pressure"])
-    return out[0], out[1]
 
 
 def run(
@@ -90,7 +78,7 @@ def driven(
     laws = varying(p)
     for j in range(count):
         states[j] = x
-        true = gauge(x, p)
+        true = plant.gauge(x, p)
         now = Now(j / RATE, float(x[0]), float(x[1]), true[0])
         for name, law in laws.items():
             p[name] = law(now)

@@ -14,8 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from workbench.evaluation.rig.hysteresis import elements
-from workbench.evaluation.rig.parameters import PARAMETERS, nominal
+from workbench.evaluation.rig.parameters import PARAMETERS, elements, nominal
 
 TUNING_SEED, BLIND_SEED = 11, 31_416
 """Seeds of the draws that designs were tuned with, and of those that none has seen."""
@@ -120,7 +119,7 @@ def _tendon(u: np.random.Generator, _: float) -> Sized:
 
 def _loose(u: np.random.Generator, load: float) -> Sized:
     stiffness, damping = 150.0 * 4.0 ** u.uniform(0.0, 1.0), u.uniform(0.3, 1.0)
-    inertia = load * PARAMETERS["load_inertia_per_kg"].value
+    inertia = load * PARAMETERS["load_inertia_per_kg"][0]
     own = (
         ("loose_load.share", 1.0),
         ("loose_load.frequency", math.sqrt(stiffness / inertia)),
