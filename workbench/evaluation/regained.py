@@ -45,12 +45,8 @@ class DesignRun:
     """A design on a plant along the steps of the tolerant study.
 
     Args:
-        family: Name of the controller.
-        which: Which of the three it is.
         speed: The number for its speed, in rad/s.
         limit: What the next faster design misses.
-        controller: The controller.
-        told: What is judged of it, as `measured` tells it.
         time: Sample times, shape (n,), in s.
         angle: True angle, shape (n,), in rad.
     """
@@ -151,7 +147,6 @@ def regained(machine: PlantRecipe, families: Sequence[str] = ()) -> Iterator[Des
     """Run the three designs of each family.
 
     Args:
-        machine: The machine that was found, such as the plant of a verdict.
         families: Controllers of the study 'tolerant'; by default all.
     """
     study = tolerant_study()

@@ -28,8 +28,6 @@ class Kink:
     Args:
         name: State or input across which the slopes jump.
         distance: Where the kink is, from the operating point, in ``unit``; 0 for on the kink.
-        below: Linear model on the side of smaller values; its slopes hold up to the kink.
-        above: Linear model on the side of larger values.
         of: Rate or measurement whose slope jumps most.
         slope_below: Its slope below the kink, in SI.
         slope_above: Its slope above the kink, in SI.

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.display import Drawn, Rows
-from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.errors import check_choice, check_range
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model.units import from_si
@@ -141,63 +141,22 @@ class LinearModel(Drawn):
         *,
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
-        states: Sequence[str] | None = None,
-        rest: Literal["follow", "held"] = "follow",
     ) -> LinearModel:
-        """Return a model with fewer inputs, outputs or states, in the order given.
+        """Return a model with fewer inputs or outputs, in the order given, all by default.
 
-        Args:
-            inputs: Names to keep; all by default. The others stay at the operating point.
-            rest: What the other states do: ``"follow"``, their rates are zero at all times
-                (right for fast ones, such as a spool), or ``"held"``, they stay at the operating
-                point (right for slow ones).
-
-        Raises:
-            WorkbenchError: If a name is unknown, or states that should follow cannot because they
-                integrate.
+        Inputs that are left out stay at the operating point.
         """
         i = _indices("input", inputs, self.input_names)
         o = _indices("output", outputs, self.output_names)
-        keep = _indices("state", states, self.state_names)
-        check_choice("rest", rest, ("follow", "held"))
-        gone = [k for k in range(len(self.state_names)) if k not in keep]
-        A, B, C, D = (
-            self.A[np.ix_(keep, keep)],
-            self.B[np.ix_(keep, i)],
-            self.C[np.ix_(o, keep)],
-            self.D[np.ix_(o, i)],
-        )
-        drift = self.drift[keep]
-        if gone and rest == "follow":
-            inner = self.A[np.ix_(gone, gone)]
-            # Balanced rows and columns, so that the rank does not depend on units.
-            size = np.array([_scale(self, self.state_names[k]) for k in gone])
-            balanced = inner * size / size[:, None]
-            if np.linalg.cond(balanced) > 1e10:
-                names = ", ".join(self.state_names[k] for k in gone)
-                raise WorkbenchError(
-                    f"the states {names} cannot follow at once because they integrate; keep one of"
-                    " them or use rest='held'"
-                )
-            by_state = -np.linalg.solve(inner, self.A[np.ix_(gone, keep)])
-            by_input = -np.linalg.solve(inner, self.B[np.ix_(gone, i)])
-            at_rest = -np.linalg.solve(inner, self.drift[gone])
-            across, seen = self.A[np.ix_(keep, gone)], self.C[np.ix_(o, gone)]
-            A, B, drift = A + across @ by_state, B + across @ by_input, drift + across @ at_rest
-            C, D = C + seen @ by_state, D + seen @ by_input
         return replace(
             self,
-            A=A,
-            B=B,
-            C=C,
-            D=D,
-            state_names=tuple(self.state_names[k] for k in keep),
+            B=self.B[:, i],
+            C=self.C[o],
+            D=self.D[np.ix_(o, i)],
             input_names=tuple(self.input_names[k] for k in i),
             output_names=tuple(self.output_names[k] for k in o),
-            x0=self.x0[keep],
             u0=self.u0[i],
             y0=self.y0[o],
-            drift=drift,
             inverse=self.inverse if len(i) == len(self.input_names) else None,
             verdict=None,
         )
@@ -264,7 +223,3 @@ def _indices(kind: str, wanted: Sequence[str] | None, names: tuple[str, ...]) ->
     for name in wanted:
         check_choice(kind, name, names)
     return [names.index(name) for name in wanted]
-
-
-def _scale(linear: LinearModel, name: str) -> float:
-    return next((q.scale for q in linear.operating_point.model.states if q.name == name), 1.0)

@@ -26,8 +26,6 @@ class OperatingMap:
     Args:
         axes: Values of each axis by name, in SI.
         state: State whose oscillation `frequency_hz` and `damping` describe.
-        models: Linear models by their indices on the axes.
-        reasons: Why there is no operating point, by the same indices.
     """
 
     axes: Mapping[str, Vector]
@@ -90,7 +88,6 @@ def operating_map(
     axes: Mapping[str, npt.ArrayLike],
     *,
     input: str = "",  # noqa: A002 -- The word of the field.
-    amplitude: Mapping[str, float] | None = None,
 ) -> OperatingMap:
     """Linearise a model at every point of a grid.
 
@@ -101,7 +98,6 @@ def operating_map(
             output, a state, an input, or a sum that the plant declares.
         input: Name of the input, as for `linearise`; by default that of a curve that a controller
             inverts, where the plant declares one.
-        amplitude: Amplitudes of states by name, in SI, as for `linearise`.
 
     Raises:
         WorkbenchError: If a value is not finite, a name unknown, or there is no operating point.
@@ -127,7 +123,7 @@ def operating_map(
             changed = model.with_parameters(own) if own else model
             try:
                 near = operating_point(changed, given, near=near)
-                models[i, *index] = linearise(near, input=input, amplitude=amplitude, verdict=False)
+                models[i, *index] = linearise(near, input=input, verdict=False)
             except WorkbenchError as error:
                 reasons[i, *index] = str(error)
     if not models:

@@ -18,14 +18,15 @@ from workbench.linearisation.pace import horizon_of
 _LONGEST = 10
 """Horizons for which a transient is waited out at the most."""
 
+GAIN_WITHIN, PHASE_WITHIN = 0.1, math.radians(10.0)
+"""Largest errors of gain, as a fraction, and phase, in rad, at which a frequency agrees."""
+
 
 @dataclass(frozen=True)
 class FrequencyValidity:
     """Frequencies at which a sine on the full plant agrees with the linear model.
 
     Args:
-        gain_within: Largest gain error allowed, as a fraction.
-        phase_within: Largest phase error allowed, in rad.
         lower: Lowest frequency of the band that agrees, in Hz; NaN if none does.
         upper: Highest frequency of the band that agrees, in Hz; NaN if none does.
         frequencies_hz: Frequencies that were tried, shape (n,), in Hz.
@@ -36,8 +37,6 @@ class FrequencyValidity:
 
     input: str
     output: str
-    gain_within: float
-    phase_within: float
     lower: float
     upper: float
     frequencies_hz: Vector
@@ -48,15 +47,12 @@ class FrequencyValidity:
     @property
     def agrees(self) -> npt.NDArray[np.bool_]:
         """Whether gain and phase agree at each frequency, shape (n,)."""
-        return (np.abs(self.gain_ratios - 1.0) <= self.gain_within) & (
-            np.abs(self.phase_errors) <= self.phase_within
-        )
+        phase = np.abs(self.phase_errors) <= PHASE_WITHIN
+        return np.asarray((np.abs(self.gain_ratios - 1.0) <= GAIN_WITHIN) & phase)
 
     def __str__(self) -> str:
         """Return one line: the band that agrees."""
-        limits = (
-            f"within {100 * self.gain_within:.0f} % and {math.degrees(self.phase_within):.0f} deg"
-        )
+        limits = f"within {100 * GAIN_WITHIN:.0f} % and {math.degrees(PHASE_WITHIN):.0f} deg"
         if math.isnan(self.upper):
             return f"sines of {self.input}: {self.output} agrees at no frequency {limits}"
         low, high = f"{self.lower:.3g}", f"{self.upper:.3g}"
@@ -65,13 +61,7 @@ class FrequencyValidity:
 
 
 def frequency_validity(
-    linear: LinearModel,
-    *,
-    output: str = "",
-    amplitude: float | None = None,
-    gain_within: float = 0.1,
-    phase_within: float = math.radians(10.0),
-    points: int = 10,
+    linear: LinearModel, *, amplitude: float | None = None, points: int = 10
 ) -> FrequencyValidity:
     """Find the frequencies at which a sine on the full plant agrees with the linear model.
 
@@ -81,16 +71,12 @@ def frequency_validity(
 
     Args:
         amplitude: Amplitude of the output, in SI; 5 % of its scale by default.
-        gain_within: Gain error allowed, as a fraction.
-        phase_within: Phase error allowed, in rad.
 
     Source:
         Describing functions by simulation.
     """
     check_range("number of frequencies", points, 2, 200)
-    check_range("gain error", gain_within, 1e-6, 10.0)
-    check_range("phase error", phase_within, 1e-6, math.pi, "rad")
-    trial = Comparison(linear, output)
+    trial = Comparison(linear)
     wanted = 0.05 * trial.quantity.scale if amplitude is None else amplitude
     check_range("amplitude", wanted, 1e-12, 1e12, trial.quantity.unit)
     horizon = horizon_of(linear)
@@ -109,8 +95,6 @@ def frequency_validity(
     found = FrequencyValidity(
         input=linear.input_names[0],
         output=trial.quantity.name,
-        gain_within=gain_within,
-        phase_within=phase_within,
         lower=math.nan,
         upper=math.nan,
         frequencies_hz=frequencies,

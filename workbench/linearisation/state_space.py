@@ -31,35 +31,32 @@ class LinearEquations:
         B: Input matrix, in SI.
         C: Output matrix, in SI.
         D: Feedthrough, in SI.
-        rest: States, inputs and outputs at the operating point, in SI.
     """
 
     A: Rows
     B: Rows
     C: Rows
     D: Rows
-    rest: tuple[tuple[float, ...], tuple[float, ...], tuple[float, ...]]
     names: tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]
 
     def __call__(self, m: Scope) -> Equations:
-        """Write down ``dx/dt = A (x - x0) + B (u - u0)``, ``y = y0 + C (x - x0) + D (u - u0)``."""
+        """Write down ``dx/dt = A x + B u``, ``y = C x + D u``."""
         states, inputs, outputs = self.names
-        x = [getattr(m.x, n) - v for n, v in zip(states, self.rest[0], strict=True)]
-        u = [getattr(m.u, n) - v for n, v in zip(inputs, self.rest[1], strict=True)]
+        x = [getattr(m.x, name) for name in states]
+        u = [getattr(m.u, name) for name in inputs]
 
         def row(by_state: tuple[float, ...], by_input: tuple[float, ...]) -> Any:
             terms = [a * v for a, v in zip((*by_state, *by_input), (*x, *u), strict=True) if a]
             return sum(terms[1:], start=terms[0]) if terms else 0.0 * u[0]
 
         rates = [row(a, b) for a, b in zip(self.A, self.B, strict=True)]
-        read = [v + row(c, d) for v, c, d in zip(self.rest[2], self.C, self.D, strict=True)]
+        read = [row(c, d) for c, d in zip(self.C, self.D, strict=True)]
         return dict(zip(states, rates, strict=True)), dict(zip(outputs, read, strict=True))
 
 
 def linear_model(
     system: Any,
     *,
-    at: Mapping[str, float] | None = None,
     limits: Mapping[str, tuple[float, float]] | None = None,
 ) -> LinearModel:
     """Take a python-control system as a linear model; a `LinearModel` is one already.
@@ -71,8 +68,6 @@ def linear_model(
     Args:
         system: A ``control.StateSpace`` or ``control.TransferFunction`` in continuous time, proper;
             or a `LinearModel`, which is returned.
-        at: Values of states, inputs and outputs at its operating point by name, in SI; 0 if not
-            given.
         limits: Lower and upper end of inputs and outputs by name, in SI; infinite if not given.
 
     Raises:
@@ -87,7 +82,7 @@ def linear_model(
         # What has the names of a linear model is one to a design.
         return cast(LinearModel, system)
     known = getattr(system, "linear_model", None)
-    if isinstance(known, LinearModel) and not (at or limits) and np.array_equal(known.A, system.A):
+    if isinstance(known, LinearModel) and not limits and np.array_equal(known.A, system.A):
         return known
     import control as ct
 
@@ -107,13 +102,9 @@ def linear_model(
         _labels(system.input_labels),
         _labels(system.output_labels),
     )
-    given, ends = dict(at or {}), dict(limits or {})
-    for name in given:
-        check_choice("name in the operating point", name, [n for group in names for n in group])
+    ends = dict(limits or {})
     for name in ends:
         check_choice("name of a limited signal", name, (*names[1], *names[2]))
-    x, u, y = (tuple(float(given.get(name, 0.0)) for name in group) for group in names)
-    rest = (x, u, y)
     A, B, C, D = (
         np.asarray(matrix, dtype=float)
         for matrix in (state_space.A, state_space.B, state_space.C, state_space.D)
@@ -122,11 +113,11 @@ def linear_model(
     infinite = (-np.inf, np.inf)
     model = Model(
         _plain(str(system.name)),
-        LinearEquations(_rows(A), _rows(B), _rows(C), _rows(D), rest, names),
-        states=tuple(State(n, "1", initial=v) for n, v in zip(states, rest[0], strict=True)),
+        LinearEquations(_rows(A), _rows(B), _rows(C), _rows(D), names),
+        states=tuple(State(name, "1") for name in states),
         inputs=tuple(
-            Input(n, "1", _scale(n, ends), nominal=v, lower=low, upper=high)
-            for n, v in zip(inputs, rest[1], strict=True)
+            Input(n, "1", _scale(n, ends), lower=low, upper=high)
+            for n in inputs
             for low, high in (ends.get(n, infinite),)
         ),
         outputs=tuple(
@@ -136,8 +127,8 @@ def linear_model(
         ),
         description="linear system",
     )
-    x0, u0, y0 = (np.array(values, dtype=float) for values in rest)
-    point = OperatingPoint(model, x0, u0, y0, np.zeros(len(x0)), given, {}, 0.0, 1.0)
+    x0, u0, y0 = (np.zeros(len(every)) for every in names)
+    point = OperatingPoint(model, x0, u0, y0, np.zeros(len(x0)), {}, {}, 0.0, 1.0)
     return LinearModel(A, B, C, D, point, states, inputs, outputs, x0, u0, y0, np.zeros(len(x0)))
 
 

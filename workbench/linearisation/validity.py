@@ -41,12 +41,7 @@ class DescribingFunction:
 
 @dataclass(frozen=True)
 class Validity:
-    """How far a linear model may be trusted.
-
-    Args:
-        kinks: Kinks of the plant at or next to the point, with the matrices on both sides.
-        describing_functions: Slopes that were taken over an oscillation.
-    """
+    """How far a linear model may be trusted."""
 
     linear: LinearModel
     kinks: tuple[Kink, ...]

@@ -37,7 +37,6 @@ class Effect:
     attached; the states of the effect follow ``rates``, which may use every signal of the model.
 
     Args:
-        name: Name of the effect; its states and parameters appear as ``name.own_name``.
         transform: Takes what the effect sees at a port, returns the new signal there.
         rates: Takes what the effect sees of the whole model, returns the rate of each own state.
         start: Same, returns the value of own states at the start of a run; ``State.initial`` for

@@ -16,7 +16,6 @@ class Quantity:
     Args:
         name: Name by which it is found; letters, digits, underscores and dots.
         scale: Typical size, in ``unit``; sets tolerances and conditioning.
-        description: What it is, in a few words.
     """
 
     name: str
@@ -108,15 +107,11 @@ class Parameter(Quantity):
     """A constant of the model, with bounds and where the number comes from.
 
     Args:
-        name: Name of the parameter.
-        unit: SI unit.
         scale: Typical size, in ``unit``; by default the magnitude of the value.
-        description: What it is, in a few words.
         value: Nominal value, in ``unit``.
         lower: Smallest plausible value, in ``unit``.
         upper: Largest plausible value, in ``unit``.
         source: Where the number comes from: a document, a measurement, an estimate.
-        fitted: Whether refitting may change it.
         fixed: Whether refitting leaves it although it is not known, because it scales with others
             or shows in a few moments only: its bounds then widen the intervals of what is refitted.
         setting: Step by which the user of the machine can set it to another value, in ``unit``; 0

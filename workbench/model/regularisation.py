@@ -55,9 +55,6 @@ class Form:
     Their argument x has any unit and shape. ``width`` is the half-width w of the rounded
     neighbourhood of a kink, in the unit of x.
 
-    Args:
-        regularised: False for the exact form, True for the regularised one.
-
     Example:
         >>> float(EXACT.ramp(0.0, 1.0)), float(REGULARISED.ramp(0.0, 1.0))
         (0.0, 0.1875)

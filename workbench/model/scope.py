@@ -55,7 +55,6 @@ class Port:
     Args:
         name: Name of the port, ``where.what``: ``joint.torque``.
         scale: Typical size of the signal, in ``unit``.
-        description: What the signal is and which sign is positive.
         signals: Names of the local signals that an effect may use there.
         disturbance: Root mean square of what the model's author expects the equations to leave out
             here, in ``unit``; 0 where the signal is trusted.
@@ -65,7 +64,6 @@ class Port:
             tell.
         origins: For each of ``signals``, the state, input, port or published signal that it is, or
             nothing.
-        sized: Whether the plant declares the scale.
     """
 
     name: str
@@ -139,8 +137,6 @@ class EffectView:
     """What an effect sees when the whole model has been written down.
 
     Args:
-        p: The effect's own parameters, by their short names, in SI.
-        x: The effect's own states, by their short names, in SI.
         at: What the effect saw at each of its ports, by the port's name.
         values: Final value of every port of the model and of every published signal, by name, in
             SI.
@@ -166,11 +162,7 @@ class Scope:
     """The names that the equations of a model may use, and the ports that they open.
 
     Args:
-        x: States, by name, in SI.
-        u: Inputs, by name, in SI.
-        p: Parameters, by name, in SI.
         transform: Applies the attached effects to the signal of a port; none by default.
-        ports: The ports opened so far, in the order of the equations.
         values: Final value of every port and published signal so far, by name, in its SI unit.
         units: Those SI units, by name of port or signal.
     """
@@ -201,16 +193,12 @@ class Scope:
         """Open a port: return the signal, in ``unit``, after the effects attached there have acted.
 
         Args:
-            name: Name of the port, ``where.what``.
             value: The signal as the model has it, in ``unit``.
             scale: Typical size of the signal, in ``unit``; 1 where none is declared, until a
                 recording shows it.
-            description: What the signal is and which sign is positive.
             signals: Local signals that an effect may use, by name, in SI.
             disturbance: Root mean square of what the equations may leave out here, in ``unit``.
             relative_disturbance: The same, as a fraction of the signal's magnitude, dimensionless.
-            role: What the signal does; effects are offered by it. By default unit and structure
-                of the equations tell.
 
         Raises:
             WorkbenchError: If a port of that name is open already or the unit is unknown.

@@ -24,8 +24,6 @@ class DriftingSum:
 
     Args:
         drifting: States whose rates may then differ from zero, in this proportion.
-        lower: Smallest value, in SI.
-        upper: Largest value, in SI.
         scale: Typical size, in SI.
     """
 
@@ -79,7 +77,6 @@ class Traits:
         limits: States with their smallest and largest value at an operating point.
         stops: States with the mechanical stops at their smallest and largest value.
         choices: Parameters that a user chooses; messages say which values would be possible.
-        curves: Curves that a controller may invert.
         sizes: Root mean square of the signals at ports along recordings, in SI: of a plant that
             declares no disturbance anywhere, `LEFT_OUT` of it may be left out there.
     """

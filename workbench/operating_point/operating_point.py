@@ -137,7 +137,6 @@ def operating_point(
             rest.
         bounds: Smallest and largest value of states and inputs by name, in SI, inside those of
             the model and the limits that the plant declares.
-        near: An operating point of a similar model to start from.
 
     Raises:
         WorkbenchError: If a name is unknown, a value is outside its range, or there is no such

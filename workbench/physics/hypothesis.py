@@ -20,7 +20,6 @@ class Hypothesis:
         effect: The effect at zero size: attached, it changes nothing but has a derivative.
         size_parameter: Short name of the parameter whose zero means absent.
         typical_size: Usual magnitude, in the parameter's unit.
-        group: Whether it acts on the process or on a sensor.
         law: Name of the law; the effect's name may add where it acts.
         shapes: Values of other parameters worth trying before a fit, in their units, by short name;
             the first are the effect's own.

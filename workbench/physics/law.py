@@ -38,15 +38,10 @@ class Own:
     """A parameter of a law at a place; made by `size` and `shape`.
 
     Args:
-        name: Short name.
-        unit: SI unit.
         value: Value unless another is given, in ``unit``.
         lower: Smallest plausible value, in ``unit``; a multiple of the value if ``relative``.
         upper: Largest plausible value, in ``unit`` or as such a multiple.
-        text: What it is, in a few words.
         scale: Typical magnitude, in ``unit``; the value's by default.
-        source: Where the number comes from.
-        fitted: Whether refitting may change it.
         relative: Whether the bounds are multiples of the value.
         typical: Of the size of a law: its usual magnitude, in ``unit``; 0 for other parameters.
         absent: Value in a hypothesis, where that differs, in ``unit``.
@@ -116,14 +111,10 @@ def size(
     """State the parameter of a law whose zero is the law's absence.
 
     Args:
-        unit: SI unit.
         typical: Usual magnitude, in ``unit``: a first guess from the port's scale.
         largest: Largest plausible magnitude, in ``unit``.
-        text: What it is, in a few words.
-        signed: Whether it may be negative.
         lower: Smallest value, in ``unit``, where that is neither 0 nor minus the largest.
         scale: Scale of a fit, in ``unit``; the usual magnitude by default.
-        source: Where the sizes come from.
         resists: Whether it is a resistance against the motion: it has either sign at a port of
             which the equations do not tell which way it counts.
     """
@@ -155,14 +146,10 @@ def shape(
     """State another parameter of a law.
 
     Args:
-        unit: SI unit.
         value: Usual value, in ``unit``.
-        text: What it is, in a few words.
         around: Bounds as multiples of the value, dimensionless.
         between: Bounds in ``unit``, where the value does not give them (``around=None``).
         scale: Scale of a fit, in ``unit``; the value's by default.
-        source: Where the number comes from.
-        fitted: Whether refitting may change it.
         absent: Value in a hypothesis, where that differs, in ``unit``.
     """
     lower, upper = around or between
@@ -200,20 +187,16 @@ class Law:
     ``start`` their values at the start of a run. They see the port's signal as ``at.value``, its
     typical size as ``at.scale``, own parameters and states as ``at.p`` and ``at.x``, and by
     ``at.signals`` the port's local signals and the ``speed``, ``coordinate`` or ``level`` that
-    belongs to it, whatever the author of the plant has called them.
+    belongs to it, whatever the author of the plant has called them. What a law says of itself is
+    what `About` says of an effect.
 
     Args:
         name: Name of the law and, at the only port that it fits, of the effect.
-        equation: The law, in one line of text.
         where: Where in a model it may act: `each`, `twins`, `sensors`, or a function of your own.
         parameters: Own parameters at a place: one `size` or `share`, and any number of `shape`.
-        transform: New signal at a port.
-        states: Own states at a place.
-        rates: Rate of each own state.
         start: Own states at the start of a run, where they are not zero.
         shapes: Values of other parameters worth trying before a fit, by short name; the first are
             the law's own.
-        group: ``"process"`` or ``"sensor"``.
         dry: Whether it is friction or play without a slope at rest.
         stiff: Whether it brings rates well beyond 1000 1/s.
         far: Whether its usual sizes are beyond where the derivative at size zero tells of them.
@@ -222,9 +205,6 @@ class Law:
         same_as: Names of hypotheses that give the very same measurements, of a model and the
             place where the law acts.
         family: Name that it shares with laws of the same kind; its own by default.
-        source: Book, paper or manufacturer that the law comes from.
-        look_alikes: Names of laws that the same data may not separate.
-        separated_by: The experiment that tells it from its look-alikes.
 
     Example:
         >>> drag = Law(
@@ -281,7 +261,6 @@ class Law:
             lower: Smallest plausible size, in its unit.
             upper: Largest plausible size, in its unit.
             typical: Usual size, in its unit; scales a fit.
-            source: Where the size comes from.
             values: Values of the law's parameters, in their units; a usual size where none is
                 given.
 
@@ -437,7 +416,6 @@ def each(
     """Let a law act at every port of some roles, one by one.
 
     Args:
-        needs: Signals that must be had there.
         label: What the effect's name gets; nothing by default where there is one port only, else
             the name of the port's component.
     """

@@ -138,9 +138,7 @@ def nonparametric_term(
     tends to the sign of the rate over ``distance``, so that the loop is the same at any speed.
 
     Args:
-        port: Port, or ports that share the curves.
         curves: The curves, over different local signals of every port.
-        unit: Unit of the port.
         relative: Whether the curves are a fraction of the port's signal.
         ordinates: Ordinates by short name, ``"speed_1"`` for the first knot over ``speed``, and the
             half height ``"loop"``, in ``unit`` (dimensionless if relative); 0 where none is given.

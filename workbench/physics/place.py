@@ -79,7 +79,6 @@ class Local:
 
     Args:
         source: Name of the port's local signal, or of the state or input that it is.
-        unit: SI unit.
         scale: Typical size, in ``unit``.
         lower: Lower end of its range, in ``unit``; minus infinity if it is not known.
         upper: Upper end of its range, in ``unit``.
@@ -131,8 +130,6 @@ class Place:
     """A port as a law sees it.
 
     Args:
-        port: The port.
-        role: What its signal does.
         signals: The signals that a law may use, by the name that laws give them: the port's own,
             ``speed`` and ``coordinate`` of what an effort drives, positive where more of the
             signal raises the speed, ``level`` of what a flow fills, ``head`` of what it empties,
@@ -148,7 +145,6 @@ class Place:
         directed: Whether it is known which way the signal counts beside the speed.
         shaped: Whether contraction and pressure of a muscle enter the signal as they stand.
         parameters: Refitted parameters that enter the equations through this port alone.
-        output: The output of a measurement.
         others: The further ports on which the same effect acts.
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.
@@ -232,7 +228,6 @@ class Survey:
     """Everything about a model that decides which laws may act where.
 
     Args:
-        model: The model.
         outputs: Names of the outputs that are recorded; all by default.
         duration: Length of the recordings, in s; 0 if it is not known.
         sample_time: Sampling interval of the recordings, in s; 0 if it is not known.

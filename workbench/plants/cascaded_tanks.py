@@ -77,39 +77,15 @@ def overflow() -> Effect:
         ("upper.overflow", "lower.inflow", "lower.outflow"),
         transform,
         parameters=(
-            Parameter(
-                "rim",
-                "V",
-                1.0,
-                "level at which the upper tank spills",
-                15.0,
-                5.0,
-                30.0,
-                fitted=True,
-            ),
-            Parameter(
-                "caught",
-                "1",
-                0.5,
-                "share of the spill that the lower tank catches",
-                0.5,
-                0.0,
-                1.5,
-                fitted=True,
-            ),
-            Parameter(
-                "weir",
-                "1/s",
-                0.2,
-                "rate at which a level above the rim falls",
-                0.2,
-                0.01,
-                1.0,
-                fitted=True,
-            ),
+            Parameter("rim", "V", 1.0, "level at which the upper tank spills", 15.0, 5.0, 30.0,
+                      fitted=True),
+            Parameter("caught", "1", 0.5, "share of the spill that the lower tank catches", 0.5,
+                      0.0, 1.5, fitted=True),
+            Parameter("weir", "1/s", 0.2, "rate at which a level above the rim falls", 0.2, 0.01,
+                      1.0, fitted=True),
         ),
         about=About("spill = weir (level - rim)", "linear weir"),
-    )
+    )  # fmt: skip
 
 
 def cascaded_tanks() -> Model:
@@ -133,51 +109,18 @@ def cascaded_tanks() -> Model:
         inputs=(Input("pump", "V", 3.0, nominal=3.0, lower=0.0, upper=20.0),),
         outputs=(Output("level", "V", 5.0, noise_rms=0.03, upper=FULL),),
         parameters=(
-            Parameter(
-                "pump_gain",
-                "1/s",
-                value=0.04,
-                lower=0.005,
-                upper=0.2,
-                fitted=True,
-                description="level rate of the upper tank over pump voltage",
-            ),
-            *(
-                Parameter(
-                    f"{tank}_drain",
-                    "V/s",
-                    value=0.15,
-                    lower=0.02,
-                    upper=0.6,
-                    fitted=True,
-                    description=f"outflow of the {tank} tank at 10 V",
-                )
-                for tank in ("upper", "lower")
-            ),
-            *(
-                Parameter(
-                    f"{tank}_bend",
-                    "1",
-                    0.1,
-                    value=0.0,
-                    lower=-0.9,
-                    upper=0.9,
-                    fitted=True,
-                    description=f"part of the {tank} outflow that is proportional to the level",
-                )
-                for tank in ("upper", "lower")
-            ),
-            Parameter(
-                "ratio",
-                "1",
-                value=1.0,
-                lower=0.5,
-                upper=2.0,
-                description="area of the upper tank over that of the lower one",
-            ),
+            Parameter("pump_gain", "1/s", 0.0, "level rate of the upper tank over pump voltage",
+                      0.04, 0.005, 0.2, fitted=True),
+            *(Parameter(f"{tank}_drain", "V/s", 0.0, f"outflow of the {tank} tank at 10 V",
+                        0.15, 0.02, 0.6, fitted=True) for tank in ("upper", "lower")),
+            *(Parameter(f"{tank}_bend", "1", 0.1,
+                        f"part of the {tank} outflow that is proportional to the level",
+                        0.0, -0.9, 0.9, fitted=True) for tank in ("upper", "lower")),
+            Parameter("ratio", "1", 0.0, "area of the upper tank over that of the lower one",
+                      1.0, 0.5, 2.0),
         ),
         description="a pump, two tanks under each other, free outflow",
-    ).with_effect(overflow())
+    ).with_effect(overflow())  # fmt: skip
 
 
 CASCADED_TANKS = Plant(

@@ -54,48 +54,19 @@ def cylinder() -> Model:
         ),
         outputs=(Output("force", "N", 100.0, noise_rms=0.03),),
         parameters=(
-            Parameter(
-                "area",
-                "m2",
-                value=4.909e-4,
-                lower=4.4e-4,
-                upper=5.6e-4,
-                fitted=True,
-                description="area of the piston",
-                source="diameter 25 mm",
-            ),
-            Parameter(
-                "offset",
-                "N",
-                5.0,
-                value=0.0,
-                lower=-30.0,
-                upper=30.0,
-                fitted=True,
-                description="zero of the load cell and weight of the rod",
-            ),
-            Parameter(
-                "lag",
-                "s",
-                value=0.02,
-                lower=0.002,
-                upper=0.2,
-                description="lag of the load cell and its converter",
-            ),
+            Parameter("area", "m2", 0.0, "area of the piston", 4.909e-4, 4.4e-4, 5.6e-4,
+                      "diameter 25 mm", fitted=True),
+            Parameter("offset", "N", 5.0, "zero of the load cell and weight of the rod",
+                      0.0, -30.0, 30.0, fitted=True),
+            Parameter("lag", "s", 0.0, "lag of the load cell and its converter", 0.02, 0.002, 0.2),
         ),
         description="a piston stroked from outside at constant pressure",
     ).with_effect(
         coulomb_friction("piston.force", level=3.0, transition_speed=1e-3, upper=40.0),
-        load_dependent_friction(
-            "piston.force",
-            coefficient=1e-5,
-            transition_speed=1e-3,
-            upper=1e-4,
-            typical=1e-5,
-            name="seal_friction",
-        ),
+        load_dependent_friction("piston.force", coefficient=1e-5, transition_speed=1e-3,
+                                upper=1e-4, typical=1e-5, name="seal_friction"),
         viscous_friction("piston.force", coefficient=100.0, upper=2000.0),
-    )
+    )  # fmt: skip
 
 
 CYLINDER = Plant("cylinder", cylinder, "pneumatic cylinder on a test bench, friction of its seals")

@@ -19,7 +19,6 @@ def saved_plant(
     """Return what a file must say so that `plant_of_file` builds a model again.
 
     Args:
-        reference: Name of the plant, or ``module:object``.
         options: Its options that are not at their defaults, in their units.
         model: The model to keep: the nominal one with other effects and parameters.
     """

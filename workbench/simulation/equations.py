@@ -34,9 +34,6 @@ class Equations:
     """Functions of states, inputs and parameters (and what else they take), in one library.
 
     Each object has its own memory, so objects may work in parallel threads, one thread each.
-
-    Args:
-        functions: Functions of dense arguments and results, one library for all.
     """
 
     def __init__(self, functions: Sequence[ca.Function]) -> None:

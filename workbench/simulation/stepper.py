@@ -22,7 +22,6 @@ class Stepper:
     Args:
         sample_time: Time between samples, in s.
         tolerance: Local error allowed in a step, relative to the scales of the states.
-        method: ``"erk"`` or ``"rosenbrock"``.
         values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
     """
 

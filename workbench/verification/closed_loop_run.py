@@ -36,9 +36,6 @@ class Run(Drawn):
         measured: What the controller's sensors read, shape (n, n_sensors), in SI.
         inputs: Commands that reached the plant, shape (n, n_inputs), in SI.
         parameters: Plant parameters, shape (n, n_parameters), in SI; no columns for a linear model.
-        sensors: Names of the columns of ``measured``.
-        controlled: Names of the outputs that had a reference.
-        integrator: How the plant was advanced.
         tolerance: Tolerance of the integrator, relative to the scales of the states.
         state_names: Names of the columns of ``states``.
         surface_layer: Boundary layer of a sliding controller, in the unit of its surface.
@@ -94,11 +91,7 @@ class Run(Drawn):
         return np.asarray(self.measured[:, self.sensors.index(name)])
 
     def info(self, name: str) -> Vector:
-        """Return a number that the steps told, NaN where a step did not tell it.
-
-        Returns:
-            Values, shape (n,), in the entry's own unit.
-        """
+        """Return a number that the steps told, shape (n,), in its own unit; NaN where none did."""
         return np.array([float(i.get(name, np.nan)) for i in self.infos])
 
     @cached_property
@@ -114,9 +107,8 @@ class Run(Drawn):
     def _signal(self, name: str) -> Vector:
         assert self.model is not None
         traced = self.model.exact
-        function = traced.function("signal", traced.signals[traced.signal_names.index(name)])
-        values = function.map(len(self.time))(self.states.T, self.inputs.T, self.parameters.T)
-        return np.asarray(values, dtype=float).ravel()
+        signal = traced.signals[traced.signal_names.index(name)]
+        return traced.along(self.states, self.inputs, self.parameters, signal)[0][:, 0, 0]
 
     def tables(self) -> tuple[Rows, ...]:
         """Return between which values every output and input moved."""

@@ -23,7 +23,6 @@ class StepPart(NamedTuple):
         begin: Time of the step, in s.
         initial: Reference before it, in SI.
         final: Reference after it, in SI.
-        part: Samples from the step until the next one.
     """
 
     begin: float

@@ -49,21 +49,15 @@ def guarded(
     plant: Model | LinearModel,
     *,
     at: Mapping[str, float] | None = None,
-    bridge: float = Guard.bridge,
-    hold: float = Guard.hold,
-    inner: float = Guard.inner,
-    settle: float = Guard.settle,
-    ramp: float = Guard.ramp,
-    patience: float | None = None,
-    swings: float = SWINGS,
-    deadline: float = math.inf,
 ) -> Guarded:
     """Put a controller into a guard with the limits that its plant declares.
 
-    The plant rests where ``at`` says, values by name in SI; by default where its nominal inputs
-    hold it, or at the operating point of the linear model. Patience is 100 times what the plant
-    needs by default, and `LEAST_PATIENCE` at least; times, in samples, and deadline, in s, are as
-    `controllers.guard.Guard` has them.
+    A command may be at its end, or an error may stay, for 100 times what the plant needs, and
+    `LEAST_PATIENCE` at least; other times are those of `Guard`.
+
+    Args:
+        at: Where the plant rests, values by name in SI; by default where its nominal inputs hold
+            it, or the operating point of the linear model.
 
     Raises:
         WorkbenchError: If the plant lacks a sensor or an actuator of the controller.
@@ -118,14 +112,8 @@ def guarded(
         references,
         commands,
         estimator=_estimator(controller, plant, point, held, tolerances),
-        patience=max(100.0 * response, LEAST_PATIENCE) if patience is None else patience,
-        bridge=bridge,
-        hold=hold,
-        inner=inner,
-        settle=settle,
-        ramp=ramp,
-        swings=swings,
-        deadline=deadline,
+        patience=max(100.0 * response, LEAST_PATIENCE),
+        swings=SWINGS,
     )
     return Guarded(controller, guard)
 

@@ -27,9 +27,7 @@ def joint_stiffness(run: Run) -> Vector:
     traced = run.model.exact
     torque = traced.signals[traced.signal_names.index("joint.torque")]
     slope = ca.jacobian(torque, traced.x[run.state_names.index("angle")])
-    function = traced.function("stiffness", -slope).map(len(run.time))
-    values = function(run.states.T, run.inputs.T, run.parameters.T)
-    return np.asarray(values, dtype=float).ravel()
+    return traced.along(run.states, run.inputs, run.parameters, -slope)[0][:, 0, 0]
 
 
 def _stops(run: Run) -> list[Vector]:

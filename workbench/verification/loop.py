@@ -48,7 +48,6 @@ def verify(
     """Run a controller on a plant through a scenario.
 
     Args:
-        controller: The controller; its sample time must be the scenario's.
         plant: The full plant, or a linear model of it, discretised exactly. A linear model by the
             opening meets the same command as the plant. One by the voltage receives
             ``controller.linear_command``, neither clipped nor quantised, so that a compensated

@@ -103,7 +103,6 @@ class MetricValue:
     """One number of a run.
 
     Args:
-        name: Name of the metric, with its output or command where there are several.
         value: The number in ``unit``, NaN if there is none.
     """
 

@@ -64,7 +64,6 @@ class PhysicalLimit:
         time: Ends of the intervals from 0 to the end of the last phase, shape (n + 1,), in s.
         states: States there, shape (n + 1, n_states), in SI.
         inputs: Inputs held over each interval, shape (n, n_inputs), in SI.
-        iterations: Number of iterations (dimensionless).
         position_error: Largest distance of the position on the exact plant, driven by the same
             inputs, from ``states``, in ``unit``.
         end_error: Distance of the position at the end on the exact plant from that in ``states``,
@@ -114,7 +113,6 @@ def physical_limit(
     intervals: int = 64,
     degree: int = 3,
     coordinate: str = "",
-    cached: bool = True,
 ) -> PhysicalLimit:
     """Find the fastest move of a plant between two resting positions.
 
@@ -128,7 +126,6 @@ def physical_limit(
         degree: Radau points per interval, 2 to 5.
         coordinate: Name of the state that moves, the rate of which is a state; the first output
             that is a state by default.
-        cached: Whether a result on disk may be taken.
 
     Raises:
         WorkbenchError: If an argument is outside its range or the plant cannot rest there.
@@ -166,7 +163,7 @@ def physical_limit(
         names.index(velocity),
     )
     path = cache_folder() / f"limit-{problem.key()}.npz"
-    found = _read(path) if cached else None
+    found = _read(path)
     if found is None:
         found = problem.solve()
         _write(path, found)
@@ -300,7 +297,7 @@ class _Problem:
             "iterations": int(stats["iter_count"]),
         }
 
-    def _guess_and_bounds(self) -> tuple[Vector, Vector, Vector]:
+    def _guess_and_bounds(self) -> tuple[Vector, ...]:
         model, size, d = self.model, self.scale, self.degree
         move, total = self.intervals[0], sum(self.intervals)
         x0, c = self.start.x, self.coordinate
@@ -343,15 +340,10 @@ class _Problem:
         wave[:move] = np.where(np.arange(move) < 0.5 * move, 1.0, -1.0) * np.sign(reach)
         span = np.where(np.isfinite(u_high - u_low), 0.25 * (u_high - u_low), 1.0)
         u = rest + wave[:, None] * span
-        t_low, t_high = np.full(2, _SHORTEST), np.full(2, _LONGEST)
-        guess = np.concatenate([times, nodes.ravel(), points.ravel(), u.ravel()])
-        lower = np.concatenate(
-            [t_low, nodes_low.ravel(), points_low.ravel(), np.tile(u_low, total)]
-        )
-        upper = np.concatenate(
-            [t_high, nodes_high.ravel(), points_high.ravel(), np.tile(u_high, total)]
-        )
-        return guess, lower, upper
+        guess = (times, nodes, points, u)
+        lower = (np.full(2, _SHORTEST), nodes_low, points_low, np.tile(u_low, total))
+        upper = (np.full(2, _LONGEST), nodes_high, points_high, np.tile(u_high, total))
+        return tuple(np.concatenate([p.ravel() for p in parts]) for parts in (guess, lower, upper))
 
     def validated(self, found: dict[str, Any]) -> PhysicalLimit:
         """Drive the exact plant with the found inputs and measure how far it strays."""
@@ -382,29 +374,14 @@ class _Problem:
 
 
 def _options(strategy: str) -> dict[str, Any]:
-    return {
-        "error_on_fail": False,
-        "print_time": False,
-        "ipopt": {
-            "print_level": 0,
-            "sb": "yes",
-            "max_iter": 500,
-            "tol": 1e-6,
-            "mu_strategy": strategy,
-        },
-    }
+    own = {"print_level": 0, "sb": "yes", "max_iter": 500, "tol": 1e-6, "mu_strategy": strategy}
+    return {"error_on_fail": False, "print_time": False, "ipopt": own}
 
 
 def _read(path: Path) -> dict[str, Any] | None:
     try:
         with np.load(path, allow_pickle=False) as stored:
-            return {
-                "times": stored["times"],
-                "states": stored["states"],
-                "inputs": stored["inputs"],
-                "status": str(stored["status"]),
-                "iterations": int(stored["iterations"]),
-            }
+            return {n: stored[n] for n in ("times", "states", "inputs", "status", "iterations")}
     except (OSError, ValueError, KeyError, EOFError):
         # Not there, or not readable: it is computed anew.
         return None

@@ -30,7 +30,6 @@ class Change:
 
     Args:
         time: Time, in s; the sample that begins at or after it has the new value.
-        parameter: Name of a parameter of the plant.
         value: New value, in the parameter's SI unit.
     """
 
@@ -50,7 +49,6 @@ class Disturbance:
 
     Args:
         time: Time, in s.
-        port: Name of a port, such as ``"joint.torque"``.
         level: What is added, in the port's SI unit.
         until: Time at which it ends, in s.
     """

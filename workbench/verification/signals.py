@@ -166,7 +166,6 @@ class SignalKind:
     Args:
         valued: Keys in the unit of the signal; they are converted to SI.
         others: Keys in SI.
-        optional: Keys that may be left out.
     """
 
     name: str

@@ -20,7 +20,7 @@ def volumes(model: Model) -> np.ndarray:
 
 
 def test_constant_volume_is_constant_and_does_no_work() -> None:
-    model = arm(3.0).with_effect(constant_volume(8e-5))
+    model = arm(3.0).with_effect(constant_volume().with_parameters({"volume": 8e-5}))
     assert volumes(model) == pytest.approx(8e-5 + 1.5e-5)  # and the dead volume
     moving = model.initial_state({"speed": 3.0})
     resting = model.initial_state({"speed": 0.0})
@@ -42,4 +42,4 @@ def test_printed_volume_is_that_of_the_printed_variant() -> None:
 
 def test_a_volume_of_nothing_is_refused() -> None:
     with pytest.raises(WorkbenchError, match="volume is 0 m3"):
-        constant_volume(0.0)
+        constant_volume().with_parameters({"volume": 0.0})

@@ -123,8 +123,6 @@ class Asked(NamedTuple):
         state_scale: Scale of each state, shape (n_states,), in SI.
         output_scale: Scale of each measurement used, in its SI unit.
         rows: Places of those measurements among the model's outputs.
-        columns: Places of the free parameters.
-        corrected: Places of the states that measurements correct.
         free_scale: Scale of each free parameter, in its SI unit.
         ports: Places of the ports at which an unmodelled signal may act.
     """
@@ -144,7 +142,6 @@ class Filter:
 
     Args:
         sample_time: Time between samples, in s.
-        substeps: Runge-Kutta steps per sample.
     """
 
     def __init__(self, asked: Asked, sample_time: float, substeps: int) -> None:

@@ -24,11 +24,9 @@ class FreeRun:
     """A model simulated along a recording, never corrected by the measurements.
 
     Args:
-        used: Names of the outputs that were read, n_used of them.
         time: Time from the first sample, shape (n,), in s.
         measured: Measurements, shape (n, n_used), in SI; NaN where there is none.
         simulated: What the model would read, shape (n, n_used), in SI; NaN if the run failed.
-        failure: Why the run failed; empty if it did not.
     """
 
     name: str

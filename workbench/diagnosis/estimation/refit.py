@@ -61,7 +61,6 @@ def refit(
     Args:
         recordings: Recordings as `observe` returns them, all with the same outputs and sample
             time.
-        priors: The free parameters; `default_priors` by default.
         stages: Process-noise scales at the ports, pass by pass, dimensionless.
         start: Where to start some parameters, by name, in SI; at the prior by default.
         starts: Number of starts; those after the first are drawn from the priors.

@@ -61,7 +61,6 @@ class Refit:
     Args:
         covariance: Covariance of the estimates, shape (n_free, n_free), in SI.
         cost: Minus the log likelihood of the last pass, with the priors; dimensionless.
-        iterations: Gauss-Newton steps of all passes.
         whiteness: Mean square of the whitened prediction errors by output, dimensionless; 1
             where the model explains the recordings to the noise.
         unidentifiable: Combinations of parameters that the recordings do not determine.
@@ -120,7 +119,6 @@ class Outcome:
     Args:
         values: Values of the free parameters, shape (n_free,), in SI.
         cost: Minus the log likelihood with the priors, dimensionless.
-        converged: Whether further steps gain nothing.
         noise_scale: Process-noise scale in the last pass, dimensionless.
     """
 

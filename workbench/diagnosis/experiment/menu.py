@@ -36,7 +36,6 @@ class Experiment:
     """An input to play on a machine.
 
     Args:
-        text: What to do, in words.
         sample_time: Time between samples, in s.
         inputs: Inputs held from each sample to the next, shape (n, n_inputs), in SI.
         settings: Parameters that are set to another value for it, in SI, by name.

@@ -66,7 +66,6 @@ def separate(
 
     Args:
         explanations: Two or more fitted explanations, the most likely first.
-        recordings: The recordings that they were fitted to, as `observe` returns them.
         experiments: What to choose from; by default a menu within what the recordings show, the
             best of it also at other settings of load and supply.
     """

@@ -63,7 +63,6 @@ class Separator:
 
     Args:
         recording: A recording as `observe` returns it, for the outputs, their noise and the start.
-        observed_with: The model that it was observed with.
     """
 
     def __init__(self, recording: Observed, observed_with: Model) -> None:

@@ -67,9 +67,7 @@ class Isolability:
         nearest: For each group, by its first port: the first port of the group that is hardest to
             tell from it, and the largest angle between the directions of their measurements, in
             rad.
-        structure: The structure that the groups follow from.
         readable: Unknowns in each signal that could be read.
-        transfers: How each port moves the measurements.
     """
 
     model: str

@@ -246,8 +246,6 @@ def added_at_ports(
 
     Args:
         absent: Parameter values at which the effect is absent, in SI.
-        observed: A recording with a start for the extended model.
-        model: The same without the effect.
         missing: The unknown input of the model without it, whose smoothed states are used where
             both models have them.
 

@@ -49,8 +49,6 @@ class Place:
     """Values of a local signal at which something is missing.
 
     Args:
-        signal: Name of the local signal.
-        unit: Its SI unit.
         dependence: Share of the variance of the missing signal that is a function of it,
             dimensionless.
         ranges: Where the missing signal is strong, ends in ``unit``, the strongest first.
@@ -70,7 +68,6 @@ class Occurrence:
 
     Args:
         port: Port at which it is missing, or output whose prediction is wrong.
-        unit: SI unit of the signal.
         rms: Root mean square of the signal where the measurements tell it, in ``unit``.
         largest: The same over its strongest time, in ``unit``.
         spans: Times at which it acts, the strongest first.
@@ -172,8 +169,6 @@ class MissingSignal:
         argument_values: Its values, shape (n,), in ``argument_unit``.
         explained: Share of the mean square of the signal that the law takes away where the
             measurements determine it, dimensionless; NaN without law.
-        law_name: What the law is, in plain words.
-        occurrence: When and where it is missing.
     """
 
     port: str
@@ -226,8 +221,6 @@ def occurrence(
     the strongest.
 
     Args:
-        port: Where it acts.
-        unit: SI unit of the signal.
         recordings: Name and times from the first sample, in s, one after the other, n in all.
         signal: The signal, shape (n,), in ``unit``.
         std: Its standard deviation, shape (n,), in ``unit``.

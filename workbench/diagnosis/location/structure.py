@@ -176,9 +176,6 @@ def structure_of(
 ) -> tuple[Structure, dict[str, tuple[str, ...]]]:
     """Write down which equation of a model holds which unknown.
 
-    Args:
-        outputs: Names of the outputs that are recorded.
-
     Returns:
         The structure, with a suspect per port; and what else could be read: the unknowns in it, by
         name of the state or signal.

@@ -68,9 +68,6 @@ class Transfers:
 def transfers(parts: Cut, outputs: Sequence[str]) -> Transfers:
     """Linearise a model about operating points near its start, always the same ones.
 
-    Args:
-        outputs: Names of the outputs that are recorded.
-
     Returns:
         ``G = C (jw - A)^-1 B + D`` from the ports.
     """

@@ -41,8 +41,6 @@ class UnknownInput:
     """An unknown input along a recording.
 
     Args:
-        ports: Names of the ports at which it acts.
-        units: Their SI units.
         time: Times, shape (n,), in s.
         signal: The unknown input, shape (n, n_ports), each in its unit.
         std: Its standard deviation, shape (n, n_ports), each in its unit.
@@ -71,11 +69,6 @@ def unknown_input(model: Model, observed: Observed, ports: Sequence[str]) -> Unk
     Iterated extended Kalman smoother (Bell 1994) in the form of Bryson and Frazier: the equations
     are linearised about the last estimate, and the size of the unknown input follows from its own
     estimate.
-
-    Args:
-        model: The model whose equations leave something out.
-        observed: A recording, with a start for this model.
-        ports: Names of the ports that may add an unknown signal.
 
     Raises:
         WorkbenchError: If a port does not exist.

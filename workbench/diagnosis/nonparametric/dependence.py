@@ -50,7 +50,6 @@ class Site:
 
         Args:
             functions: One set of functions at every port, shape (n, n_ports, k), dimensionless.
-            relative: Whether they are a fraction of the port's signal.
 
         Returns:
             Located signals one below the other, shape (n_located n, k), in their unit.
@@ -65,7 +64,6 @@ class Evidence:
     """The located signals of all recordings, ready for regressions.
 
     Args:
-        located: Names of the ports at which they were smoothed.
         signal: Signals one below the other, shape (n_located n,), in the ports' unit.
         known: Where the measurements determine them, of that shape.
         nominal: What a step of each free parameter adds there, shape (n_located n, n_free), in
@@ -222,7 +220,6 @@ def partial(
     What is left of the located signals is laid to the ports in proportion to their effect on them.
 
     Args:
-        relative: Whether as a fraction of the port's signal.
         rest: What is left of the located signals, shape (n_located n,), in their unit.
 
     Returns:

@@ -92,9 +92,6 @@ def nonparametric_term(
     prediction error together with the free parameters. The prior of the ordinates is normal about
     zero.
 
-    Args:
-        fit_on: Fitting recordings, with a start for the model of ``base``.
-
     Returns:
         The term; accepted if it gains on the held-out recordings with an interval that excludes
         zero, and their free run gets worse for no output and better for one.

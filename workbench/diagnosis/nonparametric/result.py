@@ -80,7 +80,6 @@ class Law:
     """What the term adds to the equations, without its ordinates.
 
     Args:
-        relative: Whether the curves are a fraction of the port's signal.
         typical: Usual ordinate, in the unit of the curves.
         upper: Largest ordinate, in the unit of the curves.
         loop: Rate, unit and distance of the memory; None if there is none.
@@ -116,14 +115,12 @@ class NonparametricTerm:
     Args:
         fit: The refit with the term; that without it if nothing was fitted.
         unit: Unit of the curves: that of the ports, or ``"1"`` if they are a fraction of it.
-        relative: Whether the curves are a fraction of the port's signal.
         explained: Share of the mean square of the smoothed signal that curves and changed
             parameters take away, dimensionless.
         gain: Gain of log likelihood on the fitting recordings, dimensionless.
         held_out: Gain on the held-out recordings with its 99 % interval, dimensionless.
         rmse: Free-run error on the held-out recordings by output, without and with the term, in
             SI.
-        reason: Why it was not accepted; empty if it was.
         law: What the term adds to the equations; None if nothing was fitted.
         likenesses: What the curve resembles, the likeliest first, with the curve itself; empty
             where it was not compared.

@@ -105,7 +105,6 @@ def sindy(model: Model, recordings: Sequence[Observed], share: float) -> list[di
     """Name what is missing by sparse regression.
 
     Args:
-        recordings: The recordings to fit on, with angle and both pressures.
         share: Share of the expected disturbance at which the model was refitted.
 
     Returns:

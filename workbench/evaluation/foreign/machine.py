@@ -31,7 +31,6 @@ class Concealed:
         ports: Ports of the newcomer's model that it may rightly be found at.
         size: Smallest and largest value of the parameter that switches it on.
         others: Values of further parameters that it sets.
-        signed: Whether the sign is drawn too.
     """
 
     name: str
@@ -77,11 +76,7 @@ class Machine:
 
     Args:
         background: True value and relative half range of each parameter that is never nominal.
-        rates: Derivative of the state from time, state, commands and parameters.
-        initial: State at rest from the parameters.
         excitations: What drives the recordings ``fit_1``, ``fit_2``, ``hold_1``, ``hold_2``.
-        sample_time: Time between samples.
-        steps: Integration steps per sample.
     """
 
     name: str
@@ -120,7 +115,6 @@ class Machine:
             excitation: Commands, or references if there is a loop, shape (n, inputs).
             rng: Source of the sensors' noise; without it they are exact.
             replayed: Whether the excitation holds commands although there is a loop.
-            start: State at the start; at rest by default.
 
         Returns:
             Commands, shape (n, inputs), and measurements, shape (n, channels).

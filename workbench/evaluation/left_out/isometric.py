@@ -32,7 +32,6 @@ def isometric_recording(
     """Record a muscle that is filled and vented at one length after the other.
 
     Args:
-        contractions_mm: Contractions, in mm.
         parameters: Parameters of the rig that are not nominal, in its units.
 
     Returns:

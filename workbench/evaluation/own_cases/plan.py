@@ -81,7 +81,6 @@ class Planned:
     """A case to be made.
 
     Args:
-        seed: Seed of background parameters, excitation and noise.
         load: Mass of the plates as noted, in kg.
         kind: ``single``, ``pair``, ``triple``, ``nothing``, ``outside``, or ``limited`` where the
             recordings are closed-loop only.

@@ -21,11 +21,7 @@ from workbench.recordings.recording import Recording, Signal
 
 @dataclass(frozen=True)
 class RigMachine:
-    """The rig with what it hides.
-
-    Args:
-        parameters: Parameters of the rig.
-    """
+    """The rig with what it hides."""
 
     parameters: dict[str, float] = field(repr=False)
     seed: int = 1
@@ -45,11 +41,7 @@ class RigMachine:
 
 
 def rig_of(folder: Path) -> RigMachine:
-    """Return the rig that made a case.
-
-    Args:
-        folder: A case as `workbench.evaluation.rig.cases.make_case` makes it, with its truth.
-    """
+    """Return the rig that made a case."""
     truth = json.loads((folder / "truth.json").read_text())
     return RigMachine(truth["parameters"])
 

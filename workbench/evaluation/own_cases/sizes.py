@@ -90,8 +90,6 @@ class Counterpart:
     """The parameter of the library that states the same size as one of the rig.
 
     Args:
-        parameter: Short name of the library's parameter.
-        true: Its true value from the rig's parameters.
         size: Whether it is the parameter whose zero means absent.
     """
 

@@ -61,11 +61,7 @@ def initial(
     spool: float = 0.0,
     stretched: bool = False,
 ) -> NDArray[np.float64]:
-    """Return a state at rest.
-
-    Args:
-        stretched: Whether elastic tendons already carry the muscles' tensions.
-    """
+    """Return a state at rest."""
     p = namespace(parameters)
     x = np.zeros(len(STATES))
     x[0] = x[INDEX["load_angle"]] = np.radians(angle_deg)

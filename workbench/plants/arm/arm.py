@@ -51,40 +51,15 @@ FORCE_LAWS: dict[str, ForceLaw] = {
 }
 """Equations (4), (3), (1), (2) with constant and with pressure-dependent k, and Sarosi's law."""
 
-LOAD = Option(
-    "load",
-    3.0,
-    "kg",
-    "mass of the plates on the arm",
-    lower=0.0,
-    upper=MAXIMUM_LOAD,
-    keyword="load_kg",
-    measured=True,
-)
-PLANE = Option(
-    "plane",
-    "horizontal",
-    help="plane of the motion; horizontal knows no weight",
-    choices=("horizontal", "vertical"),
-    measured=True,
-)
-SUPPLY = Option(
-    "supply",
-    6.0,
-    "bar",
-    "supply pressure, gauge",
-    lower=2.0,
-    upper=10.0,
-    keyword="supply_bar",
-    label="supply pressure",
-    measured=True,
-)
-VARIANT = Option(
-    "variant",
-    "corrected",
-    help="as_printed undoes every correction of the paper's equations",
-    choices=("corrected", "as_printed"),
-)
+# Name, default, unit, help, bounds.
+LOAD = Option("load", 3.0, "kg", "mass of the plates on the arm", 0.0, MAXIMUM_LOAD,
+              keyword="load_kg", measured=True)  # fmt: skip
+PLANE = Option("plane", "horizontal", help="plane of the motion; horizontal knows no weight",
+               choices=("horizontal", "vertical"), measured=True)  # fmt: skip
+SUPPLY = Option("supply", 6.0, "bar", "supply pressure, gauge", 2.0, 10.0, keyword="supply_bar",
+                label="supply pressure", measured=True)  # fmt: skip
+VARIANT = Option("variant", "corrected", choices=("corrected", "as_printed"),
+                 help="as_printed undoes every correction of the paper's equations")  # fmt: skip
 FORCE_LAW = Option(
     "force_law", "paper", help="static force of the muscles", choices=tuple(FORCE_LAWS)
 )
@@ -99,27 +74,12 @@ LINE_VOLUMES = Option(
 COUNTS_PER_TURN = 180_000
 
 OUTPUTS = (
-    Output(
-        "angle",
-        "rad",
-        1.0,
-        "encoder, 180000 counts per turn",
-        resolution=2 * math.pi / COUNTS_PER_TURN,
-        display_unit="deg",
-    ),
+    Output("angle", "rad", 1.0, "encoder, 180000 counts per turn", 2 * math.pi / COUNTS_PER_TURN,
+           display_unit="deg"),
     pressure_sensor("_1", " of muscle 1"),
     pressure_sensor("_2", " of muscle 2"),
-    Output(
-        "load_cell",
-        "N",
-        100.0,
-        "load cell on the lower stop",
-        resolution=0.5,
-        noise_rms=0.5,
-        lower=0.0,
-        upper=5000.0,
-    ),
-)
+    Output("load_cell", "N", 100.0, "load cell on the lower stop", 0.5, 0.5, 0.0, 5000.0),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

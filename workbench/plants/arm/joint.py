@@ -9,93 +9,31 @@ from dataclasses import dataclass
 from workbench.model import About, Effect, Parameter, PortView, Scope, State
 from workbench.model.regularisation import Expression, where
 from workbench.physics.friction import coulomb_friction, viscous_friction
-from workbench.plants.arm.geometry import ArmGeometry
+from workbench.plants.arm.geometry import TRAVEL, ArmGeometry
 from workbench.plants.arm.inertia import MAXIMUM_LOAD, ArmBody, Plane
 
 STATES = (
-    State(
-        "angle",
-        "rad",
-        1.0,
-        "arm angle",
-        initial=math.radians(30.0),
-        lower=math.radians(-1.0),
-        upper=math.radians(61.0),
-    ),
+    State("angle", "rad", 1.0, "arm angle", math.radians(30.0), math.radians(-1.0),
+          math.radians(61.0)),
     State("speed", "rad/s", 1.0, "arm speed", start_rms=0.01),
-)
+)  # fmt: skip
 
 PARAMETERS = (
-    Parameter(
-        "load",
-        "kg",
-        1.0,
-        "mass of the plates",
-        value=0.0,
-        lower=0.0,
-        upper=MAXIMUM_LOAD,
-        source="chosen by the user",
-        setting=2.0,
-    ),
-    Parameter(
-        "arm_inertia",
-        "kg m2",
-        description="inertia of the bare arm about the joint",
-        value=0.0556,
-        lower=0.8 * 0.0556,
-        upper=1.2 * 0.0556,
-        source="computed from the paper's dimensions",
-        fitted=True,
-    ),
-    Parameter(
-        "lower_stop",
-        "rad",
-        1.0,
-        "angle of the lower stop",
-        value=0.0,
-        lower=0.0,
-        upper=math.radians(60.0),
-        source="paper",
-    ),
-    Parameter(
-        "upper_stop",
-        "rad",
-        description="angle of the upper stop",
-        value=math.radians(60.0),
-        lower=0.0,
-        upper=math.radians(60.0),
-        source="paper",
-    ),
-    Parameter(
-        "stop_stiffness",
-        "N m/rad",
-        description="stiffness of a stop",
-        value=2e4,
-        lower=1e3,
-        upper=1e6,
-        source="estimate",
-        fixed=True,
-    ),
-    Parameter(
-        "stop_damping",
-        "N m s/rad",
-        description="damping of a stop",
-        value=60.0,
-        lower=0.0,
-        upper=1e3,
-        source="estimate",
-        fixed=True,
-    ),
-    Parameter(
-        "load_cell_arm",
-        "m",
-        description="lever of the load cell on the lower stop",
-        value=0.367,
-        lower=0.05,
-        upper=0.5,
-        source="estimate: under the plates",
-    ),
-)
+    # Name, unit, scale (0 for that of the value), meaning, value, bounds, source.
+    Parameter("load", "kg", 1.0, "mass of the plates", 0.0, 0.0, MAXIMUM_LOAD,
+              "chosen by the user", setting=2.0),
+    Parameter("arm_inertia", "kg m2", 0.0, "inertia of the bare arm about the joint",
+              0.0556, 0.8 * 0.0556, 1.2 * 0.0556, "computed from the paper's dimensions",
+              fitted=True),
+    Parameter("lower_stop", "rad", 1.0, "angle of the lower stop", 0.0, 0.0, TRAVEL, "paper"),
+    Parameter("upper_stop", "rad", 0.0, "angle of the upper stop", TRAVEL, 0.0, TRAVEL, "paper"),
+    Parameter("stop_stiffness", "N m/rad", 0.0, "stiffness of a stop", 2e4, 1e3, 1e6, "estimate",
+              fixed=True),
+    Parameter("stop_damping", "N m s/rad", 0.0, "damping of a stop", 60.0, 0.0, 1e3, "estimate",
+              fixed=True),
+    Parameter("load_cell_arm", "m", 0.0, "lever of the load cell on the lower stop",
+              0.367, 0.05, 0.5, "estimate: under the plates"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -17,92 +17,35 @@ from workbench.plants.arm.servovalve import PARAMETERS as VALVE_PARAMETERS
 from workbench.plants.arm.wall_heat import heat_exchange
 
 PARAMETERS = (
-    Parameter(
-        "force_gain",
-        "1",
-        description="measured over nominal muscle force",
-        value=1.0,
-        lower=0.85,
-        upper=1.15,
-        source="nominal",
-        fitted=True,
-    ),
-    Parameter(
-        "volume_gain",
-        "1",
-        description="actual over computed muscle volume",
-        value=1.0,
-        lower=0.9,
-        upper=1.25,
-        source="nominal",
-        fixed=True,
-    ),
-    Parameter(
-        "dead_volume",
-        "m3",
-        description="volume of fittings and line",
-        value=15e-6,
-        lower=5e-6,
-        upper=30e-6,
-        source="estimate",
-        fitted=True,
-    ),
-)
+    # Name, unit, scale (0 for that of the value), meaning, value, bounds, source.
+    Parameter("force_gain", "1", 0.0, "measured over nominal muscle force", 1.0, 0.85, 1.15,
+              "nominal", fitted=True),
+    Parameter("volume_gain", "1", 0.0, "actual over computed muscle volume", 1.0, 0.9, 1.25,
+              "nominal", fixed=True),
+    Parameter("dead_volume", "m3", 0.0, "volume of fittings and line", 15e-6, 5e-6, 30e-6,
+              "estimate", fitted=True),
+)  # fmt: skip
 
 AMBIENT = tuple(q for q in VALVE_PARAMETERS if q.name.startswith("ambient"))
 
 
 def muscle_states(suffix: str = "") -> tuple[State, State]:
-    """Return the states of the gas of a muscle.
-
-    Args:
-        suffix: Ending of the names, ``"_1"`` for muscle 1.
-    """
+    """Return the states of the gas of a muscle; `suffix` ends their names, such as ``"_1"``."""
     return (
-        State(
-            f"pressure{suffix}",
-            "Pa",
-            1e5,
-            "absolute pressure",
-            initial=4.01325e5,
-            lower=5e4,
-            upper=1.2e6,
-        ),
-        State(
-            f"temperature{suffix}",
-            "K",
-            10.0,
-            "gas temperature",
-            initial=293.15,
-            start_rms=2.0,
-            lower=150.0,
-            upper=500.0,
-        ),
+        State(f"pressure{suffix}", "Pa", 1e5, "absolute pressure", 4.01325e5, 5e4, 1.2e6),
+        State(f"temperature{suffix}", "K", 10.0, "gas temperature", 293.15, 150.0, 500.0, 2.0),
     )
 
 
 def pressure_sensor(suffix: str = "", of: str = "") -> Output:
     """Return the gauge pressure sensor of a muscle; `suffix` ends its name."""
-    return Output(
-        f"pressure{suffix}",
-        "Pa",
-        1e5,
-        f"gauge pressure sensor{of}, 12 bit on 10 bar",
-        resolution=10e5 / 4096,
-        noise_rms=600.0,
-        lower=0.0,
-        upper=10e5,
-        display_unit="bar",
-    )
+    text = f"gauge pressure sensor{of}, 12 bit on 10 bar"
+    return Output(f"pressure{suffix}", "Pa", 1e5, text, 10e5 / 4096, 600.0, 0.0, 10e5, "bar")
 
 
 @dataclass(frozen=True)
 class MuscleLaws:
-    """Which laws a muscle follows.
-
-    Args:
-        printed_work_sign: The sign of the gas work as printed in the paper.
-    """
+    """Which laws a muscle follows, and whether the sign of the gas work is the printed one."""
 
     force: ForceLaw = PaperLaw()
     volume: BraidedCylinder = BraidedCylinder()
@@ -138,7 +81,6 @@ def muscle(
 
     Args:
         m: Scope with the names of `muscle_states`, `PARAMETERS` and the ambient.
-        suffix: Ending of the names of states and ports, ``"_1"`` for muscle 1.
         fibre_length: Fibre length s, in m, as an expression in ``coordinate``.
         coordinate: Symbol of the state or input that the length depends on, in its SI unit (rad
             for the arm's angle, m for a length).
@@ -253,8 +195,6 @@ def muscle_laws(
     The term phi(q) of the paper's force law becomes the effect ``force_correction``, the flattening
     of the ends ``end_flattening``, each on the ports of both muscles.
 
-    Args:
-        printed_work_sign: The sign of the gas work as printed in the paper.
     """
     effects = [end_flattening(volume)]
     base = force_law
@@ -264,9 +204,8 @@ def muscle_laws(
     return MuscleLaws(base, volume, printed_work_sign), tuple(effects)
 
 
-def force_correction(law: PaperLaw | None = None) -> Effect:
+def force_correction(paper: PaperLaw) -> Effect:
     """Build the pressure-independent term of the paper's force law, ``T = T + phi(q)``."""
-    paper = law or PaperLaw()
 
     def transform(at: PortView) -> Expression:
         return at.value + at.p.gain * paper.phi(at.signals.contraction, form=at.form)
@@ -276,23 +215,14 @@ def force_correction(law: PaperLaw | None = None) -> Effect:
         ("muscle_1.tension", "muscle_2.tension"),
         transform,
         parameters=(
-            Parameter(
-                "gain",
-                "1",
-                value=1.0,
-                lower=0.0,
-                upper=2.0,
-                source="paper, equation (4)",
-                description="share of phi(q)",
-            ),
+            Parameter("gain", "1", 0.0, "share of phi(q)", 1.0, 0.0, 2.0, "paper, equation (4)"),
         ),
         about=About("T + phi(q)", "equation (4) and line [1] of the paper's Figure 3"),
     )
 
 
-def end_flattening(braid: BraidedCylinder | None = None) -> Effect:
+def end_flattening(geometry: BraidedCylinder) -> Effect:
     """Build what flattened ends of height h take off the cylinder, ``V = V - (2 pi / 3) h^3``."""
-    geometry = braid or BraidedCylinder()
 
     def transform(at: PortView) -> Expression:
         return at.value + geometry.end_flattening(at.signals.fibre_length, form=at.form)
@@ -305,20 +235,16 @@ def end_flattening(braid: BraidedCylinder | None = None) -> Effect:
     )
 
 
-def pneumatic_muscle(
-    force_law: ForceLaw | None = None, *, volume: BraidedCylinder | None = None
-) -> Model:
+def pneumatic_muscle(force_law: ForceLaw | None = None) -> Model:
     """Build one muscle alone, with prescribed length and mass flow.
 
-    Args:
-        force_law: Static force law; the paper's equation (4) by default.
-        volume: Geometry of the braid; that of the DMSP-20-200N by default.
+    Its static force follows the paper's equation (4) by default.
 
     Returns:
         Model with the inputs ``fibre_length`` (m), ``fibre_speed`` (m/s) and ``flow`` (kg/s), and
         the outputs ``force`` (N) and ``pressure`` (Pa, gauge).
     """
-    laws, effects = muscle_laws(force_law or PaperLaw(), volume or BraidedCylinder())
+    laws, effects = muscle_laws(force_law or PaperLaw(), BraidedCylinder())
 
     def equations(m: Scope) -> Equations:
         action = muscle(

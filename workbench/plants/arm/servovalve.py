@@ -20,84 +20,29 @@ STATES = (
 )
 
 COMMAND = Input(
-    "valve",
-    "V",
-    1.0,
-    "valve voltage; above the centre fills muscle 1 and vents muscle 2",
-    nominal=5.0,
-    lower=0.0,
-    upper=10.0,
-    resolution=10.0 / 4096,
-)
+    "valve", "V", 1.0, "valve voltage; above the centre fills muscle 1 and vents muscle 2",
+    5.0, 0.0, 10.0, 10.0 / 4096,
+)  # fmt: skip
 
 PARAMETERS = (
+    # Name, unit, scale (0 for that of the value), meaning, value, bounds, source.
     Parameter("valve_centre", "V", 1.0, "voltage of the middle position", 5.0, 4.0, 6.0, "paper"),
-    Parameter(
-        "valve_conductance",
-        "m3/(s Pa)",
-        description="sonic conductance of a fully open edge",
-        value=2.9e-8,
-        lower=2.4e-8,
-        upper=3.4e-8,
-        source="computed from the manufacturer's 700 l/min, 6 to 5 bar",
-        fitted=True,
-    ),
-    Parameter(
-        "critical_ratio",
-        "1",
-        description="critical pressure ratio of the edges",
-        value=0.23,
-        lower=0.15,
-        upper=0.4,
-        source="computed from the manufacturer's flow",
-    ),
-    Parameter(
-        "spool_frequency",
-        "rad/s",
-        description="natural frequency of the spool",
-        value=2 * ca.pi * 95.0,
-        lower=2 * ca.pi * 80.0,
-        upper=2 * ca.pi * 130.0,
-        source="manufacturer, 95 Hz at full stroke",
-    ),
-    Parameter(
-        "spool_damping",
-        "1",
-        description="damping ratio of the spool",
-        value=0.7,
-        lower=0.3,
-        upper=1.5,
-        source="estimate",
-    ),
-    Parameter(
-        "supply_pressure",
-        "Pa",
-        description="supply pressure, gauge",
-        value=6e5,
-        lower=2e5,
-        upper=1e6,
-        source="paper",
-        setting=1e5,
-    ),
-    Parameter(
-        "ambient_pressure",
-        "Pa",
-        description="ambient pressure, absolute",
-        value=1.01325e5,
-        lower=7e4,
-        upper=1.1e5,
-        source="standard atmosphere",
-    ),
-    Parameter(
-        "ambient_temperature",
-        "K",
-        description="temperature of the surroundings and of the supply",
-        value=293.15,
-        lower=250.0,
-        upper=330.0,
-        source="paper",
-    ),
-)
+    Parameter("valve_conductance", "m3/(s Pa)", 0.0, "sonic conductance of a fully open edge",
+              2.9e-8, 2.4e-8, 3.4e-8, "computed from the manufacturer's 700 l/min, 6 to 5 bar",
+              fitted=True),
+    Parameter("critical_ratio", "1", 0.0, "critical pressure ratio of the edges", 0.23, 0.15, 0.4,
+              "computed from the manufacturer's flow"),
+    Parameter("spool_frequency", "rad/s", 0.0, "natural frequency of the spool",
+              2 * ca.pi * 95.0, 2 * ca.pi * 80.0, 2 * ca.pi * 130.0,
+              "manufacturer, 95 Hz at full stroke"),
+    Parameter("spool_damping", "1", 0.0, "damping ratio of the spool", 0.7, 0.3, 1.5, "estimate"),
+    Parameter("supply_pressure", "Pa", 0.0, "supply pressure, gauge", 6e5, 2e5, 1e6, "paper",
+              setting=1e5),
+    Parameter("ambient_pressure", "Pa", 0.0, "ambient pressure, absolute", 1.01325e5, 7e4, 1.1e5,
+              "standard atmosphere"),
+    Parameter("ambient_temperature", "K", 0.0, "temperature of the surroundings and of the supply",
+              293.15, 250.0, 330.0, "paper"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -120,7 +65,7 @@ def valve(
     *,
     pressures: tuple[Expression, Expression],
     temperatures: tuple[Expression, Expression],
-    curve: ValveCurve = MPYE,
+    curve: ValveCurve,
 ) -> ValveFlows:
     """Write down the equations of the servovalve.
 
@@ -151,8 +96,7 @@ def spool_position(m: Scope, suffix: str = "") -> tuple[Expression, dict[str, Ex
     """Write down the spool of a valve, of second order on the command from the centre.
 
     Args:
-        m: Scope with the names of `STATES`, `COMMAND` and `PARAMETERS`.
-        suffix: Ending of the names of states, input and ports, such as ``_1``.
+        m: Scope with the names of `STATES`, `COMMAND` and `PARAMETERS`, which end in ``suffix``.
 
     Returns:
         Position that meters, as a voltage from the centre in V, and the rates of the states by
@@ -265,6 +209,7 @@ def _alone(m: Scope) -> Equations:
         m,
         pressures=(m.u.pressure_1, m.u.pressure_2),
         temperatures=(temperature, temperature),
+        curve=MPYE,
     )
     return flows.rates, {"flow_1": flows.flow_1, "flow_2": flows.flow_2}
 

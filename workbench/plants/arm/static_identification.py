@@ -21,6 +21,9 @@ from workbench.physics.force_laws import BAR, SLACK_WIDTH, PaperLaw
 LEVEL_WIDTH = 0.25e-3
 """Contractions closer than this count as one level of the experiment, m."""
 
+_SLACK = 5.0
+"""Force below which a muscle counts as slack, N: several times the noise of a load cell."""
+
 _EXCESS = 1.03
 """A lower order of phi is taken if its held-out error is within 3 % of the best."""
 
@@ -130,15 +133,13 @@ def identify_static_force(
     force: npt.ArrayLike,
     *,
     orders: Iterable[int] = (1, 2, 3, 4, 5),
-    slack_below: float = 5.0,
-    slack_width: float = SLACK_WIDTH,
     confidence: float = 0.95,
 ) -> StaticForceFit:
     """Identify D1, D2, D3 and phi(q) of the paper's equation (4) from measured forces.
 
     ``F = (D1 + D2 q + D3 q^2) p + phi(max(q, q_switch))`` by least squares, phi a polynomial of q.
     Its order is the lowest that predicts contractions left out of the fit as well as the best
-    order does; each inner level is left out once. Points with less than ``slack_below`` are
+    order does; each inner level is left out once. Points with less than 5 N are
     censored: a slack muscle says only that its tension is not positive. The rounding of the slack
     clamp is undone on the others. Where the data reach below it, the switch of phi is identified
     too; elsewhere phi is constant below the smallest contraction.
@@ -151,8 +152,6 @@ def identify_static_force(
         contraction: Contractions q, of the same shape, in m.
         force: Measured forces, of the same shape, in N.
         orders: Orders of phi to choose from, each 0 to 8; one to fix it.
-        slack_below: Force below which a muscle counts as slack, in N; several times the noise.
-        slack_width: Rounding of the slack clamp, in N; 0 for a hard clamp.
         confidence: Probability of the intervals, 0.5 to 0.9999, dimensionless.
 
     Raises:
@@ -172,27 +171,26 @@ def identify_static_force(
     """
     from scipy.stats import t as student
 
-    check_range("slack force", slack_below, slack_width, 1e4, "N", fix="several times the noise")
     check_range("confidence", confidence, 0.5, 0.9999)
     p, q, f = _columns(pressure, contraction, force)
     candidates = sorted(set(orders))
     if not candidates or candidates[0] < 0 or candidates[-1] > 8:
         raise WorkbenchError(f"orders of phi are {candidates}; give at least one between 0 and 8")
-    pulls = f >= slack_below
+    pulls = f >= _SLACK
     if not pulls.any():
         raise WorkbenchError(
-            f"no force reaches {slack_below:g} N: the muscle is slack in every point; check units"
+            f"no force reaches {_SLACK:g} N: the muscle is slack in every point; check units"
         )
     p, q = p / BAR, 1e3 * q
     # The clamp F = (T + sqrt(T^2 + w^2)) / 2 turned round.
-    tension = f - slack_width**2 / (4 * np.maximum(f, 0.5 * slack_below))
+    tension = f - SLACK_WIDTH**2 / (4 * np.maximum(f, 0.5 * _SLACK))
     # The order is a matter of the curve's shape, for which a thousand points are plenty.
     thin = np.flatnonzero(pulls)[:: max(1, int(pulls.sum()) // 1000)]
     order, held_out = _choose_order(p[thin], q[thin], tension[thin], candidates)
     # Chosen by the measured force, the points near the limit are those with noise upwards; the
     # force predicted by a first fit chooses fairly.
     coefficients, switch = _fit(p[pulls], q[pulls], tension[pulls], order)
-    pulls = _design(p, q, order, switch) @ coefficients >= slack_below
+    pulls = _design(p, q, order, switch) @ coefficients >= _SLACK
     p, q, tension = p[pulls], q[pulls], tension[pulls]
     coefficients, switch = _fit(p, q, tension, order)
     residual = tension - _design(p, q, order, switch) @ coefficients
@@ -211,7 +209,6 @@ def identify_static_force(
         phi_mm=tuple(coefficients[3:].tolist()),
         phi_floor=float(_powers(np.array(floor_at), order) @ coefficients[3:]),
         phi_switch=1e-3 * floor_at,
-        slack_width=slack_width,
     )
     return StaticForceFit(
         law=law,

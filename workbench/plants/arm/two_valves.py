@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from workbench.model import Model, Output, Scope
 from workbench.model.regularisation import Expression
 from workbench.model.trace import Equations
-from workbench.physics.valve_curve import MPYE, ValveCurve
+from workbench.physics.valve_curve import ValveCurve
 from workbench.plants.arm.arm import (
     ARM,
     LINE_VOLUMES,
@@ -36,13 +36,9 @@ from workbench.plants.arm.servovalve import (
 from workbench.plants.plant import Plant
 
 MEAN_PRESSURE = Output(
-    "mean_pressure",
-    "Pa",
-    1e5,
-    "mean of the two gauge pressure sensors, which sets the stiffness",
-    noise_rms=600.0 / 2**0.5,
-    display_unit="bar",
-)
+    "mean_pressure", "Pa", 1e5, "mean of the two gauge pressure sensors, which sets the stiffness",
+    noise_rms=600.0 / 2**0.5, display_unit="bar",
+)  # fmt: skip
 
 
 def two_valves(
@@ -50,7 +46,7 @@ def two_valves(
     *,
     pressures: tuple[Expression, Expression],
     temperatures: tuple[Expression, Expression],
-    curve: ValveCurve = MPYE,
+    curve: ValveCurve,
 ) -> ValveFlows:
     """Write down the equations of one valve per muscle.
 
@@ -99,14 +95,8 @@ def two_valve_arm(
 ) -> Model:
     """Build the arm with one valve per muscle.
 
-    Everything but the valves is that of `arm`, and so are the names of ports and effects.
-
-    Args:
-        load_kg: Mass of the plates, 0 to 8 kg.
-        plane: Plane of the motion, ``"horizontal"`` (no weight) or ``"vertical"``.
-        supply_bar: Supply pressure, 2 to 10 bar gauge.
-        silencers: Whether the exhausts blow through silencers.
-        line_volumes: Whether the tubes between valves and muscles have volume and resistance.
+    Everything but the valves is that of `arm`, and so are its arguments and the names of ports and
+    effects.
 
     Returns:
         Model with the inputs ``valve_1`` and ``valve_2`` (V; above the centre fills) and the

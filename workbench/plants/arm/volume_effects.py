@@ -10,39 +10,21 @@ VOLUME_PORTS = ("muscle_1.volume", "muscle_2.volume")
 """Ports of the braid volumes of both muscles."""
 
 
-def constant_volume(volume: float | None = None) -> Effect:
+def constant_volume() -> Effect:
     """Build muscles whose gas volume does not change with their length.
 
     ``V = volume``: the simplification of many muscle models, which loses the ripple of the
-    open-loop experiment.
-
-    Args:
-        volume: Volume inside one braid, in m3; by default that of the DMSP-20-200N in the
-            middle of the arm's travel, at 15 mm of contraction.
-
-    Raises:
-        WorkbenchError: If the volume is outside its bounds.
+    open-loop experiment. The volume is that of the DMSP-20-200N in the middle of the arm's travel,
+    at 15 mm of contraction.
     """
     middle = float(BraidedCylinder().volume(0.185))
-
-    def transform(at: PortView) -> Expression:
-        return at.p.volume
-
+    source = "volume of the braid at 15 mm of contraction"
+    text = "constant volume inside the braid"
     return Effect(
         "constant_volume",
         VOLUME_PORTS,
-        transform,
-        parameters=(
-            Parameter(
-                "volume",
-                "m3",
-                value=middle if volume is None else volume,
-                lower=1e-6,
-                upper=1e-3,
-                source="volume of the braid at 15 mm of contraction",
-                description="constant volume inside the braid",
-            ),
-        ),
+        lambda at: at.p.volume,
+        parameters=(Parameter("volume", "m3", 0.0, text, middle, 1e-6, 1e-3, source),),
         about=About("V = constant", "simplification; the paper's lines [6] to [10] left out"),
     )
 
