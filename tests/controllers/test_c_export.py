@@ -134,7 +134,9 @@ def test_mpc_in_c_agrees_over_thousands_of_chained_steps(
 
 def test_guard_of_c_is_that_of_the_law(linear: LinearModel, tmp_path: Path) -> None:
     # Everything that can be found, again and again: the whole guard against its twin in C.
-    law = guarded(AnglePD(20.0, 0.02), linear, patience=80, hold=3, bridge=8, inner=20, swings=6)
+    law = with_guard(
+        guarded(AnglePD(20.0, 0.02), linear), patience=80, hold=3, bridge=8, inner=20, swings=6
+    )
     rng = np.random.default_rng(3)
     measurements = 0.5 + 1e-3 * rng.normal(size=(3000, 1))
     reference = np.full(3000, 0.5)
@@ -154,8 +156,12 @@ def test_guard_of_c_is_that_of_the_law(linear: LinearModel, tmp_path: Path) -> N
     assert found["drift"] <= 1e-12
 
 
+def with_guard(law: Guarded, **settings: Any) -> Guarded:
+    return Guarded(law.controller, replace(law.guard, **settings))
+
+
 def test_missed_deadlines_of_c_are_those_of_the_law(linear: LinearModel, tmp_path: Path) -> None:
-    law = guarded(design_pid(linear), linear, hold=2, inner=10)
+    law = with_guard(guarded(design_pid(linear), linear), hold=2, inner=10)
     in_c = InC(law, tmp_path, *STRICT)
     row = tuple(linear.y0[:3].tolist())
     state = law.initial_state(row)

@@ -13,8 +13,7 @@ from workbench.data_folder import shipped_data
 from workbench.diagnosis.diagnose import diagnose
 from workbench.diagnosis.stages import Diagnosis
 from workbench.evaluation.rig import plant
-from workbench.evaluation.rig.hysteresis import elements
-from workbench.evaluation.rig.parameters import nominal
+from workbench.evaluation.rig.parameters import elements, nominal
 from workbench.physics.library import library
 from workbench.recordings import read_case
 

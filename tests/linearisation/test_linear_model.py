@@ -8,11 +8,9 @@ import control as ct
 import numpy as np
 import pytest
 
-from workbench.errors import WorkbenchError
 from workbench.linearisation import find_modes, linearise
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
-from workbench.plants.servo_axis import servo_axis
 
 POINT = operating_point(arm(3.0), {"angle": math.radians(30), "mean_pressure": 3e5})
 LINEAR = linearise(POINT, input="opening")
@@ -41,35 +39,10 @@ def test_response_agrees_with_control() -> None:
     assert y[:, 0] - LINEAR.y0[0] == pytest.approx(0.01 * np.ravel(other), rel=1e-6, abs=1e-12)
 
 
-def test_states_left_out_follow_without_changing_what_rests() -> None:
-    small = LINEAR.select(outputs=("angle",), states=("pressure_1", "pressure_2", "angle", "speed"))
-    assert small.A.shape == (4, 4) and small.C.shape == (1, 4)
-    whole = LINEAR.D - LINEAR.C @ np.linalg.solve(LINEAR.A, LINEAR.B)
-    rest = small.D - small.C @ np.linalg.solve(small.A, small.B)
-    assert rest[0, 0] == pytest.approx(whole[0, 0], rel=1e-6)
-    # The spool is fifty times faster than the arm.
-    assert small.mode_of("angle").frequency_hz == pytest.approx(
-        LINEAR.mode_of("angle").frequency_hz, rel=0.2
-    )
-
-
-def test_states_left_out_can_be_held() -> None:
-    held = LINEAR.select(states=("angle", "speed"), rest="held")
-    assert np.array_equal(held.A, LINEAR.A[6:, 6:])
-
-
 def test_selection_changes_the_order() -> None:
     swapped = LINEAR.select(outputs=("pressure_2", "angle"))
     assert np.array_equal(swapped.C, LINEAR.C[[2, 0]])
     assert swapped.y0.tolist() == LINEAR.y0[[2, 0]].tolist()
-
-
-def test_integrating_states_cannot_follow() -> None:
-    axis = linearise(operating_point(servo_axis()))
-    with pytest.raises(WorkbenchError, match="integrate"):
-        axis.select(states=("speed",))
-    with pytest.raises(WorkbenchError, match="did you mean 'speed'"):
-        axis.select(states=("sped",))
 
 
 def test_modes_of_a_known_system() -> None:

@@ -95,5 +95,5 @@ def test_wrong_arguments_are_refused() -> None:
 
 def test_a_band_of_one_frequency_is_no_range() -> None:
     one = np.ones(2)
-    alone = FrequencyValidity("u", "y", 0.1, 0.17, 0.233, 0.2331, one, one, one, 0 * one)
+    alone = FrequencyValidity("u", "y", 0.233, 0.2331, one, one, one, 0 * one)
     assert str(alone).endswith("at 0.233 Hz alone")

@@ -127,6 +127,7 @@ class Trace:
             states: States, shape (n, n_states), in SI.
             inputs: Inputs, shape (n, n_inputs), in SI.
             parameters: Parameters, shape (n_parameters,) or (n, n_parameters), in SI.
+            expressions: What to evaluate, in SI.
 
         Returns:
             Values of each expression, shape (n, rows, columns), in SI.
