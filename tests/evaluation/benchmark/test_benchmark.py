@@ -97,7 +97,7 @@ def test_methods_stand_beside_each_other(
     good, bad = compared(place, [place / "good", place / "bad"])
     assert (good.score.points, bad.score.points) == (12, -12)
     assert good.score.rates["right name or class"].value == 1.0
-    assert bad.score.rates["false alarm"].count == 1 and bad.rates["wrong name"].value == 1.0
+    assert bad.score.rates["false alarm"].count == 1 and bad.score.rates["wrong name"].value == 1.0
     # The error is that over the true model's, the median of 1.2 and 1.
     assert good.over_limit == pytest.approx(1.1)
     assert table([good, bad]).splitlines()[1].startswith("good    12 of 12")
