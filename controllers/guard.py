@@ -101,10 +101,6 @@ FAULTS = (
     OSCILLATION,
 ) = range(len(FAULTS))
 
-ACTIONS = ("law", "clamp", "ramp", "estimate", "hold", "inner", "safe")
-"""What may be done: the law's command, also with a replaced reference, on the way back, or with an
-estimate in the place of a measurement; the command before; the inner law's; the safe command."""
-
 WIDER = 0.05
 """Share by which a jump grows with every sample in which it was not believed."""
 
@@ -370,7 +366,9 @@ class Guarded:
         """Compute the command of one sample.
 
         Unless all is clear, the information has ``guard``, the name of what was found (`FAULTS`),
-        and ``guard_action``, one of `ACTIONS`.
+        and ``guard_action``: the ``"law"``'s command, also with a replaced reference (``"clamp"``),
+        on the way back (``"ramp"``) or with an ``"estimate"`` in the place of a measurement, the
+        command before (``"hold"``), that of the ``"inner"`` law, or the ``"safe"`` one.
         """
         guard = self.guard
         if (

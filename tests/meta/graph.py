@@ -147,7 +147,18 @@ def unused_names(texts: Mapping[Path, str], modules: Mapping[Path, str]) -> Iter
                 where.setdefault(word, set()).add(path)
     for path, source in modules.items():
         body = ast.parse(source)
-        own = [n.id for n in ast.walk(body) if isinstance(n, ast.Name)]
+        own = [
+            n.id for n in ast.walk(body) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)
+        ]
+        # What a call makes may be a member of a registry, which finds it without its name.
+        own += [
+            name.id
+            for node in body.body
+            if isinstance(node, ast.Assign) and isinstance(node.value, ast.Call)
+            for target in node.targets
+            for name in ast.walk(target)
+            if isinstance(name, ast.Name)
+        ]
         for name in sorted(public_names(source)):
             if not where.get(name, set()) - {path} and own.count(name) == 0:
                 yield f"{path}: {name}"

@@ -28,7 +28,7 @@ def test_public_names_and_members_are_used() -> None:
 
 def test_a_cycle_and_an_unused_name_are_found() -> None:
     assert list(cycles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"a"}})) == [("a", "b", "c")]
-    sources = {Path("a.py"): "def used(): pass\ndef unused(): pass", Path("b.py"): "used()"}
-    assert list(unused_names(sources, {Path("a.py"): sources[Path("a.py")]})) == ["a.py: unused"]
+    sources = {Path("a.py"): "def used(): pass\nUNUSED = 3", Path("b.py"): "used()"}
+    assert list(unused_names(sources, {Path("a.py"): sources[Path("a.py")]})) == ["a.py: UNUSED"]
     room = 'class Room:\n def open(self):\n  "Try shut()."\n def shut(self): self.open()\n'
     assert list(unused_members(["a text"], {Path("a.py"): room})) == ["a.py: shut"]
