@@ -9,8 +9,8 @@ import numpy as np
 from workbench.verification.closed_loop_run import Run
 from workbench.verification.responses import steady_error
 
-WINDOW = 0.4
-"""End of the time until the next event over which what is left is taken, s."""
+WINDOW = 200
+"""Samples at the end of the time until the next event over which what is left is taken."""
 
 
 class EventResponse(NamedTuple):
@@ -45,7 +45,8 @@ def response_to_each_event(run: Run) -> tuple[EventResponse, ...]:
             part = (run.time >= begin) & (run.time < end)
             if part.sum() < 2:
                 continue
-            left = steady_error(run.time[part], error[part], window=WINDOW)
+            window = WINDOW * run.scenario.sample_time
+            left = steady_error(run.time[part], error[part], window=window)
             peak = float(np.max(np.abs(error[part])))
             found.append(EventResponse(name, begin, what, peak, left.value))
     return tuple(found)

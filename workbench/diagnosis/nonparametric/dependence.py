@@ -133,13 +133,16 @@ class Evidence:
     def share(self, columns: Vector) -> float:
         """Return the share that columns predict across blocks of time beyond the free parameters.
 
-        Every fifth block of 2 s is predicted from the others, with and without the columns; 1,
-        dimensionless, stands for all of the mean square.
+        Every fifth block is predicted from the others, with and without the columns; 1,
+        dimensionless, stands for all of the mean square. A block lasts 2 s, or a tenth of
+        recordings below 10 s, and 20 samples at least.
 
         Args:
             columns: Further columns, shape (n_located n, k), in the signals' unit.
         """
-        fold = (self.time // _BLOCK_S + self.recording).astype(int) % 5
+        long, step = float(np.ptp(self.time)), float(self.time[1] - self.time[0])
+        block = max(_BLOCK_S if long >= 5 * _BLOCK_S else 0.1 * long, 20 * step)
+        fold = (self.time // block + self.recording).astype(int) % 5
         fold = np.tile(fold, len(self.located))
         none = columns[:, :0]
         left = {True: 0.0, False: 0.0}
