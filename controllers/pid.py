@@ -111,10 +111,6 @@ class PlacedGains:
     inner_bandwidth: float = 120.0
     inner_counts: bool = False
 
-    def __post_init__(self) -> None:
-        check_range("frequency of the placed poles", self.frequency, 0.1, 1e3, "rad/s")
-        check_range("inner bandwidth", self.inner_bandwidth, 1.0, 1e4, "rad/s")
-
     def at(self, joint: JointModel, arithmetic: Arithmetic) -> Gains:
         """Return the gains for a joint model."""
         w, a, z = self.frequency, self.real_pole, self.damping

@@ -103,24 +103,9 @@ class ValveInverse:
         return self.centre + opening / self.gain_at_rest
 
 
-class ThroughValve(ShownLaw):
-    """A controller with one command, bent by the inverse of the valve's curve."""
-
-    valve: ValveInverse
-
-    @property
-    def rest_command(self) -> Command:
-        """Command that shuts the valve, in V."""
-        return (self.valve.centre,)
-
-    def linear_command(self, command: Command) -> Command:
-        """Return the command that gives a linear model the same opening."""
-        return (self.valve.linear_command(command[0]),)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class ValveController(ThroughValve):
-    """What the controllers of a joint with one valve have in common.
+class ValveController(ShownLaw):
+    """A controller of a joint, whose one command is bent by the inverse of the valve's curve.
 
     Args:
         sample_time: Time between steps, in s.
@@ -134,6 +119,15 @@ class ValveController(ThroughValve):
     controlled: tuple[str, ...] = ("angle",)
     actuators: tuple[str, ...] = ACTUATORS
     preview: int = 0
+
+    @property
+    def rest_command(self) -> Command:
+        """Command that shuts the valve, in V."""
+        return (self.valve.centre,)
+
+    def linear_command(self, command: Command) -> Command:
+        """Return the command that gives a linear model the same opening."""
+        return (self.valve.linear_command(command[0]),)
 
 
 class ValveLaw(ClosedForm, ValveController):

@@ -58,7 +58,7 @@ from controllers.protocol import Command, Info, Measurement, Reference
 from controllers.quadratic_program.solver import quadratic_program
 from controllers.reference.horizon import ReferenceAhead
 from controllers.reference.planned import Planner
-from controllers.valve_inverse import ACTUATORS, SENSORS, ThroughValve, ValveInverse
+from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, ValveInverse
 from workbench.arrays import Matrix
 from workbench.errors import WorkbenchError, check_choice, check_range
 from workbench.linearisation.actuator_inverse import straightened
@@ -179,7 +179,7 @@ class Step(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class NonlinearMPC(ThroughValve):
+class NonlinearMPC(ValveController):
     """Real-time iteration MPC with disturbance estimate.
 
     Args:
@@ -194,28 +194,13 @@ class NonlinearMPC(ThroughValve):
     stage: ca.Function
     observer: ExtendedKalmanFilter
     pressure_limits: tuple[float, float]
-    valve: ValveInverse = field(default_factory=ValveInverse)
     name: str = "nonlinear MPC"
-    sensors: tuple[str, ...] = SENSORS
-    controlled: tuple[str, ...] = ("angle",)
-    actuators: tuple[str, ...] = ACTUATORS
 
     not_in_c = (
         "its prediction is a nonlinear model whose stages and derivatives are integrated by CasADi"
         " at each step"
     )
     """Why it is not exported."""
-
-    @property
-    def sample_time(self) -> float:
-        """Time between steps, in s."""
-        return self.specification.sample_time
-
-    @property
-    def preview(self) -> int:
-        """Number of future samples of the reference that it wants."""
-        want = self.specification
-        return want.stages * want.stride if want.preview else 0
 
     @property
     def ahead(self) -> ReferenceAhead:
@@ -461,6 +446,8 @@ def design_nonlinear_mpc(
         stage=stage,
         observer=observer,
         pressure_limits=(low + ambient, high + ambient),
+        sample_time=want.sample_time,
+        preview=want.stages * want.stride if want.preview else 0,
         valve=valve or ValveInverse(),
     )
 
