@@ -10,20 +10,24 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from tests.diagnosis.axis_case import diagnosed
+from tests.diagnosis.axis_case import SAMPLE_TIME, diagnosed, excitation, positions
 from tests.diagnosis.newcomers import damper, rubbed
 from workbench.diagnosis.estimation.observe import observe
+from workbench.diagnosis.estimation.priors import default_priors
+from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
 from workbench.diagnosis.selection import refits
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import NO_RUNS, RunErrors
 from workbench.diagnosis.selection.refits import decided, preferred
 from workbench.diagnosis.selection.rules import LEAST_GAIN, Limits, selection_penalty
-from workbench.diagnosis.selection.score import Score, Scores
+from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
 from workbench.diagnosis.selection.shortlist import shortlist, where
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.library import library
 from workbench.plants.arm import arm
+from workbench.plants.servo_axis import servo_axis
+from workbench.recordings.recording import Recording, Signal
 
 
 def _score(entry: Hypothesis, gain: float, collinearity: float = 0.2) -> Score:
@@ -241,3 +245,30 @@ def test_shapes_that_no_refit_changes_are_tried_too(entries: dict[str, Hypothesi
     assert [q.value for q in other.effect.parameters if q.name == "sampled"] == [1.0]
     # A width that a refit changes is no other variant.
     assert refits._variants(entries["stribeck_friction"]) == []
+
+
+def test_what_comes_late_is_raced_on_what_shows_it() -> None:
+    n, late = 3600, 2400
+    force = excitation(n, 4)
+    seen = 1e-6 * np.round(positions(force + 30.0 * (np.arange(n) >= late), hidden=False)[0] / 1e-6)
+    signals = (Signal("force", force, "N", role="command"), Signal("position", seen, "m"))
+    axis = servo_axis()
+    observed = observe(axis, Recording("late", SAMPLE_TIME * np.arange(n), signals))
+    priors = default_priors(axis)
+    base = fit_with_process_noise(axis, [observed], priors)
+    duration = SAMPLE_TIME * n
+    tried = [e for e in library(axis, duration=duration, sample_time=SAMPLE_TIME)
+             if e.name in ("offset_jump_axis_force", "linear_spring")]  # fmt: skip
+    scores = score_library(base.model, [observed], priors, tried, noise_scale=base.noise_scale)
+    jump = by_name(scores)["offset_jump_axis_force"]
+    assert jump.late > refits._HEADS[0]
+    (found,) = refits._first_refits(
+        base, [jump], priors, [observed], refits._HEADS[0], refits._FAR, [None], jobs=1
+    )
+    assert found.fit is not None and found.gain > 1000.0
+    assert found.fit.model.parameter("offset_jump_axis_force.time").value == pytest.approx(
+        SAMPLE_TIME * late, abs=0.05
+    )
+    assert found.fit.model.parameter("offset_jump_axis_force.amount").value == pytest.approx(
+        30.0, rel=0.05
+    )

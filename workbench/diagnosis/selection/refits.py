@@ -276,7 +276,7 @@ def _first_refits(
     short = sum(len(r.outputs) for r in fit_on) <= _SHORT
     # Minus the logarithm of the priors is in the cost of a refit too.
     known = base.cost - float(blocks_of_cost(base, fit_on).sum())
-    lengths = [samples if score.due < samples else 2 * score.due for score in field]
+    lengths = [samples if score.late < samples else 2 * score.late for score in field]
     heads = {
         n: [replace(r, inputs=r.inputs[:n], outputs=r.outputs[:n]) for r in fit_on]
         for n in {*lengths}

@@ -32,7 +32,7 @@ COLLINEAR = 0.99
 _SIGMA = 4.0
 
 _DUE = 0.1
-"""Part of a slope after which an effect counts as seen."""
+"""Part of what an effect does to the predictions after which it counts as seen."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class Score:
         smallest: Smallest size to be seen on these data, in the same unit.
         shape: Values of the effect's other parameters at which it scores best, in their SI units,
             by short name.
-        due: Samples of each recording after which a tenth of the gain is to be had, a number: of
-            what happens at a time there is nothing to be seen before.
+        due: Samples of each recording that hold a tenth of what it does to the predictions, a
+            number: of what happens at a time nothing is to be seen before.
     """
 
     entry: Hypothesis
@@ -63,6 +63,11 @@ class Score:
     smallest: float
     shape: Mapping[str, float] = field(default_factory=dict)
     due: int = 0
+
+    @property
+    def late(self) -> int:
+        """Samples of each recording without which nothing of it is seen; 0 if it is in doubt."""
+        return self.due if abs(self.sigma) > _SIGMA else 0
 
     @property
     def testable(self) -> bool:
@@ -255,6 +260,7 @@ class _Totals:
         self.gradient = np.zeros(n)
         self.blocks: list[Vector] = []
         self.begins: list[Vector] = []
+        self.shown: list[Vector] = []
 
     def add(self, parts: Sequence[Innovations], sample_time: float) -> None:
         errors = np.nan_to_num(parts[0].whitened)
@@ -268,6 +274,8 @@ class _Totals:
         blocks = summed_over_blocks(products, sample_time)
         self.blocks.append(blocks)
         self.begins.append(np.linspace(0.0, len(errors), len(blocks), endpoint=False))
+        shown = np.einsum("kyf,kyf->kf", jacobian, jacobian)[:, self.split :]
+        self.shown.append(summed_over_blocks(shown, sample_time))
 
 
 def _scores(
@@ -298,7 +306,7 @@ def _scores(
     for i in np.argsort(-gain):
         best.setdefault(variants[i].entry.name, int(i))
     order = list(best.values())
-    due = _due(projected_blocks, np.concatenate(totals.begins))
+    due = _due(np.concatenate(totals.shown), np.concatenate(totals.begins))
     units = scale[n:]
     scores = tuple(
         Score(
@@ -318,16 +326,15 @@ def _scores(
 
 
 def _due(blocks: Vector, begins: Vector) -> Vector:
-    """Return after how many samples a tenth of each slope has been gathered.
+    """Return after how many samples a tenth of what each effect does has been seen.
 
     Args:
-        blocks: Slopes by block of time, shape (n_blocks, n_effects), dimensionless.
+        blocks: Squared slopes by block of time, shape (n_blocks, n_effects), dimensionless.
         begins: First sample of each block, shape (n_blocks,), a number.
     """
     order = np.argsort(begins, kind="stable")
     gathered = np.cumsum(blocks[order], axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        first = np.argmax(gathered / gathered[-1] >= _DUE, axis=0)
+    first = np.argmax(gathered >= _DUE * gathered[-1], axis=0)
     return np.asarray(begins[order][first])
 
 
