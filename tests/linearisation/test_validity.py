@@ -44,11 +44,11 @@ def test_the_band_of_steps_agrees_with_a_run_made_by_hand() -> None:
     # At a true equilibrium nothing has to be taken off the plant.
     point = operating_point(ARM, {"angle": math.radians(30)})
     linear = linearise(point, input="opening")
-    holds = amplitude_validity(linear, horizon=0.5)
+    holds = amplitude_validity(linear)
     step, error = holds.amplitudes[-1], holds.errors[-1]
     deviations = []
     for sign in (1.0, -1.0):
-        command = np.full(250, linear.u0[0] + sign * step)
+        command = np.full(round(holds.horizon / 0.002), linear.u0[0] + sign * step)
         run = simulate(ARM, linear.to_plant(command), sample_time=0.002, start=point.x, check=False)
         predicted = linear.response(command, 0.002)[:, 0]
         move = np.abs(predicted - linear.y0[0]).max()
@@ -81,16 +81,12 @@ def test_friction_left_out_of_the_model_is_noticed() -> None:
     wrong = replace(free, operating_point=point)
     assert math.isnan(amplitude_validity(wrong, within=0.05).upper)
     assert "none holds" in str(amplitude_validity(wrong, within=0.05))
-    assert not frequency_validity(wrong, points=3).agrees.all()
+    assert not frequency_validity(wrong).agrees.all()
 
 
 def test_wrong_arguments_are_refused() -> None:
-    with pytest.raises(WorkbenchError, match="did you mean 'angle'"):
-        amplitude_validity(OPENING, output="angel")
     with pytest.raises(WorkbenchError, match="deviation"):
         amplitude_validity(OPENING, within=-1.0)
-    with pytest.raises(WorkbenchError, match="amplitude"):
-        frequency_validity(OPENING, amplitude=0.0)
 
 
 def test_a_band_of_one_frequency_is_no_range() -> None:

@@ -100,5 +100,3 @@ def test_wrong_arguments_are_named() -> None:
         physical_limit(double_integrator(), 0.5, 0.5)
     with pytest.raises(WorkbenchError, match="coordinate is 'elbow'"):
         physical_limit(double_integrator(), 0.0, 0.5, coordinate="elbow")
-    with pytest.raises(WorkbenchError, match="band"):
-        physical_limit(double_integrator(), 0.0, 0.5, band=-1.0)

@@ -45,14 +45,13 @@ def tolerant_study() -> Study:
     return load_study(shipped_study("tolerant"))
 
 
-def at_rest(parameters: Mapping[str, float], angle_deg: float, *, bar: float = 6.0) -> Array:
-    """Return the state of the rig at rest at an angle, in SI, whatever holds it.
+def at_rest(parameters: Mapping[str, float], angle_deg: float) -> Array:
+    """Return the state of the rig at rest at an angle, in SI, with gauge pressures of 6 bar in sum.
 
     Args:
         parameters: Parameters of the rig by name, in SI.
-        bar: Sum of both gauge pressures, in bar.
     """
-    given = dict(parameters)
+    given, bar = dict(parameters), 6.0
 
     def state(difference: float) -> Array:
         pair = (0.5 * (bar + difference), 0.5 * (bar - difference))

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.errors import NumericalError, check_choice
+from workbench.errors import NumericalError
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.pace import step_time
 from workbench.linearisation.transfer import transfer_function
@@ -28,20 +28,17 @@ BLOCK = 250
 
 
 class Comparison:
-    """Runs the exact plant and a linear model with the same changes of the first input.
+    """The first output of the exact plant and of a linear model, at changes of the first input.
 
     ``sample_time`` is the time between its samples, in s.
     """
 
-    def __init__(self, linear: LinearModel, output: str = "") -> None:
+    def __init__(self, linear: LinearModel) -> None:
         op = linear.operating_point
-        name = output or linear.output_names[0]
-        check_choice("output", name, linear.output_names)
         self.model = linear
         self.sample_time = step_time(linear) / 1000
-        self.index = linear.output_names.index(name)
         outputs = [q.name for q in op.model.outputs]
-        self.plant_index = outputs.index(name)
+        self.plant_index = outputs.index(linear.output_names[0])
         self.quantity: Output = op.model.outputs[self.plant_index]
         self.largest = self._largest()
         self.held_plant = _without_drift(op)
@@ -59,7 +56,7 @@ class Comparison:
     def gain(self, s: complex) -> complex:
         """Compute the linear model's transfer function at a complex frequency, in rad/s."""
         m = self.model
-        return complex(transfer_function(m.A, m.B, m.C, m.D, s)[self.index, 0])
+        return complex(transfer_function(m.A, m.B, m.C, m.D, s)[0, 0])
 
     def linear(self, change: Vector) -> Vector:
         """Compute how the output of the linear model changes, shape (n,), in SI.
@@ -70,7 +67,7 @@ class Comparison:
         held = np.tile(self.model.u0, (len(change), 1))
         held[:, 0] += change
         response = self.model.response(held, self.sample_time)
-        return np.asarray(response[:, self.index] - self.model.y0[self.index])
+        return np.asarray(response[:, 0] - self.model.y0[0])
 
     def plant(self, change: Vector) -> Vector:
         """Compute how the exact plant's output changes, shape (n,), with its first input, in SI.

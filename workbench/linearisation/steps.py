@@ -69,27 +69,19 @@ class AmplitudeValidity:
         )
 
 
-def amplitude_validity(
-    linear: LinearModel,
-    *,
-    output: str = "",
-    within: float = 0.1,
-    horizon: float | None = None,
-) -> AmplitudeValidity:
+def amplitude_validity(linear: LinearModel, *, within: float = 0.1) -> AmplitudeValidity:
     """Find the steps of the first input for which the linear response holds.
 
     Steps of growing size, in both directions, from a thousandth of the input's range on, run on
-    the exact plant and on the linear model; the ends of the band that holds are bisected.
+    the exact plant and on the linear model, for two periods of the slowest oscillation or three
+    time constants; the ends of the band that holds are bisected.
 
     Args:
         within: Deviation allowed, as a fraction of the largest linear response.
-        horizon: Length of the comparison, in s; by default two periods of the slowest oscillation,
-            or three time constants.
     """
     check_range("deviation", within, 1e-6, 10.0)
-    trial = Comparison(linear, output)
-    length = horizon_of(linear) if horizon is None else horizon
-    check_range("horizon", length, trial.sample_time, 1e6 * trial.sample_time, "s")
+    trial = Comparison(linear)
+    length = horizon_of(linear)
     blocks = max(1, math.ceil(length / (trial.sample_time * BLOCK)))
     counted = min(blocks * BLOCK, max(2, round(length / trial.sample_time)))
 

@@ -46,7 +46,7 @@ polytropic_exchange = Law(
 )
 
 
-def isothermal_gas(ports: tuple[str, ...], *, name: str = "isothermal_gas") -> Effect:
+def isothermal_gas(ports: tuple[str, ...]) -> Effect:
     """Build gas that stays at the temperature of its wall, a common simplification.
 
     ``Q = p dV/dt - R H`` with the enthalpy flow H = sum(mdot T), so that
@@ -57,4 +57,4 @@ def isothermal_gas(ports: tuple[str, ...], *, name: str = "isothermal_gas") -> E
             ``enthalpy_flow`` and ``volume_rate``.
     """
     about = About(ISOTHERMAL, "simplification; isothermal change of state")
-    return Effect(name, ports, lambda at: -_power(at), about=about)
+    return Effect("isothermal_gas", ports, lambda at: -_power(at), about=about)

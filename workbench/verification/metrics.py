@@ -11,8 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import count
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -192,18 +193,16 @@ def metrics(run: Run, own: Iterable[Metric] = ()) -> Metrics:
     own = tuple(own)
     found: list[MetricValue] = []
     told = run.infos[0] if run.infos else {}
-    guard = run.guarded or any("guard" in info for info in run.infos)
+    has = {
+        "solver": "solve_time" in told,
+        "surface": "surface" in told,
+        "guard": run.guarded or any("guard" in info for info in run.infos),
+    }
     signals = {q.name for q in run.output_quantities} | set(run.signal_names)
     outputs = {q.name: (q.unit, q.display_unit) for q in run.output_quantities}
     commands = {q.name: (q.unit, "") for q in run.input_quantities}
     for metric in known_metrics(own):
-        if metric.needs == "solver" and "solve_time" not in told:
-            continue
-        if metric.needs == "surface" and "surface" not in told:
-            continue
-        if metric.needs == "guard" and not guard:
-            continue
-        if not metric.fits(signals):
+        if not has.get(metric.needs, True) or not metric.fits(signals):
             continue
         for label, name in _labels(metric, run.controlled, tuple(commands)):
             unit, shown = (outputs if metric.of == "output" else commands).get(name, ("1", ""))
@@ -307,34 +306,21 @@ def _counted(run: Run) -> slice:
 
 
 def extremes(
-    name: str,
-    signal: Callable[..., Vector],
-    what: str,
-    *,
-    unit: str,
-    tolerance: Tolerance,
-    display_unit: str = "",
-    of: Literal["run", "output", "command"] = "run",
-    fits: Callable[[Set[str]], bool] = lambda signals: True,
+    name: str, signal: Callable[..., Vector], what: str, **kept: Any
 ) -> tuple[Metric, Metric]:
     """Return lowest and highest value of a signal as metrics.
 
     Args:
         name: What stands before ``lowest`` and ``highest`` in their names.
         signal: Returns the signal over time, called as `Metric.measure` is.
+        kept: Further fields of both metrics.
     """
 
     def metric(end: str, pick: Callable[[Vector], float]) -> Metric:
-        return Metric(
-            f"{name}{end}",
-            lambda run, *owner: float(pick(signal(run, *owner))),
-            f"{end} {what}",
-            unit=unit,
-            display_unit=display_unit,
-            of=of,
-            fits=fits,
-            tolerance=tolerance,
-        )
+        def measure(run: Run, *owner: str) -> float:
+            return float(pick(signal(run, *owner)))
+
+        return Metric(f"{name}{end}", measure, f"{end} {what}", **kept)
 
     return metric("lowest", np.min), metric("highest", np.max)
 
@@ -347,37 +333,39 @@ _ERROR = Tolerance(absolute=1e-5, relative=0.02)
 _NEVER = Tolerance(relative=0.0)
 _COMPUTING = Tolerance(gates=False, repeats=False)
 
-SETTLING_TIME = Metric(
+_of_step = partial(Metric, of="output", needs="step")
+_of_rest = partial(
+    Metric, unit="{unit}", of="output", needs="rest", tolerance=_REST, table="summary"
+)
+_of_error = partial(Metric, of="output", tolerance=_ERROR)
+_of_solver = partial(Metric, needs="solver")
+_of_surface = partial(Metric, needs="surface", invariant=True)
+
+SETTLING_TIME = _of_step(
     "settling_time",
     _of_steps(lambda t, y, a, b: responses.settling_time(t, y, initial=a, final=b)),
     "time from the step until the output stays within 2 % of the step; worst step",
     unit="s",
-    of="output",
-    needs="step",
     tolerance=_TIMES,
     table="summary",
 )
-RISE_TIME = Metric(
+RISE_TIME = _of_step(
     "rise_time",
     _of_steps(lambda t, y, a, b: responses.rise_time(t, y, initial=a, final=b)),
     "time from 10 % to 90 % of the step; worst step",
     unit="s",
-    of="output",
-    needs="step",
     tolerance=_TIMES,
 )
-OVERSHOOT = Metric(
+OVERSHOOT = _of_step(
     "overshoot",
     _of_steps(lambda t, y, a, b: responses.overshoot(y, initial=a, final=b)),
     "how far the output goes past the reference, as a share of the step; worst step",
     display_unit="%",
-    of="output",
-    needs="step",
     tolerance=Tolerance(absolute=0.002, relative=0.05),
     zero=True,
     table="summary",
 )
-STEADY_ERROR = Metric(
+STEADY_ERROR = _of_rest(
     "steady_error",
     _at_rest(
         lambda run, name, part: responses.steady_error(
@@ -385,13 +373,8 @@ STEADY_ERROR = Metric(
         )
     ),
     "mean error at the end of each step, as a magnitude; worst step",
-    unit="{unit}",
-    of="output",
-    needs="rest",
-    tolerance=_REST,
-    table="summary",
 )
-OSCILLATION = Metric(
+OSCILLATION = _of_rest(
     "oscillation",
     _at_rest(
         lambda run, name, part: responses.oscillation(
@@ -400,31 +383,22 @@ OSCILLATION = Metric(
     ),
     "what still moves: half of highest minus lowest output at the end of each step, its"
     " straight line taken away, the amplitude of a limit cycle; worst step",
-    unit="{unit}",
-    of="output",
-    needs="rest",
-    tolerance=_REST,
-    table="summary",
 )
-RMSE = Metric(
+RMSE = _of_error(
     "rmse",
     lambda run, name: responses.rms(_error(run, name)[_counted(run)]),
     "root mean square of reference minus output over the whole run, or from where the scenario"
     " counts it",
     unit="{unit}",
-    of="output",
-    tolerance=_ERROR,
     table="summary",
 )
-IAE = Metric(
+IAE = _of_error(
     "iae",
     lambda run, name: responses.integral_absolute_error(
         run.time[_counted(run)], _error(run, name)[_counted(run)]
     ),
     "integral of the magnitude of reference minus output",
     unit="{unit} s",
-    of="output",
-    tolerance=_ERROR,
 )
 LOWEST, HIGHEST = extremes(
     "",
@@ -451,41 +425,37 @@ COMMAND_LOWEST, COMMAND_HIGHEST = extremes(
     of="command",
     tolerance=Tolerance("neither", 0.05, 0.05),
 )
-SOLVE_TIME_MEDIAN = Metric(
+SOLVE_TIME_MEDIAN = _of_solver(
     "solve_time_median",
     lambda run: float(np.nanmedian(run.info("solve_time"))),
     "time of one optimisation on this machine, exceeded by every second sample",
     unit="s",
     display_unit="ms",
-    needs="solver",
     tolerance=_COMPUTING,
     title="solve time, median",
 )
-SOLVE_TIME_P99 = Metric(
+SOLVE_TIME_P99 = _of_solver(
     "solve_time_p99",
     lambda run: float(np.nanpercentile(run.info("solve_time"), 99)),
     "the same, exceeded by one sample in a hundred; whatever else the machine does adds to it",
     unit="s",
     display_unit="ms",
-    needs="solver",
     tolerance=_COMPUTING,
     table="summary",
     title="solve time, 99th percentile",
 )
-FALLBACKS = Metric(
+FALLBACKS = _of_solver(
     "fallbacks",
     lambda run: float(np.nansum(run.info("fallback"))),
     "how often the optimisation failed and its named fallback was used",
-    needs="solver",
     tolerance=_NEVER,
     zero=True,
     table="page",
 )
-DEADLINE_MISSES = Metric(
+DEADLINE_MISSES = _of_solver(
     "deadline_misses",
     lambda run: float(np.sum(run.info("solve_time") > run.scenario.sample_time)),
     "how often the optimisation took longer than a sample on this machine",
-    needs="solver",
     tolerance=_COMPUTING,
     zero=True,
 )
@@ -517,31 +487,25 @@ def _surface(run: Run) -> Vector:
     return np.abs(surface[np.isfinite(surface)]) / run.surface_layer
 
 
-SURFACE_RMS = Metric(
+SURFACE_RMS = _of_surface(
     "surface_rms",
     lambda run: float(np.sqrt(np.mean(_surface(run) ** 2))),
     "rms of the sliding variable s over its boundary layer",
-    needs="surface",
     tolerance=Tolerance(relative=0.05),
-    invariant=True,
     title="surface, rms",
 )
-SURFACE_PEAK = Metric(
+SURFACE_PEAK = _of_surface(
     "surface_peak",
     lambda run: float(_surface(run).max()),
     "largest magnitude of s over its boundary layer",
-    needs="surface",
     tolerance=Tolerance(relative=0.1),
-    invariant=True,
     title="surface, peak",
 )
-OUTSIDE_LAYER = Metric(
+OUTSIDE_LAYER = _of_surface(
     "outside_layer",
     lambda run: float(np.mean(_surface(run) > 1.0)),
     "share of the samples at which s is outside its boundary layer",
     display_unit="%",
-    needs="surface",
     tolerance=Tolerance(absolute=0.005, relative=0.1),
     zero=True,
-    invariant=True,
 )

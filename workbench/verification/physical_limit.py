@@ -41,6 +41,7 @@ from workbench.model.traits import bound_value
 from workbench.model.units import from_si
 from workbench.operating_point import OperatingPoint, operating_point
 from workbench.simulation.stepper import Stepper
+from workbench.verification.responses import BAND
 from workbench.work.machine_code import cache_folder
 
 _FORMULATION = "1"
@@ -109,7 +110,6 @@ def physical_limit(
     begin: float,
     end: float,
     *,
-    band: float | None = None,
     intervals: int = 64,
     degree: int = 3,
     coordinate: str = "",
@@ -121,7 +121,6 @@ def physical_limit(
     Args:
         begin: Position at rest before the move, in SI.
         end: Position after it, in SI.
-        band: Half-width of the band that counts as settled, in SI; 2 % of the move by default.
         intervals: Number of intervals of the move; the stay has a quarter as many.
         degree: Radau points per interval, 2 to 5.
         coordinate: Name of the state that moves, the rate of which is a state; the first output
@@ -150,13 +149,12 @@ def physical_limit(
         raise WorkbenchError(
             f"the move from {begin:g} to {end:g} goes nowhere; give two different positions"
         )
-    width = check_range("band", 0.02 * distance if band is None else band, 1e-9, 0.9 * distance)
     start = operating_point(model, {coordinate: begin})
     problem = _Problem(
         model,
         start,
         float(end),
-        width,
+        BAND * distance,
         (int(intervals), int(intervals) // 4),
         int(degree),
         names.index(coordinate),

@@ -32,13 +32,8 @@ class Value(NamedTuple):
     reason: str = ""
 
 
-def settling_time(
-    time: Vector, trajectory: Vector, *, initial: float, final: float, band: float = BAND
-) -> Value:
-    """Return the time after which a step response stays within the band.
-
-    Args:
-        band: Half width of the band, as a fraction of the step.
+def settling_time(time: Vector, trajectory: Vector, *, initial: float, final: float) -> Value:
+    """Return the time after which a step response stays within the band, `BAND`.
 
     Returns:
         Time from the first entry of ``time``, in s; NaN if it is outside the band within the
@@ -52,7 +47,7 @@ def settling_time(
         >>> round(settling_time(t, 1 - np.exp(-t), initial=0.0, final=1.0).value, 2)
         3.91
     """
-    width = band * abs(final - initial)
+    width = BAND * abs(final - initial)
     if width == 0.0:
         return Value(math.nan, "the reference does not step")
     outside = np.flatnonzero(np.abs(trajectory - final) > width)
@@ -60,7 +55,7 @@ def settling_time(
         return Value(0.0)
     last = int(outside[-1])
     if last >= len(trajectory) - max(1, len(trajectory) // 10):
-        return Value(math.nan, f"not within {100 * band:g} % of the step by the end of the record")
+        return Value(math.nan, f"not within {100 * BAND:g} % of the step by the end of the record")
     return Value(float(time[last + 1] - time[0]))
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from workbench.arrays import Vector
 from workbench.errors import NumericalError, check_choice
 from workbench.linearisation.zero_order_hold import zero_order_hold
-from workbench.model import EXACT, Form, Model, Quantity
+from workbench.model import Model, Quantity
 from workbench.model.model import check_vector, index_of
 from workbench.simulation.integrators import Method, integrator_of, name_of
 
@@ -44,7 +44,6 @@ class FullPlant:
         *,
         tolerance: float = TOLERANCE,
         method: Method = "erk",
-        form: Form = EXACT,
     ) -> None:
         self.model: Model | None = model
         self.name, self.straight = model.name, False
@@ -53,8 +52,7 @@ class FullPlant:
         self._parameters = model.parameters
         self.tolerance = tolerance
         self._scale = np.array([q.scale for q in model.states])
-        traced = model.form(form)
-        integrator = integrator_of(method, traced, self._scale, sample_time, tolerance)
+        integrator = integrator_of(method, model.exact, self._scale, sample_time, tolerance)
         self.integrator = name_of(integrator)
         self._x = check_vector("state", start, model.states).copy()
         self._u, self._p = model.nominal_input.copy(), model.values.copy()

@@ -24,6 +24,13 @@ RANGES_S = {
 and counting begins before the end."""
 
 
+def _check_end(what: str, begin: float, end: float) -> None:
+    if not end > begin:
+        raise WorkbenchError(
+            f"the {what} ends at {end:g} s, before it begins at {begin:g} s; give a later end"
+        )
+
+
 @dataclass(frozen=True)
 class Change:
     """A parameter of the plant takes another value at some time.
@@ -62,11 +69,7 @@ class Disturbance:
         """Check the numbers."""
         check_range(f"time of the disturbance on {self.port}", self.time, *EVENTS_S, "s")
         check_finite(f"disturbance on {self.port}", self.level)
-        if not self.until > self.time:
-            raise WorkbenchError(
-                f"the disturbance on {self.port} ends at {self.until:g} s, before it begins at"
-                f" {self.time:g} s; give a later end"
-            )
+        _check_end(f"disturbance on {self.port}", self.time, self.until)
 
 
 FAULTS = ("missing", "stuck", "offset", "value")
@@ -99,11 +102,7 @@ class SignalFault:
         """Check the times and the kind."""
         check_range(f"time of the fault of {self.signal}", self.time, *EVENTS_S, "s")
         check_choice(f"kind of the fault of {self.signal}", self.kind, FAULTS)
-        if not self.until > self.time:
-            raise WorkbenchError(
-                f"the fault of {self.signal} ends at {self.until:g} s, before it begins at"
-                f" {self.time:g} s; give a later end"
-            )
+        _check_end(f"fault of {self.signal}", self.time, self.until)
 
     def of(self, value: float, first: float) -> float:
         """Return what is given for a value; ``first`` was it when the fault began; both in SI."""

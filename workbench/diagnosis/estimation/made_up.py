@@ -75,18 +75,12 @@ def pushes(samples: int, *, largest: float, hold: int = 40, seed: int = 0) -> Ve
     return np.repeat(levels, hold)[:samples]
 
 
-def made_up_axis(seed: int = 0, *, samples: int = 800, name: str = "made up") -> Observed:
+def made_up_axis(seed: int = 0, *, samples: int = 800) -> Observed:
     """Simulate a recording of the servo axis with a mass of 100 kg instead of 95 kg.
 
     Args:
         samples: Number of samples, 10 ms apart.
     """
     forces = pushes(samples, largest=200.0, seed=seed)
-    return made_up(
-        servo_axis(),
-        forces,
-        sample_time=0.01,
-        values={"mass": 100.0, "offset": 2.0},
-        seed=seed,
-        name=name,
-    )
+    true = {"mass": 100.0, "offset": 2.0}
+    return made_up(servo_axis(), forces, sample_time=0.01, values=true, seed=seed)

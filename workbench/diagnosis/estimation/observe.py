@@ -20,17 +20,11 @@ _STILL = 5.0
 """Multiple of the noise by which the measurements of a rig at rest may differ."""
 
 
-def observe(
-    model: Model, recording: Recording, *, used: Sequence[str] | None = None, every: int = 1
-) -> Observed:
+def observe(model: Model, recording: Recording) -> Observed:
     """Bring a recording into the shape that the filter of a model needs.
 
     Noise follows from the sensors' data; states that the first measurements determine start there,
     the others where the model starts.
-
-    Args:
-        used: Names of the outputs to use; all that were recorded by default.
-        every: Use every n-th measurement; inputs are all used.
 
     Raises:
         WorkbenchError: If an input is missing, no output was recorded, or the time is not uniform.
@@ -42,8 +36,8 @@ def observe(
             f" {model.name!r}; it has: {', '.join(recording.names)}. give"
             " a column that name, or map one to it"
         )
-    names = [q.name for q in model.outputs if q.name in recording] if used is None else list(used)
-    if not names:
+    outputs = [q for q in model.outputs if q.name in recording]
+    if not outputs:
         raise WorkbenchError(
             f"recording {recording.name!r} has no output of {model.name!r}; it has:"
             f" {', '.join(recording.names)}; wanted:"
@@ -57,7 +51,6 @@ def observe(
             f"recording {recording.name!r} is not uniformly sampled (steps from"
             f" {steps.min():g} to {steps.max():g} s); resample it first"
         )
-    outputs = [q for q in model.outputs if q.name in names]
     noise = np.array(
         [np.hypot(q.noise_rms, q.resolution / np.sqrt(12)) or 1e-6 * q.scale for q in outputs]
     )
@@ -66,10 +59,6 @@ def observe(
         read[~recording.valid(quantity.name), column] = np.nan
     inputs = recording.matrix([q.name for q in model.inputs])
     start, start_rms = _start(model, inputs[0], read, [q.name for q in outputs], noise)
-    if every > 1:
-        kept = np.zeros(len(read), dtype=bool)
-        kept[::every] = True
-        read[~kept] = np.nan
     return Observed(
         recording.name,
         sample_time,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import free_run
@@ -16,9 +15,7 @@ from workbench.model import Model
 _ITERATIONS = 12
 
 
-def fitted_start(
-    model: Model, observed: Observed, *, samples: int, values: npt.ArrayLike | None = None
-) -> Observed:
+def fitted_start(model: Model, observed: Observed, *, samples: int) -> Observed:
     """Estimate the start of a recording so that a free run meets its first measurements.
 
     Levenberg-Marquardt on the free-run error over the first samples, with the start that the
@@ -28,7 +25,6 @@ def fitted_start(
 
     Args:
         samples: Number of samples to meet, 2 to the length of the recording.
-        values: Parameter values, shape (n_parameters,), in SI; the model's own by default.
 
     Returns:
         The recording with the estimated start; its uncertainty stays.
@@ -42,7 +38,7 @@ def fitted_start(
     rms = np.maximum(observed.start_rms, 1e-12)
 
     def misfit(x: Vector) -> Vector:
-        run = free_run(model, replace(first, start=x), values=values)
+        run = free_run(model, replace(first, start=x))
         error = np.nan_to_num(run.error / observed.noise_rms, nan=0.0 if run.finite else 1e6)
         return np.concatenate([error.ravel(), (observed.start - x) / rms])
 

@@ -324,19 +324,18 @@ def _place(
     )
 
 
-def correlation_ratio(signal: Vector, argument: Vector, *, bins: int = BINS) -> float:
+def correlation_ratio(signal: Vector, argument: Vector) -> float:
     """Return which share of a signal's variance is a function of an argument.
 
     Args:
         signal: The signal, shape (n,), in any unit.
         argument: The argument, shape (n,), in any unit.
-        bins: Number of classes of the argument with equally many samples.
 
     Returns:
         0 for no dependence to 1 for a function, dimensionless.
     """
     variance = float(np.var(signal))
-    edges = np.unique(np.quantile(argument, np.linspace(0, 1, bins + 1)[1:-1]))
+    edges = np.unique(np.quantile(argument, np.linspace(0, 1, BINS + 1)[1:-1]))
     which = np.searchsorted(edges, argument)
     count = np.bincount(which)
     if variance == 0.0 or np.count_nonzero(count) < 2:

@@ -154,7 +154,7 @@ class Evidence:
                 left[with_it] += float(np.sum(error**2))
         return 1.0 - left[True] / max(left[False], 1e-300)
 
-    def p_value(self, columns: Vector, given: Vector, *, draws: int = SURROGATES) -> float:
+    def p_value(self, columns: Vector, given: Vector) -> float:
         """Test whether columns explain more than they do of the signal shifted in time.
 
         Each recording's signal is shifted circularly by at least 1 s against what the ports see:
@@ -165,7 +165,7 @@ class Evidence:
             given: Columns that explain what they can first, shape (n_located n, m), in that unit.
 
         Returns:
-            Probability of as large a share without dependence, ``1 / (draws + 1)`` at least,
+            Probability of as large a share without dependence, ``1 / (SURROGATES + 1)`` at least,
             dimensionless.
         """
         rng = np.random.default_rng(0)
@@ -174,10 +174,10 @@ class Evidence:
         full = np.column_stack([base, columns])
         seen = _explained(full, base, rest, self.known)
         beyond = 0
-        for _ in range(draws):
+        for _ in range(SURROGATES):
             order = self._shifted(rng)
             beyond += _explained(full, base, rest[order], self.known[order]) >= seen
-        return (1 + beyond) / (draws + 1)
+        return (1 + beyond) / (SURROGATES + 1)
 
     def _shifted(self, rng: np.random.Generator) -> npt.NDArray[np.int_]:
         n = len(self.time)

@@ -73,7 +73,7 @@ class Network:
         return self.scale * total
 
 
-def trained(x: Vector, y: Vector, *, seed: int = 0) -> Network:
+def trained(x: Vector, y: Vector) -> Network:
     """Train a network by least squares with weight decay.
 
     Args:
@@ -97,7 +97,7 @@ def trained(x: Vector, y: Vector, *, seed: int = 0) -> Network:
         value = 0.5 * m * float(error @ error) + 0.5 * _DECAY * float(weights @ weights)
         return value, np.concatenate(slopes) + _DECAY * weights
 
-    begin = np.random.default_rng(seed).normal(scale=0.5, size=HIDDEN * (n + 2) + 1)
+    begin = np.random.default_rng(0).normal(scale=0.5, size=HIDDEN * (n + 2) + 1)
     found = minimize(cost, begin, jac=True, method="L-BFGS-B", options={"maxiter": _STEPS})
     return Network(centre, spread, np.asarray(found.x), scale)
 

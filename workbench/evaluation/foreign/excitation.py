@@ -10,16 +10,14 @@ import numpy as np
 from workbench.evaluation.foreign.machine import Array, Excitation
 
 
-def pulses(
-    largest: float, hold: tuple[float, float], *, middle: float = 0.0, rest: float = 0.25
-) -> Excitation:
-    """Return random pulses about a middle, each held for a time in s; some return to it."""
+def pulses(largest: float, hold: tuple[float, float]) -> Excitation:
+    """Return random pulses about zero, each held for a time in s; a quarter returns to it."""
 
     def excitation(rng: np.random.Generator, n: int, dt: float) -> Array:
-        u, i = np.full(n, middle), round(0.5 * hold[1] / dt)
+        u, i = np.zeros(n), round(0.5 * hold[1] / dt)
         while i < n:
             length = max(1, round(rng.uniform(*hold) / dt))
-            if rng.random() >= rest:
+            if rng.random() >= 0.25:
                 u[i : i + length] += rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 1.0) * largest
             i += length
         return u[:, None]
@@ -41,7 +39,7 @@ def steps(low: float, high: float, hold: tuple[float, float], *, first: float) -
     return excitation
 
 
-def sines(largest: float, periods: tuple[float, ...], *, middle: float = 0.0) -> Excitation:
+def sines(largest: float, periods: tuple[float, ...]) -> Excitation:
     """Return a sum of sines of about the given periods in s, growing from rest in one period."""
 
     def excitation(rng: np.random.Generator, n: int, dt: float) -> Array:
@@ -51,7 +49,7 @@ def sines(largest: float, periods: tuple[float, ...], *, middle: float = 0.0) ->
             f = rng.uniform(0.85, 1.15) / period
             size = rng.uniform(0.7, 1.0) * largest / len(periods)
             u += size * np.sin(2 * np.pi * (f * t + rng.random()))
-        grown = middle + u * np.minimum(1.0, t / max(periods))
+        grown = u * np.minimum(1.0, t / max(periods))
         return np.asarray(grown[:, None], dtype=float)
 
     return excitation
