@@ -1,17 +1,28 @@
-"""Signals that change with time: sensors that warm up, gains that fade, jumps at some time."""
+"""What changes with time: sensors that warm up, gains that fade, jumps, also of a parameter."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import casadi as ca
 
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Law, Own, by_port, drives, each, sensors, shape, size, together
+from workbench.physics.law import (
+    Fit,
+    Law,
+    Own,
+    by_port,
+    drives,
+    each,
+    sensors,
+    shape,
+    size,
+    together,
+)
 from workbench.physics.offset_gain import sensor_error
-from workbench.physics.place import EFFORTS, Place
+from workbench.physics.place import EFFORTS, Place, Survey
 
 _TIMES = (10.0, 30.0, 3.0, 100.0)
 """Times of a jump that are worth trying without knowing the recording, s."""
@@ -142,3 +153,50 @@ sensor_jump = replace(
     group="sensor",
     look_alikes=("sensor_offset", "sensor_drift"),
 )  # fmt: skip
+
+
+def _each_parameter(survey: Survey) -> Iterator[Fit]:
+    for place in survey.places:
+        for q in place.parameters:
+            yield f"_{q.name.replace('.', '_')}", ((replace(place, parameters=(q,)),),)
+
+
+def _amount(at: Place) -> Own:
+    if not at.parameters:
+        return size("amount", "1", 1.0, 10.0, "change of the parameter", signed=True)
+    q = at.parameters[0]
+    return size("amount", q.unit, 0.3 * q.scale, 10.0 * q.scale,
+                f"change of {q.name}", signed=True)  # fmt: skip
+
+
+def _changed(at: PortView, part: Expression) -> Expression:
+    own = ca.SX(at.subject)
+    return ca.substitute(ca.SX(at.value), own, own + at.p.amount * part)
+
+
+# Offered for every refitted parameter, of the plant or of an effect of it, that enters the
+# equations through one port alone.
+parameter_jump = replace(
+    offset_jump,
+    name="parameter_jump",
+    equation="parameter + amount step(t - time)",
+    where=_each_parameter,
+    parameters=lambda at: (_amount(at), *when(at)),
+    transform=lambda at: _changed(at, passed(at)),
+    source="an event: a part that slipped, seized, or was switched",
+    look_alikes=("parameter_fade", "gain_jump", "offset_jump"),
+)
+
+parameter_fade = replace(
+    gain_fade,
+    name="parameter_fade",
+    equation="parameter + amount w, dw/dt = (1 - w) / tau",
+    where=_each_parameter,
+    parameters=lambda at: (
+        _amount(at),
+        shape("time_constant", "s", at.duration or 60.0, "time constant", around=(0.05, 100.0)),
+    ),
+    transform=lambda at: _changed(at, at.x.warm),
+    source="warming, wear, ageing",
+    look_alikes=("parameter_jump", "gain_fade"),
+)

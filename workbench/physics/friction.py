@@ -1,11 +1,21 @@
-"""Friction against the direction of motion: dry, of constant level, and proportional to speed."""
+"""Friction and drag: against the direction of motion, by speed, presliding and load."""
 
 from __future__ import annotations
 
 import casadi as ca
 
-from workbench.physics.law import Law, each, shape, size
-from workbench.physics.place import EFFORTS, per
+from workbench.model import Names, PortView, State
+from workbench.model.regularisation import Expression, Form
+from workbench.physics.law import Law, Own, each, floor, shape, size, twins
+from workbench.physics.place import EFFORTS, Place, per
+
+
+def transition(at: Place, around: float = 1e3) -> Own:
+    """Return the speed that rounds the reversal, held in a fit within a factor of its value."""
+    return shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,
+                 "speed scale of the reversal", around=(1.0 / around, around),
+                 fitted=False)  # fmt: skip
+
 
 coulomb_friction = Law(
     "coulomb_friction",
@@ -13,8 +23,7 @@ coulomb_friction = Law(
     each(*EFFORTS, needs=("speed",)),
     lambda at: (
         size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale, "dry friction level", resists=True),
-        shape("transition_speed", at.speed.unit, 0.02 * at.speed.scale,
-              "speed scale of the reversal", around=(1e-4, 1e4), fitted=False),
+        transition(at, 1e4),
     ),
     lambda at: at.value - at.p.level * ca.tanh(at.signals.speed / at.p.transition_speed),
     dry=True,
@@ -37,4 +46,210 @@ viscous_friction = Law(
     source="linear damper",
     look_alikes=("muscle_viscosity", "quadratic_drag"),
     separated_by="swings of small and large amplitude",
+)  # fmt: skip
+
+_SPEED_WIDTH = 1e-3
+"""Speed, in SI, within which the regularised form rounds the reversal."""
+
+
+def _magnitude(at: PortView) -> Expression:
+    return at.form.absolute(at.signals.speed, _SPEED_WIDTH)
+
+
+quadratic_drag = Law(
+    "quadratic_drag",
+    "T = -coefficient v |v|",
+    each(*EFFORTS, needs=("speed",)),
+    lambda at: (
+        size("coefficient", per(at.unit, at.speed.unit, 2), 0.02 * at.scale / at.speed.scale**2,
+             0.5 * at.scale / at.speed.scale**2, "drag over squared speed", resists=True),
+    ),
+    lambda at: at.value - at.p.coefficient * at.signals.speed * _magnitude(at),
+    source="I. Newton, drag of a blunt body; turbulent throttling of a damper",
+    look_alikes=("viscous_friction", "muscle_viscosity", "cubic_drag"),
+    separated_by="fast against slow runs: the decay per swing grows with the amplitude",
+)  # fmt: skip
+
+cubic_drag = Law(
+    "cubic_drag",
+    "T = -coefficient v^3",
+    each(*EFFORTS, needs=("speed",)),
+    lambda at: (
+        size("coefficient", per(at.unit, at.speed.unit, 3), 0.02 * at.scale / at.speed.scale**3,
+             5.0 * at.scale / at.speed.scale**3, "drag over cubed speed", resists=True),
+    ),
+    lambda at: at.value - at.p.coefficient * at.signals.speed**3,
+    source="damping that grows with the amplitude; wire that its current heats",
+    look_alikes=("quadratic_drag", "viscous_friction"),
+    separated_by="fast against slow runs: the decay grows with the square of the amplitude",
+)  # fmt: skip
+
+# With a damper c the difference makes it c + difference / 2 forwards and c - difference / 2
+# backwards; on its own it feeds energy in one direction.
+direction_dependent_viscous = Law(
+    "direction_dependent_viscous",
+    "T = -(difference / 2) |v|",
+    each(*EFFORTS, needs=("speed",)),
+    lambda at: (
+        size("difference", per(at.unit, at.speed.unit), 0.025 * at.scale / at.speed.scale,
+             0.5 * at.scale / at.speed.scale,
+             "damping forwards less damping backwards", signed=True),
+    ),
+    lambda at: at.value - 0.5 * at.p.difference * _magnitude(at),
+    source="damper with check valve; bilinear damping",
+    look_alikes=("asymmetric_gain", "constant_torque"),
+    separated_by="the same speed forwards and backwards through the same angle",
+)  # fmt: skip
+
+
+def _fading(at: PortView) -> Expression:
+    v = at.signals.speed
+    fading = ca.exp(-((v / at.p.stribeck_speed) ** 2))
+    return at.value - at.p.break_away * fading * ca.tanh(v / at.p.transition_speed)
+
+
+# The Coulomb level itself is another effect.
+stribeck_friction = Law(
+    "stribeck_friction",
+    "T = -break_away exp(-(v / stribeck_speed)^2) tanh(v / transition_speed)",
+    each(*EFFORTS, needs=("speed",)),
+    lambda at: (
+        size("break_away", at.unit, 0.1 * at.scale, 0.5 * at.scale,
+             "friction at standstill above the Coulomb level", source="estimate", resists=True),
+        shape("stribeck_speed", at.speed.unit, 0.1 * at.speed.scale,
+              "speed over which the break-away fades", around=(0.05, 10.0)),
+        transition(at),
+    ),
+    _fading,
+    shapes=lambda at: [{"stribeck_speed": k * at.speed.scale} for k in (0.1, 0.03, 0.3)],
+    dry=True,
+    source="R. Stribeck 1902; Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994)",
+    look_alikes=("coulomb_friction", "lugre_friction", "local_friction"),
+    separated_by="runs at several slow steady speeds: only this friction falls with speed",
+)  # fmt: skip
+
+
+def _bristle_rate(v: Expression, bend: Expression, p: Names, form: Form) -> Expression:
+    speed = form.absolute(v, 1e-3 * p.stribeck_speed)
+    steady = 1.0 + p.stribeck_share * ca.exp(-((v / p.stribeck_speed) ** 2))
+    # The presliding distance is stretched at high speed, where the bristle is saturated anyway, so
+    # that no rate is faster than samples show.
+    return (v - speed * bend / steady) / (p.presliding + speed * p.floor)
+
+
+def _of_bristles(at: PortView) -> Expression:
+    rate = _bristle_rate(at.signals.speed, at.x.bend, at.p, at.form)
+    return at.value - at.p.level * (at.x.bend + at.p.damping_time * rate)
+
+
+# With the bristle's bend z relative to the presliding distance, sigma_0 = level / presliding and
+# sigma_1 = level damping_time / presliding in the usual notation; in steady motion the friction is
+# level s(v) with s(v) = 1 + stribeck_share exp(-(v / stribeck_speed)^2).
+lugre_friction = Law(
+    "lugre_friction",
+    "T = -level (z + damping_time dz/dt), dz/dt = (v - |v| z / s(v)) / presliding",
+    each(*EFFORTS, needs=("speed",)),
+    lambda at: (
+        size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
+             "friction at high speed", resists=True),
+        shape("presliding", at.coordinate.unit, 2e-3 * at.coordinate.scale,
+              "displacement over which the bristles bend", around=(0.02, 50.0)),
+        shape("stribeck_share", "1", 0.5, "break-away above the level, relative to it",
+              around=None, between=(0.0, 20.0)),
+        shape("stribeck_speed", at.speed.unit, 0.1 * at.speed.scale,
+              "speed over which the break-away fades", around=(0.05, 10.0), fitted=False),
+        shape("damping_time", "s", 0.0, "damping of the bristle over its stiffness",
+              around=None, between=(0.0, 0.1), scale=1e-3, fitted=False),
+        floor(at, 0.5),
+    ),
+    _of_bristles,
+    states=lambda at: (
+        State("bend", "1", 1.0, "bend of the bristles over the presliding distance", start_rms=0.5),
+    ),
+    rates=lambda e: {"bend": _bristle_rate(e.here.signals.speed, e.x.bend, e.p, e.form)},
+    shapes=lambda at: [{"presliding": k * at.coordinate.scale} for k in (2e-3, 5e-4, 1e-2)],
+    dry=True,
+    source="Canudas de Wit, Olsson, Astrom and Lischinsky, IEEE TAC 40 (1995)",
+    look_alikes=("coulomb_friction", "stribeck_friction", "joint_hysteresis"),
+    separated_by="motions smaller than the presliding distance: here friction is a spring",
+)  # fmt: skip
+
+
+# For a bearing the coefficient is friction coefficient times journal radius; for a muscle the gauge
+# pressure loads the contact of braid and tube. Negative sums of loads count as none.
+def _of_bearing(at: PortView) -> Expression:
+    load = sum(value for name, value in at.signals.items() if name.startswith("bearing_load_"))
+    sliding = ca.tanh(at.signals.speed / at.p.transition_speed)
+    return at.value - at.p.coefficient * at.form.ramp(load, 1.0) * sliding
+
+
+def _typical(at: Place) -> float:
+    unit = at.signals["bearing_load_1"].unit if "bearing_load_1" in at.signals else "N"
+    return {"N": 5e-5 * at.scale, "Pa": 1e-7 * at.scale}.get(unit, 0.05)
+
+
+def _load_unit(at: Place) -> str:
+    return at.signals["bearing_load_1"].unit if "bearing_load_1" in at.signals else "1"
+
+
+load_dependent_friction = Law(
+    "load_dependent_friction",
+    "T = -coefficient (sum of loads) tanh(v / transition_speed)",
+    each(*EFFORTS, needs=("speed", "bearing_load_1")),
+    lambda at: (
+        size("coefficient", per(at.unit, _load_unit(at)), _typical(at),
+             20.0 * _typical(at), "friction over load", resists=True),
+        transition(at),
+    ),
+    _of_bearing,
+    dry=True,
+    source="G. Amontons 1699; journal bearing under radial load",
+    look_alikes=("coulomb_friction", "stribeck_friction", "muscle_hysteresis"),
+    separated_by="the same motion under a light and under a heavy load",
+)  # fmt: skip
+
+
+def _of_muscle(at: PortView) -> Expression:
+    load = at.form.ramp(at.signals.gauge_pressure, 1.0)
+    sliding = ca.tanh(at.signals.contraction_speed / at.p.transition_speed)
+    return at.value - at.p.coefficient * load * sliding
+
+
+pressure_friction = Law(
+    "pressure_friction",
+    "F = -coefficient p tanh(v / transition_speed)",
+    twins("muscle_force", needs=("contraction_speed", "gauge_pressure")),
+    lambda at: (
+        size("coefficient", "N/Pa", 7e-5, 5e-4, "friction over pressure"),
+        shape("transition_speed", "m/s", 1e-3, "speed scale of the reversal",
+              around=(1e-3, 1e3), fitted=False),
+    ),
+    _of_muscle,
+    dry=True,
+    source="G. Amontons 1699; contact of braid and tube under pressure",
+    look_alikes=("coulomb_friction", "stribeck_friction", "muscle_hysteresis"),
+    separated_by="the same motion at a low and at a high mean pressure",
+)  # fmt: skip
+
+
+def _damped(at: PortView) -> Expression:
+    pressure = at.form.ramp(at.signals.gauge_pressure, 1e3)
+    damping = at.p.coefficient * (1.0 + at.p.growth * pressure)
+    return at.value - damping * at.signals.contraction_speed
+
+
+muscle_viscosity = Law(
+    "muscle_viscosity",
+    "F = F0 - coefficient (1 + growth p) v",
+    twins("muscle_force", needs=("contraction_speed", "gauge_pressure")),
+    lambda at: (
+        size("coefficient", "N s/m", 300.0, 5000.0, "damping without pressure",
+             source="100 to 800 in the literature"),
+        shape("growth", "Pa^-1", 0.0, "relative growth of the damping with pressure", around=None,
+              between=(0.0, 2e-4), scale=1e-5, source="", fitted=False),
+    ),
+    _damped,
+    source="Reynolds, Repperger, Phillips and Bandry, Ann. Biomed. Eng. 31 (2003)",
+    look_alikes=("viscous_friction", "quadratic_drag", "series_elasticity"),
+    separated_by="swings at low and high mean pressure; a load cell behind one muscle",
 )  # fmt: skip

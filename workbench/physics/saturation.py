@@ -1,4 +1,4 @@
-"""Saturation, clipping and rectification: signals that do not pass a limit.
+"""Limits of a signal: its range, a dead band, its speed, the steps of a converter.
 
 A share between 0 and 1 is a smaller slope beyond the limit. Starting from share 0 rather than from
 a limit out of reach makes the law visible to derivatives.
@@ -7,12 +7,27 @@ a limit out of reach makes the law visible to derivatives.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 
-from workbench.model import PortView
+import casadi as ca
+
+from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
-from workbench.physics.law import Law, Own, drives, each, sensors, shape, share, size
-from workbench.physics.place import DRIVES, EFFORTS, Place
+from workbench.physics.law import (
+    Fit,
+    Law,
+    Own,
+    by_port,
+    drives,
+    each,
+    first_of,
+    sensors,
+    shape,
+    share,
+    size,
+)
+from workbench.physics.place import DRIVES, EFFORTS, Place, Survey, per
 
 
 def _above(at: PortView) -> Expression:
@@ -146,3 +161,97 @@ sensor_rectification = Law(
     look_alikes=("sensor_gain", "sensor_clipping"),
     separated_by="the same motion to both sides of zero",
 )  # fmt: skip
+
+
+def _shifted(at: PortView) -> Expression:
+    e, corner = at.value - at.p.centre, 0.02 * at.scale
+    above = at.form.ramp(e - at.p.half_width, corner)
+    below = at.form.ramp(-e - at.p.half_width, corner)
+    return at.p.centre + above - below
+
+
+def _bands(survey: Survey) -> Iterator[Fit]:
+    yield from each("spool")(survey)
+    yield from drives()(survey)
+
+
+def _band(at: Place) -> tuple[Own, ...]:
+    usual = (0.1 if at.role == "spool" else 0.05) * at.scale
+    return (
+        size("half_width", at.unit, usual, at.scale, "half of the band"),
+        shape("centre", at.unit, 0.0, "middle of the band", around=None, scale=1.0, source="",
+              fitted=False),
+    )  # fmt: skip
+
+
+# At zero width it is the identity on both forms, and the derivative by the width is minus the sign
+# of the distance from the centre.
+dead_band = Law(
+    "dead_band",
+    "y = max(0, u - w) - max(0, -u - w)",
+    _bands,
+    _band,
+    _shifted,
+    dry=True,
+    source="overlap of a spool, threshold of a drive",
+    look_alikes=("play", "spool_hysteresis", "centre_leakage", "backlash"),
+    separated_by="a slow triangle about the centre: a dead band has no loop",
+)
+
+
+def _follow(e: EffectView) -> dict[str, Expression]:
+    r, tau = e.p.largest_rate, e.p.time_constant
+    return {"follower": r * ca.tanh((e.here.value - e.x.follower) / (r * tau))}
+
+
+# A lag for small differences that follows large ones at its largest rate.
+slew_limit = Law(
+    "slew_limit",
+    "dy/dt = r tanh((u - y) / (r tau))",
+    first_of(each("valve_command"), each("command", "voltage", "circuit", label=by_port)),
+    lambda at: (
+        share("share of the limited signal"),
+        shape("largest_rate", per(at.unit, "s"), 1000.0 * at.scale, "largest speed",
+              around=(0.01, 10.0)),
+        shape("time_constant", "s", 0.001, "time constant of small motions",
+              around=(0.1, 100.0), source="", fitted=False),
+    ),
+    lambda at: at.value + at.p.share * (at.x.follower - at.value),
+    states=lambda at: (
+        State("follower", at.unit, at.scale, "signal with limited speed",
+              start_rms=0.05 * at.scale),
+    ),
+    rates=_follow,
+    start=lambda e: {"follower": e.here.value},
+    shapes=lambda at: [{"largest_rate": k * at.scale} for k in (1000.0, 300.0, 100.0)],
+    source="saturated first-order follower; manufacturer: 4 to 5 ms for the full stroke",
+    look_alikes=("valve_delay", "spool_bandwidth"),
+    separated_by="steps of the command of several sizes: only large ones are slowed",
+)  # fmt: skip
+
+
+def _saw_tooth(at: PortView) -> Expression:
+    # The regularised equations keep its first waves.
+    turns = at.value / at.p.step
+    if not at.form.regularised:
+        return turns - ca.floor(turns + 0.5)
+    return sum(
+        (-1) ** (k + 1) / (math.pi * k) * ca.sin(2.0 * math.pi * k * turns) for k in (1, 2, 3)
+    )
+
+
+sensor_quantisation = Law(
+    "sensor_quantisation",
+    "y = step round(u / step)",
+    sensors(together=False),
+    lambda at: (
+        share("share of the rounding"),
+        shape("step", at.unit, 0.01 * at.scale, "step of the converter", around=(0.01, 100.0)),
+    ),
+    lambda at: at.value - at.p.share * at.p.step * _saw_tooth(at),
+    shapes=lambda at: [{"step": k * at.scale} for k in (0.01, 0.03, 0.1)],
+    group="sensor",
+    source="W. R. Bennett 1948",
+    look_alikes=("sensor_offset", "sensor_gain"),
+    separated_by="a slow ramp: the measurement climbs in stairs",
+)

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
-from workbench.physics.friction import coulomb_friction, viscous_friction
-from workbench.physics.load_friction import load_dependent_friction
+from workbench.physics.friction import coulomb_friction, load_dependent_friction, viscous_friction
 from workbench.plants.plant import Plant
 
 

@@ -10,9 +10,12 @@ import casadi as ca
 
 from workbench.model import Input, Model, Output, Parameter, Scope, State
 from workbench.model.trace import Equations
-from workbench.physics.friction import coulomb_friction, viscous_friction
-from workbench.physics.load_friction import load_dependent_friction
-from workbench.physics.stribeck import stribeck_friction
+from workbench.physics.friction import (
+    coulomb_friction,
+    load_dependent_friction,
+    stribeck_friction,
+    viscous_friction,
+)
 from workbench.plants.plant import Option, Plant
 
 GRAVITY = 9.81

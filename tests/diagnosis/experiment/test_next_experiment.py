@@ -16,8 +16,7 @@ from workbench.diagnosis.experiment.menu import Experiment, menu, other_settings
 from workbench.diagnosis.experiment.next_experiment import next_experiment, separate
 from workbench.diagnosis.experiment.separation import Explanation, Separator, reduced, spread_after
 from workbench.errors import WorkbenchError
-from workbench.physics.drag import quadratic_drag
-from workbench.physics.friction import viscous_friction
+from workbench.physics.friction import quadratic_drag, viscous_friction
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 

@@ -6,12 +6,16 @@ import numpy as np
 import pytest
 
 from tests.physics.effects.bench import bench, read, run, triangle
-from workbench.physics.drag import direction_dependent_viscous, quadratic_drag
-from workbench.physics.friction import coulomb_friction, viscous_friction
-from workbench.physics.load_friction import load_dependent_friction
-from workbench.physics.lugre import lugre_friction
-from workbench.physics.muscle_viscosity import muscle_viscosity
-from workbench.physics.stribeck import stribeck_friction
+from workbench.physics.friction import (
+    coulomb_friction,
+    direction_dependent_viscous,
+    load_dependent_friction,
+    lugre_friction,
+    muscle_viscosity,
+    quadratic_drag,
+    stribeck_friction,
+    viscous_friction,
+)
 
 
 def test_stribeck_adds_to_coulomb_at_low_speed_and_fades() -> None:

@@ -8,9 +8,14 @@ import numpy as np
 import pytest
 
 from tests.physics.effects.bench import bench, read
-from workbench.physics.position_torque import local_catch, local_friction, ripple
-from workbench.physics.stiffness import cubic_stiffness, linear_spring
-from workbench.physics.stop_compliance import stop_compliance
+from workbench.physics.stiffness import (
+    cubic_stiffness,
+    linear_spring,
+    local_catch,
+    local_friction,
+    ripple,
+    stop_compliance,
+)
 from workbench.plants.arm import arm
 from workbench.plants.arm.load_laws import load_error, loose_load, tilt_gravity
 

@@ -6,15 +6,19 @@ import numpy as np
 import pytest
 
 from tests.physics.effects.bench import bench, read, response, run, triangle
-from workbench.physics.dead_band import dead_band
 from workbench.physics.delay import delay, sensor_delay
 from workbench.physics.drift import sensor_drift
 from workbench.physics.lag import sensor_lag
 from workbench.physics.library import library
 from workbench.physics.offset_gain import asymmetric_gain, gain, offset
 from workbench.physics.play import command_play, play, spool_hysteresis
-from workbench.physics.saturation import lower_saturation, rectification, saturation
-from workbench.physics.slew_limit import slew_limit
+from workbench.physics.saturation import (
+    dead_band,
+    lower_saturation,
+    rectification,
+    saturation,
+    slew_limit,
+)
 from workbench.plants.servo_axis import servo_axis
 from workbench.simulation.simulate import simulate
 
