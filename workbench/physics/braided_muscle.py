@@ -1,15 +1,12 @@
-"""A braided muscle beside the ideal braid: flattened ends, and the force of its wall.
-
-The factor acts on the contraction wherever the equations of the force have it, so that it needs no
-geometry of its own.
-"""
+"""A braided muscle beside the ideal braid: flattened ends, the force of its wall, its tendon."""
 
 from __future__ import annotations
 
 import casadi as ca
 
-from workbench.model import PortView
+from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
+from workbench.physics.force_laws import PaperLaw
 from workbench.physics.law import Law, Own, shape, size, twins
 from workbench.physics.place import Place
 
@@ -17,6 +14,7 @@ _NEEDS = ("contraction", "gauge_pressure")
 
 
 def _further(at: PortView) -> Expression:
+    # Wherever the equations of the force have the contraction: no geometry of its own is needed.
     q = at.signals.contraction
     return ca.substitute(ca.SX(at.value), ca.SX(q), (1.0 + at.p.excess) * q)
 
@@ -55,3 +53,43 @@ wall_term = Law(
     look_alikes=("end_factor", "phi_term", "linear_spring", "constant_force"),
     separated_by="isometric pressure ramps at several contractions: the force without pressure",
 )
+
+
+_LAG = 0.005
+"""Time, in s, in which the stretch follows the force, which avoids an algebraic loop: shorter than
+any motion of the rig."""
+
+_BASE = PaperLaw()
+
+
+def _stretched(at: PortView) -> Expression:
+    # The muscle contracts more than its anchors by what tendons, fittings and clamps stretch. The
+    # gas volume is left at the anchors' length: at 500 N and 7e-6 m/N some 5 % of volume, off.
+    q, p = at.signals.contraction, at.signals.gauge_pressure
+    stretch = at.p.compliance * at.x.pull
+    return (
+        at.value + _BASE.tension(q + stretch, p, form=at.form) - _BASE.tension(q, p, form=at.form)
+    )
+
+
+def _follow(e: EffectView) -> dict[str, Expression]:
+    return {"pull": (e.form.ramp(e.values[e.here.port], 1.0) - e.x.pull) / _LAG}
+
+
+series_elasticity = Law(
+    "series_elasticity",
+    "T = T(q + compliance F)",
+    twins("muscle_tension", needs=("contraction", "gauge_pressure")),
+    lambda at: (
+        size("compliance", "m/N", 7e-6, 2e-5, "stretch of the tendon over its force",
+             source="1e5 to 2e5 N/m in the literature"),
+    ),
+    _stretched,
+    states=lambda at: (State("pull", "N", 100.0, "force in the tendon", 300.0),),
+    rates=_follow,
+    start=lambda e: {"pull": e.form.ramp(e.here.value, 1.0)},
+    far=True,
+    source="A. V. Hill 1938, series element; compliance of fittings",
+    look_alikes=("force_shape", "contraction_force_correction", "linear_spring"),
+    separated_by="pressure steps with the joint locked at several angles",
+)  # fmt: skip

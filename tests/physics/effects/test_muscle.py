@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from tests.physics.effects.bench import bench, read, run
+from workbench.physics.braided_muscle import series_elasticity
 from workbench.physics.creep import creep
 from workbench.physics.force_laws import PaperLaw, Sarosi
 from workbench.physics.offset_gain import gain
-from workbench.physics.series_elasticity import series_elasticity
 from workbench.plants.arm import arm
 from workbench.plants.arm.muscle_laws import (
     contraction_force_correction,
