@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from workbench.study.baseline import Baseline, changes, read_baseline
+from workbench.study.conditions import condition_changes, conditions
 from workbench.study.execution import run_tasks
 from workbench.study.judgements import judge_records
 from workbench.study.schema import load_study
@@ -63,3 +64,9 @@ def test_without_a_compiler_the_numbers_are_the_same_within_tolerances() -> None
     rules = {name: study.tolerance(name) for r in records if r.metrics for name in r.metrics}
     found = changes(rules, records, Baseline(own, "arm", BASELINE))
     assert not [str(c) for c in found]
+
+
+def test_the_conditions_are_those_that_were_blessed() -> None:
+    blessed = read_baseline(BASELINE).conditions
+    assert blessed is not None
+    assert condition_changes(blessed, conditions(load_study(shipped_study("arm")))) == ()

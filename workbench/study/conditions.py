@@ -17,8 +17,9 @@ from typing import Any
 from workbench.errors import WorkbenchError
 from workbench.model.units import convert
 from workbench.study.study import Box, Demand, Study
-from workbench.verification import Tolerance
+from workbench.verification import Scenario, Tolerance
 from workbench.verification.metrics import tolerance_of
+from workbench.verification.scenario import USUAL_SAMPLES
 
 PARTS = ("requirements", "scenarios", "variations", "box", "tolerances", "unjudged")
 """Parts of the conditions, each a mapping by the name under which a reviewer knows an entry."""
@@ -238,6 +239,8 @@ def _plain(value: Any) -> Any:
         for f in fields(value):
             own = getattr(value, f.name)
             usual = f.default_factory() if f.default_factory is not MISSING else f.default
+            if isinstance(value, Scenario) and f.name in USUAL_SAMPLES:
+                usual = USUAL_SAMPLES[f.name] * value.sample_time
             if f.name not in ("name", "folder") and own != usual:
                 found[f.name] = _plain(own)
         return found

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.diagnosis.location.structure import Cut
+from workbench.linearisation.transfer import transfer_function
 
 Complex = npt.NDArray[np.complex128]
 
@@ -103,7 +104,7 @@ def transfers(parts: Cut, outputs: Sequence[str]) -> Transfers:
         # What leaves the ports: what entered, of states and other ports, and what is added.
         through = np.linalg.inv(np.eye(len(made)) - made[:, n_x:])
         for frequency in FREQUENCIES:
-            moved = np.linalg.solve(1j * frequency * np.eye(n_x) - a, b)
+            moved = transfer_function(a, b, np.eye(n_x), np.zeros_like(b), 1j * frequency)
             left = through @ (made[:, :n_x] @ moved + np.eye(len(made)))
             measurements.append((c @ moved + d) * scale / noise[:, None])
             rows = read[:, :n_x] @ moved + read[:, n_x:] @ left
