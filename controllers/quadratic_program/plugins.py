@@ -82,10 +82,12 @@ class ConicProgram:
         return self.solve(root.T @ root, g, rows, lower[:m], upper[:m], lower[m:], upper[m:])
 
 
-@lru_cache(maxsize=32)
+_made = lru_cache(maxsize=32)(ConicProgram)
+
+
 def program(variables: int, constraints: int, solver: str = OWN) -> QuadraticProgram | ConicProgram:
     """Return a solver for n variables and m rows, made once: ``"own"`` or one of `OPTIONS`."""
     check_choice("solver", solver, (OWN, *OPTIONS))
     if solver == OWN:
         return quadratic_program(variables, constraints)
-    return ConicProgram(variables, constraints, solver)
+    return _made(variables, constraints, solver)
