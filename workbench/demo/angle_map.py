@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from workbench.demo.part import Part, judged
+from workbench.demo.part import Part, judged, method, words
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel, linearise
 from workbench.linearisation.operating_map import operating_map
@@ -14,7 +14,7 @@ from workbench.linearisation.transfer import frequency_response
 from workbench.operating_point import operating_point
 from workbench.plants.arm import arm
 from workbench.reports.figures.bode import bode
-from workbench.reports.page import Commands, Method, Section, Words
+from workbench.reports.page import Commands, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, Table, number
 
@@ -81,12 +81,7 @@ def angle_map_part() -> Part:
         "linear-models",
         "Linear models over the angles",
         (
-            Words(
-                "The plant linearised with exact derivatives at angles from 0° to 60°, horizontal "
-                "plane, both muscles at 3 bar on average. The input is the opening of the valve, "
-                "the curve of which every controller inverts; the arm swings on its muscles at "
-                "about 6 Hz without a load, 2 Hz with 3 kg and 1.3 Hz with 8 kg, hardly damped."
-            ),
+            words("angle_map"),
             _bode(
                 "bode-angles",
                 {f"{angle}°": models[DRAWN_LOAD_KG, angle] for angle in ANGLES_DEG},
@@ -112,25 +107,12 @@ def angle_map_part() -> Part:
                 "At rest the valve stands on a kink of its curve: filling and venting have "
                 "different slopes, and the matrices hold their mean.",
             ),
-            Method(
-                (
-                    ("linear models", "automatic derivatives of the exact equations at the trimmed"
-                     " state; bearing friction left out, because at rest its slope looks like"
-                     " damping that a moving arm does not have"),
-                    ("swing", "the oscillating pair of poles in which the angle takes the largest"
-                     " part: frequency |p| / 2π, damping −Re p / |p|"),
-                    ("mean pressure", "prescribed; one 5/3 valve does not hold it, so it drifts"
-                     " slowly towards the mean that leakage holds"),
-                    ("step and sine", "the full plant and the linear model get the same inputs; a"
-                     " step holds if they stay within 10 %, a sine if gain and phase agree within"
-                     " 10 % and 10°"),
-                )
-            ),
+            method("angle_map"),
             Commands(
                 ("workbench linearise --angle 30deg --load 3kg --mean-pressure 3bar --verdict",)
             ),
         ),
-    )  # fmt: skip
+    )
     return Part(section, results)
 
 

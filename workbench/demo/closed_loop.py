@@ -5,11 +5,11 @@ from __future__ import annotations
 import tempfile
 from dataclasses import replace
 
-from workbench.demo.part import Part
+from workbench.demo.part import Part, words
 from workbench.model.units import with_unit
 from workbench.reports.figures.tracking import steady_limit, tracked
 from workbench.reports.metrics_table import metric_methods, metrics_table
-from workbench.reports.page import Commands, Method, Section, Words
+from workbench.reports.page import Commands, Method, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import number
 from workbench.study.result import StudyResult, run_study
@@ -53,14 +53,7 @@ def closed_loop_part() -> Part:
         "controllers",
         "Three controllers on the linear and the full model",
         (
-            Words(
-                "A cascaded PID, a sliding mode with boundary layer and a linear MPC with "
-                "constraints, all designed from the same linear model at 30° "
-                "with 3 kg, all inverting the valve's curve. The same controller "
-                "objects then run at 500 Hz on the full nonlinear plant, with saturation, "
-                "12-bit converters and sensor noise: a step of 30° and back, nominal and with "
-                "muscle hysteresis of 10 N + 7 N/bar that no design knew of."
-            ),
+            words("closed_loop"),
             *pictures.values(),
             metrics_table(
                 "Steps between 15° and 45° on the full plant",

@@ -36,8 +36,6 @@ class Demonstration:
 
     Args:
         seconds: How long it took, in s.
-        failed: Parts that could not be run, with the reason.
-        interrupted: Whether it was stopped before its end.
     """
 
     page: Path
@@ -75,7 +73,6 @@ def run_demo(
     Args:
         out: Folder for ``report.html``, ``results.json`` and ``pictures/``; made if needed.
         data: Folder with recordings of real machines; by default that of the environment, if any.
-        progress: Called with the name of each step before it begins.
 
     Raises:
         WorkbenchError: If the folder cannot be written, or the data folder that is named does not

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.data_folder import shipped_data
-from workbench.demo.part import Part
+from workbench.demo.part import Part, method, words
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.start import fitted_start
@@ -29,7 +29,7 @@ from workbench.reports.figures.diagnosis_runs import (
     diagnosis_residuals,
     diagnosis_runs,
 )
-from workbench.reports.page import Commands, Method, Section, Words
+from workbench.reports.page import Commands, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FURTHER, MEASURED, REFERENCE, key, label, new_figure
 from workbench.reports.tables import Table, number, plain
@@ -60,8 +60,6 @@ class DiagnosedCase:
     """A recording beside the models before and after its diagnosis, and what designs gain by it.
 
     Args:
-        before: Free run of the refitted nominal model along a held-out recording.
-        after: Free run of the improved model along it.
         time: Times of the tracking errors, shape (n,), in s.
         tracking: Tracking error on the improved model, shape (n,), in rad, by the model of design.
     """
@@ -155,14 +153,7 @@ def _section(found: DiagnosedCase) -> Section:
         "diagnosed",
         "A recording, diagnosed",
         (
-            Words(
-                f"The case {CASE} ships with its recordings and with the verdict of 'workbench"
-                " diagnose', which is read here and not computed again:"
-                f" {plain(verdict['sentence'])}"
-                " The models of that verdict then run freely along a recording that nothing was"
-                " fitted on, and the same rules design a controller on both. Both controllers"
-                " follow a sine on the improved model."
-            ),
+            words("diagnosed_case", values={"case": CASE, "sentence": plain(verdict["sentence"])}),
             Picture(
                 "diagnosed-runs",
                 diagnosis_runs(found.before, found.after),
@@ -184,19 +175,10 @@ def _section(found: DiagnosedCase) -> Section:
                     for name, (shown, f) in units.items()
                 ),
             ),
-            Method(
-                (
-                    ("free run", "the model gets the recorded commands and the start that the first"
-                     " fortieth of the recording shows, and no measurement after it"),
-                    ("refitted", "nominal equations, parameters fitted to other recordings"),
-                    ("extended", "with the effect that was found; parameters fitted likewise"),
-                    ("designed before, after", f"{DESIGN} on the refitted and on the extended"
-                     " model; the second compensates the hysteresis along the planned move"),
-                )
-            ),
+            method("diagnosed_case", values={"design": DESIGN}),
             Commands((f"workbench diagnose {CASE} --out diagnosis",)),
         ),
-    )  # fmt: skip
+    )
 
 
 def diagnosed(

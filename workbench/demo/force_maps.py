@@ -9,7 +9,7 @@ import numpy as np
 
 from workbench.data_folder import external_data
 from workbench.demo.force_map_study import FAMILIES, LAW_LENGTH, ForceMap, MapStudy, study_map
-from workbench.demo.part import Part
+from workbench.demo.part import Part, method, words
 from workbench.recordings import read_table
 from workbench.reports.page import Block, Method, Page, Section, Words, again
 from workbench.reports.pictures import Picture
@@ -49,26 +49,12 @@ def force_maps_part(folder: Path | None) -> Part:
         WorkbenchError: If the folder does not hold the map.
     """
     if folder is None:
-        text = Words(
-            "Measured force maps of a real muscle are shown here when a folder with recordings of "
-            "real machines is given: workbench demo --data FOLDER. Without it nothing on this "
-            "page comes from a real muscle.",
-            "note",
-        )
+        text = words("force_maps", "none", weight="note")
         return Part(Section("force-maps", "Measured force maps", (text,)))
     study = study_map(read_force_map(external_data(FILE, folder)), "DMSP-20", families=FAMILIES)
     about = (
-        Words(
-            "Static forces of a real muscle of the same type (M. Martens, I. Boblan, Actuators "
-            "2017), against every force law of the plant. The laws were published for a 200 mm "
-            "muscle; they are compared at the same relative contraction, at which muscles of "
-            "one diameter pull alike."
-        ),
-        Words(
-            "The numbers of the map were transcribed from a secondary source, so they support a "
-            "comparison of laws, not a calibration.",
-            "note",
-        ),
+        words("force_maps", "about"),
+        words("force_maps", "source", weight="note"),
     )
     blocks = (Words(_points(study)), *about, *_blocks(study, published=True))
     return Part(Section("force-maps", "Measured force maps of a DMSP-20", blocks), study.table())
@@ -123,20 +109,8 @@ def _blocks(study: MapStudy, *, published: bool = False) -> tuple[Block, ...]:
             "In the units of each law: bar, mm of a 200 mm muscle, N; m and rad in equations (1),"
             " (2).",
         ),
-        Method(
-            (
-                ("published", "the law as published, on contractions up to 16.5 %, its range; the"
-                 " k of equation (2) is no published number but a fit to equation (4)"),
-                ("fitted", "least squares of the force; a measured zero is a slack muscle and asks"
-                 " only that the law has no positive tension there; equation (4) without its"
-                 " switch"),
-                ("lengths held out", "each inner length at which it pulls, once"),
-                ("pressures held out", "five random groups of pressures, each once"),
-                ("intervals", "95 %, from the scatter about the fit; they do not hold for a law"
-                 " that is wrong"),
-            )[0 if published else 1 :]
-        ),
-    )  # fmt: skip
+        Method(method("force_maps").entries[0 if published else 1 :]),
+    )
 
 
 def errors_table(study: MapStudy, *, published: bool = False) -> Table:

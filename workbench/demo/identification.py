@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from workbench.demo.part import Part, judged
+from workbench.demo.part import Part, judged, method, words
 from workbench.errors import check_finite
 from workbench.experiments import IsometricRecord, isometric_experiment, isometric_experiment_on_arm
 from workbench.physics.force_laws import PaperLaw
 from workbench.plants.arm import arm
 from workbench.plants.arm.static_identification import StaticForceFit, identify_static_force
-from workbench.reports.page import Commands, Method, Section, Words
+from workbench.reports.page import Commands, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.style import MEASURED, key, label, named_line, new_figure, ramp
 from workbench.reports.tables import Cell, Table, interval, number
@@ -107,14 +107,7 @@ def _section(
         "identification",
         "Static identification experiment",
         (
-            Words(
-                "The muscle is held at constant contraction while its pressure rises slowly from "
-                "0 to 6 bar: the experiment of the paper's Figure 7. Every contraction gives a "
-                "straight line; the lines cut the pressure axis the farther from the origin the "
-                "more the muscle is contracted, which is what φ(q) describes. Fitting "
-                "F = (D1 + D2 q + D3 q²) p + φ(q) to the noisy measurements returns the numbers "
-                "that the plant was built with."
-            ),
+            words("identification"),
             Picture(
                 "force-lines",
                 figure,
@@ -124,21 +117,7 @@ def _section(
             ),
             coefficients,
             phi,
-            Method(
-                (
-                    ("identified", f"least squares on {fit.used} measurements in which the muscle"
-                     f" pulls ({fit.slack} slack ones say only that the tension is not positive);"
-                     f" {fit.residual_rms:.2f} N rms are left, the noise of pressure sensor and"
-                     " load cell"),
-                    ("order of φ", "the lowest whose error on contractions left out of the fit is"
-                     f" within 3 % of the best: order {fit.order}"),
-                    (f"{100 * CONFIDENCE:g} % interval", "from the covariance of the least-squares"
-                     " fit and Student's t; each number's own interval"),
-                    ("on the arm", "muscle 2 presses the arm on its lower stop at several angles;"
-                     " the force follows from the load cell and the moment arms, the contraction"
-                     " from the encoder"),
-                )
-            ),
+            method("identification", values={"fit": fit, "confidence": 100 * CONFIDENCE}),
             Commands(
                 (
                     'python -c "from workbench.demo.identification import identification_part; '
@@ -146,7 +125,7 @@ def _section(
                 )
             ),
         ),
-    )  # fmt: skip
+    )
 
 
 def _within(found: dict[str, float], digits: int) -> tuple[str, Cell, str]:

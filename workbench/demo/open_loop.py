@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.demo.moving_arm import moving_arm
-from workbench.demo.part import Part, judged
+from workbench.demo.part import Part, judged, method, words
 from workbench.experiments.open_loop import OpenLoopExperiment, open_loop_experiment
 from workbench.model import Model
 from workbench.plants.arm import arm
 from workbench.plants.arm.volume_effects import constant_volume
-from workbench.reports.page import Commands, Method, Section, Words
+from workbench.reports.page import Commands, Section
 from workbench.reports.pictures import Picture
 from workbench.reports.style import FURTHER, INK, REFERENCE, SIMULATED, key, label, new_figure
 from workbench.reports.tables import Cell, Table, number
@@ -71,14 +71,7 @@ def open_loop_part() -> Part:
         "open-loop",
         "Open-loop experiment",
         (
-            Words(
-                "A pulse train of 5 ± 0.9 V with a period of 4 s on the servovalve, 3 kg on the "
-                "arm, horizontal plane: the experiment of the paper's Figure 8. The arm runs from "
-                "stop to stop, ripples in mid travel and touches the stops gently. With a valve "
-                "whose flow is proportional to its voltage, or with muscles whose gas volume does "
-                "not change, the ripple is gone and the arm hits the stops hard: the soft-overlap "
-                "valve curve and the changing volume are both essential."
-            ),
+            words("open_loop"),
             Picture(
                 "open-loop",
                 figure,
@@ -100,23 +93,12 @@ def open_loop_part() -> Part:
                 ),
                 "The bands hold for the full plant; the variants are shown for comparison.",
             ),
-            Method(
-                (
-                    ("transit", "median time from 3° to 57° or back, over all full transits"),
-                    ("ripple", "inverse of the mean time between the speed's maxima inside a"
-                     " transit, median over the transits; a dip is a minimum of the speed at least"
-                     " 5 % of the top speed below both neighbours"),
-                    ("stop touched at", "largest speed in the last 12 ms before a stop's contact"),
-                    ("simulation", f"{run.integrator}, tolerance {run.tolerance:g}; the states"
-                     f" differ from a ten times tighter run by {run.error:.1g} of their scale at"
-                     " most"),
-                )
-            ),
+            method("open_loop", values={"run": run}),
             Commands(
                 ("workbench simulate --load 3 --pulses 0.9 --period 4 --duration 12 --out run.csv",)
             ),
         ),
-    )  # fmt: skip
+    )
     first = moving_arm(
         run,
         start=4.0,

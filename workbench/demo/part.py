@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
-from workbench.reports.page import Moving, Page, Section
+from workbench.reports.page import Method, Moving, Page, Section, Words
 from workbench.reports.pictures import Picture
 from workbench.reports.tables import Cell, number
+
+NONE: Mapping[str, Any] = {}
 
 
 @dataclass(frozen=True)
@@ -17,7 +22,6 @@ class Part:
 
     Args:
         results: Its numbers, with the units in their names, for ``results.json``.
-        first: What it has to show on the first screen, with a sentence; None if it is detail.
     """
 
     section: Section
@@ -28,6 +32,24 @@ class Part:
     def marks(self) -> dict[str, int]:
         """How many requirements of the section are met, missed and open."""
         return Page("", "", (self.section,)).marks
+
+
+@cache
+def _texts() -> dict[str, Any]:
+    return tomllib.loads(files("workbench.demo").joinpath("texts.toml").read_text(encoding="utf-8"))
+
+
+def words(
+    part: str, name: str = "words", *, values: Mapping[str, Any] = NONE, weight: str = "plain"
+) -> Words:
+    """Return a paragraph of a part, as ``texts.toml`` has it, with the values that it tells."""
+    return Words(_texts()[part][name].format(**values), weight)
+
+
+def method(part: str, *, values: Mapping[str, Any] = NONE) -> Method:
+    """Return how the numbers of a part were computed, with the values that it tells."""
+    entries = _texts()[part]["methods"].items()
+    return Method(tuple((k.format(**values), text.format(**values)) for k, text in entries))
 
 
 def judged(value: float, low: float, high: float, digits: int = 3, *, unit: str = "") -> Cell:

@@ -78,7 +78,6 @@ def isometric_experiment(
     while it is compressed, which the force does not feel: it follows the pressure.
 
     Args:
-        force_law: Static force law of the muscle; the paper's equation (4) by default.
         contractions: Contractions of the ramps, in m.
         maximum_pressure: Gauge pressure at the end of a ramp, 1e5 to 8e5 Pa.
         ramp_time: Duration of a ramp, 5 to 600 s.

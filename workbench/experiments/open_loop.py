@@ -37,10 +37,8 @@ def pulse_train(
     """Return the samples of a pulse train about the valve's centre, the first pulse upwards.
 
     Args:
-        amplitude_V: Height of the pulses, in V.
         period: Period, in s; half of it up, half of it down.
         duration: Length of the train, in s.
-        centre_V: Voltage of the middle, in V.
         sample_time: Time between samples, in s.
 
     Returns:
@@ -71,7 +69,6 @@ def open_loop_experiment(
 
     Args:
         model: The arm, with the input ``valve`` and the state ``angle``.
-        amplitude_V: Height of the pulses, in V.
         period: Period of the pulses, in s.
         duration: Length of the experiment, in s.
         sample_time: Time between samples, in s.

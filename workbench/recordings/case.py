@@ -153,7 +153,6 @@ class Case(Shown):
         changes: Effects, effects left out and parameters, as keywords of `Plant.model`.
         loops: Plants of recordings that have one of their own, by recording.
         published: Values that others identified, by parameter, in SI.
-        remarks: What to know when reading a result.
 
     Raises:
         WorkbenchError: If there is nothing to fit on.
@@ -309,7 +308,6 @@ def read_case(
     ``mapping.toml`` in the folder is used if no mapping is given.
 
     Args:
-        folder: The folder, the name of a shipped case, or of a machine.
         signals: Signals requested of every file, see `read_recording`.
         data: Folder with public recordings, for a machine; None reads ``WORKBENCH_DATA``.
 

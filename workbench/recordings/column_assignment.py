@@ -28,7 +28,6 @@ class Assigned:
 
     Args:
         time: Instants, shape (n,), in s; None if the file has none.
-        notes: What was left out, assumed or repaired.
     """
 
     time: Vector | None

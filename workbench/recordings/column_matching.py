@@ -36,7 +36,6 @@ class Requested:
         unit: Unit of the same dimension as the column must have; ``""`` for any.
         role: Role the signal gets; ``""`` to guess it from the name.
         display_unit: Unit in which people read it; ``""`` for the column's.
-        optional: Whether the file may lack it.
     """
 
     name: str

@@ -27,8 +27,6 @@ class Columns:
         values: Numbers in the units of the file, shape (n, number of columns), NaN where a cell
             held none.
         named: Whether the headers come from the file or the caller.
-        metadata: Scalars that stand in the file beside the columns.
-        notes: What was left out or repaired.
         unreadable: Number of cells with text, and the first one, by header.
         saved: Description that a recording wrote of itself; None for foreign files.
     """

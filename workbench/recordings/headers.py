@@ -40,7 +40,6 @@ class Header:
     Args:
         unit: The unit; ``""`` if none is stated.
         reference: ``gauge``, ``absolute`` or ``""`` (pressures).
-        problem: What could not be understood; ``""`` if nothing.
         stated: The unit as it stands there, where it is not known.
     """
 

@@ -71,7 +71,6 @@ class MappingRules:
         rows: First row taken and first row left out after it, counted from 0; None for all.
         times_s: First and last instant taken, in s; None for all.
         units: Units of the file's own: how many of which known unit one of them is, by name.
-        folder: Where a module of the user's own may stand.
     """
 
     signals: tuple[ColumnRule, ...] = ()
@@ -154,11 +153,6 @@ def rules_from(
     """Build the rules from the content of a mapping file.
 
     ``{"angle": "q1"}`` is short for ``{"signals": {"angle": {"column": "q1"}}}``.
-
-    Args:
-        content: Tables ``signals``, ``time`` and ``metadata``, and ``columns``,
-            ``sample_time_s``, ``format``, ``rows``, ``times_s``.
-        folder: Where the module of a format may stand.
 
     Raises:
         WorkbenchError: If a key is unknown or an entry is not what it must be.

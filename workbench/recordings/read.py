@@ -35,7 +35,6 @@ class Table:
     """Columns in SI without a time, such as a map of static forces.
 
     Args:
-        notes: What was left out, assumed or repaired.
         metadata: Settings found beside the columns, in the units of the file.
     """
 
@@ -76,13 +75,7 @@ class Table:
 def rules_of(
     mapping: MappingLike, columns: Sequence[str], sample_time_s: float | None
 ) -> MappingRules:
-    """Return the rules of a mapping in any of its forms, with the caller's additions.
-
-    Args:
-        mapping: TOML file, the content of one, rules, or None.
-        columns: Names of the columns, for a file without header.
-        sample_time_s: Step in s, for a file without time.
-    """
+    """Return the rules of a mapping in any of its forms, with the caller's additions."""
     if mapping is None:
         rules = MappingRules()
     elif isinstance(mapping, MappingRules):
@@ -194,9 +187,7 @@ def read_recording(
             file, else maps by name and unit.
         signals: Names, a mapping from name to unit, or a model whose inputs and outputs are
             requested. None to take every column of numbers.
-        sample_time_s: Step in s, for a file without time column.
         max_rows: Largest number of rows kept; a longer file is averaged in groups, with a note.
-        name: Name of the recording; by default the file name.
 
     Returns:
         The recording, in SI, as it stands in the file; `check_recording` judges and corrects it.

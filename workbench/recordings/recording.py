@@ -37,7 +37,6 @@ class Signal:
         unit: SI unit; ``""`` if the file did not state one.
         kind: What it measures; by default from the unit. Pressures say ``gauge pressure``,
             ``absolute pressure`` or, if nothing was stated, ``pressure``.
-        role: ``command`` (held between samples), ``reference`` or ``measurement``.
         display_unit: Unit in which people read it; by default from the unit.
 
     Raises:
@@ -166,7 +165,6 @@ class Recording(Drawn):
 
     Args:
         time: Instants, shape (n,), in s.
-        source: Where it comes from: a file name, a rig.
         notes: What was corrected or assumed, in order.
         metadata: Settings of the experiment, such as ``load_kg``.
         excluded: Stretches in which a signal was not measured and must not be judged.

@@ -138,11 +138,7 @@ def scores_table(
     candidates: Sequence[Candidate],
     taken_back: Mapping[str, str] | None = None,
 ) -> Table:
-    """Build the table of scores, refits and confusion with the best effect.
-
-    Args:
-        taken_back: Why effects were taken back after they had been accepted, by name.
-    """
+    """Build the table of scores, refits and confusion with the best effect."""
     names = [score.entry.name for score in scores.scores]
     tried = {c.entry.name: c for c in candidates}
     reference = candidates[0].entry.name if candidates else (names[0] if names else "")

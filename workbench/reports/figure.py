@@ -28,7 +28,6 @@ class Figure:
         name: Name of its section and its files, in small letters with hyphens.
         draw: Called with what ``takes`` says; returns blocks of a page or figures of matplotlib,
             one or several, and nothing where there is nothing to show.
-        caption: What to see in it, for a figure of matplotlib.
         folded: Whether its section is detail that stays closed until the reader opens it.
         methods: How its numbers are computed: pairs of a quantity and an explanation.
     """

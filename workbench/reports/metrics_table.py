@@ -56,8 +56,6 @@ def metrics_table(
     """Build a table of metrics, one run per row, with a mark on every required number.
 
     Args:
-        keys: Headings of what tells the runs apart, such as controller and plant.
-        measured: Metrics of each run by what tells it apart.
         columns: Names of the metrics shown; those that no run has are left out.
 
     Raises:

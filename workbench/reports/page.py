@@ -41,11 +41,7 @@ class Commands:
 
 @dataclass(frozen=True)
 class Method:
-    """How numbers were computed, folded away until the reader asks.
-
-    Args:
-        entries: Pairs of a quantity and how it was computed.
-    """
+    """How numbers were computed, folded away until the reader asks."""
 
     entries: tuple[tuple[str, str], ...]
     title: str = "How each number was computed"
@@ -60,11 +56,7 @@ def methods(page: str) -> tuple[tuple[str, str], ...]:
 
 @dataclass(frozen=True)
 class Answers:
-    """Questions that the reader came with, each with its answer.
-
-    Args:
-        entries: Pairs of a question of a word or two and the answer.
-    """
+    """Questions that the reader came with, each with its answer."""
 
     entries: tuple[tuple[str, str], ...]
 
@@ -76,7 +68,6 @@ class Moving:
     Args:
         markup: HTML with its own style and script, which needs nothing from elsewhere; it stands
             in the page as it is.
-        caption: What it shows and what to see in it.
     """
 
     markup: str
@@ -113,10 +104,8 @@ class Page:
     """A page with a headline, the answer in its first screen, and sections.
 
     Args:
-        lead: What the page is, in a sentence or two.
         first: What the first screen holds under the lead, side by side where there is room: the
             answer, and the picture that carries it.
-        facts: Pairs of words shown under the lead: duration, version, plant.
     """
 
     title: str
@@ -196,11 +185,7 @@ def _grouped(blocks: Sequence[Block]) -> list[tuple[Block, ...]]:
 
 
 def write_page(page: Page, path: Path, *, pictures: Path | None = None) -> Path:
-    """Write a page as an HTML file.
-
-    Args:
-        pictures: Folder for each of its pictures, as PNG and SVG.
-    """
+    """Write a page as an HTML file."""
     written = write_whole(path, html(page))
     if pictures is not None:
         for picture in page.pictures:

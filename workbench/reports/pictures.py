@@ -29,8 +29,6 @@ class Picture:
 
     Args:
         name: Name of its files, in small letters with hyphens.
-        caption: What it shows and what to see in it, in one or two sentences.
-        alternative: What it shows, for those who cannot see it.
 
     Raises:
         WorkbenchError: If the name cannot be a file's or an element's name.

@@ -173,12 +173,7 @@ def _dress(axes: Axes) -> None:
 
 
 def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str = "") -> None:
-    """Write the labels of a panel, with their units.
-
-    Args:
-        x: Quantity and unit of the horizontal axis; None leaves it to the panel below.
-        y: Quantity and unit of the vertical axis.
-    """
+    """Write the labels of a panel, with their units."""
     if x is not None:
         axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)
     if y is not None:
@@ -205,7 +200,6 @@ def key(axes: Axes, *, columns: int = 3, handles: list[Line2D] | None = None) ->
 
     Args:
         columns: Entries side by side; fewer where they are too long for that.
-        handles: Lines to name; those of the panel that have a label by default.
     """
     named = axes.get_legend_handles_labels()[0] if handles is None else handles
     axes.legend(

@@ -19,7 +19,6 @@ class Cell:
 
     Args:
         mark: Whether a requirement is met or missed, or ``"open"`` where it could not be judged.
-        reason: Why, shown beside the mark.
     """
 
     text: str
@@ -38,7 +37,6 @@ class Table:
     Args:
         headings: Heading of each column, with the unit where all its numbers share one.
         rows: Rows of entries; plain words are entries without a mark.
-        note: What to know when reading it, in a sentence.
 
     Raises:
         WorkbenchError: If a row has more or fewer entries than there are headings.

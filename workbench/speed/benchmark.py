@@ -258,11 +258,7 @@ def run_benchmark(
     *,
     progress: Callable[[str, Benchmark], None] = lambda name, found: None,
 ) -> Benchmark:
-    """Measure everything once.
-
-    Args:
-        progress: Called with the name of each part before it, and with what was found until then.
-    """
+    """Measure everything once."""
     for name in only:
         check_choice("part of the benchmark", name, PARTS)
     began = time.perf_counter()

@@ -73,9 +73,7 @@ class Comparison:
     """Several ways of doing the same, the first of them the workbench's.
 
     Args:
-        name: In small letters with hyphens.
         work: Unit of work, in words: the time is that of one.
-        note: What to know when reading it.
     """
 
     name: str
@@ -124,7 +122,6 @@ class Figure:
         value: The figure, in ``unit``.
         unit: Its unit; ``x`` for a ratio.
         reach: The figure to reach, in ``unit``.
-        larger_is_better: Whether it should be above ``reach``.
         breakdown: What it consists of, or which limit stands in the way.
 
     Example:
@@ -170,7 +167,6 @@ class Curve:
     """How long something takes as one thing grows.
 
     Args:
-        x: What grows, in words with its unit.
         at: Its values, in the unit that ``x`` says.
         seconds: Wall-clock time at each, in s; several tries.
         work: Counted work at each; empty where it does not matter.

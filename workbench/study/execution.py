@@ -80,11 +80,7 @@ def run_tasks(
     dask: str | None = None,
     progress: Progress | None = None,
 ) -> tuple[Record, ...]:
-    """Do runs that are not finished yet; see `finished`.
-
-    Args:
-        dask: Address of a Dask scheduler that does the work, instead of local processes.
-    """
+    """Do runs that are not finished yet; see `finished`."""
     tables = finished(
         asked,
         _stored,

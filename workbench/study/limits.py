@@ -86,11 +86,7 @@ class Distance:
 
 @dataclass(frozen=True)
 class Distances:
-    """Distance to the physical limit of every controller in every scenario.
-
-    Args:
-        limits: Physical limits: name of the variation, move, and time in s.
-    """
+    """Distance to the physical limit of every controller in every scenario."""
 
     asked: bool = False
     steps: tuple[StepDistance, ...] = ()

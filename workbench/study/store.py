@@ -32,7 +32,6 @@ class Store:
     A run is found again only if plant, controller, scenario, seed and the code are the same.
 
     Args:
-        code: Digest of the code that the runs depend on.
         base: Folder of the study; files below it are known by their path from there.
     """
 

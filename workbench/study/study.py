@@ -71,11 +71,7 @@ class Variation:
 
 @dataclass(frozen=True)
 class Case:
-    """A plant that controllers are designed for and know.
-
-    Args:
-        name: Name; empty if the study has one plant.
-    """
+    """A plant that controllers are designed for and know."""
 
     name: str
     plant: PlantRecipe
@@ -215,7 +211,6 @@ class Study:
         controllers: Controllers by name, as designed for the first case that has them.
         selections: Which runs controllers and scenarios have that do not have all, by name.
         points: Operating points of the linear analysis: given values by name, in SI.
-        own_metrics: Metrics of the study's own, as ``module:object``.
     """
 
     name: str

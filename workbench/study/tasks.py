@@ -42,7 +42,6 @@ class Task:
     """One run that is to be done.
 
     Args:
-        own_metrics: Metrics of the study's own, as ``module:object``.
         traces: Whether the trajectories are kept for pictures.
     """
 

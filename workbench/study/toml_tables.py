@@ -44,11 +44,7 @@ class TomlTables:
 
 
 def line_of(text: str, path: Place) -> int:
-    """Return the line, from 1 on, of an entry of TOML, or of the innermost table that holds it.
-
-    Args:
-        path: Keys, and indices of arrays, of the entry, which need not exist.
-    """
+    """Return the line, from 1 on, of an entry of TOML, or of the innermost table that holds it."""
     count = len(text.splitlines())
     while path and not _has(text, count, path):
         path = path[:-1]

@@ -38,7 +38,6 @@ class Finding:
     Args:
         result: ``pass``, ``corrected``, ``unfit``, or ``not checked`` where something is missing
             that would tell; the note says what.
-        note: The reason or the finding, one clause or more.
         values: The numbers behind it, in SI, for reports and plots.
         recording: The corrected recording; None if it is left as it is.
         doubt: Whether the note holds a suspicion that only a person or a diagnosis can decide.
@@ -65,10 +64,8 @@ class Check:
     """A question to a recording.
 
     Args:
-        name: Name, such as ``gaps``.
         order: Its place: one check makes the recording fit for those after it.
         foundation: Whether nothing after it is defined if the answer is ``unfit``.
-        fix: What usually helps if the answer is ``unfit``.
     """
 
     name: str

@@ -51,7 +51,6 @@ def response_correlation(
 
     Args:
         max_delay: Longest lag, in s; 10 samples at least, 200 at most.
-        closed_loop: Whether the command answers to measurements.
     """
     lags = int(np.clip(round(max_delay / recording.sample_time), 10, 200))
     moving = tuple(m for m in recording.measurements if np.ptp(recording[m]) > 0)

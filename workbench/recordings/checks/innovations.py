@@ -58,7 +58,6 @@ def surprises(
     Several checks need the same, so it is kept as long as the recording is.
 
     Args:
-        given: Names of other signals whose past may be used.
         now: Names of other signals whose past and present sample may be used.
 
     Returns:

@@ -35,10 +35,8 @@ class Format:
     """A file format: how it is recognised and how its columns are read.
 
     Args:
-        name: Name of the format, as ``format`` in a mapping file gives it.
         suffixes: Endings of its files, lower case with the dot; none for a format that is only
             taken where it is named.
-        read: Reads a file as columns in the units of the file.
         recognises: Tells by the first 520 bytes whether a file is of this format, where several
             share its suffix.
         extra: Extra of the workbench that installs what ``read`` imports; ``""`` for none.

@@ -27,10 +27,8 @@ class Layout:
 
     Args:
         separator: One character, or None for runs of blanks.
-        decimal: ``.`` or ``,``.
         units: Units from a row of units; empty if there is none.
         first: Index of the first row of numbers among the lines of the file.
-        saved: Description that a recording wrote of itself.
     """
 
     separator: str | None
@@ -45,9 +43,6 @@ class Layout:
 
 def split_line(line: str, separator: str | None) -> list[str]:
     """Split a line into cells, quotes removed.
-
-    Args:
-        separator: One character, or None for runs of blanks.
 
     Example:
         >>> split_line('"0,5";2', ";")
@@ -70,11 +65,7 @@ def is_comment(line: str) -> bool:
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
-    """Tell whether a cell holds a number.
-
-    Args:
-        decimal: ``.`` or ``,``.
-    """
+    """Tell whether a cell holds a number."""
     return bool((_POINT if decimal == "." else _COMMA).match(cell))
 
 

@@ -204,10 +204,7 @@ def diagnosis_answer(
     """Draw the first output where the refitted model is farthest off, its error, and the law.
 
     Args:
-        before: Free run of the refitted nominal model on a held-out recording.
-        after: Free run of the extended model on it; None if nothing was found.
         noise: Noise of each output, in its SI unit.
-        located: The signal that is missing; None leaves its panel out.
     """
     heights = [1.7, 1.3] if located is None else [1.5, 1.2, 1.7]
     figure, panels = new_figure(heights, share_x=False)

@@ -55,10 +55,6 @@ def diagnosis_runs(
 ) -> Figure:
     """Draw what was measured and what both models say to the same input, on the same axes.
 
-    Args:
-        before: Free run of the first model, such as the refitted nominal one.
-        after: Free run of the second on the same recording; None if there is none.
-
     Returns:
         The figure: one panel per output over time in s; the last repeats the first output where
         the first model is farthest off, measured by what moves there.

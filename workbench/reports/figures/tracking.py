@@ -116,7 +116,6 @@ def tracked(
 
     Args:
         window: First and last time that is drawn, in s.
-        lines: What the plain curves are of, and what the dashed ones.
     """
     first = next(iter(runs.values())).traces
     output = next(n.removeprefix("reference.") for n in first if n.startswith("reference."))
