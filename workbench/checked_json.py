@@ -96,50 +96,31 @@ def _wrong(value: Any, place: Place, wanted: str) -> ShapeError:
     return ShapeError(place, f"is {shown}; it must be {wanted}")
 
 
-def number(value: Any, place: Place) -> Any:
-    """Accept a number; true and false are none."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or _huge(value):
-        raise _wrong(value, place, "a number")
-    return value
-
-
-def _huge(value: float) -> bool:
-    return isinstance(value, int) and abs(value) > 1 << 1000
-
-
-def size(value: Any, place: Place) -> Any:
-    """Accept a finite number, or text such as ``"20 ms"``."""
-    if isinstance(value, str):
+def _accepting(fits: Callable[[Any], bool], wanted: str) -> Shape:
+    def check(value: Any, place: Place) -> Any:
+        if not fits(value):
+            raise _wrong(value, place, wanted)
         return value
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, (int, float))
-        or _huge(value)
-        or not math.isfinite(value)
-    ):
-        raise _wrong(value, place, 'a number, or text with a unit such as "20 ms"')
-    return value
+
+    return check
 
 
-def whole(value: Any, place: Place) -> Any:
-    """Accept a whole number."""
-    if isinstance(value, bool) or not isinstance(value, int):
-        raise _wrong(value, place, "a whole number")
-    return value
+def _is_number(value: Any) -> bool:
+    """Tell whether it is a number that a float can hold; true and false are none."""
+    known = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return known and not (isinstance(value, int) and abs(value) > 1 << 1000)
 
 
-def text(value: Any, place: Place) -> Any:
-    """Accept text."""
-    if not isinstance(value, str):
-        raise _wrong(value, place, "text")
-    return value
-
-
-def flag(value: Any, place: Place) -> Any:
-    """Accept true or false."""
-    if not isinstance(value, bool):
-        raise _wrong(value, place, "true or false")
-    return value
+number = _accepting(_is_number, "a number")
+size = _accepting(
+    lambda value: isinstance(value, str) or (_is_number(value) and math.isfinite(value)),
+    'a number, or text with a unit such as "20 ms"',
+)
+whole = _accepting(
+    lambda value: isinstance(value, int) and not isinstance(value, bool), "a whole number"
+)
+text = _accepting(lambda value: isinstance(value, str), "text")
+flag = _accepting(lambda value: isinstance(value, bool), "true or false")
 
 
 def anything(value: Any, _place: Place) -> Any:
@@ -149,13 +130,8 @@ def anything(value: Any, _place: Place) -> Any:
 
 def one_of(*words: Any) -> Shape:
     """Return a shape that accepts some words or numbers."""
-
-    def check(value: Any, place: Place) -> Any:
-        if isinstance(value, (list, dict)) or value not in words:
-            raise _wrong(value, place, f"one of {', '.join(map(repr, words))}")
-        return value
-
-    return check
+    fits = f"one of {', '.join(map(repr, words))}"
+    return _accepting(lambda value: not isinstance(value, (list, dict)) and value in words, fits)
 
 
 def optional(shape: Shape) -> Shape:
@@ -165,7 +141,7 @@ def optional(shape: Shape) -> Shape:
 
 @dataclass(frozen=True)
 class ListShape:
-    """A list whose items have one shape."""
+    """A list whose items have one shape, of a length if one is given."""
 
     item: Shape
     length: int | None = None
@@ -175,11 +151,6 @@ class ListShape:
         if not isinstance(value, list) or self.length not in (None, len(value)):
             raise _wrong(value, place, "a list" + (f" of {self.length}" if self.length else ""))
         return [self.item(item, (*place, i)) for i, item in enumerate(value)]
-
-
-def listed(shape: Shape, *, length: int | None = None) -> ListShape:
-    """Return a shape that accepts a list, of a given length if one is given."""
-    return ListShape(shape, length)
 
 
 @dataclass(frozen=True)
@@ -195,9 +166,7 @@ class NamedShape:
         return {name: self.item(item, (*place, name)) for name, item in value.items()}
 
 
-def named(shape: Shape) -> NamedShape:
-    """Return a shape that accepts a table of any names."""
-    return NamedShape(shape)
+listed, named = ListShape, NamedShape
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from tests.study.small_study import WORSE, small_study
 from workbench.data_folder import shipped_folder
 from workbench.study.baseline import write_baseline
 from workbench.study.conditions import conditions
-from workbench.study.execution import run_tasks
+from workbench.study.execution import Workers
 from workbench.study.schema import load_study
 from workbench.study.store import Store
 from workbench.study.summary import mark_of
@@ -80,7 +80,7 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "checkout" / "studies").mkdir(parents=True)
     path = small_study(place / "checkout" / "studies", name="arm.toml")
     study = load_study(path)
-    records = run_tasks(tasks(study), Store(place / "runs", "0"))
+    records = Workers(Store(place / "runs", "0")).records(tasks(study))
     write_baseline(path.with_name("arm.baseline.json"), study.name, records, conditions(study))
     (place / "bin").mkdir()
     root = Path(__file__).resolve().parents[2]

@@ -10,7 +10,7 @@ from scipy.stats import binomtest
 
 from tests.study.small_study import TEXT
 from workbench.study.draws import interval, scaled, straight_line, unit_draws
-from workbench.study.execution import store_of
+from workbench.study.execution import Workers, store_of
 from workbench.study.robustness import robustness
 from workbench.study.schema import load_study
 from workbench.study.study import Box, Study
@@ -55,7 +55,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 def test_the_search_finds_no_better_plant_than_the_draws(study: Study, tmp_path: Path) -> None:
     store = store_of(study, tmp_path)
-    (found,) = robustness(study, store)
+    (found,) = robustness(study, Workers(store))
     assert found.drawn == 4 and 4 < len(found.scores) <= 9
     assert found.worst_score == found.scores.max() >= found.scores[:4].max()
     assert all(2.0 <= p[0] <= 5.0 and 4.5e5 <= p[1] <= 7e5 for p in found.points)
@@ -67,6 +67,6 @@ def test_the_search_finds_no_better_plant_than_the_draws(study: Study, tmp_path:
     assert set(found.effects) == {"load", "supply_pressure"}
     # All of it is kept: a second time nothing is run.
     before = sorted(p.stat().st_mtime_ns for p in store.folder.glob("*.json"))
-    (again,) = robustness(study, store_of(study, tmp_path))
+    (again,) = robustness(study, Workers(store_of(study, tmp_path)))
     assert np.array_equal(again.scores, found.scores)
     assert sorted(p.stat().st_mtime_ns for p in store.folder.glob("*.json")) == before

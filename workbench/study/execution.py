@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -27,41 +28,58 @@ Progress = Callable[[int, int, str], None]
 """Called with the number of finished runs, of all runs, and what was finished."""
 
 
-def finished(
-    asked: Sequence[T],
-    do: Callable[[T], dict[str, Any]],
-    store: Store,
-    shape: Shape,
-    *,
-    name: Callable[[T], str],
-    jobs: int = 1,
-    dask: str | None = None,
-    progress: Progress | None = None,
-) -> list[dict[str, Any]]:
-    """Do what is not finished yet, and keep each result as soon as there is one.
+@dataclass(frozen=True)
+class Workers:
+    """Who does the work of a study, and where what is finished is kept.
 
     Args:
-        asked: Frozen data whose representation says all that a result depends on.
-        do: Returns the result as a table that JSON can hold; called in any process.
-        shape: What a kept result must be; another one is done again.
-        name: What progress is told of one that is finished.
-        dask: Address of a Dask scheduler that does the work, instead of local processes.
+        dask: Address of a Dask scheduler that does it, instead of local processes.
     """
-    keys = [store.key(one) for one in asked]
-    found: dict[int, dict[str, Any]] = {}
-    for i, key in enumerate(keys):
-        table = store.get(key, shape)
-        if table is not None:
+
+    store: Store
+    jobs: int = 1
+    dask: str | None = None
+
+    def finished(
+        self,
+        asked: Sequence[T],
+        do: Callable[[T], dict[str, Any]],
+        shape: Shape,
+        *,
+        name: Callable[[T], str],
+        progress: Progress | None = None,
+    ) -> list[dict[str, Any]]:
+        """Do what is not finished yet, and keep each result as soon as there is one.
+
+        Args:
+            asked: Frozen data whose representation says all that a result depends on.
+            do: Returns the result as a table that JSON can hold; called in any process.
+            shape: What a kept result must be; another one is done again.
+            name: What progress is told of one that is finished.
+        """
+        keys = [self.store.key(one) for one in asked]
+        kept = ((i, self.store.get(key, shape)) for i, key in enumerate(keys))
+        found = {i: table for i, table in kept if table is not None}
+        if progress and found:
+            progress(len(found), len(asked), FINISHED_BEFORE)
+        calls = [(_numbered, (i, do, one)) for i, one in enumerate(asked) if i not in found]
+        for i, table, read, work in parallel(calls, jobs=self.jobs, dask=self.dask):
             found[i] = table
-    if progress and found:
-        progress(len(found), len(asked), FINISHED_BEFORE)
-    calls = [(_numbered, (i, do, one)) for i, one in enumerate(asked) if i not in found]
-    for i, table, read, work in parallel(calls, jobs=jobs, dask=dask):
-        found[i] = table
-        store.put(keys[i], table, read, work)
-        if progress:
-            progress(len(found), len(asked), name(asked[i]))
-    return [found[i] for i in range(len(asked))]
+            self.store.put(keys[i], table, read, work)
+            if progress:
+                progress(len(found), len(asked), name(asked[i]))
+        return [found[i] for i in range(len(asked))]
+
+    def records(
+        self, asked: Sequence[Task], progress: Progress | None = None
+    ) -> tuple[Record, ...]:
+        """Do runs that are not finished yet."""
+
+        def name(task: Task) -> str:
+            return " / ".join(map(str, task.key))
+
+        tables = self.finished(asked, _stored, RECORD, name=name, progress=progress)
+        return tuple(map(record_from_table, tables))
 
 
 def _numbered(
@@ -70,28 +88,6 @@ def _numbered(
     before = done()
     table = do(one)
     return number, table, seen(), since(before)
-
-
-def run_tasks(
-    asked: Sequence[Task],
-    store: Store,
-    *,
-    jobs: int = 1,
-    dask: str | None = None,
-    progress: Progress | None = None,
-) -> tuple[Record, ...]:
-    """Do runs that are not finished yet; see `finished`."""
-    tables = finished(
-        asked,
-        _stored,
-        store,
-        RECORD,
-        name=lambda task: " / ".join(map(str, task.key)),
-        jobs=jobs,
-        dask=dask,
-        progress=progress,
-    )
-    return tuple(map(record_from_table, tables))
 
 
 def _stored(task: Task) -> dict[str, Any]:

@@ -15,9 +15,8 @@ from typing import Any
 from workbench.checked_json import TableShape, number, optional, text
 from workbench.errors import WorkbenchError
 from workbench.model import Model
-from workbench.study.execution import Progress, finished
+from workbench.study.execution import Progress, Workers
 from workbench.study.plants import PlantRecipe
-from workbench.study.store import Store
 from workbench.study.study import Study, Variation
 from workbench.study.tasks import Record
 from workbench.verification import Scenario
@@ -166,12 +165,7 @@ def no_limit(scenario: Scenario, plant: Model) -> str:
 
 
 def find_limits(
-    study: Study,
-    store: Store,
-    *,
-    jobs: int = 1,
-    dask: str | None = None,
-    progress: Progress | None = None,
+    study: Study, workers: Workers, progress: Progress | None = None
 ) -> dict[Move, Value]:
     """Find the physical limit of every step on the nominal plant, in s, or NaN with a reason.
 
@@ -189,16 +183,11 @@ def find_limits(
         for _, initial, final in signal.changes
         if _is_compared(study, initial, final)
     )
-    tables = finished(
-        list(asked),
-        _limit,
-        store,
-        _LIMIT,
-        name=lambda move: f"{move.output} {move.initial:g} to {move.final:g}",
-        jobs=jobs,
-        dask=dask,
-        progress=progress,
-    )
+
+    def name(move: Move) -> str:
+        return f"{move.output} {move.initial:g} to {move.final:g}"
+
+    tables = workers.finished(list(asked), _limit, _LIMIT, name=name, progress=progress)
     values = (Value(t["limit_s"] or math.nan, t["reason"]) for t in tables)
     return dict(zip(asked, values, strict=True))
 

@@ -22,7 +22,7 @@ from workbench.study.baseline import (
     read_baseline,
 )
 from workbench.study.conditions import ConditionChange, condition_changes, conditions
-from workbench.study.execution import run_tasks, store_of, verify_kept
+from workbench.study.execution import Workers, store_of, verify_kept
 from workbench.study.judgements import Judgement, Score, judge_records, scores
 from workbench.study.limits import Distances, distances, find_limits
 from workbench.study.linear_loop import LoopAnalysis, analyse_study
@@ -33,6 +33,9 @@ from workbench.work.counted import Work, done, since
 
 RESULTS_SCHEMA = 1
 """Version of ``results.json``; a change of meaning or a removed entry raises it."""
+
+
+_RUN = ("controller", "variation", "scenario", "seed")
 
 
 @dataclass(frozen=True, repr=False)
@@ -220,10 +223,9 @@ class StudyResult(Drawn):
             "runs": [r.table() for r in self.records],
             "changes": [
                 {
-                    "controller": c.key[0],
-                    "variation": c.key[1],
-                    "scenario": c.key[2],
-                    "seed": c.key[3],
+                    **dict(
+                        zip(("controller", "variation", "scenario", "seed"), c.key, strict=True)
+                    ),
                     "metric": c.metric,
                     "before": c.before,
                     "after": c.after,
@@ -319,15 +321,10 @@ def run_study(
 
     if verify_cache:
         verify_kept(tasks(study), store)
-    records = run_tasks(
-        tasks(study),
-        store,
-        jobs=jobs,
-        dask=dask,
-        progress=part("runs"),
-    )
-    found = robustness(study, store, jobs=jobs, dask=dask, progress=part("parameter box"))
-    limits = find_limits(study, store, jobs=jobs, dask=dask, progress=part("physical limit"))
+    workers = Workers(store, jobs, dask)
+    records = workers.records(tasks(study), part("runs"))
+    found = robustness(study, workers, part("parameter box"))
+    limits = find_limits(study, workers, part("physical limit"))
     loops = analyse_study(study)
     store.prune()
     judged = judge_records(study, records)

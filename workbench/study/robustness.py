@@ -21,9 +21,8 @@ import numpy.typing as npt
 from workbench.checked_json import TableShape, listed, number
 from workbench.study.designs import ControllerRecipe
 from workbench.study.draws import interval, scaled, straight_line, unit_draws
-from workbench.study.execution import Progress, finished, run_tasks
+from workbench.study.execution import Progress, Workers
 from workbench.study.judgements import LARGEST, Judgement, judge_records, worst_score
-from workbench.study.store import Store
 from workbench.study.study import Box, Demand, Study, Variation
 from workbench.study.tasks import RECORD, Record, Task, execute, record_from_table
 
@@ -134,12 +133,7 @@ class Robustness:
 
 
 def robustness(
-    study: Study,
-    store: Store,
-    *,
-    jobs: int = 1,
-    dask: str | None = None,
-    progress: Progress | None = None,
+    study: Study, workers: Workers, progress: Progress | None = None
 ) -> tuple[Robustness, ...]:
     """Search the parameter box of a study."""
     box = study.box
@@ -149,7 +143,7 @@ def robustness(
     points = scaled(box, unit)
     chosen = [study.controllers[name] for name in box.controllers or study.controllers]
     asked = [task for c in chosen for i, p in enumerate(points) for task in _tasks(study, c, p, i)]
-    records = run_tasks(asked, store, jobs=jobs, dask=dask, progress=progress)
+    records = workers.records(asked, progress)
     each = box.draws * len(box.scenarios)
     groups = {
         c.name: [
@@ -159,16 +153,11 @@ def robustness(
         for k, c in enumerate(chosen)
     }
     searches = [_search(study, c, unit, groups[c.name]) for c in chosen]
-    tables = finished(
-        searches,
-        search,
-        store,
-        _TRIED,
-        name=lambda asked: f"{asked.controller.name} / worst plant",
-        jobs=jobs,
-        dask=dask,
-        progress=progress,
-    )
+
+    def name(asked: Search) -> str:
+        return f"{asked.controller.name} / worst plant"
+
+    tables = workers.finished(searches, search, _TRIED, name=name, progress=progress)
     results = [
         _result(study, c.name, unit, groups[c.name], table["tried"])
         for c, table in zip(chosen, tables, strict=True)
@@ -177,7 +166,7 @@ def robustness(
     for c, result in zip(chosen, results, strict=True):
         worst = np.array(list(result.worst.values()))
         shown += [replace(t, traces=True) for t in _tasks(study, c, worst, None)]
-    runs = run_tasks(shown, store, jobs=jobs, dask=dask)
+    runs = workers.records(shown)
     return tuple(
         replace(r, worst_runs=tuple(run for run in runs if run.controller == r.controller))
         for r in results

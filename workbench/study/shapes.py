@@ -139,7 +139,14 @@ class Field:
         return f"{low:g} to {high:g}{unit}"
 
 
-_PLAIN: dict[str, Shape] = {f.__name__: f for f in (anything, flag, number, size, text, whole)}
+_PLAIN: dict[str, Shape] = {
+    "anything": anything,
+    "flag": flag,
+    "number": number,
+    "size": size,
+    "text": text,
+    "whole": whole,
+}
 _CLASSES: dict[str, Any] = {
     "variation": Variation,
     "uncertainty": Uncertainty,
