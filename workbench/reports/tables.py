@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from workbench.errors import WorkbenchError
+from workbench.recordings.aligned_table import aligned_table
 
 Mark = Literal["", "met", "missed", "open"]
 
@@ -83,13 +84,8 @@ class Table:
 
     def __str__(self) -> str:
         """Return the table as aligned text."""
-        lines = [self.headings, *(tuple(str(cell) for cell in row) for row in self.cells)]
-        widths = [max(len(line[i]) for line in lines) for i in range(len(self.headings))]
-        body = [
-            "  ".join(text.ljust(width) for text, width in zip(line, widths, strict=True)).rstrip()
-            for line in lines
-        ]
-        return "\n".join([self.title, *body, *([self.note] if self.note else [])])
+        body = aligned_table(self.headings, self.cells, width=None)
+        return "\n".join([self.title, body, *([self.note] if self.note else [])])
 
 
 def plain(text: str) -> str:

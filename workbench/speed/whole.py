@@ -16,6 +16,7 @@ from typing import Any
 from workbench.diagnosis.stage_files import FOLDER
 from workbench.errors import WorkbenchError
 from workbench.evaluation.rig.cases import make_case
+from workbench.reports.page import template
 from workbench.speed.measure import Figure
 from workbench.work.counted import Work, in_words
 
@@ -23,52 +24,6 @@ CORES = os.cpu_count() or 1
 
 ONE, THREE = ("valve_offset",), ("stribeck", "valve_offset", "leak_muscle_1")
 """What the cases hide, by the words of the second simulator of the rig."""
-
-STUDY = """
-schema = 1
-name = "draws"
-
-[plant]
-kind = "arm"
-load = "3 kg"
-
-[controllers.PID]
-design = "pid"
-at = { angle = "30 deg" }
-
-[controllers."sliding mode"]
-design = "sliding-mode"
-at = { angle = "30 deg" }
-
-[controllers."linear MPC"]
-design = "mpc"
-at = { angle = "30 deg" }
-
-{scenarios}
-[[requirements]]
-metric = "settling_time"
-limit = 5.0
-unit = "s"
-
-[robustness]
-scenarios = [{names}]
-draws = {draws}
-search = 0
-hard = false
-
-[robustness.box]
-load = ["2 kg", "4 kg"]
-supply_pressure = ["5 bar", "7 bar"]
-"""
-
-_SCENARIO = """[scenarios."{angle} deg"]
-duration = "1.5 s"
-[scenarios."{angle} deg".references.angle]
-kind = "steps"
-unit = "deg"
-times = [0.0, 0.2]
-values = [{angle}, {to}]
-"""
 
 
 @dataclass(frozen=True)
@@ -247,11 +202,9 @@ def demonstration(place: Path) -> Figure:
 
 def study_file(place: Path, *, draws: int, angles: Sequence[int] = (10, 20, 30, 40, 50)) -> Path:
     """Write a study of three controllers at some angles on drawn plants."""
-    scenarios = "\n".join(_SCENARIO.format(angle=a, to=a + 5) for a in angles)
-    names = ", ".join(f'"{a} deg"' for a in angles)
-    text = STUDY.replace("{scenarios}", scenarios).replace("{names}", names)
+    text = template("workbench.speed", "draws.toml").render(angles=angles, draws=draws)
     path = place / f"draws-{draws}.toml"
-    path.write_text(text.replace("{draws}", str(draws)), encoding="utf-8")
+    path.write_text(text, encoding="utf-8")
     return path
 
 

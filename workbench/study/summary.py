@@ -299,9 +299,14 @@ def _changed(outcome: StudyResult, title: str, found: Sequence[Change], *, fold:
         table += [f"and {len(shown) - MOST} more in `results.json`", ""]
     failed = sum(c.failed for c in found)
     heading = f"{title} ({len(found)}{f', {failed} of them failed runs' if failed else ''})"
+    return _titled(heading, table, fold=fold)
+
+
+def _titled(heading: str, lines: Sequence[str], *, fold: bool) -> list[str]:
+    """Return lines under a heading, or folded under it; they end with an empty one."""
     if fold:
-        return ["<details>", f"<summary>{heading}</summary>", "", *table, "</details>", ""]
-    return [f"### {heading}", "", *table]
+        return ["<details>", f"<summary>{heading}</summary>", "", *lines, "</details>", ""]
+    return [f"### {heading}", "", *lines]
 
 
 def _words(change: Change) -> list[str]:
@@ -370,10 +375,7 @@ def _list(title: str, count: int, entries: Sequence[str], *, fold: bool = False)
     items = [f"- {escaped(entry)}" for entry in entries[:MOST]]
     if len(entries) > MOST:
         items.append(f"- and {len(entries) - MOST} more in `results.json`")
-    heading = f"{title} ({count})"
-    if fold:
-        return ["<details>", f"<summary>{heading}</summary>", "", *items, "", "</details>", ""]
-    return [f"### {heading}", "", *items, ""]
+    return _titled(f"{title} ({count})", [*items, ""], fold=fold)
 
 
 def _metrics(outcome: StudyResult, scenario: str, case: str) -> list[str]:
