@@ -14,6 +14,8 @@ from workbench.registry import Registry
 Result = Literal["pass", "corrected", "unfit", "not checked"]
 RESULTS: tuple[Result, ...] = ("pass", "corrected", "unfit", "not checked")
 
+USUAL_FIX = "correct the file, or record again"
+
 MAX_EXCLUDED = 0.2
 """Share of a signal that may be bridged before the recording is unfit to judge."""
 
@@ -72,7 +74,7 @@ class Check:
     order: int
     judge: Callable[[Recording, Expected], Finding]
     foundation: bool = False
-    fix: str = "correct the file, or record again"
+    fix: str = USUAL_FIX
 
     def __call__(self, recording: Recording, expected: Expected | None = None) -> Finding:
         """Answer the question; a correction is noted in the recording."""
@@ -80,6 +82,13 @@ class Check:
         if found.recording is None:
             return replace(found, recording=recording)
         return replace(found, recording=found.recording.noted(f"{self.name}: {found.note}"))
+
+
+def check(
+    name: str, order: int, *, foundation: bool = False, fix: str = USUAL_FIX
+) -> Callable[[Callable[[Recording, Expected], Finding]], Check]:
+    """Make a check of the function below, which answers the question; see `Check`."""
+    return lambda judge: Check(name, order, judge, foundation, fix)
 
 
 CHECKS = Registry(

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import MAX_EXCLUDED, Check, Finding, Hypothesis
+from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, Hypothesis, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import runs
 from workbench.recordings.checks.noise import white_rms
@@ -56,6 +56,7 @@ def clipped_samples(values: Vector) -> tuple[npt.NDArray[np.bool_], float]:
     return best, limit
 
 
+@check("clipping", 40, fix="widen the range of the channel, or move less, and record again")
 def check_clipping(recording: Recording, expected: Expected) -> Finding:
     """Check for clipped sensors and saturated commands.
 
@@ -99,11 +100,3 @@ def check_clipping(recording: Recording, expected: Expected) -> Finding:
         note = "; ".join(notes) or "no sensor at its limit"
         return Finding("pass", note, {"limits": limits}, hypotheses=tuple(hypotheses))
     return Finding("corrected", "; ".join(notes), {"limits": limits}, changed, tuple(hypotheses))
-
-
-CLIPPING = Check(
-    "clipping",
-    40,
-    check_clipping,
-    fix="widen the range of the channel, or move less, and record again",
-)

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
 
 
+@check(
+    "constant signals",
+    30,
+    foundation=True,
+    fix="check the cable and the channel, and that the column is the right one",
+)
 def check_constant(recording: Recording, expected: Expected) -> Finding:
     """Check that something was measured and that no required measurement is constant.
 
@@ -37,12 +43,3 @@ def check_constant(recording: Recording, expected: Expected) -> Finding:
     if problems:
         return Finding("unfit", "; ".join(problems), values)
     return Finding("pass", "; ".join(notes) or "every signal changes", values)
-
-
-CONSTANT = Check(
-    "constant signals",
-    30,
-    check_constant,
-    foundation=True,
-    fix="check the cable and the channel, and that the column is the right one",
-)

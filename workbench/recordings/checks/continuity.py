@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording
@@ -25,6 +25,11 @@ def _jumps(values: Vector) -> npt.NDArray[np.bool_]:
     return np.asarray(steps > _TIMES * usual)
 
 
+@check(
+    "continuity",
+    85,
+    fix="export the rows in the order in which they were sampled, one recording per file",
+)
 def check_continuity(recording: Recording, _expected: Expected) -> Finding:
     """Look for instants at which every measurement jumps far beyond its usual steps.
 
@@ -44,11 +49,3 @@ def check_continuity(recording: Recording, _expected: Expected) -> Finding:
         " missing, out of order, or joined from several recordings"
     )
     return Finding("pass", note, {"instants": recording.time[at_once]}, doubt=True)
-
-
-CONTINUITY = Check(
-    "continuity",
-    85,
-    check_continuity,
-    fix="export the rows in the order in which they were sampled, one recording per file",
-)

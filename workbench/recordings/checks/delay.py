@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MEMORY, correlation, surprises
 from workbench.recordings.checks.loop import check_loop
@@ -83,6 +83,7 @@ def estimate_delay(
     return Delay(command, response, onset * step, peak * step, float(strength[peak]))
 
 
+@check("delay", 120)
 def check_delay(recording: Recording, expected: Expected) -> Finding:
     """Estimate the delay from every command to every measured signal."""
     closed = check_loop(recording, expected).values["loop"] == "closed"
@@ -103,6 +104,3 @@ def check_delay(recording: Recording, expected: Expected) -> Finding:
         for d in seen
     )
     return Finding("pass", note, {"delays": delays})
-
-
-DELAY = Check("delay", 120, check_delay)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording, Signal
@@ -94,6 +94,7 @@ def directions(signal: Signal, sample_time: float) -> Directions:
     )
 
 
+@check("excitation", 140, fix="record a motion that covers the range of the machine")
 def check_excitation(recording: Recording, expected: Expected) -> Finding:
     """Tell where the machine has been: angles or positions, directions, pressures, commands."""
     moving = [s for s in recording.signals if s.role != "reference" and np.ptp(s.values) > 0]
@@ -126,11 +127,3 @@ def check_excitation(recording: Recording, expected: Expected) -> Finding:
         "; ".join(notes) or "nothing moves",
         {"occupancy": where, "directions": turns},
     )
-
-
-EXCITATION = Check(
-    "excitation",
-    140,
-    check_excitation,
-    fix="record a motion that covers the range of the machine",
-)

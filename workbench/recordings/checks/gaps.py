@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import MAX_EXCLUDED, Check, Finding
+from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording, Span
 
@@ -91,6 +91,12 @@ def _missing_rows(recording: Recording) -> tuple[Recording, list[str]]:
     return grown, [f"{len(added)} missing row(s) in {short.size} place(s) interpolated"]
 
 
+@check(
+    "gaps",
+    20,
+    foundation=True,
+    fix="split the file at the gaps and give the parts as recordings of their own",
+)
 def check_gaps(recording: Recording, expected: Expected) -> Finding:
     """Check for missing rows and cells; fill short gaps and exclude them from judgement.
 
@@ -133,12 +139,3 @@ def check_gaps(recording: Recording, expected: Expected) -> Finding:
         values = {"rows_left": len(piece), "rows": total}
         return Finding("corrected", "; ".join(notes), values, piece)
     return Finding("pass", "no row or cell missing", {"rows": total})
-
-
-GAPS = Check(
-    "gaps",
-    20,
-    check_gaps,
-    foundation=True,
-    fix="split the file at the gaps and give the parts as recordings of their own",
-)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.column_assignment import AMBIENT_PA
 from workbench.recordings.recording import Recording
@@ -15,6 +15,11 @@ _NEAR = 0.06e5
 """Weather and sensor offsets move the ambient measurement by some 0.05 bar."""
 
 
+@check(
+    "gauge pressure",
+    70,
+    fix="say in a mapping (--mapping) whether the pressure is gauge or absolute",
+)
 def check_gauge(recording: Recording, expected: Expected) -> Finding:
     """Check whether pressures are gauge or absolute; turn absolute ones into gauge.
 
@@ -66,11 +71,3 @@ def check_gauge(recording: Recording, expected: Expected) -> Finding:
         'absolute; taken as gauge (a mapping may state it: reference = "gauge")'
     )
     return Finding("not checked", note, values)
-
-
-GAUGE = Check(
-    "gauge pressure",
-    70,
-    check_gauge,
-    fix="say in a mapping (--mapping) whether the pressure is gauge or absolute",
-)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import runs
 from workbench.recordings.checks.innovations import MEMORY, correlation, surprises
@@ -52,6 +52,7 @@ def feedback_strength(recording: Recording, command: str, measurement: str) -> t
     return float(strength[best]), best + 1
 
 
+@check("loop", 110)
 def check_loop(recording: Recording, expected: Expected) -> Finding:
     """Tell whether the recording was made in open or closed loop.
 
@@ -88,6 +89,3 @@ def check_loop(recording: Recording, expected: Expected) -> Finding:
         f"{answer}, but the command moves all the time",
         {"loop": "unknown", **values},
     )
-
-
-LOOP = Check("loop", 110, check_loop)

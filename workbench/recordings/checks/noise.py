@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.checks.uniformity import jitter
@@ -121,6 +121,11 @@ def _phrase(signal: Signal, floor: NoiseFloor) -> str:
     return text
 
 
+@check(
+    "noise floor",
+    90,
+    fix="check shielding and supply of the sensor, or move further, and record again",
+)
 def check_noise(recording: Recording, expected: Expected) -> Finding:
     """Estimate the noise floor of every measured signal."""
     floors: dict[str, NoiseFloor] = {}
@@ -143,11 +148,3 @@ def check_noise(recording: Recording, expected: Expected) -> Finding:
         return Finding("unfit", "; ".join(problems), values)
     note = "; ".join(_phrase(recording.signal(n), f) for n, f in floors.items())
     return Finding("pass", note or "nothing was measured", values)
-
-
-NOISE = Check(
-    "noise floor",
-    90,
-    check_noise,
-    fix="check shielding and supply of the sensor, or move further, and record again",
-)

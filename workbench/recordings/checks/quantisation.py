@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from workbench.recordings.checks.check import Check, Finding, Hypothesis
+from workbench.recordings.checks.check import Finding, Hypothesis, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
 
@@ -62,6 +62,7 @@ def recorded_quantum(recording: Recording, name: str) -> float:
     return quantum(recording[name][recording.valid(name)])
 
 
+@check("quantisation", 80, fix="widen the gain of the channel, or move further, and record again")
 def check_quantisation(recording: Recording, expected: Expected) -> Finding:
     """Estimate the step of every signal; fewer than 20 levels are a hypothesis with a name."""
     steps = {name: recorded_quantum(recording, name) for name in recording.names}
@@ -79,11 +80,3 @@ def check_quantisation(recording: Recording, expected: Expected) -> Finding:
     note = "steps of " + ", ".join(notes) if notes else "no steps visible"
     note = "; ".join([note, *(f"{h.reason}: amplify it or move further" for h in hypotheses)])
     return Finding("pass", note, {"steps": steps}, hypotheses=tuple(hypotheses))
-
-
-QUANTISATION = Check(
-    "quantisation",
-    80,
-    check_quantisation,
-    fix="widen the gain of the channel, or move further, and record again",
-)

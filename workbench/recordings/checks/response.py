@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MAX_SAMPLES, MEMORY, innovations, surprises
 from workbench.recordings.checks.noise import white_rms
@@ -101,6 +101,7 @@ def _correlation(first: Vector, second: Vector, around: int) -> tuple[npt.NDArra
     return lags, np.fft.irfft(spectrum, 2 * n)[lags] / size if size else np.zeros(len(lags))
 
 
+@check("response", 125, fix="put command and measurements of the same rows beside each other")
 def check_response(recording: Recording, expected: Expected) -> Finding:
     """Check that what is new in a command shows in the measurements, and shows after it.
 
@@ -154,11 +155,3 @@ def check_response(recording: Recording, expected: Expected) -> Finding:
     if not seen:
         return Finding("not checked", "; ".join(doubts), values)
     return Finding("pass", "; ".join((*seen, *doubts)), values, doubt=bool(doubts))
-
-
-RESPONSE = Check(
-    "response",
-    125,
-    check_response,
-    fix="put command and measurements of the same rows beside each other",
-)

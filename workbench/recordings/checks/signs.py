@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.delay import response_correlation
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.innovations import MEMORY
@@ -116,6 +116,7 @@ def _of_another_size(right: Pairs, slopes: Sizes, known: Sizes) -> list[str]:
     return said
 
 
+@check("signs", 130, fix="correct the sign or the order of the columns in a mapping (--mapping)")
 def check_signs(recording: Recording, expected: Expected) -> Finding:
     """Check that causes act in the expected direction, and accelerate as the model says."""
     if not expected.signs or len(recording) < 10 * MEMORY:
@@ -167,11 +168,3 @@ def _explanation(wrong: Pairs, right: Pairs, told: Iterable[tuple[str, str]], si
     else:
         cause = "two columns are probably exchanged"
     return f"the response has the wrong sign: {listed}; {cause}"
-
-
-SIGNS = Check(
-    "signs",
-    130,
-    check_signs,
-    fix="correct the sign or the order of the columns in a mapping (--mapping)",
-)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import MAX_EXCLUDED, Check, Finding
+from workbench.recordings.checks.check import MAX_EXCLUDED, Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.checks.gaps import filled, runs
 from workbench.recordings.checks.noise import white_rms
@@ -87,6 +87,7 @@ def _at_its_end(values: Vector) -> bool:
     return bool(values[-1] in (values.max(), values.min()))
 
 
+@check("stuck samples", 50, fix="check the converter and the sampling, and record again")
 def check_stuck(recording: Recording, expected: Expected) -> Finding:
     """Check for frozen measurements; bridge them and exclude them from judgement.
 
@@ -128,11 +129,3 @@ def check_stuck(recording: Recording, expected: Expected) -> Finding:
         note = "; ".join((*notes, *doubts))
         return Finding("corrected", note, recording=changed, doubt=bool(doubts))
     return Finding("pass", "; ".join(doubts) or "no measurement freezes", doubt=bool(doubts))
-
-
-STUCK = Check(
-    "stuck samples",
-    50,
-    check_stuck,
-    fix="check the converter and the sampling, and record again",
-)

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
 
@@ -132,6 +132,12 @@ def _speed_problem(recording: Recording, expected: Expected) -> tuple[str, bool]
     return "", False
 
 
+@check(
+    "time base",
+    10,
+    foundation=True,
+    fix="export the time in seconds with enough digits, one row per sample",
+)
 def check_time_base(recording: Recording, expected: Expected) -> Finding:
     """Check that the time increases and agrees with the notes; correct what can be."""
     if len(recording) < _MIN_SAMPLES:
@@ -171,12 +177,3 @@ def check_time_base(recording: Recording, expected: Expected) -> Finding:
     if problem:
         note += f"; {problem}"
     return Finding("pass", note, values, doubt=not known or bool(problem))
-
-
-TIME_BASE = Check(
-    "time base",
-    10,
-    check_time_base,
-    foundation=True,
-    fix="export the time in seconds with enough digits, one row per sample",
-)

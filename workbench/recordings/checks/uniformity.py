@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.recordings.checks.check import Check, Finding
+from workbench.recordings.checks.check import Finding, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording
 from workbench.recordings.resampling import resample
@@ -23,6 +23,7 @@ def jitter(time: Vector) -> float:
     return float(np.std(steps) / np.mean(steps))
 
 
+@check("uniformity", 100)
 def check_uniformity(recording: Recording, expected: Expected) -> Finding:
     """Check that the samples are evenly spaced; interpolate them to an even base if not.
 
@@ -52,6 +53,3 @@ def check_uniformity(recording: Recording, expected: Expected) -> Finding:
         f"rms); interpolated to {1 / step:.6g} Hz"
     )
     return Finding("corrected", note, values, resample(recording, times=even))
-
-
-UNIFORMITY = Check("uniformity", 100, check_uniformity)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from workbench.model.units import from_si, same_dimension, to_si
-from workbench.recordings.checks.check import Check, Finding, Hypothesis
+from workbench.recordings.checks.check import Finding, Hypothesis, check
 from workbench.recordings.checks.expected import Expected
 from workbench.recordings.recording import Recording, Signal
 
@@ -93,6 +93,9 @@ def _suspicion(signal: Signal, stated: str, low: float, high: float) -> str:
     return ""
 
 
+@check(
+    "units", 60, fix="say the unit in the heading or in a mapping (--mapping), such as pressure_bar"
+)
 def check_units(recording: Recording, expected: Expected) -> Finding:
     """Check that every signal is of the size that the model or a range says.
 
@@ -130,11 +133,3 @@ def check_units(recording: Recording, expected: Expected) -> Finding:
         return Finding("not checked", "; ".join(remarks))
     note = "; ".join(remarks) or "plausible sizes"
     return Finding("pass", note, hypotheses=tuple(hypotheses), doubt=doubt)
-
-
-UNITS = Check(
-    "units",
-    60,
-    check_units,
-    fix="say the unit in the heading or in a mapping (--mapping), such as pressure_bar",
-)
