@@ -10,7 +10,7 @@ import pytest
 
 from tests.study.small_study import small_study
 from workbench.errors import WorkbenchError
-from workbench.study.execution import run_tasks
+from workbench.study.execution import Workers
 from workbench.study.schema import load_study
 from workbench.study.store import Store
 from workbench.study.tasks import tasks
@@ -30,8 +30,10 @@ def test_two_processes_of_a_cluster(tmp_path: Path) -> None:
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
         ) as cluster,
     ):
-        far = run_tasks(tasks(study), Store(tmp_path / "far", "0"), dask=cluster.scheduler_address)
-    near = run_tasks(tasks(study), Store(tmp_path / "near", "0"))
+        far = Workers(Store(tmp_path / "far", "0"), dask=cluster.scheduler_address).records(
+            tasks(study)
+        )
+    near = Workers(Store(tmp_path / "near", "0")).records(tasks(study))
     assert [replace(r, seconds=0.0).table() for r in far] == [
         replace(r, seconds=0.0).table() for r in near
     ]
@@ -41,4 +43,4 @@ def test_two_processes_of_a_cluster(tmp_path: Path) -> None:
 def test_no_scheduler_there(tmp_path: Path) -> None:
     study = load_study(small_study(tmp_path))
     with pytest.raises(WorkbenchError, match="no Dask scheduler at 'nonsense://nowhere'"):
-        run_tasks(tasks(study), Store(tmp_path, "0"), dask="nonsense://nowhere")
+        Workers(Store(tmp_path, "0"), dask="nonsense://nowhere").records(tasks(study))

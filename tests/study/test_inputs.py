@@ -12,8 +12,8 @@ import pytest
 from tests.study.small_study import small_study
 from workbench.errors import WorkbenchError
 from workbench.study import store as store_module
+from workbench.study.execution import Workers, store_of, verify_kept
 from workbench.study.execution import kept as kept_run
-from workbench.study.execution import run_tasks, store_of, verify_kept
 from workbench.study.inputs import new_study, watched
 from workbench.study.result import run_study
 from workbench.study.schema import load_study
@@ -101,7 +101,7 @@ def test_gains_that_a_design_reads_from_elsewhere_are_seen(tmp_path: Path, jobs:
     )
     study = load_study(small_study(place, own))
     task = tasks(study)[0]
-    run_tasks(tasks(study), store_of(study, tmp_path / "out"), jobs=jobs)
+    Workers(store_of(study, tmp_path / "out"), jobs=jobs).records(tasks(study))
     assert kept_run(store_of(study, tmp_path / "out"), task) is not None
     for path in (tmp_path / "out" / "runs").glob("*.json"):
         assert json.loads(path.read_text())["work"], "what a run has cost is kept with it"

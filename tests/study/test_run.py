@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from tests.study.small_study import small_study
-from workbench.study.execution import kept, run_tasks, store_of
+from workbench.study.execution import Workers, kept, store_of
 from workbench.study.result import run_study
 from workbench.study.schema import load_study
 from workbench.study.store import Store
@@ -50,14 +50,14 @@ def test_same_seed_same_numbers_in_one_process_and_in_two(tmp_path: Path) -> Non
     study = load_study(small_study(tmp_path))
     tables = []
     for jobs in (1, 2):
-        records = run_tasks(tasks(study), Store(tmp_path / str(jobs), "0"), jobs=jobs)
+        records = Workers(Store(tmp_path / str(jobs), "0"), jobs=jobs).records(tasks(study))
         tables.append([replace(r, seconds=0.0).table() for r in records])
     assert tables[0] == tables[1]
 
 
 def test_another_seed_gives_other_noise(tmp_path: Path) -> None:
     study = load_study(small_study(tmp_path, ('name = "small"', "seeds = [1, 2]")))
-    first, second = run_tasks(tasks(study)[:2], Store(tmp_path / "out", "0"))
+    first, second = Workers(Store(tmp_path / "out", "0")).records(tasks(study)[:2])
     assert first.metrics and second.metrics
     assert first.metrics["chatter"].value != second.metrics["chatter"].value
 
@@ -66,8 +66,8 @@ def test_finished_runs_are_not_done_again(tmp_path: Path) -> None:
     study = load_study(small_study(tmp_path))
     said: list[tuple[int, int, str]] = []
     store = store_of(study, tmp_path / "out")
-    first = run_tasks(tasks(study), store, progress=lambda *a: said.append(a))
-    again = run_tasks(tasks(study), store, progress=lambda *a: said.append(a))
+    first = Workers(store).records(tasks(study), lambda *a: said.append(a))
+    again = Workers(store).records(tasks(study), lambda *a: said.append(a))
     assert [r.seconds for r in again] == [r.seconds for r in first]
     assert said[-1] == (2, 2, "finished before")
 
@@ -106,7 +106,7 @@ def test_a_plant_and_a_design_beside_the_study(tmp_path: Path) -> None:
     )
     study = load_study(small_study(tmp_path, own, design))
     assert study.plant.build().parameter("load").value == 2.0
-    records = run_tasks(tasks(study), store_of(study, tmp_path / "out"), jobs=2)
+    records = Workers(store_of(study, tmp_path / "out"), jobs=2).records(tasks(study))
     assert [r.reason for r in records] == ["", ""]
 
 
@@ -114,10 +114,10 @@ def test_a_damaged_file_is_run_again(tmp_path: Path) -> None:
     study = load_study(small_study(tmp_path))
     store = store_of(study, tmp_path / "out")
     task = tasks(study)[0]
-    run_tasks([task], store)
+    Workers(store).records([task])
     path = store.folder / f"{store.key(task)}.json"
     path.write_text(path.read_text()[:100])
-    (record,) = run_tasks([task], store)
+    (record,) = Workers(store).records([task])
     stored = kept(store, task)
     assert not record.failed and stored is not None and stored.table() == record.table()
 
@@ -144,8 +144,7 @@ def test_a_killed_study_goes_on_where_it_was(tmp_path: Path) -> None:
     assert sum(r is not None for r in finished) == len(files)
     # What was finished is taken as it is; the rest would be done now.
     said: list[int] = []
-    run_tasks([t for t, r in zip(wanted, finished, strict=True) if r], store,
-              progress=lambda done, total, what: said.append(done))  # fmt: skip
+    Workers(store).records([t for t, r in zip(wanted, finished, strict=True) if r], lambda done, total, what: said.append(done))  # fmt: skip
     assert said == [len(files)]
     assert {p.name: p.stat().st_mtime_ns for p in out.glob("runs/*.json")} == files
 
@@ -160,7 +159,9 @@ signal = "angle"
 kind = "missing"
 """
     changes = ('design = "pid"', 'design = "pid"\nguard = true'), ("values = [25, 35]\n", faulty)
-    record = run_tasks(tasks(load_study(small_study(tmp_path, *changes)))[:1], Store(tmp_path, "0"))
+    record = Workers(Store(tmp_path, "0")).records(
+        tasks(load_study(small_study(tmp_path, *changes)))[:1]
+    )
     found = record[0].metrics
     assert found is not None
     # Ten samples are missing; the law steps on with what the pressures say of them.

@@ -12,7 +12,7 @@ import pytest
 
 from workbench.study.baseline import Baseline, changes, read_baseline
 from workbench.study.conditions import condition_changes, conditions
-from workbench.study.execution import run_tasks
+from workbench.study.execution import Workers
 from workbench.study.judgements import judge_records
 from workbench.study.schema import load_study
 from workbench.study.shipped import shipped_study
@@ -36,7 +36,7 @@ print(json.dumps([execute(t).table() for t in wanted]))
 @pytest.mark.system
 def test_the_shipped_study_meets_its_requirements_and_its_baseline(tmp_path: Path) -> None:
     study = load_study(shipped_study("arm"))
-    records = run_tasks(tasks(study), Store(tmp_path, "0"), jobs=2)
+    records = Workers(Store(tmp_path, "0"), jobs=2).records(tasks(study))
     before = read_baseline(BASELINE)
     rules = {name: study.tolerance(name) for r in records if r.metrics for name in r.metrics}
     found = changes(rules, records, before)

@@ -73,10 +73,6 @@ def run_demo(
     Args:
         out: Folder for ``report.html``, ``results.json`` and ``pictures/``; made if needed.
         data: Folder with recordings of real machines; by default that of the environment, if any.
-
-    Raises:
-        WorkbenchError: If the folder cannot be written, or the data folder that is named does not
-            exist or does not hold the force maps.
     """
     folder = None
     if data is not None or os.environ.get(ENVIRONMENT_VARIABLE, "").strip():

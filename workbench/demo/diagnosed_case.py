@@ -75,9 +75,6 @@ def diagnosed_case(name: str = CASE) -> DiagnosedCase:
     """Read a shipped case with its verdict, run both models along it, and design on both.
 
     Nothing is fitted: effects and parameters are those of the shipped verdict.
-
-    Raises:
-        WorkbenchError: If the case does not ship with a verdict.
     """
     path = shipped_data(name) / "verdict.json"
     verdict = upgraded(json.loads(path.read_text(encoding="utf-8")), f"verdict {str(path)!r}")

@@ -43,11 +43,7 @@ def read_force_map(file: Path) -> ForceMap:
 
 
 def force_maps_part(folder: Path | None) -> Part:
-    """Compare every force law with the measured map of a DMSP-20, if a data folder is given.
-
-    Raises:
-        WorkbenchError: If the folder does not hold the map.
-    """
+    """Compare every force law with the measured map of a DMSP-20, if a data folder is given."""
     if folder is None:
         text = words("force_maps", "none", weight="note")
         return Part(Section("force-maps", "Measured force maps", (text,)))

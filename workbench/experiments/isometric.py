@@ -136,7 +136,6 @@ def isometric_experiment_on_arm(
         The record of muscle 2, its contraction computed from the angle that the encoder reads.
 
     Raises:
-        WorkbenchError: If an argument is outside its range.
         NumericalError: If the arm leaves the stop.
 
     Source:

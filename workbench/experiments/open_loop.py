@@ -74,7 +74,6 @@ def open_loop_experiment(
         sample_time: Time between samples, in s.
 
     Raises:
-        WorkbenchError: If an argument is outside its range.
         NumericalError: If the run cannot be trusted.
 
     Source:

@@ -106,9 +106,6 @@ def measure_transits(
         marks: Angles between which the transit is timed, in rad.
         stops: Angles of the lower and the upper stop, in rad.
 
-    Raises:
-        WorkbenchError: If the arrays do not fit, are not finite, or are not evenly spaced.
-
     Source:
         The paper's Figure 8 and its description: full travel, gentle touch, vibration in between.
     """

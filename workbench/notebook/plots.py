@@ -37,9 +37,6 @@ def plot(shown: Any, *what: Any) -> Figure:
             a linear model; of a trajectory, what of it; of a study's result, the scenario; of a
             diagnosis, the held-out recording.
 
-    Raises:
-        WorkbenchError: If there is no picture of such an object.
-
     Example:
         >>> import workbench as wb
         >>> axis = wb.servo_axis()

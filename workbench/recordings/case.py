@@ -496,11 +496,7 @@ def _refit_settings(case: str, plant: Plant, table: Mapping[str, Any]) -> RefitS
 
 
 def noise_of(model: Model, given: Mapping[str, Any]) -> dict[str, float]:
-    """Return the noise of outputs, in SI, given as numbers in their display unit or with units.
-
-    Raises:
-        WorkbenchError: If there is no such output, or a value is not positive.
-    """
+    """Return the noise of outputs, in SI, given as numbers in their display unit or with units."""
     outputs = {q.name: q for q in model.outputs}
     found = {}
     for name, value in given.items():

@@ -65,11 +65,7 @@ def header_list(columns: Columns) -> list[Header]:
 
 
 def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
-    """Return the index of the column that a rule names.
-
-    Raises:
-        WorkbenchError: If there is no such column; lists what there is.
-    """
+    """Return the index of the column that a rule names."""
     for key in ("column", "name"):
         for i, header in enumerate(headers):
             if getattr(header, key).strip() == rule.column.strip():
@@ -81,11 +77,7 @@ def find_column(headers: Sequence[Header], rule: ColumnRule) -> int:
 
 
 def find_time(headers: Sequence[Header], rules: MappingRules) -> int | None:
-    """Return the index of the time column, None if there is none.
-
-    Raises:
-        WorkbenchError: If the mapping names a time column that the file does not have.
-    """
+    """Return the index of the time column, None if there is none."""
     if rules.time is not None:
         return find_column(headers, rules.time)
     if rules.sample_time_s is not None:
@@ -224,9 +216,6 @@ def assign(
     With rules for signals only those are taken; otherwise the requested ones are found by name and
     unit, and every other column of numbers keeps its own name. Pressures stated as absolute become
     gauge pressures.
-
-    Raises:
-        WorkbenchError: If a column is missing, of another unit or unreadable.
 
     Example:
         >>> file = Columns(("time_ms", "angle_deg"), ("", ""), np.array([[0.0, 0.0], [2.0, 180.0]]))

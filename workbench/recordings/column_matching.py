@@ -151,9 +151,6 @@ def match_requested(
     Returns:
         Column index and ``name``, ``synonym`` or ``unit``, by signal.
 
-    Raises:
-        WorkbenchError: If a signal has no column or one of another unit; lists the columns.
-
     Example:
         >>> columns = [Header("q1_deg", "q1", "deg"), Header("u_V", "u", "V")]
         >>> match_requested([Requested("angle", "rad"), Requested("valve", "V")], columns, ())

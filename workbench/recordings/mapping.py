@@ -153,9 +153,6 @@ def rules_from(
     """Build the rules from the content of a mapping file.
 
     ``{"angle": "q1"}`` is short for ``{"signals": {"angle": {"column": "q1"}}}``.
-
-    Raises:
-        WorkbenchError: If a key is unknown or an entry is not what it must be.
     """
     known = tuple(f.name for f in fields(MappingRules) if f.name != "folder")
     if (
@@ -226,9 +223,6 @@ def read_mapping(path: str | Path) -> MappingRules:
         unit = "mm"
         sign = -1
         offset = 25.0
-
-    Raises:
-        WorkbenchError: If the file is missing, not TOML or has an unknown key.
     """
     file = Path(path)
     content = read_toml(file, "mapping file")

@@ -39,10 +39,6 @@ def public_file(name: str, *, data: str | os.PathLike[str] | None = None) -> Pat
     Args:
         name: ``SET/FILE``, such as ``emps/DATA_EMPS.mat``.
         data: Data folder; None reads ``WORKBENCH_DATA``.
-
-    Raises:
-        WorkbenchError: If the name is unknown, the given folder does not exist, or the file can
-            neither be found nor fetched.
     """
     data_set, _, file = name.partition("/")
     check_choice(f"file of data set {data_set}", file, public_files(data_set))
@@ -55,11 +51,7 @@ def public_file(name: str, *, data: str | os.PathLike[str] | None = None) -> Pat
 
 
 def fetch(data_set: str, file: str) -> Path:
-    """Fetch a file of a public data set from its publisher, or return the copy kept before.
-
-    Raises:
-        WorkbenchError: If the file has no address, cannot be fetched or is not the one expected.
-    """
+    """Fetch a file of a public data set from its publisher, or return the copy kept before."""
     check_choice(f"file of data set {data_set}", file, public_files(data_set))
     entry = _registry()[data_set]
     known = entry["files"][file]

@@ -192,9 +192,6 @@ def read_recording(
     Returns:
         The recording, in SI, as it stands in the file; `check_recording` judges and corrects it.
 
-    Raises:
-        WorkbenchError: If the file cannot be read, or a column is missing, of another unit or text.
-
     Example:
         >>> import tempfile
         >>> file = Path(tempfile.mkdtemp()) / "trial.csv"
@@ -261,9 +258,6 @@ def read_table(path: str | Path, *, mapping: MappingLike = None) -> Table:
     r"""Read every column of numbers, in SI, of a file that is no recording, such as a force map.
 
     The file may have any format of `read_recording`, and a mapping as it takes it.
-
-    Raises:
-        WorkbenchError: If the file cannot be read, or a column is missing, of another unit or text.
     """
     file = Path(path)
     rules = rules_of(mapping, (), None)

@@ -38,9 +38,6 @@ class Signal:
         kind: What it measures; by default from the unit. Pressures say ``gauge pressure``,
             ``absolute pressure`` or, if nothing was stated, ``pressure``.
         display_unit: Unit in which people read it; by default from the unit.
-
-    Raises:
-        WorkbenchError: If the values are not one column or the role is unknown.
     """
 
     name: str
@@ -245,11 +242,7 @@ class Recording(Drawn):
         return len(self.time)
 
     def signal(self, name: str) -> Signal:
-        """Return a signal by name.
-
-        Raises:
-            WorkbenchError: If there is no such signal; names the nearest spelling.
-        """
+        """Return a signal by name."""
         check_choice(f"signal of recording {self.name!r}", name, self.names)
         return next(s for s in self.signals if s.name == name)
 
@@ -291,11 +284,7 @@ class Recording(Drawn):
         )
 
     def between(self, start: float, stop: float) -> Recording:
-        """Return the samples with ``start <= time <= stop``, in s.
-
-        Raises:
-            WorkbenchError: If fewer than two samples lie between.
-        """
+        """Return the samples with ``start <= time <= stop``, in s."""
         rows = (self.time >= start) & (self.time <= stop)
         if np.count_nonzero(rows) < 2:
             raise WorkbenchError(

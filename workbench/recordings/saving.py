@@ -111,11 +111,7 @@ def write_recording(recording: Recording, path: str | Path) -> Path:
 
 
 def restore_recording(columns: Columns, saved: Mapping[str, Any]) -> Recording:
-    """Build a recording from a file that `write_recording` wrote.
-
-    Raises:
-        WorkbenchError: If the description does not fit the columns.
-    """
+    """Build a recording from a file that `write_recording` wrote."""
     columns = without_giants(columns)
     try:
         if saved["version"] != _VERSION:

@@ -102,9 +102,5 @@ def sections(figures: Iterable[Figure], *result: Any) -> list[Section]:
 
 
 def own_figures(names: Iterable[str], *, folder: Path | None = None) -> list[Figure]:
-    """Return the figures that a study names, by name or as ``module:object``.
-
-    Raises:
-        WorkbenchError: If one is not known or its module cannot be imported.
-    """
+    """Return the figures that a study names, by name or as ``module:object``."""
     return [FIGURES.get(name, folder=folder) for name in names]

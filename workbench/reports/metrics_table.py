@@ -57,9 +57,6 @@ def metrics_table(
 
     Args:
         columns: Names of the metrics shown; those that no run has are left out.
-
-    Raises:
-        WorkbenchError: If the unit of a limit does not fit its metric.
     """
     shown = [name for name in columns if any(name in found for found in measured.values())]
     limits = {requirement.metric: requirement for requirement in requirements}

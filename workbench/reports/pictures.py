@@ -29,9 +29,6 @@ class Picture:
 
     Args:
         name: Name of its files, in small letters with hyphens.
-
-    Raises:
-        WorkbenchError: If the name cannot be a file's or an element's name.
     """
 
     name: str

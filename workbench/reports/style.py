@@ -103,9 +103,6 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
     Families of the workbench's designs have their own; any other name always takes the same one of
     the further colours, unless a name before it has taken that.
 
-    Raises:
-        WorkbenchError: If there are more controllers than colours that can be told apart.
-
     Example:
         >>> [colour.name for colour in colours(["cascade PID", "mine"]).values()]
         ['cascade-pid', 'further-2']
@@ -125,11 +122,7 @@ def colours(names: Iterable[str]) -> dict[str, Colour]:
 
 
 def ramp(count: int) -> tuple[Colour, ...]:
-    """Return colours for an ordered family, spread over the ramp.
-
-    Raises:
-        WorkbenchError: If the family has no member or more than the ramp has colours.
-    """
+    """Return colours for an ordered family, spread over the ramp."""
     check_range("number of curves in a family", count, 1, len(RAMP))
     last = len(RAMP) - 1
     return tuple(RAMP[round(i * last / max(count - 1, 1))] for i in range(count))

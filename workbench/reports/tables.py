@@ -39,9 +39,6 @@ class Table:
         headings: Heading of each column, with the unit where all its numbers share one.
         rows: Rows of entries; plain words are entries without a mark.
 
-    Raises:
-        WorkbenchError: If a row has more or fewer entries than there are headings.
-
     Example:
         >>> print(Table("Modes", ("angle in °", "frequency in Hz"), (("30", "2.1"),)))
         Modes

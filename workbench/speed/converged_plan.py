@@ -63,9 +63,6 @@ def converged(
         disturbances: Scaled disturbances per second, shape (n_w,).
         path: Wanted angles now and at the end of every stage, shape (N + 1,), in rad.
         before: Opening applied before, a fraction.
-
-    Raises:
-        NumericalError: If the solver does not converge.
     """
     return transcribed(controller, len(disturbances), solver=solver)(
         start, disturbances, path, before

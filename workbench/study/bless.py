@@ -35,12 +35,7 @@ _RESULTS = TableShape(
 
 
 def bless(folder: str | Path, baseline: str | Path) -> str:
-    """Write the results in a folder as a baseline; returns in words what changes.
-
-    Raises:
-        WorkbenchError: If there are no results, or the baseline is of another study or cannot be
-            written.
-    """
+    """Write the results in a folder as a baseline; returns in words what changes."""
     path = Path(folder) / "results.json"
     table = read_json(path, "results", _RESULTS, fix="write them with 'workbench compare'")
     place = Path(baseline)

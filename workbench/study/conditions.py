@@ -80,11 +80,7 @@ def conditions(study: Study) -> dict[str, Any]:
 def condition_changes(
     before: Mapping[str, Any], after: Mapping[str, Any]
 ) -> tuple[ConditionChange, ...]:
-    """Return what differs between the conditions of a baseline and those of a study.
-
-    Raises:
-        WorkbenchError: If the unit of a limit does not fit that of the baseline.
-    """
+    """Return what differs between the conditions of a baseline and those of a study."""
     found: list[ConditionChange] = []
     for part in PARTS:
         old, new = before.get(part, {}), after.get(part, {})

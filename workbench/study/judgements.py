@@ -98,9 +98,6 @@ def judge_records(study: Study, records: Iterable[Record]) -> tuple[Judgement, .
 
     Args:
         records: Runs; a failed one meets no requirement.
-
-    Raises:
-        WorkbenchError: If a unit does not fit.
     """
     most: dict[tuple[int, str, str, str], Judgement] = {}
     for record in records:

@@ -298,9 +298,6 @@ def run_study(
         verify_cache: Whether a sample of the finished runs is done again and must agree.
         progress: Told the part of the study, finished and all runs of it, and what was finished;
             by default a notebook shows a bar.
-
-    Raises:
-        WorkbenchError: If the baseline or the cluster is not there, or the folder not writable.
     """
     begin, begun = time.perf_counter(), done()
     # Wrong use is told before an hour of runs, not after.

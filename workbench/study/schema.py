@@ -123,9 +123,6 @@ def resolve(file: StudyFile, *, optional: bool = False) -> Study:
 def load_study(path: str | Path, *, optional: bool = False) -> Study:
     """Read and resolve a study file.
 
-    Raises:
-        WorkbenchError: With file and line of the first mistake.
-
     Example:
         >>> from workbench.study.shipped import shipped_study
         >>> list(load_study(shipped_study("arm")).controllers)

@@ -304,11 +304,7 @@ class Study:
         )
 
     def only(self, controllers: Sequence[str]) -> Study:
-        """Return the study with some of its controllers.
-
-        Raises:
-            WorkbenchError: If it has no controller of a name.
-        """
+        """Return the study with some of its controllers."""
         for name in controllers:
             check_choice("controller", name, self.controllers)
 

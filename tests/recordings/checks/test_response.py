@@ -12,8 +12,8 @@ from workbench.data_folder import shipped_folder
 from workbench.plants.arm import arm
 from workbench.recordings import Recording, read_recording
 from workbench.recordings.checks import Expected, expectations
-from workbench.recordings.checks.response import RESPONSE
-from workbench.recordings.checks.time_base import TIME_BASE
+from workbench.recordings.checks.response import check_response
+from workbench.recordings.checks.time_base import check_time_base
 from workbench.recordings.recording import Vector
 
 LOOPS = ("identify_open", "identify_closed")
@@ -50,8 +50,8 @@ def moved(values: Vector, by: int) -> Vector:
 
 def test_a_good_recording_passes(trial: Recording, expected: Expected) -> None:
     for known in (expected, Expected()):
-        assert TIME_BASE(trial, known).result == "pass"
-        found = RESPONSE(trial, known)
+        assert check_time_base(trial, known).result == "pass"
+        found = check_response(trial, known)
         assert found.result == "pass" and "pressure_1 answers to valve" in found.note
 
 
@@ -72,23 +72,23 @@ def test_a_command_that_does_not_belong_there_is_unfit(
     name: str, trial: Recording, expected: Expected
 ) -> None:
     change, why = COLUMNS[name]
-    found = RESPONSE(changed(trial, "valve", change), expected)
+    found = check_response(changed(trial, "valve", change), expected)
     assert found.result == "unfit" and why in found.note, found
 
 
 def test_a_command_that_runs_backwards_does_not_pass(trial: Recording, expected: Expected) -> None:
-    found = RESPONSE(changed(trial, "valve", lambda v: v[::-1]), expected)
+    found = check_response(changed(trial, "valve", lambda v: v[::-1]), expected)
     assert found.result in ("unfit", "not checked")
     assert "no answer of" in found.note or "nothing that is measured answers" in found.note
 
 
 def test_a_long_delay_without_a_model_is_left_open(trial: Recording) -> None:
-    found = RESPONSE(changed(trial, "valve", lambda v: moved(v, -250)), Expected())
+    found = check_response(changed(trial, "valve", lambda v: moved(v, -250)), Expected())
     assert found.result != "unfit" and "only after 0.5" in found.note
 
 
 def test_one_measurement_that_shows_nothing_is_told(trial: Recording) -> None:
-    found = RESPONSE(changed(trial, "angle", lambda v: v[::-1]), Expected())
+    found = check_response(changed(trial, "angle", lambda v: v[::-1]), Expected())
     assert found.result == "pass" and "no answer of angle to valve is seen" in found.note
 
 
@@ -96,7 +96,7 @@ def test_one_measurement_that_shows_nothing_is_told(trial: Recording) -> None:
 def test_a_time_in_another_unit_is_unfit(
     factor: float, trial: Recording, expected: Expected
 ) -> None:
-    found = TIME_BASE(replace(trial, time=factor * trial.time), expected)
+    found = check_time_base(replace(trial, time=factor * trial.time), expected)
     assert found.result == "unfit" and "give the unit of the time" in found.note
 
 
@@ -108,4 +108,4 @@ def test_a_smooth_command_leaves_it_open() -> None:
     for name in ("angle", "pressure_1", "pressure_2"):
         noise = 1e-4 * np.ptp(trial[name]) * rng.normal(size=len(time))
         smooth = changed(smooth, name, lambda v, e=noise: np.ptp(v) * np.sin(time - 0.3) + e)  # type: ignore[misc]
-    assert RESPONSE(smooth, Expected()).result == "not checked"
+    assert check_response(smooth, Expected()).result == "not checked"

@@ -34,11 +34,7 @@ _MARKS = ((b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"), (b"\xef\xbb\xbf", "u
 
 
 def guess_encoding(start: bytes, source: str) -> str:
-    r"""Guess the encoding of a text from its first bytes; ``latin-1`` reads what is not UTF-8.
-
-    Raises:
-        WorkbenchError: If it is no text.
-    """
+    r"""Guess the encoding of a text from its first bytes; ``latin-1`` reads what is not UTF-8."""
     for mark, name in _MARKS:
         if start.startswith(mark):
             return name
@@ -79,12 +75,7 @@ def _pieces(path: Path, cut: list[str]) -> Iterator[bytes]:
 
 
 def line_blocks(path: Path, cut: list[str]) -> Iterator[list[str]]:
-    r"""Yield the lines of a text file, without their ends, in blocks of about 4 MB.
-
-    Raises:
-        WorkbenchError: If the file is no text or has a line of more than a million characters.
-        OSError: If the file cannot be opened.
-    """
+    r"""Yield the lines of a text file, without their ends, in blocks of about 4 MB."""
     decoder: codecs.IncrementalDecoder | None = None
     waiting: list[str] = []
     size, rest = 0, ""
@@ -200,10 +191,6 @@ def read_text(path: Path, options: ReadOptions) -> Columns:
     Separator, decimal sign, header, a row of units, comment lines and compression are recognised.
     The file is read in blocks and thinned by averaging neighbours, so memory stays bounded. Rows
     without a time are left out.
-
-    Raises:
-        WorkbenchError: If the file holds no table of numbers.
-        OSError: If it cannot be opened.
     """
     cut: list[str] = []
     blocks = line_blocks(path, cut)

@@ -52,11 +52,7 @@ class Format:
     packed: bool = False
 
     def columns(self, path: Path, options: ReadOptions) -> Columns:
-        """Read a file as columns.
-
-        Raises:
-            WorkbenchError: If the file cannot be read, or what reads it is not installed.
-        """
+        """Read a file as columns."""
         try:
             return self.read(path, options)
         except ImportError as error:
@@ -102,12 +98,7 @@ def known_suffixes() -> tuple[str, ...]:
 
 
 def format_of(path: Path) -> Format:
-    """Recognise the format of a file by its ending, and by its first bytes where formats share one.
-
-    Raises:
-        WorkbenchError: If no format has this ending.
-        OSError: If the file cannot be opened.
-    """
+    """Recognise the format of a file by its ending, and by its first bytes where some share it."""
     suffix = suffix_of(path)
     rivals = [f for f in FORMATS.members().values() if suffix in f.suffixes]
     if not rivals:

@@ -40,11 +40,7 @@ def _variables(path: Path) -> dict[str, Any]:
 
 
 def read_mat_73(path: Path, options: ReadOptions) -> Columns:
-    """Read a MATLAB file of version 7.3, see `columns_of_variables`.
-
-    Raises:
-        WorkbenchError: If the file is truncated, damaged or holds no vectors.
-    """
+    """Read a MATLAB file of version 7.3, see `columns_of_variables`."""
     # HDF5 raises whatever the damaged bytes lead it into, so nothing narrower is safe.
     try:
         content = _variables(path)

@@ -79,9 +79,6 @@ def read_json(path: Path, options: ReadOptions) -> Columns:
     """Read a list of entries with the same keys, one list per key, or one entry per line.
 
     The longest list inside an object counts; the object's other scalars become settings.
-
-    Raises:
-        WorkbenchError: If the file is truncated, not JSON or holds no entries.
     """
     del options
     entries, beside = _entries(_load(path))

@@ -56,11 +56,7 @@ class Elements:
             yield self.next()
 
     def next(self) -> tuple[int, memoryview]:
-        """Return type and content of the next element.
-
-        Raises:
-            ValueError: If it is cut off.
-        """
+        """Return type and content of the next element."""
         start = self.position
         if start + 8 > len(self.data):
             raise ValueError("an element is cut off")
@@ -80,11 +76,7 @@ class Elements:
         return kind, self.data[begin : begin + size]
 
     def numbers(self) -> npt.NDArray[Any]:
-        """Return the next element as numbers, shape (n,), in the units of the file.
-
-        Raises:
-            ValueError: If it holds none.
-        """
+        """Return the next element as numbers, shape (n,), in the units of the file."""
         kind, body = self.next()
         if kind not in _NUMBERS:
             raise ValueError(f"element type {kind} stands where numbers must be")
@@ -94,11 +86,7 @@ class Elements:
         return np.frombuffer(body, dtype)
 
     def text(self) -> str:
-        """Return the next element as text.
-
-        Raises:
-            ValueError: If it holds none.
-        """
+        """Return the next element as text."""
         kind, body = self.next()
         codec = {_UTF16: "utf-16", _UTF32: "utf-32", 4: "utf-16"}.get(kind, "utf-8")
         if codec != "utf-8":
@@ -208,12 +196,7 @@ def parse_mat5(content: bytes) -> dict[str, Any]:
 
 
 def read_mat_5(path: Path, options: ReadOptions) -> Columns:
-    """Read a MATLAB file of version 5, see `columns_of_variables`.
-
-    Raises:
-        WorkbenchError: If the file is truncated, damaged or holds no vectors.
-        OSError: If it cannot be opened.
-    """
+    """Read a MATLAB file of version 5, see `columns_of_variables`."""
     content = path.read_bytes()
     # A damaged size may lead anywhere, memory included, so nothing narrower is safe.
     try:

@@ -99,9 +99,6 @@ def columns_of_variables(path: Path, content: Mapping[str, Any], options: ReadOp
     The vectors as long as the time become columns (those of the most frequent length if there is
     no time), a matrix one column per short side, structs are written out as ``struct.field``,
     scalars, texts and short vectors of another length become settings.
-
-    Raises:
-        WorkbenchError: If there are no vectors.
     """
     flat: dict[str, Any] = {}
     for name, value in content.items():

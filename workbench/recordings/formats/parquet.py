@@ -15,12 +15,7 @@ from workbench.recordings.recording import Scalar
 
 
 def read_parquet(path: Path, options: ReadOptions) -> Columns:
-    """Read the columns of numbers, of instants in s from the first one, and of durations in s.
-
-    Raises:
-        WorkbenchError: If the file is damaged or holds no numbers.
-        ImportError: If pyarrow is missing.
-    """
+    """Read the columns of numbers, of instants in s from the first one, and of durations in s."""
     import pyarrow as pa
     import pyarrow.parquet
 

@@ -126,9 +126,6 @@ def _metadata(lines: Sequence[str]) -> tuple[dict[str, Scalar], dict[str, Any] |
 def detect_layout(lines: Sequence[str], *, source: str) -> Layout:
     """Recognise the layout with the most columns that holds for three rows in a row.
 
-    Raises:
-        WorkbenchError: If no rows of numbers are found.
-
     Example:
         >>> layout = detect_layout(["# rig 2", "t;u", "0,0;5,1", "0,1;5,2", "0,2;5,3"], source="f")
         >>> layout.separator, layout.decimal, layout.headers
