@@ -144,7 +144,8 @@ def test_a_killed_study_goes_on_where_it_was(tmp_path: Path) -> None:
     assert sum(r is not None for r in finished) == len(files)
     # What was finished is taken as it is; the rest would be done now.
     said: list[int] = []
-    Workers(store).records([t for t, r in zip(wanted, finished, strict=True) if r], lambda done, total, what: said.append(done))  # fmt: skip
+    done = [t for t, r in zip(wanted, finished, strict=True) if r]
+    Workers(store).records(done, lambda count, total, what: said.append(count))
     assert said == [len(files)]
     assert {p.name: p.stat().st_mtime_ns for p in out.glob("runs/*.json")} == files
 
