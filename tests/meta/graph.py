@@ -132,6 +132,11 @@ def words(source: str) -> set[str]:
     return set(re.findall(r"[A-Za-z_]\w*", source))
 
 
+def _makes_a_member(decorator: ast.Call) -> bool:
+    """Tell whether what a decorator makes of a function may be a member of a registry."""
+    return ast.unparse(decorator.func).rpartition(".")[2] not in ("lru_cache", "wraps")
+
+
 def unused_names(texts: Mapping[Path, str], modules: Mapping[Path, str]) -> Iterator[str]:
     """Yield public names of modules that no other text names.
 
@@ -158,6 +163,12 @@ def unused_names(texts: Mapping[Path, str], modules: Mapping[Path, str]) -> Iter
             for target in node.targets
             for name in ast.walk(target)
             if isinstance(name, ast.Name)
+        ]
+        own += [
+            node.name
+            for node in body.body
+            if isinstance(node, ast.FunctionDef)
+            and any(isinstance(d, ast.Call) and _makes_a_member(d) for d in node.decorator_list)
         ]
         for name in sorted(public_names(source)):
             if not where.get(name, set()) - {path} and own.count(name) == 0:
