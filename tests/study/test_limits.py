@@ -18,7 +18,7 @@ from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.study import limits
 from workbench.study.baseline import baseline_text
-from workbench.study.execution import store_of
+from workbench.study.execution import Workers, store_of
 from workbench.study.limits import Move, distances, find_limits, limit_of, no_limit
 from workbench.study.plants import PlantRecipe
 from workbench.study.result import run_study
@@ -124,8 +124,8 @@ def test_asked_for_it_is_in_results_and_summary_but_in_no_metric_or_baseline(
 def test_found_once_it_is_kept(tmp_path: Path, calls: list[tuple[float, float]]) -> None:
     study, said = asking(tmp_path), []
     for _ in range(2):
-        store = store_of(study, tmp_path / "out")
-        found = find_limits(study, store, progress=lambda *a: said.append(a))
+        workers = Workers(store_of(study, tmp_path / "out"))
+        found = find_limits(study, workers, progress=lambda *a: said.append(a))
     assert len(calls) == 1 and list(found.values()) == [Value(0.1)]
     assert said[-1] == (1, 1, "finished before")
 
@@ -136,7 +136,7 @@ def test_the_same_move_is_solved_once(tmp_path: Path, calls: list[tuple[float, f
         ("times = [0.0, 0.1]\nvalues = [25, 35]", "times = [0, 0.1, 0.6, 1.1]\n"
          "values = [25, 35, 25, 35]"),
     )  # fmt: skip
-    found = find_limits(study, store_of(study, tmp_path / "out"))
+    found = find_limits(study, Workers(store_of(study, tmp_path / "out")))
     assert len(calls) == len(found) == 2
 
 

@@ -276,7 +276,8 @@ def _still_missing(diagnosis: Diagnosis) -> tuple[str, ...]:
     before, after = diagnosis.before, diagnosis.after
     if before is None or after is None or not after.alone:
         return ()
-    share = after.alone[after.best] / before.alone[before.best]
+    missing = before.alone[before.best]
+    share = after.alone[after.best] / missing if missing > 0.0 else 0.0
     if not share > MOST_LEFT.value:
         return ()
     place = after.best.replace("_", " ")
