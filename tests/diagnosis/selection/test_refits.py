@@ -248,7 +248,7 @@ def test_shapes_that_no_refit_changes_are_tried_too(entries: dict[str, Hypothesi
 
 
 def test_what_comes_late_is_raced_on_what_shows_it() -> None:
-    n, late = 3600, 2400
+    n, late = 3600, 2750
     force = excitation(n, 4)
     seen = 1e-6 * np.round(positions(force + 30.0 * (np.arange(n) >= late), hidden=False)[0] / 1e-6)
     signals = (Signal("force", force, "N", role="command"), Signal("position", seen, "m"))

@@ -274,8 +274,8 @@ class _Totals:
         blocks = summed_over_blocks(products, sample_time)
         self.blocks.append(blocks)
         self.begins.append(np.linspace(0.0, len(errors), len(blocks), endpoint=False))
-        shown = np.einsum("kyf,kyf->kf", jacobian, jacobian)[:, self.split :]
-        self.shown.append(summed_over_blocks(shown, sample_time))
+        own = jacobian[:, :, self.split :]
+        self.shown.append(summed_over_blocks(np.einsum("kyf,kyf->kf", own, own), sample_time))
 
 
 def _scores(
