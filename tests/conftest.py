@@ -7,16 +7,18 @@ import shutil
 import tempfile
 from pathlib import Path
 
-import numpy as np
-import pytest
+# Each worker stays on one core: nested threads only compete with the other workers. NumPy counts
+# them when it is loaded.
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
 
-from tests.once import SHARED
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
+
+from tests.once import SHARED  # noqa: E402
 
 # Pictures are drawn without a display, also by the doctests and the notebooks' kernels.
 os.environ["MPLBACKEND"] = "Agg"
-# Each worker stays on one core; nested threads only compete with the other workers.
-for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_variable, "1")
 
 
 def pytest_configure(config: pytest.Config) -> None:

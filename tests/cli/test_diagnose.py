@@ -17,7 +17,9 @@ import pytest
 from tests.diagnosis.axis_case import recording
 from workbench.cli.main import INTERRUPTED, WRONG_USE, main, run
 from workbench.diagnosis import diagnose as engine
+from workbench.diagnosis.selection import search
 from workbench.diagnosis.selection.selected import Scored
+from workbench.physics.library import library
 
 
 def _write(folder: Path, seed: int, *, hidden: bool) -> Path:
@@ -41,6 +43,19 @@ def axis_options(tmp_path_factory: pytest.TempPathFactory) -> list[str]:
     ]
 
 
+@pytest.fixture
+def few_effects(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A small library: that the axis is named out of the whole one is told by another test."""
+
+    def few(*given: Any, **known: Any) -> Any:
+        laws = ("stribeck_friction", "linear_spring", "cubic_drag")
+        return [e for e in library(*given, **known) if e.law in laws]
+
+    for place in (engine, search):
+        monkeypatch.setattr(place, "library", few)
+
+
+@pytest.mark.usefixtures("few_effects")
 def test_diagnose_writes_verdict_page_and_pictures(
     axis_options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -73,6 +88,7 @@ def test_diagnose_writes_verdict_page_and_pictures(
     assert "right" in capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("few_effects")
 @pytest.mark.parametrize(("found", "end"), [(False, "Ctrl-C"), (True, "SIGTERM")])
 def test_an_interruption_keeps_what_was_found(
     request: pytest.FixtureRequest,

@@ -35,50 +35,59 @@ number = 3
 """
 
 
-@pytest.fixture
-def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Two recordings of the axis and a model of it without dry friction; few effects to try."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "my_rig.py").write_text(HIDING)
+@pytest.fixture(scope="module")
+def diagnosed_already(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with two recordings of the axis; the first of the tests leaves its stages there."""
+    folder = tmp_path_factory.mktemp("axis")
+    (folder / "my_rig.py").write_text(HIDING)
     for seed in (1, 2):
-        push = pushes(300, largest=200.0, seed=seed)
+        push = pushes(200, largest=200.0, seed=seed)
         made = made_up_recording(
-            servo_axis(), push, sample_time=0.01, name=f"axis {seed}", seed=seed
+            servo_axis(), push, sample_time=0.02, name=f"axis {seed}", seed=seed
         )
-        write_recording(made, tmp_path / f"{seed}.csv")
+        write_recording(made, folder / f"{seed}.csv")
+    return folder
 
-    def few(model: Any, *_: Any, **__: Any) -> Any:
-        return [e for e in library(model) if e.law in ("coulomb_friction", "linear_spring")]
 
-    monkeypatch.setattr(stages, "library", few)
+@pytest.fixture
+def given(diagnosed_already: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Two recordings of the axis and a model of it without dry friction; few effects to try."""
+    monkeypatch.chdir(diagnosed_already)
+
+    def few(*given: Any, **known: Any) -> Any:
+        laws = ("coulomb_friction", "linear_spring")
+        return [e for e in library(*given, **known) if e.law in laws]
+
+    for place in (stages, search):
+        monkeypatch.setattr(place, "library", few)
     plant = ["--plant", "servo-axis", "--without", "coulomb_friction", "--jobs", "1"]
-    return ["diagnose", *plant, "--fit", "1.csv", "--hold-out", "2.csv"]
+    return ["diagnose", *plant, "--fit", "1.csv", "--hold-out", "2.csv", "--out", "out"]
 
 
 def test_the_next_input_is_written_and_played(
-    given: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    given: list[str], diagnosed_already: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = ["--propose", "plan.csv", "--experiment", "my_rig:axis", "--out", "out"]
-    assert run([*given, *asked]) == 0
+    folder = diagnosed_already
+    assert run([*given, "--propose", "plan.csv", "--experiment", "my_rig:axis"]) == 0
     said = capsys.readouterr()
     assert "after the experiment: named: coulomb_friction" in said.out
     first, second = (
-        json.loads((tmp_path / "out" / where / "verdict.json").read_text())
+        json.loads((folder / "out" / where / "verdict.json").read_text())
         for where in (".", "experiment")
     )
     assert first["findings"][0]["effect"] == second["findings"][0]["effect"] == "coulomb_friction"
     # More data: a smaller interval.
     spreads = [v["findings"][0]["parameters"]["level"]["std"] for v in (first, second)]
     assert spreads[1] < spreads[0]
-    plan = (tmp_path / "plan.csv").read_text()
+    plan = (folder / "plan.csv").read_text()
     assert plan.startswith("time_s,force_N\n0,")
-    assert plan == (tmp_path / "out/experiment/plan.csv").read_text()
-    assert (tmp_path / "out/experiment/report.html").is_file()
+    assert plan == (folder / "out/experiment/plan.csv").read_text()
+    assert (folder / "out/experiment/report.html").is_file()
     # What was recorded, a part of it held out, is read again.
     names = {row["recording"] for row in second["data"]}
     assert {"experiment, first part", "experiment, last part"} <= names
-    samples = len(np.loadtxt(tmp_path / "plan.csv", delimiter=",", skiprows=1))
-    lines = (tmp_path / "out/experiment/recording.csv").read_text().splitlines()
+    samples = len(np.loadtxt(folder / "plan.csv", delimiter=",", skiprows=1))
+    lines = (folder / "out/experiment/recording.csv").read_text().splitlines()
     assert sum(not line.startswith("#") for line in lines) == samples + 1
 
 

@@ -72,7 +72,7 @@ def positions(
     return seen[:, 0], seen[:, 1]
 
 
-def recording(seed: int, *, hidden: bool, n: int = 1600) -> Recording:
+def recording(seed: int, *, hidden: bool, n: int = 700) -> Recording:
     """A recording of the axis, read in steps of 1 um as its encoder does."""
     force = excitation(n, seed)
     position = positions(force, hidden=hidden)[0]
@@ -87,7 +87,7 @@ def recording(seed: int, *, hidden: bool, n: int = 1600) -> Recording:
     )
 
 
-def observed(seed: int, *, hidden: bool, n: int = 1600) -> Observed:
+def observed(seed: int, *, hidden: bool, n: int = 700) -> Observed:
     """The same in the shape that the filter needs."""
     return observe(servo_axis(), recording(seed, hidden=hidden, n=n))
 

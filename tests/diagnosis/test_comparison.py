@@ -23,7 +23,7 @@ def test_the_smoother_finds_the_hidden_force() -> None:
     model = servo_axis().with_parameters({"mass": 100.0})
     seen = observed(1, hidden=True)
     found = unknown_input(model, seen, ["axis.force"])
-    speed = positions(excitation(1600, 1), hidden=True)[1]
+    speed = positions(excitation(len(seen.outputs), 1), hidden=True)[1]
     true = np.array([-stribeck(v) for v in speed])
     moving = found.std[:, 0] < 0.5 * true.std()
     error = (found.signal[:, 0] - true)[moving]
@@ -32,7 +32,7 @@ def test_the_smoother_finds_the_hidden_force() -> None:
     # The band holds what it should: 95 % of a normal distribution, less for the kinks at rest.
     assert np.mean(np.abs(error) < 2 * found.std[moving, 0] + 1.0) > 0.8
     # Ten steps of the encoder; the first sample starts from what is known before the measurements.
-    where = positions(excitation(1600, 1), hidden=True)[0]
+    where = positions(excitation(len(seen.outputs), 1), hidden=True)[0]
     assert np.max(np.abs(found.states[1:, 0] - where[1:])) < 1e-5
 
 

@@ -17,10 +17,11 @@ from workbench.simulation import Trajectory, simulate
 VOLTAGE = pulse_train(duration=2.8, period=2.8)
 
 
-def swing(*effects: Effect) -> Trajectory:
+def swing(*effects: Effect, seconds: float = 2.8) -> Trajectory:
     model: Model = arm(3.0).with_effect(*effects)
     start = {"angle": np.radians(10.0), "pressure_1": 3.01325e5, "pressure_2": 5.01325e5}
-    return simulate(model, VOLTAGE, sample_time=0.002, start=start, check=False)
+    voltage = VOLTAGE[: round(seconds / 0.002)]
+    return simulate(model, voltage, sample_time=0.002, start=start, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +41,12 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_wide_restrictions_vanish(case: str, nominal: Trajectory) -> None:
-    narrow, medium, wide = (apart(swing(*CASES[case](c)), nominal) for c in (2e-9, 2e-8, 4e-7))
+def test_wide_restrictions_vanish(case: str) -> None:
+    # The first swing tells; the narrow time constants of a wide restriction take long to simulate.
+    free = swing(seconds=0.8)
+    narrow, medium, wide = (
+        apart(swing(*CASES[case](c), seconds=0.8), free) for c in (2e-9, 2e-8, 4e-7)
+    )
     assert narrow > medium > wide
     assert narrow > 1.0
     # What is left is the gas that even an open cubic centimetre holds.
