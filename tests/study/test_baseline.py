@@ -95,14 +95,14 @@ def test_every_gating_metric_states_a_tolerance() -> None:
 def test_a_baseline_reads_back(tmp_path: Path) -> None:
     records = [record(rmse=1 / 3, settling_time=math.nan, solve_time_p99=1.0),
                Record("mpc", "nominal", "step", 1, "diverged")]  # fmt: skip
-    path = write_baseline(tmp_path / "b.json", "s", records)
+    path = write_baseline(tmp_path / "b.json", "s", records, {})
     found = read_baseline(path)
     assert found.study == "s" and len(found.records) == 2
     back = found.records[("pid", "nominal", "step", 1)]
     assert back.metrics is not None and "solve_time_p99" not in back.metrics
     assert back.metrics["rmse"].value == pytest.approx(1 / 3, rel=1e-8)
     assert math.isnan(back.metrics["settling_time"].value)
-    assert baseline_text("s", reversed(records)) == path.read_text(encoding="utf-8")
+    assert baseline_text("s", reversed(records), {}) == path.read_text(encoding="utf-8")
     assert "seconds" not in json.loads(path.read_text(encoding="utf-8"))["runs"][0]
 
 
@@ -111,8 +111,9 @@ def test_a_baseline_reads_back(tmp_path: Path) -> None:
     [
         ("{", "no JSON"),
         ("[]", "it must be a table"),
-        ('{"schema": 9, "runs": []}', "schema 9"),
-        ('{"schema": 1, "runs": [{"controller": "pid"}]}', "has no 'variation'"),
+        ('{"schema": 9, "runs": [], "conditions": {}}', "schema 9"),
+        ('{"schema": 2, "runs": []}', "has no 'conditions'"),
+        ('{"schema": 2, "runs": [{"controller": "pid"}], "conditions": {}}', "has no 'variation'"),
     ],
 )
 def test_a_bad_baseline(text: str, word: str, tmp_path: Path) -> None:

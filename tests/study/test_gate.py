@@ -176,13 +176,6 @@ def test_changed_conditions_are_accepted_like_any_other_change(gate: Gate, tmp_p
     assert accepted.passed and not accepted.condition_changes
 
 
-def test_a_baseline_of_the_first_form_says_what_it_cannot_see(gate: Gate) -> None:
-    outcome = gate.compared(("limit = 0.6", "limit = 0.7"))
-    assert outcome.baseline is not None
-    old = replace(outcome, baseline=replace(outcome.baseline, conditions=None))
-    assert old.passed and "so weaker ones are not seen" in summary(old)
-
-
 def test_names_are_no_markdown_no_html_and_no_mention(gate: Gate) -> None:
     name = "*s* | <img src=x> [a](b) @team #7 $x^{$ `c`"
     outcome = gate.compared(("[scenarios.sine", f'[scenarios."{name}"'),

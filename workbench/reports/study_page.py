@@ -25,7 +25,7 @@ from workbench.study.grouped import changes_by_plant, missed_by_plant
 from workbench.study.judgements import Judgement
 from workbench.study.result import StudyResult, installed_version
 from workbench.study.study import Case, Demand, Variation
-from workbench.study.summary import OLD_BASELINE, parameter_text, score_text
+from workbench.study.summary import parameter_text, score_text
 from workbench.study.tasks import Record
 from workbench.verification import Metrics
 from workbench.verification.metrics import columns
@@ -201,8 +201,6 @@ def _baseline(outcome: StudyResult) -> Section:
 
 
 def _conditions(outcome: StudyResult) -> list[Block]:
-    if outcome.baseline is not None and outcome.baseline.conditions is None:
-        return [Words(OLD_BASELINE.replace("`", "'"), "note")]
     if not outcome.condition_changes:
         return []
     found = sorted(outcome.condition_changes, key=lambda c: not c.fails)

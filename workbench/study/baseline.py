@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -30,7 +30,7 @@ from workbench.verification import Metric, MetricValue, Tolerance
 from workbench.verification.metrics import metric_of
 
 BASELINE_SCHEMA = 2
-"""Version of a baseline; the first one had runs alone, without conditions."""
+"""Version of a baseline."""
 
 KIND = "workbench baseline"
 RESULTS_KIND = "workbench results"
@@ -99,8 +99,7 @@ class Baseline:
     """Stored runs.
 
     Args:
-        conditions: What was required, and under which conditions; None in a baseline of the first
-            schema.
+        conditions: What was required, and under which conditions; none of runs alone.
         box: What the parameter box did to each controller, as `BOX` has it; empty if it was not
             kept.
     """
@@ -108,7 +107,7 @@ class Baseline:
     records: Mapping[Key, Record]
     study: str
     path: Path
-    conditions: Mapping[str, Any] | None = None
+    conditions: Mapping[str, Any] = field(default_factory=dict)
     box: Sequence[Mapping[str, Any]] = ()
 
 
@@ -119,16 +118,16 @@ def read_baseline(path: str | Path) -> Baseline:
     table = read_json(place, "baseline", _BASELINE, fix=fix)
     if table.get("kind", KIND) == RESULTS_KIND:
         table["schema"] = BASELINE_SCHEMA
-    if table["schema"] not in (1, BASELINE_SCHEMA):
+    if table["schema"] != BASELINE_SCHEMA:
         raise WorkbenchError(
             f"baseline {str(place)!r} has schema {table['schema']!r}; this version reads"
-            f" {BASELINE_SCHEMA} and before; {fix}"
+            f" {BASELINE_SCHEMA}; {fix}"
         )
     return Baseline(
         records_of(table["runs"], f"baseline {str(place)!r}"),
         table.get("study", ""),
         place,
-        table.get("conditions"),
+        table["conditions"],
         table.get("box", table.get("robustness", ())),
     )
 
@@ -211,11 +210,10 @@ BOX = listed(
 """Shape of what a parameter box did, in a file."""
 
 _BASELINE = TableShape(
-    {"schema": whole, "runs": listed(RECORD)},
+    {"schema": whole, "runs": listed(RECORD), "conditions": CONDITIONS},
     {
         "study": text,
         "kind": one_of(KIND, RESULTS_KIND),
-        "conditions": CONDITIONS,
         "box": BOX,
         "robustness": BOX,
     },
@@ -225,53 +223,54 @@ _BASELINE = TableShape(
 def baseline_text(
     study: str,
     records: Iterable[Record],
-    conditions: Mapping[str, Any] | None = None,
+    conditions: Mapping[str, Any],
     box: Sequence[Mapping[str, Any]] = (),
 ) -> str:
     """Return a baseline as JSON that changes only where numbers do.
 
-    One run per entry, sorted, numbers to 9 digits, nothing that differs from machine to machine.
+    A line per metric, runs sorted, numbers to 9 digits, nothing that differs from machine to
+    machine.
     """
-    rows = []
+    runs = []
     for record in sorted(records, key=lambda r: r.key):
         table = record.table()
-        metrics = {}
-        for name, metric in table.pop("metrics").items():
-            if name.startswith("solve_time"):
-                continue
-            if metric["value"] is not None:
-                metric["value"] = float(f"{metric['value']:.9g}")
-            metrics[name] = {key: word for key, word in metric.items() if word != ""}
         del table["seconds"], table["steps"]
-        head = json.dumps(table, ensure_ascii=False)[:-1]
-        body = ",\n".join(
-            f"    {json.dumps(name)}: {json.dumps(metric, ensure_ascii=False)}"
-            for name, metric in metrics.items()
-        )
-        rows.append(
-            f'  {head}, "metrics": {{\n{body}\n  }}}}' if body else f'  {head}, "metrics": {{}}}}'
-        )
-    top = json.dumps({"kind": KIND, "schema": BASELINE_SCHEMA, "study": study}, ensure_ascii=False)
-    if conditions is not None:
-        parts = []
-        for part, entries in conditions.items():
-            own = ",\n".join(
-                f"    {json.dumps(name, ensure_ascii=False)}: {json.dumps(e, ensure_ascii=False)}"
-                for name, e in entries.items()
-            )
-            parts.append(f'   "{part}": {{\n{own}}}' if own else f'   "{part}": {{}}')
-        top = f'{top[:-1]}, "conditions": {{\n' + ",\n".join(parts) + "}}"
+        table["metrics"] = {
+            name: {key: _nine_digits(word) for key, word in metric.items() if word != ""}
+            for name, metric in table.pop("metrics").items()
+            if not name.startswith("solve_time")
+        }
+        runs.append(table)
+    kept = {"kind": KIND, "schema": BASELINE_SCHEMA, "study": study, "conditions": conditions}
     if box:
-        own = ",\n".join(f"  {json.dumps(_box_row(row), ensure_ascii=False)}" for row in box)
-        top = f'{top[:-1]}, "box": [\n{own}]}}'
-    return f'{top[:-1]}, "runs": [' + ",\n".join(["", *rows])[1:] + "\n]}\n"
+        kept["box"] = [_box_row(row) for row in box]
+    return _in_lines(kept | {"runs": runs}, 4) + "\n"
+
+
+def _in_lines(value: Any, depth: int) -> str:
+    """Return JSON with a line per entry of the outer levels, whose innermost stay on one."""
+    inside = value.values() if isinstance(value, Mapping) else value
+    if (
+        not depth
+        or not isinstance(value, Mapping | list)
+        or not any(isinstance(one, Mapping | list) for one in inside)
+    ):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, list):
+        return "[\n" + ",\n".join(_in_lines(one, depth - 1) for one in value) + "\n]"
+    entries = (f"{json.dumps(key)}: {_in_lines(one, depth - 1)}" for key, one in value.items())
+    return "{\n" + ",\n".join(entries) + "\n}"
+
+
+def _nine_digits(value: Any) -> Any:
+    return float(f"{value:.9g}") if isinstance(value, float) else value
 
 
 def _box_row(row: Mapping[str, Any]) -> dict[str, Any]:
     kept = ("requirement", "hard", "met", "draws")
     return {
         "controller": row["controller"],
-        "worst_score": float(f"{row['worst_score']:.9g}"),
+        "worst_score": _nine_digits(row["worst_score"]),
         "requirements": [{key: own[key] for key in kept} for own in row["requirements"]],
     }
 
@@ -280,7 +279,7 @@ def write_baseline(
     path: str | Path,
     study: str,
     records: Iterable[Record],
-    conditions: Mapping[str, Any] | None = None,
+    conditions: Mapping[str, Any],
     box: Sequence[Mapping[str, Any]] = (),
 ) -> Path:
     """Write a baseline."""

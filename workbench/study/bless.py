@@ -24,9 +24,13 @@ from workbench.verification import Tolerance
 from workbench.verification.metrics import tolerance_of
 
 _RESULTS = TableShape(
-    {"kind": one_of(RESULTS_KIND), "study": text, "runs": listed(RECORD)},
     {
+        "kind": one_of(RESULTS_KIND),
+        "study": text,
+        "runs": listed(RECORD),
         "conditions": CONDITIONS,
+    },
+    {
         "tolerances": named(TOLERANCE),
         "robustness": BOX,
         "requirements": listed(TableShape({"hard": flag, "met": flag})),
@@ -57,8 +61,8 @@ def bless(folder: str | Path, baseline: str | Path) -> str:
     box = table.get("robustness", ())
     found = (*changes(rules, records, before), *box_changes(box, before))
     failed = [r for r in records if r.failed]
-    kept = table.get("conditions")
-    other = condition_changes(before.conditions, kept) if kept and before.conditions else ()
+    kept = table["conditions"]
+    other = condition_changes(before.conditions, kept) if before.conditions else ()
     write_baseline(place, study, records, kept, box)
     lines = []
     if not before.records:

@@ -95,8 +95,9 @@ class StudyResult(Drawn):
     @property
     def condition_changes(self) -> tuple[ConditionChange, ...]:
         """What differs from the conditions that the baseline keeps."""
-        kept = self.baseline.conditions if self.baseline is not None else None
-        return () if kept is None else condition_changes(kept, conditions(self.study))
+        if self.baseline is None:
+            return ()
+        return condition_changes(self.baseline.conditions, conditions(self.study))
 
     @property
     def weakened(self) -> tuple[ConditionChange, ...]:

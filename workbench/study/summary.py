@@ -23,13 +23,6 @@ from workbench.work.counted import in_words
 MOST = 20
 """Entries of a list that are written out; a pull request is read, not searched."""
 
-
-OLD_BASELINE = (
-    "The baseline keeps no requirements, scenarios and plants, so weaker ones are not seen; "
-    "`workbench bless` writes them."
-)
-
-
 NO_BOX = (
     "The baseline keeps no results of the parameter box, so fewer plants that meet a requirement "
     "are not seen; `workbench bless` writes them."
@@ -54,9 +47,7 @@ def summary(outcome: StudyResult) -> str:
     lines += _list("Failed runs", len(outcome.failed), failures(outcome))
     weaker = [f"{_BOLD}{c}{_BOLD}" for c in outcome.weakened]
     lines += _list("Changed conditions, which must be accepted", len(weaker), weaker)
-    if outcome.baseline is not None and outcome.baseline.conditions is None:
-        lines += [OLD_BASELINE, ""]
-    elif outcome.baseline is not None and outcome.robustness and not outcome.baseline.box:
+    if outcome.baseline is not None and outcome.robustness and not outcome.baseline.box:
         lines += [NO_BOX, ""]
     if outcome.baseline is not None:
         rest = [c for c in outcome.changes if not c.fails and c.way != "better"]
