@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from workbench.errors import WorkbenchError
+from workbench.errors import WorkbenchError, check_choice
 
 Place = tuple[str | int, ...]
 Shape = Callable[[Any, Place], Any]
@@ -134,6 +134,17 @@ def one_of(*words: Any) -> Shape:
     return _accepting(lambda value: not isinstance(value, (list, dict)) and value in words, fits)
 
 
+def within(low: float, high: float, shape: Shape = number) -> Shape:
+    """Return a shape that accepts numbers from one to another, in the unit of the entry."""
+
+    def check(value: Any, place: Place) -> Any:
+        if not low <= shape(value, place) <= high:
+            raise _wrong(value, place, f"from {low:g} to {high:g}")
+        return value
+
+    return check
+
+
 def optional(shape: Shape) -> Shape:
     """Return a shape that accepts null too."""
     return lambda value, place: None if value is None else shape(value, place)
@@ -171,20 +182,17 @@ listed, named = ListShape, NamedShape
 
 @dataclass(frozen=True)
 class TableShape:
-    """A table whose entries are known; others pass unread, for a later version may add some.
+    """A table whose entries are known.
 
     Args:
         needed: Shapes of entries that must be there.
         usual: Shapes of entries that may be left out.
+        others: Whether other entries pass unread, for a later version may add some.
     """
 
     needed: Mapping[str, Shape]
     usual: Mapping[str, Shape] = field(default_factory=dict)
-
-    @property
-    def entries(self) -> dict[str, Shape]:
-        """Shapes of all entries by name."""
-        return {**self.needed, **self.usual}
+    others: bool = True
 
     def __call__(self, value: Any, place: Place) -> Any:
         """Accept a table that has every needed entry."""
@@ -193,8 +201,13 @@ class TableShape:
         lacking: Sequence[str] = [name for name in self.needed if name not in value]
         if lacking:
             raise ShapeError(place, f"has no {lacking[0]!r}")
-        found = dict(value)
-        for name, shape in self.entries.items():
-            if name in value:
-                found[name] = shape(value[name], (*place, name))
-        return found
+        shapes = {**self.needed, **self.usual}
+        for name in () if self.others else value:
+            try:
+                check_choice("key", name, shapes)
+            except WorkbenchError as error:
+                raise ShapeError(place, f"has an unknown {error}") from None
+        return {
+            name: shapes[name](item, (*place, name)) if name in shapes else item
+            for name, item in value.items()
+        }

@@ -34,6 +34,7 @@ import numpy as np
 
 from workbench.checked_json import (
     Place,
+    Shape,
     TableShape,
     anything,
     flag,
@@ -45,6 +46,7 @@ from workbench.checked_json import (
     size,
     text,
     whole,
+    within,
 )
 from workbench.data_folder import shipped_cases, shipped_data, shipped_folder
 from workbench.display import Rows, Shown
@@ -65,41 +67,45 @@ ROLES = ("identify_open", "identify_closed", "validate_open", "validate_closed")
 USES = ("fit", "hold_out", "in_loop")
 
 
+def _text_or(shape: Shape) -> Shape:
+    """Return a shape that accepts text too."""
+    return lambda value, place: value if isinstance(value, str) else shape(value, place)
+
+
 def _value(value: Any, place: Place) -> Any:
     return value if isinstance(value, (str, bool)) else number(value, place)
 
 
-def _files_of(value: Any, place: Place) -> Any:
-    return value if isinstance(value, str) else listed(text)(value, place)
-
-
-def _mapping_of(value: Any, place: Place) -> Any:
-    return value if isinstance(value, str) else named(anything)(value, place)
-
-
+_DERIVATIVE = TableShape(
+    {"of": text},
+    {"samples": within(3, 1e4, whole), "order": within(1, 1e4, whole)},
+    others=False,
+)
 _RECORDING = TableShape(
-    {"files": _files_of},
+    {"files": _text_or(listed(text))},
     {
         "use": one_of(*USES),
         "name": text,
         "plant": text,
-        "mapping": _mapping_of,
+        "mapping": _text_or(named(anything)),
         "rows": listed(whole, length=2),
         "resample_Hz": number,
-        "derivatives": named(TableShape({"of": text}, {"samples": whole, "order": whole})),
+        "derivatives": named(_DERIVATIVE),
         "constants": named(_value),
         "centred": listed(text),
     },
+    others=False,
 )
 _REFIT = TableShape(
     {},
     {
-        "stages": listed(number),
-        "starts": whole,
-        "start_samples": whole,
+        "stages": listed(within(1e-9, 1e9)),
+        "starts": within(1, 100, whole),
+        "start_samples": within(0, 1e6, whole),
         "noise": named(size),
         "noise_is_model_error": flag,
     },
+    others=False,
 )
 _CASE = TableShape(
     {},
@@ -116,9 +122,13 @@ _CASE = TableShape(
         "published": named(number),
         "published_from": text,
         "notes": listed(text),
+        "sample_rate_Hz": within(0.1, 1e6),
     },
 )
 """Shape of ``case.toml``; options of the plant may stand at its top too."""
+
+_ABOUT = ("title", "plant", "data", "published_from")
+"""What is no setting of the machine."""
 
 
 @dataclass(frozen=True)
@@ -326,12 +336,10 @@ def read_case(
     flat = {
         k: v
         for k, v in settings.items()
-        if isinstance(v, (str, int, float, bool)) and k not in _CASE.usual
+        if isinstance(v, (str, int, float, bool)) and k not in _ABOUT
     }
-    plant = PLANTS.get(str(settings.get("plant", DEFAULT_PLANT)), folder=path)
+    plant = PLANTS.get(settings.get("plant", DEFAULT_PLANT), folder=path)
     options = _options(path.name, plant, flat, settings.get("options", {}))
-    if "sample_rate_Hz" in flat:
-        check_range(f"sample_rate_Hz of case {path.name}", flat["sample_rate_Hz"], 0.1, 1e6, "Hz")  # type: ignore[arg-type]
     own = path / "mapping.toml"
     if mapping is None and own.is_file():
         mapping = own
@@ -340,7 +348,7 @@ def read_case(
         given = entry.get("mapping", mapping_beside(file) or mapping)
         if isinstance(given, str):
             given = path / given
-        name = str(entry.get("name", entry["file_name"]))
+        name = entry.get("name", entry["file_name"])
         full = name if "recordings" in settings else f"{path.name}/{name}"
         recording = read_recording(
             file, mapping=given, signals=signals, max_rows=max_rows, name=full
@@ -354,9 +362,9 @@ def read_case(
                 f"case {path.name} has two recordings {name!r}; give one of them another name"
             )
         recordings[name] = replace(recording, metadata={**recording.metadata, **flat})
-        uses[name] = str(entry["use"])
+        uses[name] = entry["use"]
         if "plant" in entry:
-            loops[name] = PLANTS.get(str(entry["plant"]), folder=path)
+            loops[name] = PLANTS.get(entry["plant"], folder=path)
     if "recordings" not in settings:
         standard = [r for r in ROLES if r in recordings]
         notes = [f"{r} is missing" for r in ROLES if r not in recordings] if standard else []
@@ -373,13 +381,13 @@ def read_case(
         plant,
         options,
         tuple(notes),
-        str(settings.get("title", "")),
+        settings.get("title", ""),
         {**changes, "folder": path},
         loops,
-        _refit_settings(path.name, plant, settings.get("refit", {})),
-        {k: float(v) for k, v in settings.get("published", {}).items()},
-        str(settings.get("published_from", "")),
-        tuple(str(note) for note in settings.get("notes", ())),
+        _refit_settings(plant, settings.get("refit", {})),
+        settings.get("published", {}),
+        settings.get("published_from", ""),
+        tuple(settings.get("notes", ())),
     )
 
 
@@ -403,17 +411,12 @@ def _entries(
             use = "fit" if role.startswith("identify") else "hold_out"
             yield path, {"file_name": role, "use": use}
         return
-    for count, entry in enumerate(settings["recordings"], 1):
-        what = f"[[recordings]] {count} of case {folder.name}"
-        for key in entry:
-            check_choice(f"key of {what}", key, _RECORDING.entries)
-        use = entry.get("use", "fit")
-        files = entry["files"]
-        for file in [str(files)] if isinstance(files, str) else [str(name) for name in files]:
-            public = "data" in settings
+    public = "data" in settings
+    for entry in settings["recordings"]:
+        for file in [entry["files"]] if isinstance(entry["files"], str) else entry["files"]:
             yield (
                 public_file(f"{settings['data']}/{file}", data=data) if public else folder / file,
-                {**entry, "use": use, "file_name": Path(file).name.split(".", 1)[0]},
+                {"use": "fit", **entry, "file_name": Path(file).name.split(".", 1)[0]},
             )
 
 
@@ -431,13 +434,12 @@ def _filled(name: str, recording: Recording) -> str:
 def _prepared(recording: Recording, entry: Mapping[str, Any], what: str) -> Recording:
     """Do what a case asks for with a recording: resample, differentiate, add, centre."""
     if "rows" in entry:
-        first, last = entry["rows"]
-        recording = recording.take(slice(int(first), int(last)))
+        recording = recording.take(slice(*entry["rows"]))
     if "resample_Hz" in entry:
-        recording = resample(recording, rate_Hz=float(entry["resample_Hz"]))
-    for name, rule in dict(entry.get("derivatives", {})).items():
-        recording = recording.with_signal(_derivative(recording, name, rule, what))
-    for name, value in dict(entry.get("constants", {})).items():
+        recording = resample(recording, rate_Hz=entry["resample_Hz"])
+    for name, rule in entry.get("derivatives", {}).items():
+        recording = recording.with_signal(_derivative(recording, name, **rule))
+    for name, value in entry.get("constants", {}).items():
         if isinstance(value, str) and value not in recording.metadata:
             raise WorkbenchError(
                 f"{what} takes {name} from {value!r}, which it does not say; it says:"
@@ -455,44 +457,23 @@ def _prepared(recording: Recording, entry: Mapping[str, Any], what: str) -> Reco
     return recording
 
 
-def _derivative(recording: Recording, name: str, rule: Mapping[str, Any], what: str) -> Signal:
+def _derivative(
+    recording: Recording, name: str, of: str, samples: int = 11, order: int = 2
+) -> Signal:
     """Differentiate a signal by polynomials over a few samples (Savitzky and Golay 1964)."""
     from scipy.signal import savgol_filter
 
-    for key in rule:
-        check_choice(f"key of the derivative {name} of {what}", key, ("of", "samples", "order"))
-    source = recording.signal(str(rule.get("of", "")))
-    samples = round(
-        check_range(f"samples of the derivative {name}", rule.get("samples", 11), 3, 1e4)
-    )
-    order = round(
-        check_range(f"order of the derivative {name}", rule.get("order", 2), 1, samples - 1)
-    )
+    source = recording.signal(of)
+    check_range(f"order of the derivative {name}", order, 1, samples - 1)
     step = float(np.median(np.diff(recording.time)))
     rate = savgol_filter(source.values, samples | 1, order, deriv=1, delta=step)
     return Signal(name, np.asarray(rate), f"{source.unit}/s", role="command")
 
 
-def _refit_settings(case: str, plant: Plant, table: Mapping[str, Any]) -> RefitSettings:
-    for key in table:
-        check_choice(f"key of [refit] of case {case}", key, _REFIT.usual)
-    return RefitSettings(
-        tuple(
-            check_range(f"stage of case {case}", scale, 1e-9, 1e9)
-            for scale in table.get("stages", ())
-        ),
-        round(check_range(f"starts of case {case}", table.get("starts", 1), 1, 100)),
-        round(
-            check_range(
-                f"start_samples of case {case}",
-                table.get("start_samples", plant.start_samples),
-                0,
-                1e6,
-            )
-        ),
-        noise_of(plant.model(), table.get("noise", {})) if table.get("noise") else {},
-        bool(table.get("noise_is_model_error", False)),
-    )
+def _refit_settings(plant: Plant, table: Mapping[str, Any]) -> RefitSettings:
+    noise = noise_of(plant.model(), table["noise"]) if table.get("noise") else {}
+    given = {"start_samples": plant.start_samples, **table, "noise": noise}
+    return RefitSettings(**given | {"stages": tuple(table.get("stages", ()))})
 
 
 def noise_of(model: Model, given: Mapping[str, Any]) -> dict[str, float]:
