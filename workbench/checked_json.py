@@ -206,7 +206,7 @@ class TableShape:
             try:
                 check_choice("key", name, shapes)
             except WorkbenchError as error:
-                raise ShapeError(place, f"has an unknown {error}") from None
+                raise ShapeError(place, f"has the {error}".replace(" is ", " ", 1)) from None
         return {
             name: shapes[name](item, (*place, name)) if name in shapes else item
             for name, item in value.items()

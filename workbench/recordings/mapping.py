@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from workbench.checked_json import read_toml
-from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.checked_json import (
+    Place,
+    Shape,
+    ShapeError,
+    TableShape,
+    listed,
+    named,
+    number,
+    one_of,
+    read_toml,
+    text,
+    whole,
+    within,
+)
+from workbench.errors import WorkbenchError
 from workbench.model.units import parse_unit
 from workbench.recordings.recording import Role
 
@@ -35,26 +48,6 @@ class ColumnRule:
     offset: float = 0.0
     role: Role | str = ""
     reference: str = ""
-
-    def __post_init__(self) -> None:
-        """Check every entry, naming the signal."""
-        where = f"of signal {self.signal!r} in the mapping"
-        for key in ("column", "unit"):
-            if not isinstance(getattr(self, key), str):
-                raise WorkbenchError(f"{key} {where} is {getattr(self, key)!r}; write a text")
-        if not self.column:
-            raise WorkbenchError(f"the mapping names no column for signal {self.signal!r}")
-        parse_unit(self.unit)
-        for key in ("sign", "factor", "offset"):
-            check_range(f"{key} {where}", getattr(self, key), -1e12, 1e12)
-        if float(self.sign) not in (1.0, -1.0):
-            raise WorkbenchError(f"sign {where} is {self.sign!r}; it must be 1 or -1")
-        if float(self.factor) == 0.0:
-            raise WorkbenchError(f"factor {where} is 0; it must not be")
-        if self.role:
-            check_choice(f"role {where}", self.role, ("command", "reference", "measurement"))
-        if self.reference:
-            check_choice(f"reference {where}", self.reference, ("gauge", "absolute"))
 
 
 @dataclass(frozen=True)
@@ -85,66 +78,87 @@ class MappingRules:
     folder: Path | None = None
 
 
-def _units(given: object, path: str) -> dict[str, tuple[float, str]]:
-    """Read units of a file's own, such as ``tick = "0.0015 rad"``."""
-    if not isinstance(given, Mapping):
-        raise WorkbenchError(f'units of {path} must be a table: [units] tick = "0.0015 rad"')
-    found = {}
-    for name, text in given.items():
-        size, _, unit = str(text).partition(" ")
-        try:
-            factor = float(size)
-        except ValueError:
-            factor = 0.0
-        if not factor or not unit.strip():
-            raise WorkbenchError(
-                f"unit {name!r} of {path} is {text!r}; write a number and a known unit, such as"
-                ' "0.0015 rad"'
-            )
-        parse_unit(unit.strip())
-        found[str(name)] = (factor, unit.strip())
-    return found
+def _own_unit(value: Any, place: Place) -> tuple[float, str]:
+    """Read a unit of a file's own, such as ``"0.0015 rad"``."""
+    size, _, unit = str(value).partition(" ")
+    try:
+        factor = float(size)
+    except ValueError:
+        factor = 0.0
+    if not factor or not unit.strip():
+        raise ShapeError(
+            place, f'is {value!r}; write a number and a known unit, such as "0.0015 rad"'
+        )
+    parse_unit(unit.strip())
+    return factor, unit.strip()
+
+
+def _ends(item: Shape) -> Shape:
+    """Return a shape of two increasing numbers."""
+
+    def check(value: Any, place: Place) -> tuple[Any, Any]:
+        first, last = listed(item, length=2)(value, place)
+        if not first < last:
+            raise ShapeError(place, f"is {value!r}; write first and last, the first smaller")
+        return first, last
+
+    return check
+
+
+def _setting(value: Any, place: Place) -> Any:
+    return value if isinstance(value, (str, bool)) else number(value, place)
+
+
+_COLUMN = TableShape(
+    {},
+    {
+        "column": text,
+        "unit": text,
+        "sign": one_of(1, -1),
+        "factor": within(-1e12, 1e12),
+        "offset": within(-1e12, 1e12),
+        "role": one_of("command", "reference", "measurement"),
+        "reference": one_of("gauge", "absolute"),
+    },
+    others=False,
+)
+
+
+def _column(value: Any, place: Place) -> Any:
+    return {"column": value} if isinstance(value, str) else _COLUMN(value, place)
+
+
+_MAPPING = TableShape(
+    {},
+    {
+        "signals": named(_column),
+        "time": _column,
+        "columns": listed(text),
+        "sample_time_s": within(1e-9, 1e6),
+        "metadata": named(_setting),
+        "format": text,
+        "rows": _ends(within(0, 1e12, whole)),
+        "times_s": _ends(number),
+        "units": named(_own_unit),
+    },
+    others=False,
+)
+"""Shape of a mapping file."""
 
 
 def _rule(
-    signal: str, entry: object, path: str, units: Mapping[str, tuple[float, str]]
+    signal: str, entry: Mapping[str, Any], units: Mapping[str, tuple[float, str]]
 ) -> ColumnRule:
-    if isinstance(entry, str):
-        return ColumnRule(signal, entry)
-    if not isinstance(entry, Mapping):
-        raise WorkbenchError(
-            f"signal {signal!r} in {path} is {entry!r}; write a column name or a table with column,"
-            " unit, sign, offset"
-        )
-    known = [f.name for f in fields(ColumnRule) if f.name != "signal"]
-    for key in entry:
-        check_choice(f"key of signal {signal!r} in {path}", str(key), known)
     values = {"column": signal, **entry}
-    unit = values.get("unit")
-    if isinstance(unit, str) and unit in units:
-        size, values["unit"] = units[unit]
-        for key, usual in (("factor", 1.0), ("offset", 0.0)):
-            what = f"{key} of signal {signal!r} in {path}"
-            values[key] = size * check_range(what, values.get(key, usual), -1e12, 1e12)
+    if not values["column"]:
+        raise WorkbenchError(f"the mapping names no column for signal {signal!r}")
+    if values.get("factor", 1.0) == 0.0:
+        raise WorkbenchError(f"factor of signal {signal!r} in the mapping is 0; it must not be")
+    size, values["unit"] = units.get(values.get("unit", ""), (1.0, values.get("unit", "")))
+    parse_unit(values["unit"])
+    for key, usual in (("factor", 1.0), ("offset", 0.0)):
+        values[key] = size * values.get(key, usual)
     return ColumnRule(signal, **values)
-
-
-def _range(content: Mapping[str, Any], key: str, path: str) -> tuple[float, float] | None:
-    """Return two increasing numbers of a mapping file."""
-    value = content.get(key)
-    if value is None:
-        return None
-    if (
-        not isinstance(value, Sequence)
-        or isinstance(value, str)
-        or len(value) != 2
-        or any(isinstance(v, bool) or not isinstance(v, (int, float)) for v in value)
-        or not value[0] < value[1]
-    ):
-        raise WorkbenchError(
-            f"{key} of {path} is {value!r}; write first and last, the first smaller: {key} = [0, 5]"
-        )
-    return value[0], value[1]
 
 
 def rules_from(
@@ -154,56 +168,26 @@ def rules_from(
 
     ``{"angle": "q1"}`` is short for ``{"signals": {"angle": {"column": "q1"}}}``.
     """
-    known = tuple(f.name for f in fields(MappingRules) if f.name != "folder")
-    if (
-        content
-        and not set(content) & set(known)
-        and all(
-            isinstance(v, str) or (isinstance(v, Mapping) and "column" in v)
-            for v in content.values()
-        )
+    if not set(content) & set(_MAPPING.usual) and all(
+        isinstance(v, str) or (isinstance(v, Mapping) and "column" in v) for v in content.values()
     ):
         content = {"signals": content}
-    for key in content:
-        check_choice(f"key of {path}", str(key), known)
-    signals = content.get("signals", {})
-    columns = content.get("columns", ())
-    metadata = content.get("metadata", {})
-    if not isinstance(signals, Mapping) or not isinstance(metadata, Mapping):
-        raise WorkbenchError(f"signals and metadata of {path} must be tables, such as [signals]")
-    if (
-        isinstance(columns, str)
-        or not isinstance(columns, Sequence)
-        or not all(isinstance(c, str) for c in columns)
-    ):
-        raise WorkbenchError(f"columns of {path} is {columns!r}; write a list of names")
-    time = content.get("time")
-    if isinstance(time, Mapping) and "column" not in time:
+    try:
+        given = _MAPPING(content, ())
+    except ShapeError as error:
+        raise WorkbenchError(f"{path}: {error}") from None
+    units, time = given.get("units", {}), given.get("time")
+    if time is not None and "column" not in time:
         raise WorkbenchError(f'[time] of {path} names no column; write column = "..."')
-    step = content.get("sample_time_s")
-    if step is not None:
-        step = check_range(f"sample_time_s of {path}", step, 1e-9, 1e6, "s")
-    bad = [k for k, v in metadata.items() if not isinstance(v, (str, int, float, bool))]
-    if bad:
-        raise WorkbenchError(f"metadata {bad[0]!r} of {path} must be a text or a number")
-    units = _units(content.get("units", {}), path)
-    rows = _range(content, "rows", path)
-    if rows is not None and (rows[0] < 0 or any(int(r) != r for r in rows)):
-        raise WorkbenchError(f"rows of {path} is {list(rows)}; write whole numbers from 0 on")
-    format_ = content.get("format", "")
-    if not isinstance(format_, str):
-        raise WorkbenchError(f"format of {path} is {format_!r}; write its name")
+    rules = {name: _rule(name, entry, units) for name, entry in given.get("signals", {}).items()}
     return MappingRules(
-        tuple(_rule(str(name), entry, path, units) for name, entry in signals.items()),
-        None if time is None else _rule("time", time, path, units),
-        tuple(columns),
-        step,
-        dict(metadata),
-        format_,
-        None if rows is None else (int(rows[0]), int(rows[1])),
-        _range(content, "times_s", path),
-        units,
-        folder,
+        **given
+        | {
+            "signals": tuple(rules.values()),
+            "time": None if time is None else _rule("time", time, units),
+            "columns": tuple(given.get("columns", ())),
+            "folder": folder,
+        }
     )
 
 
