@@ -26,7 +26,7 @@ from workbench.diagnosis.selection.search import Task, likely, score, search
 from workbench.diagnosis.selection.selected import Scored, Selected
 from workbench.diagnosis.stage_files import StageFiles, fingerprint
 from workbench.diagnosis.stages import Diagnosis, Fitted, Located, Prepared, Validated
-from workbench.diagnosis.undeclared import with_undeclared
+from workbench.diagnosis.undeclared import as_coarse_as_recorded, with_undeclared
 from workbench.diagnosis.verdict import Verdict
 from workbench.display import notebook_progress
 from workbench.errors import NumericalError, WorkbenchError
@@ -121,7 +121,8 @@ def stages(
         )
     say = progress or notebook_progress()
     model, notes = with_undeclared(model, (*fit_on, *hold_out))
-    for note in notes:
+    model, coarse = as_coarse_as_recorded(model, (*fit_on, *hold_out))
+    for note in (*notes, *(row["note"] for row in coarse)):
         say(note)
     known = tuple(priors if priors is not None else default_priors(model))
     recorded = tuple(q.name for q in model.outputs if q.name in fit_on[0])
@@ -142,6 +143,7 @@ def stages(
 
     say("checking the recordings")
     prepared = files.reached(Prepared, lambda: prepare(model, fit_on, hold_out, known))
+    prepared = replace(prepared, data=(*prepared.data, *coarse))
     found = Diagnosis(model, prepared, **files.spent)
     if prepared.unfit:
         yield replace(found, verdict=conclude(found))

@@ -12,10 +12,43 @@ from workbench.diagnosis.estimation.observe import observe
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
+from workbench.model.units import from_si
 from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.checks.quantisation import quantum
 from workbench.recordings.recording import Recording
 from workbench.simulation import simulate
+
+
+_COARSE = 2.0
+"""Multiple of the declared noise and resolution beyond which a recorded step counts."""
+
+
+def as_coarse_as_recorded(
+    model: Model, recordings: Sequence[Recording]
+) -> tuple[Model, tuple[dict[str, str], ...]]:
+    """Take the steps of measurements that are coarser than the plant declares, and say so.
+
+    Rounding to steps of q is an error of q / sqrt(12) rms (W. R. Bennett 1948), which no law of the
+    process explains.
+
+    Returns:
+        The model, and a row for each such measurement, as those of the checks of recordings.
+    """
+    outputs, rows = [], []
+    for q in model.outputs:
+        steps = {r.name: quantum(r[q.name]) for r in recordings if q.name in r}
+        name = max(steps, key=lambda recording: steps[recording], default="")
+        if not name or steps[name] <= _COARSE * np.hypot(q.resolution, np.sqrt(12) * q.noise_rms):
+            outputs.append(q)
+            continue
+        outputs.append(replace(q, resolution=steps[name]))
+        shown = [from_si(step, q.display_unit) for step in (steps[name], q.resolution)]
+        note = (
+            f"{q.name} has steps of {shown[0]:.3g} {q.display_unit}, where its sensor declares"
+            f" {shown[1]:.3g}; they count as its noise"
+        )
+        rows.append({"recording": name, "check": "resolution", "result": "corrected", "note": note})
+    return replace(model, outputs=tuple(outputs)), tuple(rows)
 
 
 def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Model, tuple[str, ...]]:

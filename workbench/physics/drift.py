@@ -44,7 +44,7 @@ def _warming(typical: Callable[[Place], float]) -> Callable[[Place], tuple[Own, 
         return (
             size("amount", at.unit, s, 5.0 * s, "final drift", signed=True),
             shape("time_constant", "s", at.duration or 60.0, "time constant of warming up",
-                  around=(0.05, 100.0), source="", fitted=False),
+                  around=(0.05, 100.0)),
         )  # fmt: skip
 
     return parameters
@@ -97,8 +97,8 @@ def when(at: Place) -> tuple[Own, ...]:
     Of a sharp jump at the wrong time nothing says in which direction the right time lies.
     """
     return (
-        shape("time", "s", _times(at)[0], "time of the jump", around=None, between=(0.0, 1e6),
-              scale=0.1 * at.duration),
+        shape("time", "s", _times(at)[0], "time of the jump", around=None,
+              between=(0.0, at.duration or 1e6), scale=0.1 * at.duration),
         shape("width", "s", _WIDTH * (at.duration or _TIMES[0]), "half-width of the jump",
               around=(2e-3, 5.0), source="", fitted=False),
     )  # fmt: skip

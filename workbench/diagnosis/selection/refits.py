@@ -134,7 +134,7 @@ def refit_candidates(
     first = _first_refits(base, field, given, fit_on, _HEADS[1], _NEAR, begun, jobs)
     # Only the leaders are followed down the ladder: a hypothesis that cannot compete with the
     # equations as imperfect as they were does not overtake with more trust in them.
-    leaders = _leaders(first)
+    leaders = _leaders(first, field.index(chosen[0]) if field else 0)
     if progress and leaders:
         progress("comparing " + " and ".join(field[i].entry.name for i in leaders))
     before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
@@ -315,12 +315,15 @@ def _runs_closer(candidate: Candidate, without: RunErrors) -> bool:
     return candidate.run.closer_than(without, by=by)
 
 
-def _leaders(first: Sequence[Candidate]) -> list[int]:
+def _leaders(first: Sequence[Candidate], best: int) -> list[int]:
     """Choose which hypotheses to follow, by their gain in the first refit.
 
     A lag or delay of a sensor reproduces many a slow or springy part of the process, and does so at
     several sensors: of each such law one is followed, and two at the most. The best score is
     followed whatever its first refit gained.
+
+    Args:
+        best: Place of the best score.
     """
     order = sorted(range(len(first)), key=lambda i: -first[i].gain)
     worthy = [i for i in order if first[i].fit is not None and first[i].gain > LEAST_SCORE]
@@ -334,8 +337,8 @@ def _leaders(first: Sequence[Candidate]) -> list[int]:
             laws.add(entry.law)
         if len(leaders) < _FINALISTS:
             leaders.append(i)
-    if 0 in worthy and 0 not in leaders:
-        leaders[-1] = 0
+    if first and first[best].fit is not None and best not in leaders:
+        leaders[_FINALISTS - 1 :] = [best]
     return leaders
 
 
@@ -425,7 +428,13 @@ def _refitted(
             usual = {**start, **known}
             starts = way.starts or _starts(score, usual, shapes=way.shapes)
             begin = _best_start(
-                model, started, (*priors, *own), starts, entry, ladder[0], found=bool(way.starts)
+                model,
+                started[score.clearest],
+                (*priors, *own),
+                starts,
+                entry,
+                ladder[0],
+                found=bool(way.starts),
             )
         fit = fit_with_process_noise(
             model,
@@ -555,7 +564,7 @@ def _starts(score: Score, start: Mapping[str, float], *, shapes: bool) -> list[d
 
 def _best_start(
     model: Model,
-    fit_on: Sequence[Observed],
+    observed: Observed,
     priors: Sequence[Prior],
     starts: Sequence[dict[str, float]],
     entry: Hypothesis,
@@ -563,22 +572,22 @@ def _best_start(
     *,
     found: bool,
 ) -> dict[str, float]:
-    """Return the start under which the first recording is most likely.
+    """Return the start under which a recording, the one that shows the effect, is most likely.
 
     From the best of the given starts the size goes on in steps as long as that gains, unless it was
     found by an earlier refit.
     """
     filter_ = PredictionError(
         model,
-        fit_on[0].sample_time,
-        fit_on[0].used,
+        observed.sample_time,
+        observed.used,
         tuple(p.name for p in priors),
         disturbances(model, noise_scale),
     )
 
     def cost(start: Mapping[str, float]) -> float:
         try:
-            return filter_.run(fit_on[0], model.with_parameters(start).values).cost
+            return filter_.run(observed, model.with_parameters(start).values).cost
         except NumericalError:
             return math.inf
 
@@ -630,7 +639,7 @@ def _tuned(entry: Hypothesis, fit: ProcessNoiseFit, fit_on: Sequence[Observed]) 
     def cost(name: str, value: float) -> float:
         try:
             values = model.with_parameters({f"{entry.name}.{name}": value}).values
-            return filter_.run(fit_on[0], values).cost
+            return sum(part.cost for part in filter_.along(fit_on, values))
         except NumericalError:
             return math.inf
 

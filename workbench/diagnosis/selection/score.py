@@ -27,9 +27,10 @@ from workbench.physics.library import Hypothesis
 Vector = npt.NDArray[np.float64]
 
 COLLINEAR = 0.99
-"""Collinearity above which an effect cannot be told from other parameter values."""
+"""Collinearity above which an effect is told from other parameter values only if it is clear."""
 
 _SIGMA = 4.0
+"""Multiple of the standard deviation of its size from which an effect is clear."""
 
 _DUE = 0.1
 """Part of what an effect does to the predictions after which it counts as seen."""
@@ -52,6 +53,7 @@ class Score:
             by short name.
         due: Samples of each recording that hold a tenth of what it does to the predictions, a
             number: of what happens at a time nothing is to be seen before.
+        clearest: Number of the recording that shows most of it, from 0.
     """
 
     entry: Hypothesis
@@ -63,6 +65,7 @@ class Score:
     smallest: float
     shape: Mapping[str, float] = field(default_factory=dict)
     due: int = 0
+    clearest: int = 0
 
     @property
     def late(self) -> int:
@@ -71,9 +74,12 @@ class Score:
 
     @property
     def testable(self) -> bool:
-        """Whether these data can show the effect at all."""
+        """Whether these data can show the effect at all.
+
+        What parameters reproduce but for a hundredth may still be seen by that hundredth.
+        """
         seen = abs(self.sigma) > 2.0 or self.smallest < self.entry.largest_size
-        return self.collinearity < COLLINEAR and seen
+        return seen and (self.collinearity < COLLINEAR or abs(self.sigma) > _SIGMA)
 
 
 @dataclass(frozen=True)
@@ -307,6 +313,7 @@ def _scores(
         best.setdefault(variants[i].entry.name, int(i))
     order = list(best.values())
     due = _due(np.concatenate(totals.shown), np.concatenate(totals.begins))
+    clearest = np.argmax([blocks.sum(axis=0) for blocks in totals.shown], axis=0)
     units = scale[n:]
     scores = tuple(
         Score(
@@ -319,6 +326,7 @@ def _scores(
             float(_SIGMA * deviation[i] * units[i]),
             dict(variants[i].shape),
             round(float(due[i])),
+            int(clearest[i]),
         )
         for i in order
     )

@@ -8,13 +8,8 @@ from workbench.physics.library import Hypothesis
 LEAST_SCORE = 8.0
 """Expected gain of log likelihood below which an effect is not refitted."""
 
-_PLAIN = 500.0
-"""Expected gain beyond which even an effect that is nearly reproduced is refitted."""
-
 _LEADERS = 2
 """How many of the best scores are refitted even if stiff."""
-
-_SIGMA = 3.0
 
 
 def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
@@ -25,7 +20,7 @@ def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
     Args:
         most: How many at the most.
     """
-    worthy = [s for s in scores.scores if s.gain > LEAST_SCORE and (s.testable or _plain(s))]
+    worthy = [s for s in scores.scores if s.gain > LEAST_SCORE and s.testable]
     if not worthy:
         return ()
     chosen = [worthy[0]]
@@ -43,11 +38,6 @@ def shortlist(scores: Scores, *, most: int) -> tuple[Score, ...]:
         if score not in chosen and not slow and len(chosen) < most:
             chosen.append(score)
     return tuple(chosen)
-
-
-def _plain(score: Score) -> bool:
-    """Whether an effect shows although parameters within their priors reproduce most of it."""
-    return abs(score.sigma) > _SIGMA and score.gain > _PLAIN
 
 
 def where(entry: Hypothesis) -> tuple[str, ...]:

@@ -18,10 +18,10 @@ SINGLE = (
     "leak_muscle_1", "leak_muscle_2", "leak_between", "supply_droop", "line", "silencers",
     "isothermal", "polytropic", "pressure_lag", "pressure_offset", "pressure_gain", "angle_delay",
     "wrong_load", "angle_offset", "angle_gain", "angle_clipping", "angle_lag", "angle_jump",
-    "angle_coarse", "pressure_clipping", "pressure_drift", "pressure_jump", "edge_blocked",
+    "pressure_clipping", "pressure_drift", "pressure_jump", "edge_blocked",
     "viscous_asymmetry", "local_friction", "cubic_spring", "hysteresis_one", "load_jump",
     "force_fade", "coulomb_drift", "coulomb_jump", "torque_jump", "valve_jump", "supply_jump",
-    "leak_jump", "leak_crack", "angle_play",
+    "leak_jump", "leak_crack", "angle_play", "end_pads",
 )  # fmt: skip
 """Effects of the rig that the library has, by other laws in part."""
 
@@ -51,7 +51,7 @@ TRIPLES = (
 
 OUTSIDE = (
     "torque_noise", "pressure_torque", "supply_drift",
-    "coulomb_asymmetry", "end_pads", "hum", "supply_ripple", "valve_stiction", "command_hold",
+    "coulomb_asymmetry", "hum", "supply_ripple", "valve_stiction", "command_hold",
     "angle_eccentricity", "pressure_cross",
 )  # fmt: skip
 """Effects that the library does not have."""
@@ -66,6 +66,7 @@ NOISES = {
     COLOURED: {"pressure_noise_time": 0.02},
     "bursts of noise": {"pressure_burst": 6e3},
     "repeated samples": {"angle_dropout": 0.01},
+    "coarse encoder": {"angle_step": 0.35},
 }
 """What the sensors may do beside white noise: parameters of the rig, in SI."""
 

@@ -93,7 +93,6 @@ EFFECTS: dict[str, Effect] = {
     "angle_clipping": Effect("angle sensor", "end of range", {"angle_limit": 42.0}),
     "angle_lag": Effect("angle sensor", "slow sensor", {"angle_lag": 0.03}),
     "angle_jump": Effect("angle sensor", "slips once", {"onset": 7.0, "onset_angle_offset": 1.0}),
-    "angle_coarse": Effect("angle sensor", "ten bits", {"angle_step": 0.35}),
     "pressure_clipping": Effect(
         "pressure sensors", "end of range of sensor 1", {"pressure_limit": 3.6e5}
     ),
