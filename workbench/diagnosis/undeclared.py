@@ -18,7 +18,6 @@ from workbench.recordings.checks.quantisation import quantum
 from workbench.recordings.recording import Recording
 from workbench.simulation import simulate
 
-
 _COARSE = 2.0
 """Multiple of the declared noise and resolution beyond which a recorded step counts."""
 
