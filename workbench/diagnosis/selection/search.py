@@ -282,7 +282,9 @@ def _to_refit(task: Task, scores: Scores, most: int) -> tuple[tuple[Score, ...],
     room = _room(task, most)
     rest = [s for s in scores.scores if s not in chosen]
     here = [s for s in rest if any(groups.get(port) in located for port in s.entry.ports)]
-    taken = _within(here, room)
+    # A law whose derivative at size zero tells nothing is tried wherever it may be.
+    far = [s for s in here if s.entry.far]
+    taken = [*far, *_within([s for s in here if s not in far], room)]
     elsewhere = [s for s in rest if s not in here]
     # A small plant has room for the whole library, wherever the mismatch was located.
     later = tuple(elsewhere) if _within(rest, room) == rest else ()

@@ -122,7 +122,7 @@ loose_load = Law(
         "angle": _torque(e).signals.angle,
         "speed": _torque(e).signals.speed,
     },
-    shapes=lambda at: [{"frequency": f} for f in (40.0, 20.0, 10.0, 100.0)],
+    shapes=lambda at: [{"frequency": f} for f in (40.0, 20.0, 10.0, 100.0, 28.0, 14.0)],
     whole=True,
     far=True,
     source="two-mass oscillator",
