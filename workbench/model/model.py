@@ -124,6 +124,8 @@ class Model(Shown):
         Raises:
             WorkbenchError: If a port does not exist or an effect of the name is attached already.
         """
+        if not effects:
+            return self
         effects = tuple(e.settle(e, self) if e.settle else e for e in effects)
         ports = [port.name for port in self.ports]
         taken = [effect.name for effect in self.effects]
@@ -153,6 +155,8 @@ class Model(Shown):
 
     def without(self, *names: str) -> Model:
         """Return a model with effects, their states and their parameters taken away."""
+        if not names:
+            return self
         for name in names:
             check_choice("effect", name, [e.name for e in self.effects])
         gone = tuple(f"{name}." for name in names)

@@ -13,7 +13,7 @@ import sys
 import sysconfig
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -134,7 +134,7 @@ def digest(path: str) -> str:
         return ""
 
 
-@lru_cache(maxsize=1)
+@cache
 def _distributions() -> Mapping[str, list[str]]:
     return packages_distributions()
 
@@ -146,6 +146,7 @@ def versions(modules: tuple[str, ...]) -> dict[str, str]:
     return {name: installed(name) for name in sorted(names)}
 
 
+@cache
 def installed(package: str) -> str:
     """Return the installed version of a package; empty if it is not installed."""
     try:

@@ -41,7 +41,6 @@ class Store:
         self.base = str((base or Path.cwd()).resolve())
         self.touched: set[str] = set()
         self._now: dict[str, str] = {}
-        self._versions: dict[str, str] = {}
 
     def key(self, task: Any) -> str:
         """Return the name under which a task's result is kept.
@@ -77,12 +76,7 @@ class Store:
                 self._now[path] = digest(path)
             if self._now[path] != known:
                 return False
-        for name, known in inputs["packages"].items():
-            if name not in self._versions:
-                self._versions[name] = installed(name)
-            if self._versions[name] != known:
-                return False
-        return True
+        return all(installed(name) == known for name, known in inputs["packages"].items())
 
     def put(
         self, key: str, table: dict[str, Any], read: Seen | None = None, work: Work | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Literal
 
 from workbench.model import Effect, Model, Output, Scope
@@ -187,6 +188,21 @@ def arm(
         (VALVE_CURVE, valve_curve),
     ):
         option.check(word)
+    return _built(load, plane, supply, variant, force_law, valve_curve, silencers, line_volumes)
+
+
+@lru_cache(maxsize=16)
+def _built(
+    load: float,
+    plane: Plane,
+    supply: float,
+    variant: Variant,
+    force_law: ForceLawName,
+    valve_curve: str,
+    silencers: bool,
+    line_volumes: bool,
+) -> Model:
+    """Build the arm of checked options; its equations are written down once per process."""
     printed = variant == "as_printed"
     law = PaperLaw.variant(variant) if force_law == "paper" else FORCE_LAWS[force_law]
     laws, law_effects = muscle_laws(
