@@ -256,12 +256,12 @@ def trace(model: Written, form: Form) -> Trace:
         if effect.start is not None:
             starts |= {f"{effect.name}.{k}": v for k, v in effect.start(view).items()}
     start = ca.vcat([starts.get(n, s) for n, s in symbols["state"].items()] or [ca.SX(0, 1)])
-    signals = ca.vcat([ca.SX(v) for v in scope.values.values()] or [ca.SX(0, 1)])
+    signals = ca.vcat([_symbolic(v) for v in scope.values.values()] or [ca.SX(0, 1)])
     perturbed_rates = _stack(model, "rate of state", rates, model.states)
     perturbed_outputs = _stack(model, "measurement of output", outputs, model.outputs)
     perturbation = _vector(perturbations)
     sources = {**scope.values, **symbols["parameter"], **known}
-    own_signals = [ca.vcat([ca.SX(v) for v in local[q.name].values()]) for q in scope.ports]
+    own_signals = [ca.vcat([_symbolic(v) for v in local[q.name].values()]) for q in scope.ports]
     still = ca.substitute(
         [perturbed_rates, perturbed_outputs, start, signals, *own_signals],
         [perturbation],
@@ -294,6 +294,10 @@ def trace(model: Written, form: Form) -> Trace:
     )
 
 
+def _symbolic(value: Expression) -> ca.SX:
+    return value if isinstance(value, ca.SX) else ca.SX(value)
+
+
 def _symbols(quantities: Sequence[Quantity]) -> dict[str, ca.SX]:
     return {q.name: ca.SX.sym(q.name) for q in quantities}
 
@@ -315,7 +319,7 @@ def _default_rates(model: Written, scope: Scope, rates: Named, sizes: Mapping[st
     own = {q.name: q for q in model.states}
 
     def defined(rate: Expression) -> bool:
-        return any(ca.is_equal(ca.SX(rate), x, 2) for x in states)
+        return any(ca.is_equal(_symbolic(rate), x, 2) for x in states)
 
     return {
         name: rate
@@ -335,7 +339,7 @@ def _default_measurements(
 
     def sensed(name: str, value: Expression) -> bool:
         return f"{name}.reading" in scope.values or any(
-            ca.is_equal(ca.SX(value), ca.SX(scope.values[port]), 2) for port in sensors
+            ca.is_equal(_symbolic(value), _symbolic(scope.values[port]), 2) for port in sensors
         )
 
     return {
@@ -353,7 +357,7 @@ def _origins(values: Mapping[str, Expression]) -> Callable[[Expression], str]:
     # What is written down twice has two nodes, but the same operation.
     alike: dict[int, list[tuple[str, ca.SX]]] = {}
     for name, value in values.items():
-        expression = ca.SX(value)
+        expression = _symbolic(value)
         if expression.is_constant():
             continue
         nodes.setdefault(expression.element_hash(), name)
@@ -361,7 +365,7 @@ def _origins(values: Mapping[str, Expression]) -> Callable[[Expression], str]:
             alike.setdefault(expression.op(), []).append((name, expression))
 
     def named(signal: Expression) -> str:
-        own = ca.SX(signal)
+        own = _symbolic(signal)
         if own.is_constant():
             return ""
         found = [nodes[own.element_hash()]] if own.element_hash() in nodes else []
@@ -397,4 +401,4 @@ def _stack(
             f"the equations of model {model.name!r} return {problem}; they must return one for each"
             f" of: {', '.join(names)}"
         )
-    return ca.vcat([ca.SX(given[n]) for n in names]) if names else ca.SX(0, 1)
+    return ca.vcat([_symbolic(given[n]) for n in names]) if names else ca.SX(0, 1)
