@@ -4,7 +4,7 @@ The prediction is the regularised form of a plant's model, not its linearisation
 depends on the pressures, the volumes that change, the moment arms. At each sample an extended
 Kalman filter corrects states x and disturbances w on the rates of some states; with as many of them
 as sensors the estimate at rest agrees with every measurement, so that nothing is left over (no
-offset). Then
+offset). It estimates parameters too that nobody measures, such as the supply. Then
 
     sum_j q (y_j - r_j)^2 + v (dy/dt_j - dr/dt_j)^2 + S (u_j - u_{j-1})^2 + softness (eps + eps^2)
     subject to   x_{j+1} = F(x_j, u_j, w),   j = 0 .. N - 1,   x_0 = the estimate
@@ -34,6 +34,7 @@ Control, 2017, chapters 1.5 (offset-free), 4.2 (extended Kalman filter) and 8.7 
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -66,6 +67,12 @@ from workbench.model import Model
 
 _UNIT_PRESSURE = 1e5
 
+FORGETTING = 10.0
+"""Time over which an unknown parameter may change as far as it is off at the start, in s."""
+
+START_RATE = 0.3
+"""How far a disturbed rate is off at the start, relative to its random walk over one second."""
+
 
 @dataclass(frozen=True)
 class NonlinearMPCSpecification:
@@ -87,6 +94,8 @@ class NonlinearMPCSpecification:
         disturbances: Other states whose rates are disturbed, each with its random walk over one
             second, in the state's SI unit per second. With the torque as many as sensors: no
             offset.
+        unknown: Parameters of the model that are estimated, each with how far it is off, rms in its
+            SI unit.
         sensor_noise: Noise rms of angle (rad) and pressures (Pa).
         state_noise: Random walk of every state over one second, as a fraction of its scale.
         reference_speed: Speed omega_r of the reference's lags, in rad/s; not used with preview or
@@ -109,6 +118,7 @@ class NonlinearMPCSpecification:
     disturbances: Mapping[str, float] = field(
         default_factory=lambda: {"pressure_1": 1e7, "pressure_2": 1e7}
     )
+    unknown: Mapping[str, float] = field(default_factory=lambda: {"supply_pressure": 1e5})
     sensor_noise: tuple[float, ...] = (2e-5, 600.0, 600.0)
     state_noise: float = 0.1
     reference_speed: float = 40.0
@@ -230,8 +240,8 @@ class NonlinearMPC(ValveController):
 
         Returns:
             Voltage in V, next state, and ``opening`` (fraction), ``status``, ``iterations``,
-            ``solve_time`` (s), ``slack`` (Pa) and ``fallback`` (1 where the plan of the sample
-            before was followed).
+            ``solve_time`` (s), ``slack`` (Pa), ``fallback`` (1 where the plan of the sample before
+            was followed) and each unknown parameter as it is estimated (SI).
         """
         began = time.perf_counter()
         want = self.specification
@@ -261,6 +271,7 @@ class NonlinearMPC(ValveController):
             "solve_time": time.perf_counter() - began,
             "slack": step.slack,
             "fallback": 0.0 if step.solved else 1.0,
+            **self.observer.parameters(estimate),
         }
         memory = NonlinearMPCState(
             following,
@@ -420,22 +431,28 @@ def design_nonlinear_mpc(
             " sensors; give as many disturbances as sensors, so that no offset is left"
         )
     sensors = SENSORS
-    disturbed = tuple(walk)
-    softened = _with_soft_stops(model)
-    ahead = dynamics(straightened(softened, "opening"), disturbed, resting=resting)
-    behind = dynamics(model, disturbed)
+    disturbed, unknown = tuple(walk), tuple(want.unknown)
+    softened = straightened(_with_soft_stops(model), "opening")
+    ahead = dynamics(softened, disturbed, unknown=unknown, resting=resting)
+    behind = dynamics(model, disturbed, unknown=unknown)
     stage = discrete(ahead, want.stage_time, want.steps, "nmpc_stage")
     ambient = {q.name: q.value for q in model.parameters}.get("ambient_pressure", 0.0)
     low, high = want.pressure_limits
     start = model.initial_state() if rest is None else np.asarray(rest, dtype=float)
     walk["speed"] = want.torque_walk / model.signals(start, model.nominal_input)["joint.inertia"]
-    walks = [size / behind.scale[behind.names.index(name)] for name, size in walk.items()]
+    walks = np.array([*walk.values(), *want.unknown.values()]) / behind.unit
+    rates, unsure = walks[: len(walk)], walks[len(walk) :]
+    parameters = tuple(model.parameter(name) for name in unknown)
     observer = ExtendedKalmanFilter(
         rates=behind,
         sample=Called(build(discrete(behind, want.sample_time, 2, "nmpc_observer"))),
         read=Called(build(measurements(model, sensors))),
         rest=start / behind.scale,
-        walk=np.concatenate([np.full(len(names), want.state_noise), walks]),
+        walk=np.concatenate(
+            [np.full(len(names), want.state_noise), rates, unsure / math.sqrt(FORGETTING)]
+        ),
+        spread=np.concatenate([START_RATE * rates, unsure]),
+        unknown=parameters,
         noise=np.array(want.sensor_noise),
         sample_time=want.sample_time,
     )

@@ -1,13 +1,18 @@
 """An extended Kalman filter for the states of a nonlinear model and constant disturbances.
 
-The states x of a model are joined by disturbances w on the rates of some of them, dw/dt = 0. With
-z = (x, w), counted in scales, its derivatives F and C at the estimate, measurements y with noise of
-covariance R and random walks of covariance Q per second:
+The states x of a model are joined by disturbances w on the rates of some of them and by what some
+of its parameters are off, dw/dt = 0. A rate is missed alike everywhere; a lower supply fills less
+the fuller a chamber is, which a prediction must know that plans with it. With z = (x, w), counted
+in scales, its derivatives F and C at the estimate, measurements y with noise of covariance R and
+random walks of covariance Q per second:
 
     K = P C' (C P C' + R)^-1,    z = z + K (y - g(x)),    P = P - K C P          (correction)
     z = f(z, u),                 P = F P F' + Q h                                 (prediction)
 
-With as many disturbances as sensors the estimate at rest agrees with every measurement.
+With as many disturbed rates as sensors the estimate at rest agrees with every measurement. A
+parameter shows in motion: what a sample hardly tells of it the small errors of the model outweigh,
+however many samples there are, so that it is then taken for independent of the rest. It stays
+within its bounds, and is never taken for less known than at the start.
 
 Source: Rawlings, Mayne and Diehl, Model Predictive Control, 2017, section 4.2; Pannocchia and
 Rawlings, AIChE Journal 49, 2003 (disturbance models).
@@ -15,15 +20,20 @@ Rawlings, AIChE Journal 49, 2003 (disturbance models).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from controllers.nonlinear_mpc.prediction import Called, Dynamics
 from workbench.arrays import Matrix
+from workbench.model import Parameter
 
 START_SPREAD = 0.01
 """Standard deviation of the states at the start, as a fraction of their scales."""
+
+SHOWN = 6.0
+"""Change of a measurement within a sample from which a parameter shows, relative to the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +45,8 @@ class ExtendedKalmanFilter:
         read: Measurements in SI, (x, u) -> measurements and their derivatives by x.
         rest: States about which it starts, shape (n,), scaled.
         walk: Random walk of states and disturbances over one second, shape (n + n_w,), scaled.
+        spread: How far each disturbance is off at the start, rms, shape (n_w,), scaled.
+        unknown: Parameters that the last disturbances belong to.
         noise: Noise rms of the measurements, shape (n_sensors,), in SI.
         sample_time: Time between samples, in s.
     """
@@ -44,6 +56,8 @@ class ExtendedKalmanFilter:
     read: Called
     rest: Matrix
     walk: Matrix
+    spread: Matrix
+    unknown: tuple[Parameter, ...]
     noise: Matrix
     sample_time: float
 
@@ -54,7 +68,7 @@ class ExtendedKalmanFilter:
         """
         y, by_x = self.read(self.rest, [u])
         x = self.rest + np.linalg.pinv(by_x) @ (np.array(measurement) - y.ravel())
-        spread = np.where(np.arange(len(self.walk)) < len(x), START_SPREAD, 0.3 * self.walk)
+        spread = np.concatenate([np.full(len(x), START_SPREAD), self.spread])
         return np.concatenate([x, np.zeros(self.rates.disturbances)]), np.diag(spread**2)
 
     def correct(
@@ -73,7 +87,18 @@ class ExtendedKalmanFilter:
         shared = covariance @ C.T
         gain = np.linalg.solve(C @ shared + np.eye(len(residual)), shared.T).T
         corrected = covariance - gain @ shared.T
-        return estimate + gain @ residual, 0.5 * (corrected + corrected.T)
+        found = estimate + gain @ residual
+        for i, q in enumerate(self.unknown, len(found) - len(self.unknown)):
+            off = min(max(found[i], (q.lower - q.value) / q.scale), (q.upper - q.value) / q.scale)
+            found[i] = off
+        return found, 0.5 * (corrected + corrected.T)
+
+    def parameters(self, estimate: Matrix) -> Mapping[str, float]:
+        """Return the unknown parameters of an estimate by name, in SI."""
+        off = estimate[len(estimate) - len(self.unknown) :]
+        return {
+            q.name: q.value + q.scale * float(w) for q, w in zip(self.unknown, off, strict=True)
+        }
 
     def predict(self, estimate: Matrix, covariance: Matrix, u: float) -> tuple[Matrix, Matrix]:
         """Predict estimate and covariance, scaled, a sample later under an input in SI."""
@@ -83,4 +108,12 @@ class ExtendedKalmanFilter:
         F[:n, :n], F[:n, n:] = by_x, by_w
         P = F @ covariance @ F.T
         P[np.diag_indices_from(P)] += self.walk**2 * self.sample_time
+        _, by_x = self.read(x.ravel(), [u])
+        for i in range(len(P) - len(self.unknown), len(P)):
+            spread = float(self.spread[i - n])
+            variance = min(float(P[i, i]), spread**2)
+            shows = np.max(np.abs(by_x @ by_w[:, i - n]) / self.noise) * spread >= SHOWN
+            shared = (variance / P[i, i]) ** 0.5 if shows else 0.0
+            P[i], P[:, i] = shared * P[i], shared * P[:, i]
+            P[i, i] = variance
         return np.concatenate([x.ravel(), estimate[n:]]), P

@@ -1,9 +1,9 @@
 """The functions that a nonlinear MPC evaluates: one stage of its prediction, one of its observer.
 
-Both integrate dx/dt = f(x, u) + E w with the classical Runge-Kutta method in a fixed number of
-steps, together with its derivatives (the variational equations of the same method, so that they are
-those of the discrete map and not of another one). A stage is built once and mapped over the
-horizon: the code stays small however long the horizon is.
+Both integrate dx/dt = f(x, u, theta + w_theta) + E w_x with the classical Runge-Kutta method in a
+fixed number of steps, together with its derivatives (the variational equations of the same method,
+so that they are those of the discrete map and not of another one). A stage is built once and mapped
+over the horizon: the code stays small however long the horizon is.
 
 States are counted in their scales, z = x / scale. States that settle at once, such as a spool much
 faster than a stage, are left out of the prediction: with rates linear in them they are replaced by
@@ -70,22 +70,33 @@ class Dynamics:
     Args:
         function: (z, u, w) -> (dz/dt, its derivatives by z, by u and by w).
         scale: Scales of the states, shape (n,), in SI.
-        disturbances: Number of disturbances w.
+        unit: What 1 of each disturbance w is, shape (n_w,), in SI: of a state's rate or of a
+            parameter.
     """
 
     function: ca.Function
     names: tuple[str, ...]
     scale: Matrix
-    disturbances: int
+    unit: Matrix
+
+    @property
+    def disturbances(self) -> int:
+        """Number of disturbances w."""
+        return len(self.unit)
 
 
 def dynamics(
-    model: Model, disturbed: tuple[str, ...], *, resting: tuple[str, ...] = ()
+    model: Model,
+    disturbed: tuple[str, ...],
+    *,
+    unknown: tuple[str, ...] = (),
+    resting: tuple[str, ...] = (),
 ) -> Dynamics:
     """Write down the regularised rates of a model with its parameters put in.
 
     Args:
         disturbed: Names of the states whose rates are disturbed; w is in scales per second.
+        unknown: Names of parameters that differ from their values by w, in scales, the last of w.
         resting: Names of states that are replaced by the value at which they rest.
 
     Raises:
@@ -97,11 +108,18 @@ def dynamics(
     for name in (*disturbed, *resting):
         check_choice("state of the prediction model", name, names)
     size = np.array([q.scale for q in model.states])
-    z = ca.SX.sym("z", len(names))
+    parameters = [q.name for q in model.parameters]
+    for name in unknown:
+        check_choice("unknown parameter of the prediction model", name, parameters)
+    off = [parameters.index(name) for name in unknown]
+    unit = np.array([model.parameters[i].scale for i in off])
+    z, w = ca.SX.sym("z", len(names)), ca.SX.sym("w", len(disturbed) + len(unknown))
+    values = ca.SX(ca.DM(model.values))
+    values[off] += unit * w[len(disturbed) :]
     rates = ca.substitute(
         traced.rates / size,
         ca.vertcat(traced.x, traced.p),
-        ca.vertcat(z * size, ca.DM(model.values)),
+        ca.vertcat(z * size, values),
     )
     fast = [names.index(name) for name in resting]
     slow = [i for i in range(len(names)) if i not in fast]
@@ -113,14 +131,14 @@ def dynamics(
     for i, name in enumerate(disturbed):
         check_choice("disturbed state", name, kept)
         E[kept.index(name), i] = 1.0
-    w = ca.SX.sym("w", len(disturbed))
-    rates = rates + ca.DM(E) @ w
+    rates = rates + ca.DM(E) @ w[: len(disturbed)]
     outputs = [
         rates,
         *(ca.densify(ca.jacobian(rates, by)) for by in (z[slow], traced.u, w)),
     ]
     function = ca.Function("dynamics", [z[slow], traced.u, w], ca.cse(outputs))
-    return Dynamics(function, kept, size[slow], len(disturbed))
+    rows = size[[names.index(name) for name in disturbed]]
+    return Dynamics(function, kept, size[slow], np.concatenate([rows, unit]))
 
 
 def _solved(rates: ca.SX, states: ca.SX) -> ca.SX:

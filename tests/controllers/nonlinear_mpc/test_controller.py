@@ -34,7 +34,7 @@ def mpc(plant: Model) -> NonlinearMPC:
 def problem(mpc: NonlinearMPC, plant: Model) -> tuple[np.ndarray, np.ndarray]:
     point = operating_point(plant, {"angle": math.radians(20)})
     start = mpc.predicted(point.x / mpc.observer.rates.scale)
-    return start, np.array([2.0, 0.5, -0.5])
+    return start, np.array([2.0, 0.5, -0.5, 0.05])
 
 
 def test_a_stage_is_the_plant_over_its_duration(mpc: NonlinearMPC, plant: Model) -> None:
@@ -47,20 +47,25 @@ def test_a_stage_is_the_plant_over_its_duration(mpc: NonlinearMPC, plant: Model)
     stepper = Stepper(proportional, 0.02, tolerance=1e-10, form=REGULARISED)
     there = stepper.step(x, [6.5])
     z = mpc.predicted(x / mpc.observer.rates.scale)
-    end = np.asarray(mpc.stage(z, 6.5, np.zeros(3))[0]).ravel() * mpc.prediction.scale
+    end = np.asarray(mpc.stage(z, 6.5, np.zeros(4))[0]).ravel() * mpc.prediction.scale
     expected = np.array([there[names.index(name)] for name in mpc.prediction.names])
     # Runge-Kutta of fourth order in steps of 5 ms
     np.testing.assert_allclose(end / expected, 1.0, atol=2e-4)
 
 
 def test_derivatives_are_those_of_the_discrete_map(plant: Model) -> None:
-    rates = dynamics(straightened(plant, "opening"), DISTURBED, resting=("spool", "spool_speed"))
+    rates = dynamics(
+        straightened(plant, "opening"),
+        DISTURBED,
+        unknown=("supply_pressure",),
+        resting=("spool", "spool_speed"),
+    )
     stage = discrete(rates, 0.02, 2, "stage")
     x = plant.initial_state()
     names = [q.name for q in plant.states]
     z = np.array([x[names.index(name)] for name in rates.names]) / rates.scale
     z[rates.names.index("speed")] = 0.7
-    at = [z, np.array([5.8]), np.array([1.0, 0.3, -0.2])]
+    at = [z, np.array([5.8]), np.array([1.0, 0.3, -0.2, -0.1])]
     results = [np.asarray(r) for r in stage(*at)]
     step = 1e-6
     for which, derivative in enumerate(results[1:]):
@@ -177,6 +182,17 @@ def test_steps_on_the_plant_settle_without_offset(
     assert found["steady_error"].value < math.radians(0.05)
     assert found["oscillation"].value < math.radians(0.05)
     assert found["fallbacks"].value == 0.0
+
+
+def test_a_supply_that_is_lower_than_known_is_found_on_the_first_move(
+    mpc: NonlinearMPC, plant: Model
+) -> None:
+    move = Scenario("move", {"angle": Steps((0.0, 0.1), (0.6, 0.95))}, duration=0.5)
+    run = verify(mpc, plant.with_parameters({"supply_pressure": 4.5e5}), move)
+    believed = run.info("supply_pressure")
+    # It hardly shows at rest.
+    assert believed[run.time < 0.1].min() > 5.7e5
+    assert believed[-1] == pytest.approx(4.5e5, abs=1e4)
 
 
 def test_preview_moves_before_the_step(plant: Model) -> None:
