@@ -6,7 +6,14 @@ import ast
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
+
+
+@lru_cache(maxsize=1)
+def parsed(source: str) -> ast.Module:
+    """Return the tree of a source; several questions about one follow each other."""
+    return ast.parse(source)
 
 
 def imported_modules(source: str, known: set[str]) -> set[str]:
@@ -17,7 +24,7 @@ def imported_modules(source: str, known: set[str]) -> set[str]:
         ['a', 'a.b', 'd.e']
     """
     found: set[str] = set()
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.Import):
             found |= {item.name for item in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -67,7 +74,7 @@ def public_names(source: str) -> set[str]:
         ['LIMIT', 'f']
     """
     found: set[str] = set()
-    for node in ast.parse(source).body:
+    for node in parsed(source).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             found.add(node.name)
         elif isinstance(node, ast.Assign):
@@ -85,7 +92,7 @@ def public_members(source: str) -> set[str]:
         ['b']
     """
     found: set[str] = set()
-    for node in ast.parse(source).body:
+    for node in parsed(source).body:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             found |= {part.name for part in node.body if isinstance(part, ast.FunctionDef)}
     return {name for name in found if not name.startswith("_")}
@@ -99,7 +106,7 @@ def without_docstrings(source: str) -> str:
         ''
     """
     lines = source.splitlines()
-    for node in ast.walk(ast.parse(source)):
+    for node in ast.walk(parsed(source)):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
             first = node.body[0] if node.body else None
             if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
@@ -111,20 +118,22 @@ def without_docstrings(source: str) -> str:
 def unused_members(pages: Iterable[str], modules: Mapping[Path, str]) -> Iterator[str]:
     """Yield public methods and properties that stand nowhere but where they are defined."""
     count: Counter[str] = Counter()
-    for text in (*pages, *map(without_docstrings, modules.values())):
+    defined: Counter[str] = Counter()
+    members: dict[Path, set[str]] = {}
+    for text in pages:
         count.update(re.findall(r"[A-Za-z_]\w*", text))
-    defined = Counter(
-        part.name
-        for source in modules.values()
-        for node in ast.walk(ast.parse(source))
-        if isinstance(node, ast.ClassDef)
-        for part in node.body
-        if isinstance(part, ast.FunctionDef)
-    )
     for path, source in modules.items():
-        for name in sorted(public_members(source)):
-            if count[name] <= defined[name]:
-                yield f"{path}: {name}"
+        count.update(re.findall(r"[A-Za-z_]\w*", without_docstrings(source)))
+        defined.update(
+            part.name
+            for node in ast.walk(parsed(source))
+            if isinstance(node, ast.ClassDef)
+            for part in node.body
+            if isinstance(part, ast.FunctionDef)
+        )
+        members[path] = public_members(source)
+    for path, names in members.items():
+        yield from (f"{path}: {name}" for name in sorted(names) if count[name] <= defined[name])
 
 
 def words(source: str) -> set[str]:
@@ -151,7 +160,7 @@ def unused_names(texts: Mapping[Path, str], modules: Mapping[Path, str]) -> Iter
             for word in words(text):
                 where.setdefault(word, set()).add(path)
     for path, source in modules.items():
-        body = ast.parse(source)
+        body = parsed(source)
         own = [
             n.id for n in ast.walk(body) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)
         ]
