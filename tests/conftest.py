@@ -34,6 +34,13 @@ def rng() -> np.random.Generator:
     return np.random.default_rng(20260101)
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pages without their pictures, which take long and are drawn by other tests."""
+    monkeypatch.setattr("workbench.reports.page.inline_svg", lambda picture: "")
+    monkeypatch.setattr("workbench.reports.page.save", lambda picture, folder: None)
+
+
 @pytest.fixture(scope="session")
 def external_folder() -> Path:
     """The user's data folder; the test is skipped when none is named."""

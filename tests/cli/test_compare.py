@@ -18,6 +18,7 @@ def compare(study: Path, out: Path, *more: str) -> int:
     return run(["compare", str(study), "--out", str(out), "--jobs", "1", *more])
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.system
 def test_a_worse_controller_is_red_and_says_why_then_an_improved_one_is_blessed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -107,6 +108,7 @@ def test_wrong_use(
     assert not (tmp_path / "out").exists() and not (tmp_path / "b.json").exists()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_baseline_of_another_study_is_not_overwritten(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

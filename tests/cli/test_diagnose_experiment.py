@@ -64,6 +64,7 @@ def given(diagnosed_already: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]
     return ["diagnose", *plant, "--fit", "1.csv", "--hold-out", "2.csv", "--out", "out"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_next_input_is_written_and_played(
     given: list[str], diagnosed_already: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -107,6 +108,7 @@ def test_a_machine_that_cannot_be_played_on_is_one_sentence(
     assert said in text and "Traceback" not in text
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_law_without_a_name_becomes_a_law_of_the_user(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -17,6 +17,7 @@ from workbench.study.shapes import TABLES, Field
 NEW = {"new-study": "mine.toml", "new-controller": "mine.py", "new-plant": "mine.py"}
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.system
 @pytest.mark.parametrize("verb", NEW)
 def test_what_is_written_runs_as_it_says(

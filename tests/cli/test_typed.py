@@ -33,6 +33,7 @@ WORDS = {
 }
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.system
 @pytest.mark.parametrize("name", WORDS)
 def test_the_command_on_a_page_is_the_one_that_wrote_it(

@@ -158,6 +158,7 @@ JSON = {
 }
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("verb", JSON)
 def test_a_script_gets_json_and_nothing_else(
     verb: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -98,6 +98,7 @@ def test_parsing_imports_nothing_and_leaves_the_path_alone(study_file: Path) -> 
     assert "own_tank" not in sys.modules and sys.path == before
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_it_runs_and_reports(study_file: Path, jobs: int) -> None:
     before = list(sys.path)
