@@ -84,6 +84,60 @@ def carriage() -> Model:
     )
 
 
+def two_carts() -> Model:
+    """Two carts beside one another, alike in all that the model knows of them."""
+
+    def equations(m: Scope) -> Equations:
+        rates, read = {}, {}
+        for i, (drive, speed) in enumerate(((m.u.a, m.x.a), (m.u.b, m.x.b)), 1):
+            force = m.port(
+                f"cart_{i}.force",
+                drive - m.p.damping * speed,
+                unit="N",
+                scale=5.0,
+                signals={"speed": speed},
+                role="force",
+                disturbance=0.05,
+            )
+            rates["ab"[i - 1]] = force / m.p.mass
+            read[f"speed_{i}"] = m.port(f"speed_{i}.reading", speed, unit="m/s")
+        return rates, read
+
+    return Model(
+        "two_carts",
+        equations,
+        states=(State("a", "m/s"), State("b", "m/s")),
+        inputs=(Input("a", "N", 5.0), Input("b", "N", 5.0)),
+        outputs=tuple(Output(f"speed_{i}", "m/s", noise_rms=1e-3) for i in (1, 2)),
+        parameters=(
+            Parameter("mass", "kg", value=1.1, lower=0.3, upper=3.0, fitted=True),
+            Parameter("damping", "N s/m", value=2.0, lower=0.1, upper=20.0, fitted=True),
+        ),
+    )
+
+
+def driven_carts(drag: tuple[float, float]) -> list[Recording]:
+    """Two recordings of carts of 1 kg with 3 N s/m and a drag in N s2/m2 each."""
+    runs = []
+    for seed in (1, 2):
+        rng = np.random.default_rng(seed)
+        time = 0.01 * np.arange(600)
+        inputs = 5.0 * np.sign(np.sin(np.outer([1.7 + 0.3 * seed, 2.9], time)))
+        speeds = np.zeros((2, len(time)))
+        k = np.array(drag)
+        for i in range(len(time) - 1):
+            held, v = inputs[:, i], speeds[:, i]
+            end = solve_ivp(
+                lambda _t, v, held=held: held - 3.0 * v - k * v * np.abs(v), (0.0, 0.01), v
+            )
+            speeds[:, i + 1] = end.y[:, -1]
+        read = speeds + 1e-3 * rng.normal(size=speeds.shape)
+        signals = [Signal(n, inputs[i], "N", role="command") for i, n in enumerate("ab")]
+        signals += [Signal(f"speed_{i + 1}", read[i], "m/s") for i in (0, 1)]
+        runs.append(Recording(f"carts {seed}", time, tuple(signals)))
+    return runs
+
+
 def damper() -> Model:
     """A damper without memory, as one writes it who only maps speed to force: no state at all."""
 

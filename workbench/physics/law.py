@@ -294,22 +294,34 @@ class Law:
     def hypotheses(self, survey: Survey) -> Iterator[Hypothesis]:
         """Yield the law at size zero for every place of a model that it fits."""
         for suffix, sites in self.where(survey):
-            first = _first(sites)
-            own = self._size(first)
-            absent = {q.name: q.absent for q in self.parameters(first) if q.absent is not None}
-            name = f"{self.name}{suffix}"
-            yield Hypothesis(
-                self._effect(sites, name, {own.name: 0.0, **absent}, {}, bounded=True),
-                own.name,
-                own.typical,
-                self.group,
-                self.family or self.name,
-                tuple(self.shapes(first)),
-                self.stiff,
-                self.whole,
-                self.far,
-                self.same_as(survey, first),
-            )
+            together = self._hypothesis(survey, suffix, sites)
+            if len(sites) > 1 and self.group == "process":
+                # Something wrong with one of a pair is as likely as something left out of both.
+                alone = (
+                    self._hypothesis(survey, f"{suffix}_{site[0].name.partition('.')[0]}", (site,))
+                    for site in sites
+                )
+                together = replace(together, alone=tuple(alone))
+            yield together
+
+    def _hypothesis(self, survey: Survey, suffix: str, sites: tuple[Site, ...]) -> Hypothesis:
+        first = _first(sites)
+        own = self._size(first)
+        absent = {q.name: q.absent for q in self.parameters(first) if q.absent is not None}
+        return Hypothesis(
+            self._effect(
+                sites, f"{self.name}{suffix}", {own.name: 0.0, **absent}, {}, bounded=True
+            ),
+            own.name,
+            own.typical,
+            self.group,
+            self.family or self.name,
+            tuple(self.shapes(first)),
+            self.stiff,
+            self.whole,
+            self.far,
+            self.same_as(survey, first),
+        )
 
     def _size(self, at: Place) -> Own:
         return next(q for q in self.parameters(at) if q.typical > 0.0)

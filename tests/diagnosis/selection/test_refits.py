@@ -7,11 +7,12 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from tests.diagnosis.axis_case import SAMPLE_TIME, diagnosed, excitation, positions
-from tests.diagnosis.newcomers import damper, rubbed
+from tests.diagnosis.newcomers import damper, driven_carts, rubbed, two_carts
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
@@ -24,7 +25,9 @@ from workbench.diagnosis.selection.score import Score, Scores, by_name, score_li
 from workbench.diagnosis.selection.shortlist import shortlist, where
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.hypothesis import Hypothesis
+from workbench.physics.law import Law, size, twins
 from workbench.physics.library import library
+from workbench.physics.place import Survey
 from workbench.plants.arm import arm
 from workbench.plants.servo_axis import servo_axis
 from workbench.recordings.recording import Recording, Signal
@@ -293,3 +296,28 @@ def test_what_comes_late_is_raced_on_what_shows_it() -> None:
     assert found.fit.model.parameter("offset_jump_axis_force.amount").value == pytest.approx(
         30.0, rel=0.05
     )
+
+
+def test_what_acts_at_one_of_a_pair_is_told_from_what_acts_at_both() -> None:
+    law = Law(
+        "drag",
+        "F = F0 - coefficient v |v|",
+        twins("force", needs=("speed",)),
+        lambda at: (size("coefficient", "N s^2/m^2", 1.0, 10.0, "drag", signed=True),),
+        lambda at: at.value - at.p.coefficient * at.signals.speed * ca.fabs(at.signals.speed),
+    )
+    model = two_carts()
+    (both,) = law.hypotheses(Survey(model))
+    assert [h.name for h in both.alone] == ["drag_cart_1", "drag_cart_2"]
+    priors = default_priors(model)
+    for hidden, name in (((2.0, 2.0), "drag"), ((2.0, 0.0), "drag_cart_1")):
+        seen = [observe(model, run) for run in driven_carts(hidden)]
+        base = fit_with_process_noise(model, seen[:1], priors)
+        scores = score_library(base.model, seen[:1], priors, [both], noise_scale=base.noise_scale)
+        found = refits.refit_candidates(
+            base, scores.scores, priors, seen[:1], seen[1:], limits=Limits(20.0, 20.0), jobs=1
+        )
+        assert _taken(found) == [name]
+        assert found[0].fit is not None
+        (size_,) = [e for e in found[0].fit.refit.estimates if e.name.startswith("drag")]
+        assert size_.value == pytest.approx(2.0, rel=0.05)

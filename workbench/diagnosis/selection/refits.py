@@ -46,7 +46,7 @@ from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.simulation_error import closest_runs
 from workbench.errors import NumericalError
-from workbench.model import Model, Parameter
+from workbench.model import Effect, Model, Parameter
 from workbench.physics.library import Hypothesis
 from workbench.work.processes import Call, in_order
 
@@ -138,14 +138,28 @@ def refit_candidates(
     if progress and leaders:
         progress("comparing " + " and ".join(field[i].entry.name for i in leaders))
     before = blocks_of_cost(base, hold_out) if leaders and hold_out else None
-    follow = [(first[i], field[i]) for i in leaders]
     known = given, tuple(fit_on), tuple(hold_out), before
     runs: Call[Any] = (_closest_errors, (base, base.model, tuple(fit_on), tuple(hold_out)))
-    finals: list[Call[Any]] = [(_followed, (base, *pair, *known)) for pair in follow]
+    finals: list[Call[Any]] = [(_followed, (base, first[i], *known)) for i in leaders]
     done: list[Any] = in_order([runs, *finals], jobs=jobs) if finals else [NO_RUNS]
     for i, final in zip(leaders, done[1:], strict=True):
         first[i] = final
-    return decided((*first, *lost), done[0], limits)
+    found = decided((*first, *lost), done[0], limits)
+    best = next((c for c in found if not c.refused), None)
+    if best is None or not best.entry.alone:
+        return found
+    # What acts at several places alike may act at one of them.
+    at_one = [
+        replace(best, entry=replace(entry, effect=_shaped(entry.effect, best.entry.effect)))
+        for entry in best.entry.alone
+    ]
+    alone = in_order([(_followed, (base, c, *known)) for c in at_one], jobs=jobs)
+    return decided((*first, *lost, *alone), done[0], limits)
+
+
+def _shaped(effect: Effect, like: Effect) -> Effect:
+    """Return an effect with the parameters, widened and tuned, of another of the same law."""
+    return replace(effect, parameters=like.parameters)
 
 
 def decided(
@@ -342,22 +356,26 @@ def _leaders(first: Sequence[Candidate], best: int) -> list[int]:
     return leaders
 
 
-def entry_priors(score: Score) -> tuple[tuple[Prior, ...], dict[str, float]]:
+def entry_priors(
+    entry: Hypothesis, size: float = 0.0
+) -> tuple[tuple[Prior, ...], dict[str, float]]:
     """Return the priors of an effect's own parameters and where to start them.
+
+    Args:
+        size: Its expected size, in its unit.
 
     Returns:
         Priors of the size and of the shape parameters that a refit may change, and starting
         values by name, in SI: the expected size, and the library's shape. The size of a law that
         is either there or not is fixed.
     """
-    entry = score.entry
     priors, start = [], {}
     for q in entry.effect.parameters:
         name = f"{entry.name}.{q.name}"
         if q.name == entry.size_parameter and not entry.replaces:
             # A wide prior about zero: absence is as plausible as any size.
             priors.append(Prior(name, 0.0, entry.largest_size, q.lower, q.upper))
-            start[name] = float(np.clip(score.size, q.lower, q.upper))
+            start[name] = float(np.clip(size, q.lower, q.upper))
         elif q.fitted and math.isfinite(q.lower) and math.isfinite(q.upper):
             priors.append(Prior(name, q.value, (q.upper - q.lower) / 4, q.lower, q.upper))
             start[name] = q.value
@@ -422,7 +440,7 @@ def _refitted(
     for _ in range(_WIDENINGS + 1):
         entry = score.entry
         model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
-        own, start = entry_priors(score)
+        own, start = entry_priors(entry, score.size)
         started = [extended_start(r, base.model, model) for r in fit_on]
         if begin is None:
             usual = {**start, **known}
@@ -528,7 +546,7 @@ def _variants(entry: Hypothesis) -> list[Hypothesis]:
 
 def _from_nothing(base: ProcessNoiseFit, score: Score) -> _Way:
     """Return the way of a refit that begins at the model without the effect."""
-    own = entry_priors(score)[1] | {e.name: e.value for e in base.refit.estimates}
+    own = entry_priors(score.entry, score.size)[1] | {e.name: e.value for e in base.refit.estimates}
     size = f"{score.entry.name}.{score.entry.size_parameter}"
     return _Way({}, (base.noise_scale,), (own, own | {size: 0.0}))
 
@@ -671,7 +689,6 @@ def _of_fitted(entry: Hypothesis, shape: Mapping[str, float]) -> dict[str, float
 def _followed(
     base: ProcessNoiseFit,
     first: Candidate,
-    score: Score,
     priors: tuple[Prior, ...],
     fit_on: tuple[Observed, ...],
     hold_out: tuple[Observed, ...],
@@ -680,7 +697,7 @@ def _followed(
     """Go on from a first refit with more trust in the equations, and judge on held-out data."""
     assert first.fit is not None
     try:
-        return _judged_on(base, first, score, priors, fit_on, hold_out, before)
+        return _judged_on(base, first, priors, fit_on, hold_out, before)
     except Exception as error:  # noqa: BLE001
         # Whatever a law does, its failure must not end the diagnosis.
         return replace(untried(first.entry, error), followed=True)
@@ -689,7 +706,6 @@ def _followed(
 def _judged_on(
     base: ProcessNoiseFit,
     first: Candidate,
-    score: Score,
     priors: tuple[Prior, ...],
     fit_on: tuple[Observed, ...],
     hold_out: tuple[Observed, ...],
@@ -697,20 +713,26 @@ def _judged_on(
 ) -> Candidate:
     assert first.fit is not None
     entry, fit = first.entry, first.fit
+    # An effect may take over from another one of the same law.
+    own_name = fit.model.effects[-1].name
+    ended = {
+        e.name.replace(f"{own_name}.", f"{entry.name}.", 1): e.value for e in fit.refit.estimates
+    }
     best: tuple[Hypothesis, ProcessNoiseFit, list[Observed]] | None = None
     for _ in range(_WIDENINGS + 1):
         model = base.model.with_effect(entry.at_size(1.0 if entry.replaces else 0.0))
         started = [extended_start(r, base.model, model) for r in fit_on]
-        own, _start = entry_priors(replace(score, entry=entry))
+        own = entry_priors(entry)[0]
         try:
             fit = fit_with_process_noise(
                 model,
                 started,
                 (*priors, *own),
-                start={e.name: e.value for e in fit.refit.estimates},
+                start=ended,
                 noise_scale=fit.noise_scale,
                 enough=_NEARER,
             )
+            ended = {e.name: e.value for e in fit.refit.estimates}
         except NumericalError:
             if best is None:
                 raise

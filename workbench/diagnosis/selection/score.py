@@ -346,7 +346,7 @@ def _due(blocks: Vector, begins: Vector) -> Vector:
     return np.asarray(begins[order][first])
 
 
-def by_name(scores: Scores) -> Mapping[str, Score]:
+def by_name(scores: Scores) -> dict[str, Score]:
     """Return scores by the name of the effect."""
     return {score.entry.name: score for score in scores.scores}
 

@@ -478,8 +478,7 @@ def _with_candidate(task: Task, state: Selected, found: Candidate, beside: Round
         beside: The round in which it was found.
     """
     assert found.fit is not None
-    scored = by_name(beside.scores)[found.name]
-    free = (*state.free, *entry_priors(replace(scored, entry=found.entry))[0])
+    free = (*state.free, *entry_priors(found.entry)[0])
     extended = _polished(found.fit, task.started(task.fitting, found.fit.model), free)
     alike = _alike(found, beside.candidates, beside.scores)
     return replace(
@@ -707,6 +706,8 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
             base.model, begun, free, task.tried(base.model), noise_scale=base.noise_scale
         )
         known = by_name(scores)
+        # One that acts at one of several places is found again by way of all of them.
+        known |= {a.name: s for s in scores.scores for a in s.entry.alone if a.name not in known}
         followed = [c.name for c in state.rounds[number].candidates if c.followed and c.fit]
         rivals = [name for name in followed if name != found.candidate.name][:_RIVALS]
         tried = [known[name] for name in (found.candidate.name, *rivals) if name in known]
@@ -726,7 +727,7 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         if best is None or best.fit is None:
             continue
         if best.name != found.candidate.name:
-            own = entry_priors(replace(known[best.name], entry=best.entry))[0]
+            own = entry_priors(best.entry)[0]
             free = (*free, *own)
             extended = _polished(best.fit, task.started(task.fitting, best.fit.model), free)
             if extended.cost >= state.extended.cost:
@@ -812,7 +813,7 @@ def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> 
             and not (preferred(best, c) or closer_unseen(best, c))
         ):
             same.append(c.entry.name)
-    names = {s.entry.name for s in scores.scores if s.testable}
+    unseen = {s.entry.name for s in scores.scores if not s.testable}
     known = {s.entry.name for s in scores.scores}
     equal = [n for n in best.entry.same_as if n in known and n not in same]
-    return (best.entry.name, *[n for n in same if n in names], *equal)
+    return (best.entry.name, *[n for n in same if n not in unseen], *equal)

@@ -69,7 +69,7 @@ def greedy(
         if fit is None:
             stopped = "the refit failed"
             break
-        own = entry_priors(best)[0]
+        own = entry_priors(best.entry)[0]
         measurements = sum(r.outputs.size for r in heads)
         gain = _cost(diagnosis, current, heads) - _cost(diagnosis, fit, heads)
         if gain <= 0.5 * len(own) * math.log(measurements):
@@ -135,7 +135,7 @@ def _with(
     entry = best.entry
     effect = entry.at_size(1.0) if entry.replaces else entry.at_size(0.0, best.shape)
     model = current.model.with_effect(effect)
-    own, start = entry_priors(best)
+    own, start = entry_priors(best.entry, best.size)
     try:
         return fit_with_process_noise(
             model,
