@@ -124,11 +124,10 @@ def driven_carts(drag: tuple[float, float]) -> list[Recording]:
         time = 0.01 * np.arange(600)
         inputs = 5.0 * np.sign(np.sin(np.outer([1.7 + 0.3 * seed, 2.9], time)))
         speeds = np.zeros((2, len(time)))
-        k = np.array(drag)
         for i in range(len(time) - 1):
-            held, v = inputs[:, i], speeds[:, i]
+            held, v, k = inputs[:, i], speeds[:, i], np.array(drag)
             end = solve_ivp(
-                lambda _t, v, held=held: held - 3.0 * v - k * v * np.abs(v), (0.0, 0.01), v
+                lambda _t, v, held=held, k=k: held - 3.0 * v - k * v * np.abs(v), (0.0, 0.01), v
             )
             speeds[:, i + 1] = end.y[:, -1]
         read = speeds + 1e-3 * rng.normal(size=speeds.shape)
