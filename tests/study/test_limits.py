@@ -117,7 +117,7 @@ def test_asked_for_it_is_in_results_and_summary_but_in_no_metric_or_baseline(
     assert f"{settling / 0.1:.2g} ({settling:#.3g} s / 0.100 s)" in text
     assert f"{settling / 0.1:.2g} (" in plain_summary(outcome)
     assert not any("limit" in name for name in record.metrics)
-    stored = baseline_text(study.name, outcome.records)
+    stored = baseline_text(study.name, outcome.records, {})
     assert "limit" not in stored and '"steps"' not in stored
 
 
