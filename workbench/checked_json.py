@@ -128,6 +128,11 @@ def anything(value: Any, _place: Place) -> Any:
     return value
 
 
+def scalar(value: Any, place: Place) -> Any:
+    """Accept text, true, false or a number."""
+    return value if isinstance(value, (str, bool)) else number(value, place)
+
+
 def one_of(*words: Any) -> Shape:
     """Return a shape that accepts some words or numbers."""
     fits = f"one of {', '.join(map(repr, words))}"

@@ -43,6 +43,7 @@ from workbench.checked_json import (
     number,
     one_of,
     read_toml,
+    scalar,
     size,
     text,
     whole,
@@ -72,10 +73,6 @@ def _text_or(shape: Shape) -> Shape:
     return lambda value, place: value if isinstance(value, str) else shape(value, place)
 
 
-def _value(value: Any, place: Place) -> Any:
-    return value if isinstance(value, (str, bool)) else number(value, place)
-
-
 _DERIVATIVE = TableShape(
     {"of": text},
     {"samples": within(3, 1e4, whole), "order": within(1, 1e4, whole)},
@@ -91,7 +88,7 @@ _RECORDING = TableShape(
         "rows": listed(whole, length=2),
         "resample_Hz": number,
         "derivatives": named(_DERIVATIVE),
-        "constants": named(_value),
+        "constants": named(scalar),
         "centred": listed(text),
     },
     others=False,
@@ -112,7 +109,7 @@ _CASE = TableShape(
     {
         "title": text,
         "plant": text,
-        "options": named(_value),
+        "options": named(scalar),
         "parameters": listed(text),
         "without": listed(text),
         "effects": listed(text),

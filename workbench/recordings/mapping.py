@@ -17,6 +17,7 @@ from workbench.checked_json import (
     number,
     one_of,
     read_toml,
+    scalar,
     text,
     whole,
     within,
@@ -105,10 +106,6 @@ def _ends(item: Shape) -> Shape:
     return check
 
 
-def _setting(value: Any, place: Place) -> Any:
-    return value if isinstance(value, (str, bool)) else number(value, place)
-
-
 _COLUMN = TableShape(
     {},
     {
@@ -135,7 +132,7 @@ _MAPPING = TableShape(
         "time": _column,
         "columns": listed(text),
         "sample_time_s": within(1e-9, 1e6),
-        "metadata": named(_setting),
+        "metadata": named(scalar),
         "format": text,
         "rows": _ends(within(0, 1e12, whole)),
         "times_s": _ends(number),
