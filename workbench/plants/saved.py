@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from workbench.checked_json import Place, TableShape, listed, named, number, read_json, text
+from workbench.checked_json import TableShape, listed, named, number, read_json, scalar, text
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.plants.plant import Plant, Value
@@ -33,16 +33,12 @@ def saved_plant(
     }
 
 
-def _value(value: Any, place: Place) -> Any:
-    return value if isinstance(value, (bool, str)) else number(value, place)
-
-
 _FILE = TableShape(
     {
         "plant": TableShape(
             {"name": text},
             {
-                "options": named(_value),
+                "options": named(scalar),
                 "effects": listed(text),
                 "without": listed(text),
                 "parameters": named(number),

@@ -33,7 +33,6 @@ from typing import Any
 import numpy as np
 
 from workbench.checked_json import (
-    Place,
     Shape,
     TableShape,
     anything,
