@@ -23,6 +23,7 @@ from workbench.diagnosis.selection.refits import decided, preferred
 from workbench.diagnosis.selection.rules import LEAST_GAIN, Limits, selection_penalty
 from workbench.diagnosis.selection.score import Score, Scores, by_name, score_library
 from workbench.diagnosis.selection.shortlist import shortlist, where
+from workbench.physics.drift import offset_jump
 from workbench.physics.friction import coulomb_friction
 from workbench.physics.hypothesis import Hypothesis
 from workbench.physics.law import Law, size, twins
@@ -238,6 +239,35 @@ def test_what_unseen_recordings_prefer_twice_is_taken_before_a_larger_gain(
     as_close = replace(unseen, run=_run(0.7))
     assert _taken(decided([first, closer], WITHOUT, asked)) == [first.name]
     assert _taken(decided([first, as_close], WITHOUT, asked)) == [first.name]
+
+
+def test_a_jump_at_time_zero_is_the_offset_that_it_degenerates_to() -> None:
+    survey = Survey(arm(3), duration=20.0)
+    (jump,) = [h for h in offset_jump.hypotheses(survey) if h.ports == ("joint.torque",)]
+    (constant,) = [h for h in library(arm(3)) if h.name == "constant_torque"]
+
+    def refitted(entry: Hypothesis, gain: float, **bound: bool) -> Candidate:
+        estimates = [
+            SimpleNamespace(name=f"{entry.name}.{q.name}", on_bound=bound.get(q.name, False))
+            for q in entry.effect.parameters
+            if q.fitted
+        ]
+        candidate = _candidate(entry, gain, 0.1)
+        assert candidate.fit is not None
+        return replace(candidate, fit=cast(Any, SimpleNamespace(
+            refit=SimpleNamespace(
+                converged=True, estimates=estimates, estimate=candidate.fit.refit.estimate
+            )
+        )))  # fmt: skip
+
+    asked = Limits(20.0, 100.0)
+    plain = refitted(constant, 900.0)
+    assert _taken(decided([refitted(jump, 903.0, time=True), plain], WITHOUT, asked)) == [
+        "constant_torque"
+    ]
+    # Within the recording it is a jump, and so is what gains clearly more.
+    for other in (refitted(jump, 903.0), refitted(jump, 990.0, time=True)):
+        assert _taken(decided([other, plain], WITHOUT, asked)) == [jump.name]
 
 
 def test_a_guess_on_a_plateau_is_left_by_a_leap() -> None:

@@ -68,6 +68,17 @@ class Candidate:
             0 if self.fit is None else sum(e.name.startswith(own) for e in self.fit.refit.estimates)
         )
 
+    @property
+    def degenerate(self) -> bool:
+        """Whether its shape ended on a bound, where it is a simpler law: a jump at time zero."""
+        if self.fit is None:
+            return False
+        own, size = f"{self.entry.effect.name}.", self.entry.size_parameter
+        return any(
+            e.on_bound and e.name.startswith(own) and e.name != own + size
+            for e in self.fit.refit.estimates
+        )
+
     def __str__(self) -> str:
         """Return one aligned line."""
         size = self.size

@@ -218,10 +218,19 @@ def decided(
         same = [
             c
             for c in same
-            if c is best or not (told_apart(best.blocks, c.blocks) or closer_unseen(best, c))
+            if c is best
+            or degenerates_to(best, c)
+            or not (told_apart(best.blocks, c.blocks) or closer_unseen(best, c))
         ]
         best = min(same, key=lambda c: (c.own_parameters, -c.gain - c.held_out[0]))
     return tuple(c if c is best or c.refused else replace(c, refused=SURPASSED) for c in found)
+
+
+def degenerates_to(one: Candidate, other: Candidate) -> bool:
+    """Whether an effect ended where it is no more than another one with fewer parameters."""
+    gained = [one.gain - other.gain, one.held_out[0] - other.held_out[0]]
+    fewer = other.own_parameters < one.own_parameters
+    return one.degenerate and fewer and max(map(abs, gained)) < SAME.value
 
 
 def preferred(one: Candidate, other: Candidate) -> bool:

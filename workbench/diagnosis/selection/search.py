@@ -43,6 +43,7 @@ from workbench.diagnosis.selection.held_out import (
 from workbench.diagnosis.selection.refits import (
     closer_unseen,
     decided,
+    degenerates_to,
     entry_priors,
     is_sensor,
     preferred,
@@ -806,6 +807,8 @@ def _alike(best: Candidate, candidates: Sequence[Candidate], scores: Scores) -> 
     same = []
     for c in candidates:
         if c.name == best.name or not c.followed or c.fit is None or c.gain <= 0:
+            continue
+        if degenerates_to(c, best):
             continue
         apart = not c.blocks or told_apart(best.blocks, c.blocks) or closer_unseen(best, c)
         if (_passed(c) and not apart) or (
