@@ -94,11 +94,12 @@ def passed(at: PortView) -> Expression:
 def when(at: Place) -> tuple[Own, ...]:
     """Return the parameters of a jump: its time, and a width that begins so wide as to be seen.
 
-    Of a sharp jump at the wrong time nothing says in which direction the right time lies.
+    Of a sharp jump at the wrong time nothing says in which direction the right time lies. What
+    ends on the lower bound of the time was there from the start: it is no jump.
     """
     return (
         shape("time", "s", _times(at)[0], "time of the jump", around=None,
-              between=(0.0, at.duration or 1e6), scale=0.1 * at.duration),
+              between=(_WIDTH * at.duration, at.duration or 1e6), scale=0.1 * at.duration),
         shape("width", "s", _WIDTH * (at.duration or _TIMES[0]), "half-width of the jump",
               around=(2e-3, 5.0), source="", fitted=False),
     )  # fmt: skip

@@ -604,18 +604,35 @@ def _passed(candidate: Candidate) -> bool:
 
 
 def _polished(
-    fit: ProcessNoiseFit, recordings: Sequence[Observed], priors: Sequence[Prior]
+    fit: ProcessNoiseFit,
+    recordings: Sequence[Observed],
+    priors: Sequence[Prior],
+    beside: ProcessNoiseFit | None = None,
 ) -> ProcessNoiseFit:
-    """Refit once more, to the end: comparing hypotheses needs less."""
-    start = {e.name: e.value for e in fit.refit.estimates}
-    try:
-        final = fit_with_process_noise(
-            fit.model, recordings, priors, start=start, noise_scale=fit.noise_scale, follow=False
-        )
-    except Exception:  # noqa: BLE001
-        # The fit that was compared stands, whatever a law does when it is refined.
-        return fit
-    return replace(final, passed=fit.passed) if final.cost <= fit.cost else fit
+    """Refit once more, to the end: comparing hypotheses needs less.
+
+    Args:
+        beside: A fit with another effect instead of the last one, from whose values of all others
+            the refit begins too.
+    """
+    own = {e.name: e.value for e in fit.refit.estimates}
+    starts = [(own, False)]
+    if beside is not None:
+        shared = {e.name: e.value for e in beside.refit.estimates if e.name in own}
+        starts.append((own | shared, True))
+    best = fit
+    for start, follow in starts:
+        try:
+            final = fit_with_process_noise(
+                fit.model, recordings, priors, start=start, noise_scale=fit.noise_scale,
+                follow=follow,
+            )  # fmt: skip
+        except Exception:  # noqa: BLE001
+            # The fit that was compared stands, whatever a law does when it is refined.
+            continue
+        if final.cost <= best.cost:
+            best = replace(final, passed=fit.passed)
+    return best
 
 
 def _withdrawn(task: Task, state: Selected, excess: float) -> Selected:
@@ -730,7 +747,8 @@ def _exchanged(task: Task, scored: Scored, state: Selected) -> Selected:
         if best.name != found.candidate.name:
             own = entry_priors(best.entry)[0]
             free = (*free, *own)
-            extended = _polished(best.fit, task.started(task.fitting, best.fit.model), free)
+            started = task.started(task.fitting, best.fit.model)
+            extended = _polished(best.fit, started, free, beside=state.extended)
             if extended.cost >= state.extended.cost:
                 continue
             state, changed = replace(state, free=free, extended=extended), True
