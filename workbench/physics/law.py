@@ -293,13 +293,16 @@ class Law:
 
     def hypotheses(self, survey: Survey) -> Iterator[Hypothesis]:
         """Yield the law at size zero for every place of a model that it fits."""
-        for suffix, sites in self.where(survey):
+        fits = list(self.where(survey))
+        offered = {sites[0][0].name for _, sites in fits if len(sites) == 1}
+        for suffix, sites in fits:
             together = self._hypothesis(survey, suffix, sites)
             if len(sites) > 1 and self.group == "process":
                 # Something wrong with one of a pair is as likely as something left out of both.
                 alone = (
                     self._hypothesis(survey, f"{suffix}_{site[0].name.partition('.')[0]}", (site,))
                     for site in sites
+                    if site[0].name not in offered
                 )
                 together = replace(together, alone=tuple(alone))
             yield together
