@@ -144,7 +144,7 @@ def _check_controller(design: str, found: Any) -> None:
                 f"{name} of the controller of design {design!r} is {names!r}; give a tuple of"
                 ' names, such as ("angle",)'
             )
-    check_range(f"sample_time of the controller of design {design!r}", found.sample_time, 1e-6, 1e4)
+    check_range(f"sample_time of the controller of design {design!r}", found.sample_time, 1e-9, 1e4)
 
 
 def _named(controller: Any, name: str) -> Any:

@@ -89,7 +89,7 @@ class Held(NamedTuple):
 def held(controller: Controller, models: Sequence[LinearModel], limits: Limits) -> Held:
     """Tell which peaks a controller has on every model, up to the first limit that it misses."""
     h, unsure = controller.sample_time, limits.uncertainty
-    angle = frequencies(h)
+    angle = frequencies()
     ms = mt = late = 0.0
     for model in models:
         asked = list(unsure.corners)

@@ -34,7 +34,7 @@ def peak_sensitivities(controller: Controller, linear: LinearModel) -> tuple[flo
     Source:
         Åström and Hägglund, Advanced PID Control, 2006, section 4.6.
     """
-    return peaks_of(loop_matrices(controller, linear), frequencies(controller.sample_time))[:2]
+    return peaks_of(loop_matrices(controller, linear), frequencies())[:2]
 
 
 class Peaks(NamedTuple):
@@ -63,9 +63,9 @@ def peaks_of(loop_parts: LoopMatrices, angle: Matrix, sensor: int | None = 0) ->
     return Peaks(float(s.max()), float(t.max()), float((t * angle).max()))
 
 
-def frequencies(sample_time: float, points: int = 300) -> Matrix:
-    """Return frequencies from 0.05 Hz to nearly half the sampling rate, in rad per sample."""
-    return np.geomspace(2 * np.pi * 0.05 * sample_time, 0.98 * np.pi, points)
+def frequencies(points: int = 300) -> Matrix:
+    """Return frequencies from 1e-4 to nearly half of the sampling rate, in rad per sample."""
+    return np.geomspace(2e-4 * np.pi, 0.98 * np.pi, points)
 
 
 def gain_of(

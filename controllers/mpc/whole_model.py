@@ -293,7 +293,7 @@ class MPCSpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        h = check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
+        h = check_range("sample time", self.sample_time, 1e-9, 1e4, "s")
         check_range("prediction time", self.prediction_time, h, 1e5, "s")
         check_range("opening limit", self.opening_limit, 1e-3, 1.0)
         check_choice("solver", self.solver, (OWN, *OPTIONS))

@@ -58,16 +58,17 @@ def design_plain_h_infinity(
     own, h = loop.linear, want.sample_time
     w = want.speed or SPEED / h
     size = abs(complex(transfer_function(own.A, own.B, own.C, own.D, np.array([1j * w]))[0, 0, 0]))
-    unit = 1.0 / (size * w * w)
-    # The command passes a delay (first-order Pade); a disturbance enters beside it.
-    p = 2.0 / (want.delay or 1.5 * h)
+    unit = 1.0 / size
+    # Time counts in 1 / w, so that no machine is too slow or too fast for the numbers. The command
+    # passes a delay (first-order Pade); a disturbance enters beside it.
+    p = 2.0 / (w * (want.delay or 1.5 * h))
     n = len(own.A)
-    B = own.B * unit
-    A = np.block([[own.A, 2.0 * B], [np.zeros((1, n)), np.array([[-p]])]])
+    B = own.B * (unit / w)
+    A = np.block([[own.A / w, 2.0 * B], [np.zeros((1, n)), np.array([[-p]])]])
     entries = np.block([[B, -B], [np.zeros((1, 1)), np.array([[p]])]])
     C = np.hstack([own.C, np.zeros((1, 1))])
     plant = A, entries, C, np.zeros((1, 2))
-    found = synthesise(plant, Weights(w), tolerance=0.3, sample_time=h)
+    found = synthesise(plant, Weights(1.0), tolerance=0.3, sample_time=h * w)
     law = ct.ss(found.A, found.B, unit * found.C, unit * found.D, h)
     return transfer_controller(
         law, tracking_time=1.0 / w, sample_time=h, name="H-infinity", **loop.ends

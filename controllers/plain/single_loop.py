@@ -86,7 +86,8 @@ def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoo
         quantity = inputs[actuator]
         lower, upper, scale = quantity.lower, quantity.upper, quantity.scale
     rest = float(linear.u0[0])
-    room = min(upper - rest, rest - lower)
+    # A command that rests at an end has one direction only; half of its range is its size then.
+    room = min(upper - rest, rest - lower) or 0.5 * (upper - lower)
     return SingleLoop(
         linear,
         measured,
@@ -116,7 +117,7 @@ class LoopSpecification:
     sample_time: float = field(default=0.002, kw_only=True)
 
     def __post_init__(self) -> None:
-        check_range("sample time", self.sample_time, 1e-6, 1e4, "s")
+        check_range("sample time", self.sample_time, 1e-9, 1e4, "s")
 
     def loop(self, linear: Any) -> SingleLoop:
         """Return the loop to control."""

@@ -120,7 +120,7 @@ def pid_by_hand(
         >>> pi.step(pi.initial_state((0.0,)), (0.0,), (3.0,))[0]
         (6.0,)
     """
-    h = check_range("sample time", sample_time, 1e-6, 1e4, "s")
+    h = check_range("sample time", sample_time, 1e-9, 1e4, "s")
     check_range("filter time", filter_time, 0.0, 1e4, "s")
     fade = filter_time / (filter_time + h)
     slope = derivative / (filter_time + h)
@@ -186,7 +186,7 @@ def transfer_controller(
     """
     import control as ct
 
-    h = check_range("sample time", sample_time, 1e-6, 1e4, "s")
+    h = check_range("sample time", sample_time, 1e-9, 1e4, "s")
     if system.ninputs != 1 or system.noutputs != 1:
         raise WorkbenchError(
             f"the controller has {system.ninputs} inputs and {system.noutputs} outputs; give one"
@@ -275,7 +275,8 @@ def design_plain_pid(
     loop = want.loop(linear)
     own, h = loop.linear, want.sample_time
     fastest = want.bandwidth or 0.1 * 2.0 * math.pi / h
-    largest = loop.command_scale / (want.error_scale or 0.1 * loop.output_scale)
+    error = want.error_scale or 0.1 * loop.output_scale
+    largest = loop.command_scale / error
     tried = np.geomspace(fastest, 1e-4 * fastest, 120)
     response = transfer_function(own.A, own.B, own.C, own.D, 1j * tried)[:, 0, 0]
     response = response * np.exp(-1j * tried * (0.5 * h + want.delay))
@@ -289,7 +290,8 @@ def design_plain_pid(
     raise WorkbenchError(
         f"no crossover from {tried[-1]:.3g} to {tried[0]:.3g} rad/s gives {loop.measured} a PID"
         f" with Ms <= {want.maximum_sensitivity:g} and Mt <= {want.maximum_complementary:g}; allow"
-        " larger peaks or a smaller error_scale, or take a state feedback"
+        f" larger peaks or a smaller error_scale than {error:.3g} (left out, a tenth of the scale"
+        f" of {loop.measured}, which is {loop.output_scale:g}), or take a state feedback"
     )
 
 

@@ -88,3 +88,78 @@ def test_mistakes_say_what_to_write(
     words = ["refit", "--plant", "naive:motor", "--fit", "a.csv", "--hold-out", "b.csv"]
     assert run(words) == WRONG_USE
     assert said in capsys.readouterr().err
+
+
+OTHERS = """
+from workbench.model import Input, Model, Output, Parameter, State
+
+def boiler():
+    def equations(m):
+        warmed = m.u.P - m.p.UA * (m.x.Tj - m.x.T)
+        return {"T": (m.p.UA * (m.x.Tj - m.x.T) - 836 * (m.x.T - 288.15)) / 8.36e5,
+                "Tj": warmed / 1e5}, {"jacket": m.x.Tj, "T": m.x.T}
+    return Model("boiler", equations,
+        states=(State("T", "K", initial=313.15), State("Tj", "K", initial=333.15)),
+        inputs=(Input("P", "W", lower=0.0, upper=4e4),),
+        outputs=(Output("jacket", "K"), Output("T", "K")),
+        parameters=(Parameter("UA", "W/K", value=800.0),))
+
+def ball():
+    def equations(m):
+        lift = 1e-4 * m.x.i**2 / m.x.y**2
+        return {"y": m.x.v, "v": 9.81 - lift / 0.05, "i": (m.u.u1 - m.p.R * m.x.i) / 0.05}, {
+            "gap": m.x.y}
+    return Model("ball", equations,
+        states=(State("y", "m", initial=0.01), State("v", "m/s"), State("i", "A", initial=0.7)),
+        inputs=(Input("u1", "V", lower=0.0, upper=24.0),),
+        outputs=(Output("gap", "m", display_unit="mm"),),
+        parameters=(Parameter("R", "ohm", value=10.0),))
+"""
+
+
+@pytest.fixture
+def others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A plant of half an hour with a one-sided command, and one that has no rest without any."""
+    (tmp_path / "others.py").write_text(OTHERS)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_plain_designs_fit_a_plant_of_half_an_hour(
+    others: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    step = ["--plant", "others:boiler", "--from", "T=40degC", "--to", "T=45degC"]
+    # Designed for where the step starts: at rest without heat its command stands at an end.
+    designs = [word for name in ("h-infinity", "mpc", "pid") for word in ("-c", f"plain-{name}")]
+    assert run(["verify", *step, *designs, "--require", "steady_error=0.1"]) == 0
+    assert capsys.readouterr().out.count(" on boiler, step 313.15 to 318.15 K") == 3
+    assert run(["verify", *step[:2], "--from", "T=40degC", "--to", "jacket=45degC"]) == WRONG_USE
+    assert "step one output" in capsys.readouterr().err
+
+
+def test_a_command_that_rests_at_an_end_is_said(
+    others: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(["linearise", "--plant", "others:boiler", "--verdict"]) == WRONG_USE
+    assert "P rests at an end of its range, 0 W" in capsys.readouterr().err
+
+
+def test_a_rest_that_divides_by_zero_is_said(
+    others: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for verb in ("linearise", "simulate", "verify"):
+        assert run([verb, "--plant", "others:ball"]) == WRONG_USE
+        said = capsys.readouterr().err
+        assert "would rest with u1 0 V" in said and "--at NAME=VALUE" in said
+    assert run(["linearise", "--plant", "others:ball", "--at", "gap=10mm"]) == 0
+
+
+def test_an_absolute_temperature_is_plausible_without_a_scale(
+    others: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    time = 10.0 * np.arange(300)
+    power = 1e4 + 5e3 * np.sign(np.sin(time / 300))
+    table = np.c_[time, power, 40 + 2 * np.sin(time / 300), 30 + np.cos(time / 300)]
+    np.savetxt("b.csv", table, delimiter=",", header="t [s],P [W],jacket [°C],T [°C]", comments="")
+    run(["recording", "b.csv", "--plant", "others:boiler"])
+    assert "outside the plausible" not in capsys.readouterr().out

@@ -16,7 +16,7 @@ from controllers.uncertainty import NONE, Uncertainty
 from workbench.errors import WorkbenchError
 from workbench.linearisation import LinearModel
 
-ANGLES = frequencies(0.002)
+ANGLES = frequencies()
 LATE = Uncertainty(delay=(0.0, 0.006), sensor_lag=(0.0, 0.004), trusted_frequency=200.0)
 
 

@@ -3,6 +3,7 @@
 import pytest
 
 from workbench.errors import WorkbenchError
+from workbench.model import State
 from workbench.model.units import convert, same_dimension, to_si
 
 
@@ -26,12 +27,23 @@ from workbench.model.units import convert, same_dimension, to_si
         ("kW", "J/s", 1e3),
         ("l/min", "m3/s", 1e-3 / 60.0),
         ("km/h", "m/s", 1.0 / 3.6),
+        ("ohm", "V/A", 1.0),
+        ("kOhm", "V/A", 1e3),
+        ("uH", "V s/A", 1e-6),
+        ("nF", "A s/V", 1e-9),
     ],
 )
 def test_one_of_a_unit_in_si(unit: str, si: str, size: float) -> None:
     assert same_dimension(unit, si)
     assert float(to_si(1.0, unit)) == pytest.approx(size, rel=1e-12)
     assert float(convert(size, si, unit)) == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_quantity_out_of_si_says_how_to_convert_it() -> None:
+    with pytest.raises(WorkbenchError, match=r"0 degC = 273.15 K.*display_unit='degC'"):
+        State("T", "degC")
+    with pytest.raises(WorkbenchError, match=r"1 mm = 0.001 SI"):
+        State("gap", "mm")
 
 
 def test_units_of_other_dimensions_are_refused() -> None:

@@ -54,7 +54,7 @@ def simulate(
             return quantity(name, given, "s")
         return steps * step_time(linearise(start, verdict=False))
 
-    step = check_range("sample time", time("sample time", sample_time, 1e-3), 1e-7, 3600.0, "s")
+    step = check_range("sample time", time("sample time", sample_time, 1e-3), 1e-9, 1e4, "s")
     length = check_range("duration", time("duration", duration, 4.0), 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
     run = run_model(

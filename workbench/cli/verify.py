@@ -53,7 +53,8 @@ def verify(
             fit.
         design (NAME=VALUE): What the design takes for another than the plant has: an option, or a
             value at rest, such as load=1kg or angle=30deg; the short form is --design-load 1kg.
-        start (--from VALUE): Controlled output before the step.
+        start (--from VALUE): Controlled output before the step, the plant's first, or another as
+            NAME=VALUE; a plant that declares no point of its own is designed for there.
         end (--to VALUE): Controlled output after the step.
         hold (TIME): Time between the steps. By default what the linear model takes to respond.
         sample_time (TIME): Sample time of controllers and loop. By default the controllers' own, or
@@ -67,8 +68,14 @@ def verify(
     from workbench.study.result import run_study
     from workbench.study.summary import plain_summary
 
-    base = _nominal(chosen, [*(design or ()), *chosen.design])
-    scenario = _scenario(chosen, base, start, end, hold, sample_time, controller or ())
+    controlled, (start, end) = _controlled(chosen, start, end)
+    changes = [*(design or ()), *chosen.design]
+    if start is not None and not changes and not chosen.plant.design_point:
+        # What declares no point of its own is designed for where the step starts.
+        _level(chosen.model, f"{controlled[0]}={start}", f"{controlled[0]} before the step")
+        changes = [f"{controlled[0]}={start}"]
+    base = _nominal(chosen, changes)
+    scenario = _scenario(chosen, controlled, base, start, end, hold, sample_time, controller or ())
     recipes = _recipes(base, controller or (), scenario)
     study = replace(_study(chosen, recipes, scenario, require or ()), seeds=(seed,))
     with tempfile.TemporaryDirectory() as folder, counting() as counter:
@@ -127,8 +134,23 @@ def _study(
     )
 
 
+def _controlled(
+    chosen: Chosen, start: str | None, end: str | None
+) -> tuple[tuple[str, ...], tuple[str | None, str | None]]:
+    """Return the controlled outputs, and the levels without the name that may stand before them."""
+    pairs = [(text or "").rpartition("=") for text in (start, end)]
+    named = sorted({name.strip() for name, _, _ in pairs} - {""})
+    if len(named) > 1:
+        raise WorkbenchError(f"--from is of {named[0]} and --to of {named[1]}; step one output")
+    for name in named:
+        check_choice("controlled output", name, [q.name for q in chosen.model.outputs])
+    found = tuple(named) or chosen.plant.controlled_outputs(chosen.model)
+    return found, (start and pairs[0][2], end and pairs[1][2])
+
+
 def _scenario(
     chosen: Chosen,
+    controlled: tuple[str, ...],
     base: ControllerRecipe,
     start: str | None,
     end: str | None,
@@ -141,10 +163,11 @@ def _scenario(
     from workbench.verification import Steps, step_scenario
 
     linear = base.linear()
-    name = chosen.plant.controlled_outputs(chosen.model)[0]
+    name = controlled[0]
     y0 = {n: float(y) for n, y in zip(linear.output_names, linear.y0, strict=True)}
     about = next(q for q in chosen.model.outputs if q.name == name)
-    first, last = chosen.plant.step or (y0[name], y0[name] + about.scale)
+    own = name == chosen.plant.controlled_outputs(chosen.model)[0]
+    first, last = (own and chosen.plant.step) or (y0[name], y0[name] + about.scale)
     levels = [
         default if given is None else _level(chosen.model, f"{name}={given}", what)
         for given, default, what in (
@@ -154,20 +177,20 @@ def _scenario(
     ]
     shown = step_time(linear)
     held = shown if hold is None else quantity("time", hold, "s")
-    check_range("time between the steps", held, 1e-6, 1e7, "s")
+    check_range("time between the steps", held, 1e-9, 1e7, "s")
     step = (
         _stated(base, controllers) or shown / 1000
         if sample_time is None
         else quantity("sample time", sample_time, "s")
     )
-    check_range("sample time", step, 1e-6, held, "s")
+    check_range("sample time", step, 1e-9, held, "s")
     unit = about.display_unit
     begin, end_ = (float(from_si(v, unit)) for v in levels)
     asked = step_scenario(
         name, begin, end_, unit=unit, back=True, lead=0.25 * held, hold=held, sample_time=step
     )
     # Other controlled outputs stay as they are at the design point.
-    others = {n: Steps((0.0,), (y0[n],)) for n in chosen.plant.controlled_outputs(chosen.model)[1:]}
+    others = {n: Steps((0.0,), (y0[n],)) for n in controlled[1:]}
     return replace(asked, references=dict(sorted({**asked.references, **others}.items())))
 
 

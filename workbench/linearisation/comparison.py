@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.errors import NumericalError
+from workbench.errors import NumericalError, WorkbenchError
 from workbench.linearisation.linear_model import LinearModel
 from workbench.linearisation.pace import step_time
 from workbench.linearisation.transfer import transfer_function
@@ -51,6 +51,12 @@ class Comparison:
         op = self.model.operating_point
         quantity = next(q for q in op.model.inputs if q.name == self.model.input_names[0])
         room = min(quantity.upper - u0, u0 - quantity.lower)
+        if room <= 0.0:
+            raise WorkbenchError(
+                f"{quantity.name} rests at an end of its range, {u0:g} {quantity.unit}; how far the"
+                " linear model holds is tried in both directions: rest the plant elsewhere, with"
+                " another output or input (--at NAME=VALUE)"
+            )
         return room if math.isfinite(room) else 10.0 * quantity.scale
 
     def gain(self, s: complex) -> complex:

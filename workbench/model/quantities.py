@@ -31,9 +31,15 @@ class Quantity:
             )
         unit = parse_unit(self.unit)
         if not math.isclose(unit.factor, 1.0) or unit.offset:
+            size = (
+                f"0 {self.unit} = {unit.offset:g} K"
+                if unit.offset
+                else f"1 {self.unit} = {unit.factor:g} SI"
+            )
             raise WorkbenchError(
                 f"{self.name} is declared in {self.unit!r}; quantities of a model are in SI units,"
-                f" convert it (1 {self.unit} = {unit.factor:g} SI)"
+                f" convert it ({size}); an output is still read in {self.unit} with"
+                f" display_unit={self.unit!r}"
             )
         if not (math.isfinite(self.scale) and self.scale > 0):
             raise WorkbenchError(

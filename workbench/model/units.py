@@ -64,14 +64,15 @@ _SYMBOLS: dict[str, tuple[float, Dimensions]] = {
     **dict.fromkeys(("J", "Nm"), (1.0, _J)),
     "W": (1.0, _W),
     "V": (1.0, _V),
-    **dict.fromkeys(("Ohm", "Ω"), (1.0, _OHM)),
+    **dict.fromkeys(("Ohm", "ohm", "Ω"), (1.0, _OHM)),
     "H": (1.0, _H),
     "F": (1.0, _F),
 }
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "h": 1e2, "k": 1e3, "M": 1e6}
 _MULTIPLES = (
     "cm", "mm", "um", "µm", "km", "mg", "ms", "us", "µs", "ns", "kHz", "mA", "mrad", "mN", "kN",
-    "hPa", "kPa", "MPa", "mbar", "kJ", "kW", "mV", "mH", "uF", "µF",
+    "hPa", "kPa", "MPa", "mbar", "kJ", "kW", "mV", "mH", "uH", "µH", "uF", "µF", "nF",
+    "kOhm", "mOhm",
 )  # fmt: skip
 _SYMBOLS |= {
     text: (_PREFIXES[text[0]] * _SYMBOLS[text[1:]][0], _SYMBOLS[text[1:]][1]) for text in _MULTIPLES

@@ -171,6 +171,12 @@ def operating_point(
         solution = _with_effects_at_start(problem, solution, x, u)
     _snap(model, wanted, solution)
     values = derivatives_of(model, EXACT).values(solution.x, solution.u, model.values)
+    if not np.isfinite(values).all():
+        raise WorkbenchError(
+            f"where {model.name!r} would rest with {_asked(problem)}, its equations divide by zero"
+            " or leave the numbers; give another value at rest (--at NAME=VALUE, of verify --from"
+            f" VALUE), such as one of {', '.join(q.name for q in model.outputs)}"
+        )
     at, measurements = values[: len(solution.x)], values[len(solution.x) :]
     return OperatingPoint(
         model=model,
@@ -356,15 +362,18 @@ def _with_effects_at_start(problem: Problem, found: Solution, x: Vector, u: Vect
     return replace(solution, undetermined=pinned) if pinned else solution
 
 
-def _impossible(problem: Problem, solution: Solution) -> WorkbenchError:
-    asked = ", ".join(
+def _asked(problem: Problem) -> str:
+    return ", ".join(
         f"{c.label.replace('_', ' ')} {_display(problem.model, c.label, c.value)}"
         for c in problem.conditions
     )
+
+
+def _impossible(problem: Problem, solution: Solution) -> WorkbenchError:
     model = problem.model
     return WorkbenchError(
-        f"there is no operating point of {model.name!r} ({model.description}) with {asked};"
-        f" {what_would_be_possible(problem, solution)}"
+        f"there is no operating point of {model.name!r} ({model.description}) with"
+        f" {_asked(problem)}; {what_would_be_possible(problem, solution)}"
     )
 
 

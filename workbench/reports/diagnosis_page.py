@@ -131,8 +131,9 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
             Picture(
                 f"residuals-{i + 1}",
                 diagnosis_residuals(run, noise, after),
-                f"{name}: error of the free run, root mean square over 0.2 s, on a logarithmic"
-                " axis. In the green band it is no larger than the noise of the sensor.",
+                f"{name}: error of the free run, root mean square over a sixtieth of it, on a"
+                " logarithmic axis. In the green band it is no larger than the noise of the"
+                " sensor.",
                 f"errors of the free runs of {name} over time",
             ),
         ]

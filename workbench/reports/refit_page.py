@@ -100,7 +100,7 @@ def pictures(report: RefitReport) -> tuple[Picture, ...]:
             Picture(
                 f"errors-{file}",
                 diagnosis_residuals(before, noise, after, names),
-                f"{after.name}: error of both free runs, root mean square over 0.2 s.",
+                f"{after.name}: error of both free runs, root mean square over a sixtieth of it.",
                 told,
             ),
         ]

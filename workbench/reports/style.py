@@ -169,6 +169,11 @@ def label(axes: Axes, *, x: str | None = None, y: str | None = None, title: str 
     """Write the labels of a panel, with their units."""
     if x is not None:
         axes.set_xlabel(x, fontsize=FONT_POINTS, color=INK.light)
+        from matplotlib.ticker import ScalarFormatter
+
+        if isinstance(axes.xaxis.get_major_formatter(), ScalarFormatter):
+            # Microseconds and days alike: a power of ten at the axis, lest numbers meet.
+            axes.ticklabel_format(axis="x", scilimits=(-2, 5), useMathText=True)
     if y is not None:
         axes.set_ylabel(_broken(y, axes), fontsize=FONT_POINTS, color=INK.light)
     if title:

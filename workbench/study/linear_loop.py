@@ -121,7 +121,7 @@ def analyse_loop(
     at_rest = tuple(values.get(name, 0.0) for name in controller.sensors)
     _check_linear(controller, at_rest, values)
     loop, h = loop_matrices(controller, linear), controller.sample_time
-    angle = frequencies(h, points)
+    angle = frequencies(points)
     places: list[int | None] = [*range(len(controller.sensors) if every else 1), None]
     found = []
     for place in places:

@@ -14,7 +14,7 @@ EVENTS_S = (0.0, 1e8)
 """First and last time of a change, a disturbance or a fault, in s."""
 
 RANGES_S = {
-    "sample_time": (1e-6, 1e4),
+    "sample_time": (1e-9, 1e4),
     "duration": (2e-6, 1e8),
     "settle": (0.0, 1e7),
     "rest_window": (2e-6, 1e8),

@@ -111,7 +111,7 @@ def test_margins_and_linear_model(law: HInfinity, linear_by_opening: LinearModel
     assert mt < 1.9
     # one sample late is worse, and stable
     loop = loops_at(law, linear_by_opening, [(law.sample_time, 0.0)])[0]
-    late = peaks_of(loop, frequencies(law.sample_time)).sensitivity
+    late = peaks_of(loop, frequencies()).sensitivity
     assert ms < late < 4.0
     steps = Scenario("step", {"angle": Steps((0.0, 0.1), (0.5, 0.55))}, 1.0)
     run = verify(law, linear_by_opening, steps.without_imperfections())

@@ -149,6 +149,10 @@ def expectations(
         quantities: tuple[Input | Output, ...] = (*model.inputs, *model.outputs)
         names = tuple(q.name for q in quantities)
         scales = {q.name: q.scale for q in quantities}
+        # What reads far from zero at rest, such as an absolute temperature, is of that size.
+        rest = model.read(model.initial_state(), model.nominal_input)
+        for q, value in zip(model.outputs, rest.tolist(), strict=True):
+            scales[q.name] = max(q.scale, abs(value)) if math.isfinite(value) else q.scale
         known = {
             q.name: (q.lower, q.upper)
             for q in quantities

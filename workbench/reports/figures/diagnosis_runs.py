@@ -40,7 +40,7 @@ NAMES = ("refitted", "extended")
 
 _POINTS = 1200
 _DASHES = (0, (4, 2))
-_WINDOW_S = 0.2
+_WINDOWS = 60
 
 
 def titled(name: str, unit: str) -> str:
@@ -142,7 +142,7 @@ def diagnosis_residuals(
         noise: Noise of each output, in its SI unit.
 
     Returns:
-        The figure: root mean square of the error over windows of 0.2 s on a logarithmic axis, one
+        The figure: root mean square of the error over sixty windows on a logarithmic axis, one
         panel per output over time in s; the band is twice the noise.
     """
     from matplotlib.patches import Patch
@@ -199,18 +199,19 @@ def _decades(axes: Axes) -> None:
     axes.tick_params(which="minor", left=False)
 
 
-def moving_rms(time: Vector, error: Vector, *, window: float = _WINDOW_S) -> tuple[Vector, Vector]:
-    """Return the root mean square of an error over windows of time.
+def moving_rms(time: Vector, error: Vector) -> tuple[Vector, Vector]:
+    """Return the root mean square of an error over sixty windows of time.
+
+    A window has ten samples at least.
 
     Args:
         time: Sample times, shape (n,), in s.
         error: Errors, shape (n,), in any unit; NaN where there is no measurement.
-        window: Length of a window, in s; at least ten samples are taken.
 
     Returns:
         Middles of the windows, in s, and the values, in the error's unit.
     """
-    size = max(10, round(window / (time[1] - time[0])))
+    size = max(10, len(time) // _WINDOWS)
     count = max(1, len(time) // size)
     used = min(len(time), count * size)
     squares = np.nan_to_num(error[:used] ** 2).reshape(count, -1)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from workbench.linearisation.pace import horizon_of
 from workbench.linearisation.transfer import frequency_response
 from workbench.model.units import parse_unit
 from workbench.reports.figure import Figure
@@ -91,14 +92,17 @@ def plant_picture(study: Study) -> list[Picture]:
     recipe = next(iter(study.controllers.values()))
     controlled = next(iter(next(iter(study.scenarios.values())).references))
     quantity = output_of(study, controlled)
-    curves, frequency = {}, np.zeros(0)
-    for point in study.points:
-        linear = recipe.linear(point)
+    models = {point_text(study, point): recipe.linear(point) for point in study.points}
+    for linear in models.values():
         if len(linear.input_names) != 1 or controlled not in linear.output_names:
             return []
-        frequency = np.geomspace(0.05, 50.0, 400)
-        response = frequency_response(linear, controlled, frequency)
-        curves[point_text(study, point)] = response / parse_unit(quantity.display_unit).factor
+    times = [horizon_of(linear) for linear in models.values()] or [1.0]
+    frequency = np.geomspace(0.05 / max(times), 50.0 / min(times), 400)
+    factor = parse_unit(quantity.display_unit).factor
+    curves = {
+        point: frequency_response(linear, controlled, frequency) / factor
+        for point, linear in models.items()
+    }
     unit = f"{written(quantity.display_unit)}/{study.plant.build().inputs[0].unit}"
     return [
         Picture(
