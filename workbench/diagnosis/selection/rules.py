@@ -200,10 +200,9 @@ LEAST_SHOWN = Threshold(
 )
 LEAST_PREDICTED = Threshold(
     "least share of a name",
-    0.2,
+    0.1,
     "What predicts less of the excess misfit is no name even if runs come closer with it: it has"
-    " moved other parameters to better values, beside something that the library may not have. Of"
-    " five names that explained 10 to 20 %, four were wrong.",
+    " moved other parameters to better values, beside something that the library may not have.",
 )
 LEAST_OF_REST = Threshold(
     "share of a further effect",
