@@ -30,7 +30,7 @@ def test_what_is_no_such_file_is_a_sentence(kind: str, text: str, tmp_path: Path
 
 
 def test_a_run_that_stands_twice_is_refused(tmp_path: Path) -> None:
-    table = {"schema": 2, "study": "s", "runs": [RUN, RUN]}
+    table = {"schema": 2, "study": "s", "conditions": {}, "runs": [RUN, RUN]}
     (tmp_path / "b.json").write_text(json.dumps(table))
     with pytest.raises(WorkbenchError, match="has the run pid, nominal, step, 1 twice"):
         read_baseline(tmp_path / "b.json")
@@ -42,8 +42,8 @@ def test_a_number_of_another_unit_is_no_number_to_compare_with(tmp_path: Path) -
     for unit, ways in (("rad", []), ("mrad", ["worse"]), ("bar", ["worse"])):
         run = copy.deepcopy(RUN)
         run["metrics"]["rmse"] |= {"unit": unit, "display_unit": unit}  # type: ignore[index]
-        path.write_text(json.dumps({"schema": 2, "study": "s", "runs": [run]}))
+        path.write_text(json.dumps({"schema": 2, "study": "s", "conditions": {}, "runs": [run]}))
         stored = read_baseline(path)
-        path.write_text(json.dumps({"schema": 2, "study": "s", "runs": [RUN]}))
+        path.write_text(json.dumps({"schema": 2, "study": "s", "conditions": {}, "runs": [RUN]}))
         now = read_baseline(path).records.values()
         assert [c.way for c in rules(now, stored)] == ways
