@@ -112,7 +112,7 @@ def test_unknown_unit_is_left_out_or_an_error(tmp_path: Path) -> None:
         ("[signals.angle]\ncolumn = 'q1'\nunit = 'degg'", "did you mean 'deg'"),
         ("[signals.angle]\ncolumn = 'q1'\noffset = 'a'", "offset.* must be a number"),
         ("[signals.angle]\ncolumn = 'q1'\nrole = 'sensor'", "role"),
-        ("[signals]\nangle = 3", "signals.angle is 3; it must be a table"),
+        ("[signals]\nangle = 3", "write a column name or a table"),
         ("[signal.angle]\ncolumn = 'q1'", "did you mean 'signals'"),
         ("columns = 'time_s'", "columns.* must be a list"),
         ("sample_time_s = -1", "sample_time_s"),

@@ -50,6 +50,21 @@ class ColumnRule:
     role: Role | str = ""
     reference: str = ""
 
+    def __post_init__(self) -> None:
+        """Check every entry, naming the signal."""
+        given = {key: getattr(self, key) for key in _COLUMN.usual}
+        try:
+            _COLUMN({key: value for key, value in given.items() if value != ""}, (self.signal,))
+        except ShapeError as error:
+            raise WorkbenchError(f"the mapping: {error}") from None
+        if not self.column:
+            raise WorkbenchError(f"the mapping names no column for signal {self.signal!r}")
+        if self.factor == 0.0:
+            raise WorkbenchError(
+                f"factor of signal {self.signal!r} in the mapping is 0; it must not be"
+            )
+        parse_unit(self.unit)
+
 
 @dataclass(frozen=True)
 class MappingRules:
@@ -122,7 +137,14 @@ _COLUMN = TableShape(
 
 
 def _column(value: Any, place: Place) -> Any:
-    return {"column": value} if isinstance(value, str) else _COLUMN(value, place)
+    if isinstance(value, str):
+        return {"column": value}
+    if not isinstance(value, Mapping):
+        raise ShapeError(
+            place,
+            f"is {value!r}; write a column name or a table with column, unit, sign, offset",
+        )
+    return _COLUMN(value, place)
 
 
 _MAPPING = TableShape(
@@ -147,12 +169,7 @@ def _rule(
     signal: str, entry: Mapping[str, Any], units: Mapping[str, tuple[float, str]]
 ) -> ColumnRule:
     values = {"column": signal, **entry}
-    if not values["column"]:
-        raise WorkbenchError(f"the mapping names no column for signal {signal!r}")
-    if values.get("factor", 1.0) == 0.0:
-        raise WorkbenchError(f"factor of signal {signal!r} in the mapping is 0; it must not be")
     size, values["unit"] = units.get(values.get("unit", ""), (1.0, values.get("unit", "")))
-    parse_unit(values["unit"])
     for key, usual in (("factor", 1.0), ("offset", 0.0)):
         values[key] = size * values.get(key, usual)
     return ColumnRule(signal, **values)
