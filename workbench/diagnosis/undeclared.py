@@ -14,7 +14,7 @@ from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
 from workbench.model.units import from_si
 from workbench.recordings.checks.noise import white_rms
-from workbench.recordings.checks.quantisation import quantum
+from workbench.recordings.checks.quantisation import recorded_quantum
 from workbench.recordings.recording import Recording
 from workbench.simulation import simulate
 
@@ -35,7 +35,7 @@ def as_coarse_as_recorded(
     """
     outputs, rows = [], []
     for q in model.outputs:
-        steps = {r.name: quantum(r[q.name]) for r in recordings if q.name in r}
+        steps = {r.name: recorded_quantum(r, q.name) for r in recordings if q.name in r}
         name = max(steps, key=lambda recording: steps[recording], default="")
         if not name or steps[name] <= _COARSE * np.hypot(q.resolution, np.sqrt(12) * q.noise_rms):
             outputs.append(q)
@@ -62,7 +62,7 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     for q in model.outputs:
         read = [r[q.name] for r in recordings if q.name in r]
         if q.noise_rms == 0 and q.resolution == 0 and read:
-            step = max(quantum(values) for values in read)
+            step = max(recorded_quantum(r, q.name) for r in recordings if q.name in r)
             white = [white_rms(v, order=order, quantile=0.25) for v in read for order in (4, 6)]
             least = min((w for w in white if np.isfinite(w)), default=0.0)
             noise = max(least**2 - step**2 / 12, 0.0) ** 0.5
