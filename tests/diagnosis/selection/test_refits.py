@@ -90,7 +90,7 @@ def test_the_best_score_is_followed_whatever_its_first_refit_gained(
     names = ("stribeck_friction", "ripple", "valve_offset", "tilt_gravity", "local_catch")
     first = [_candidate(entries[name], 100.0 - i, 0.5) for i, name in enumerate(names)]
     first[4] = replace(first[4], gain=-3.0)
-    assert refits._leaders(first, 4) == [0, 1, 2, 4]
+    assert refits._leaders(first, 4) == [0, 1, 2, 3, 4]
     assert refits._leaders(first, 1) == [0, 1, 2, 3]
     assert refits._leaders([replace(first[4], fit=None)], 0) == []
     assert refits._leaders([first[4]], 0) == [0]

@@ -61,23 +61,21 @@ class Candidate:
         return self.fit.refit.estimate(f"{self.entry.effect.name}.{self.entry.size_parameter}")
 
     @property
+    def _own(self) -> list[Estimate]:
+        own = f"{self.entry.effect.name}."
+        estimates = () if self.fit is None else self.fit.refit.estimates
+        return [e for e in estimates if e.name.startswith(own)]
+
+    @property
     def own_parameters(self) -> int:
         """How many parameters of its own were refitted."""
-        own = f"{self.entry.effect.name}."
-        return (
-            0 if self.fit is None else sum(e.name.startswith(own) for e in self.fit.refit.estimates)
-        )
+        return len(self._own)
 
     @property
     def degenerate(self) -> bool:
-        """Whether its shape ended on a bound, where it is a simpler law: a jump at time zero."""
-        if self.fit is None:
-            return False
-        own, size = f"{self.entry.effect.name}.", self.entry.size_parameter
-        return any(
-            e.on_bound and e.name.startswith(own) and e.name != own + size
-            for e in self.fit.refit.estimates
-        )
+        """Whether its shape ended on a bound, where it is a simpler law: a jump at the start."""
+        size = f"{self.entry.effect.name}.{self.entry.size_parameter}"
+        return any(e.on_bound and e.name != size for e in self._own)
 
     def __str__(self) -> str:
         """Return one aligned line."""

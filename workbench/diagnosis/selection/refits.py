@@ -46,7 +46,7 @@ from workbench.diagnosis.selection.score import Score
 from workbench.diagnosis.selection.shortlist import LEAST_SCORE
 from workbench.diagnosis.selection.simulation_error import closest_runs
 from workbench.errors import NumericalError
-from workbench.model import Effect, Model, Parameter
+from workbench.model import Model, Parameter
 from workbench.physics.library import Hypothesis
 from workbench.work.processes import Call, in_order
 
@@ -149,17 +149,14 @@ def refit_candidates(
     if best is None or not best.entry.alone:
         return found
     # What acts at several places alike may act at one of them.
+    # It begins with the parameters as they were widened and tuned.
+    shape = best.entry.effect.parameters
     at_one = [
-        replace(best, entry=replace(entry, effect=_shaped(entry.effect, best.entry.effect)))
+        replace(best, entry=replace(entry, effect=replace(entry.effect, parameters=shape)))
         for entry in best.entry.alone
     ]
     alone = in_order([(_followed, (base, c, *known)) for c in at_one], jobs=jobs)
     return decided((*first, *lost, *alone), done[0], limits)
-
-
-def _shaped(effect: Effect, like: Effect) -> Effect:
-    """Return an effect with the parameters, widened and tuned, of another of the same law."""
-    return replace(effect, parameters=like.parameters)
 
 
 def decided(
@@ -343,7 +340,7 @@ def _leaders(first: Sequence[Candidate], best: int) -> list[int]:
 
     A lag or delay of a sensor reproduces many a slow or springy part of the process, and does so at
     several sensors: of each such law one is followed, and two at the most. The best score is
-    followed whatever its first refit gained.
+    followed too, whatever its first refit gained, and takes nobody's place.
 
     Args:
         best: Place of the best score.
@@ -361,7 +358,7 @@ def _leaders(first: Sequence[Candidate], best: int) -> list[int]:
         if len(leaders) < _FINALISTS:
             leaders.append(i)
     if first and first[best].fit is not None and best not in leaders:
-        leaders[_FINALISTS - 1 :] = [best]
+        leaders.append(best)
     return leaders
 
 
@@ -723,9 +720,12 @@ def _judged_on(
     assert first.fit is not None
     entry, fit = first.entry, first.fit
     # An effect may take over from another one of the same law.
-    own_name = fit.model.effects[-1].name
+    before_it = f"{fit.model.effects[-1].name}."
     ended = {
-        e.name.replace(f"{own_name}.", f"{entry.name}.", 1): e.value for e in fit.refit.estimates
+        f"{entry.name}.{e.name.removeprefix(before_it)}"
+        if e.name.startswith(before_it)
+        else e.name: e.value
+        for e in fit.refit.estimates
     }
     best: tuple[Hypothesis, ProcessNoiseFit, list[Observed]] | None = None
     for _ in range(_WIDENINGS + 1):
