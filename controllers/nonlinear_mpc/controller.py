@@ -7,10 +7,11 @@ as sensors the estimate at rest agrees with every measurement, so that nothing i
 offset). It estimates parameters too that nobody measures, such as the supply. Then
 
     sum_j q (y_j - r_j)^2 + v (dy/dt_j - dr/dt_j)^2 + S (u_j - u_{j-1})^2 + softness (eps + eps^2)
-    subject to   x_{j+1} = F(x_j, u_j, w),   j = 0 .. N - 1,   x_0 = the estimate
+    subject to   x_{j+1} = F(x_j, u_j, w_j),   j = 0 .. N - 1,   x_0 = the estimate
                  |u_j| <= limit                                   (opening, hard)
                  p_min - eps <= pressures_j <= p_max + eps        (soft: a measurement may be out)
 
+with the disturbances w_j that last (torque and parameters) or fade (rates of the other states),
 is improved by one Gauss-Newton step per sample from the plan of the sample before (multiple
 shooting; the states of all stages are eliminated and a dense quadratic program in the N moves and
 eps is left). The plan converges over the samples while the plant moves on. The first move is
@@ -88,12 +89,15 @@ class NonlinearMPCSpecification:
         steps: Runge-Kutta steps per stage; next to the supply a full opening answers within 1 ms.
         opening_limit: Largest opening, a fraction.
         pressure_limits: Lowest and highest gauge pressure, in Pa. An upper limit next to the supply
-            costs accuracy where holding needs nearly all of it; by default it is above.
+            costs accuracy where a move or holding needs more; by default it is above.
         softness: Cost of a pressure 1 bar out of its limits (dimensionless).
         torque_walk: Random walk of the disturbing torque on the joint over one second, in N m.
         disturbances: Other states whose rates are disturbed, each with its random walk over one
             second, in the state's SI unit per second. With the torque as many as sensors: no
             offset.
+        fading_time: Time constant with which these other disturbances fade over the horizon, in s.
+            They are estimated within some samples: held over the horizon, their noise would
+            integrate to pressures at the limits.
         unknown: Parameters of the model that are estimated, each with how far it is off, rms in its
             SI unit.
         sensor_noise: Noise rms of angle (rad) and pressures (Pa).
@@ -112,12 +116,13 @@ class NonlinearMPCSpecification:
     stage_time: float = 0.02
     steps: int = 8
     opening_limit: float = 1.0
-    pressure_limits: tuple[float, float] = (0.1e5, 6.2e5)
+    pressure_limits: tuple[float, float] = (0.1e5, 8e5)
     softness: float = 1e4
     torque_walk: float = 40.0
     disturbances: Mapping[str, float] = field(
         default_factory=lambda: {"pressure_1": 1e7, "pressure_2": 1e7}
     )
+    fading_time: float = 0.1
     unknown: Mapping[str, float] = field(default_factory=lambda: {"supply_pressure": 1e5})
     sensor_noise: tuple[float, ...] = (2e-5, 600.0, 600.0)
     state_noise: float = 0.1
@@ -138,6 +143,7 @@ class NonlinearMPCSpecification:
             "move_scale",
             "softness",
             "torque_walk",
+            "fading_time",
             "reference_speed",
         ):
             check_range(name.replace("_", " "), getattr(self, name), 1e-9, 1e9)
@@ -195,6 +201,7 @@ class NonlinearMPC(ValveController):
     Args:
         shots: Mapped stages: (Z, U, w) -> ends of the stages, derivatives by z and by the input.
         observer: Estimates states and disturbances from the measurements.
+        fading: What is left of each disturbance at each stage, shape (n_w, N), fractions.
         pressure_limits: Lowest and highest absolute pressure, in Pa.
     """
 
@@ -203,6 +210,7 @@ class NonlinearMPC(ValveController):
     shots: Called
     stage: ca.Function
     observer: ExtendedKalmanFilter
+    fading: Matrix
     pressure_limits: tuple[float, float]
     name: str = "nonlinear MPC"
 
@@ -310,7 +318,7 @@ class NonlinearMPC(ValveController):
         ends, by_z, by_u = self.shots(
             trajectory[:, :-1],
             self.valve.centre + self.valve.full_stroke * plan[None, :],
-            disturbances,
+            disturbances[:, None] * self.fading,
         )
         n = len(size)
         # States at the ends of the stages: free + moves @ d_plan, in scaled units.
@@ -456,12 +464,15 @@ def design_nonlinear_mpc(
         noise=np.array(want.sensor_noise),
         sample_time=want.sample_time,
     )
+    fading = np.ones((len(walks), want.stages))
+    fading[1 : len(walk)] = np.exp(-np.arange(want.stages) * want.stage_time / want.fading_time)
     return NonlinearMPC(
         specification=want,
         prediction=ahead,
         shots=Called(build(shooting(stage, want.stages))),
         stage=stage,
         observer=observer,
+        fading=fading,
         pressure_limits=(low + ambient, high + ambient),
         sample_time=want.sample_time,
         preview=want.stages * want.stride if want.preview else 0,

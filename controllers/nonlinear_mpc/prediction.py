@@ -179,15 +179,15 @@ def discrete(rates: Dynamics, duration: float, steps: int, name: str) -> ca.Func
 
 
 def shooting(stage: ca.Function, stages: int) -> ca.Function:
-    """Map a stage over a horizon, with the same disturbance everywhere.
+    """Map a stage over a horizon.
 
     Returns:
-        Function (Z, U, w) of matrices with one column per stage -> the results side by side.
+        Function (Z, U, W) of matrices with one column per stage -> the results side by side.
     """
     n, n_u, n_w = (stage.size1_in(i) for i in range(3))
-    Z, U, w = ca.MX.sym("Z", n, stages), ca.MX.sym("U", n_u, stages), ca.MX.sym("w", n_w)
-    result = stage.map(stages)(Z, U, ca.repmat(w, 1, stages))
-    return ca.Function("shooting", [Z, U, w], list(result[:3]))
+    Z, U, W = (ca.MX.sym(name, rows, stages) for name, rows in (("Z", n), ("U", n_u), ("W", n_w)))
+    result = stage.map(stages)(Z, U, W)
+    return ca.Function("shooting", [Z, U, W], list(result[:3]))
 
 
 def measurements(model: Model, sensors: tuple[str, ...]) -> ca.Function:

@@ -115,7 +115,9 @@ def transcribed(
         x = X[k]
         if k < N:
             end = controller.stage(
-                x[:n], controller.valve.centre + controller.valve.full_stroke * U[k], disturbances
+                x[:n],
+                controller.valve.centre + controller.valve.full_stroke * U[k],
+                disturbances * controller.fading[:, k],
             )[0]
             # In this sign: fatrop's detection of the structure fails on the other.
             gap = X[k + 1] - ca.vertcat(end, U[k], x[n + 1])

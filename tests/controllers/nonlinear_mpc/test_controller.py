@@ -87,10 +87,11 @@ def test_shots_are_stages_side_by_side(plant: Model) -> None:
     x = plant.initial_state()[[q.name for q in plant.states].index("pressure_1") :]
     z = x / rates.scale
     Z = z[:, None] * (1 + 0.05 * rng.standard_normal((len(z), 3)))
-    U, w = np.array([[4.0, 5.0, 6.5]]), np.array([0.5, 0.1, 0.2])
-    ends, by_z, by_u = Called(shooting(stage, 3))(Z, U, w)
+    U = np.array([[4.0, 5.0, 6.5]])
+    W = np.array([[0.5, 0.4, 0.3], [0.1, 0.0, -0.1], [0.2, 0.2, 0.2]])
+    ends, by_z, by_u = Called(shooting(stage, 3))(Z, U, W)
     for k in range(3):
-        end, A, B, _ = (np.asarray(r) for r in stage(Z[:, k], U[:, k], w))
+        end, A, B, _ = (np.asarray(r) for r in stage(Z[:, k], U[:, k], W[:, k]))
         np.testing.assert_allclose(ends[:, k], end.ravel(), rtol=1e-14)
         np.testing.assert_allclose(by_z[:, 6 * k : 6 * k + 6], A, rtol=1e-12, atol=1e-14)
         np.testing.assert_allclose(by_u[:, k], B.ravel(), rtol=1e-12, atol=1e-14)
@@ -182,6 +183,35 @@ def test_steps_on_the_plant_settle_without_offset(
     assert found["steady_error"].value < math.radians(0.05)
     assert found["oscillation"].value < math.radians(0.05)
     assert found["fallbacks"].value == 0.0
+
+
+def test_a_rate_that_is_missed_for_a_moment_does_not_fill_the_horizon(
+    mpc: NonlinearMPC, plant: Model
+) -> None:
+    want = mpc.specification
+    start = mpc.predicted(
+        operating_point(plant, {"angle": math.radians(50)}).x / mpc.observer.rates.scale
+    )
+    plan, still = np.zeros(want.stages), np.tile(start[:, None], (1, want.stages + 1))
+    path = np.full(want.stages + 1, math.radians(50.0))
+    # The noise of the pressures is estimated as rates of some bar/s.
+    missed = np.array([0.0, 4.0, 4.0, 0.0])
+    ends = mpc.improve(plan, still, start, missed, path, 0.0)
+    assert np.abs(ends.plan).max() < 0.1
+    # What lasts is the torque, as another load's weight.
+    np.testing.assert_allclose(mpc.fading[[0, 3]], 1.0)
+    np.testing.assert_allclose(mpc.fading[1], np.exp(-np.arange(20) * 0.02 / want.fading_time))
+
+
+@pytest.mark.parametrize("supply", [5e5, 7e5])
+def test_another_supply_leaves_no_offset(
+    mpc: NonlinearMPC, plant_with_hysteresis: Model, supply: float
+) -> None:
+    move = Scenario("move", {"angle": Steps((0.0, 0.1), (0.6, 0.95))}, duration=1.1)
+    rig = plant_with_hysteresis.with_parameters({"supply_pressure": supply})
+    found = metrics(verify(mpc, rig, move))
+    assert found["steady_error"].value < math.radians(0.05)
+    assert found["oscillation"].value < math.radians(0.05)
 
 
 def test_a_supply_that_is_lower_than_known_is_found_on_the_first_move(

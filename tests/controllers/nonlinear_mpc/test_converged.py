@@ -52,7 +52,10 @@ def test_the_converged_plan_is_that_of_do_mpc(plant: Model) -> None:
     # A free move of 20 deg has optima so flat that rounding decides between them; one at the limit
     # of the opening has not.
     limit, angle = 0.3, 40.0
-    wanted = NonlinearMPCSpecification(stages=6, steps=20, opening_limit=limit, unknown={})
+    # The other problem has disturbances that last.
+    wanted = NonlinearMPCSpecification(
+        stages=6, steps=20, opening_limit=limit, unknown={}, fading_time=1e6
+    )
     mpc = design_nonlinear_mpc(plant.without("bearing_friction"), wanted)
     point = operating_point(plant, {"angle": math.radians(20)})
     start = mpc.predicted(point.x / mpc.observer.rates.scale)
