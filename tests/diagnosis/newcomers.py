@@ -312,3 +312,71 @@ def rubbing() -> Diagnosis:
         law: Law = lambda x, v: -80.0 * v - 15.0 * np.tanh(v / 1e-3)  # noqa: E731
         runs.append(recorded(20.0, law, drive, 0.01, 2e-5, seed=seed, name=f"run {seed}"))
     return diagnose(carriage(), runs[:2], runs[2:], jobs=1, advise=False)
+
+
+def maglev() -> Model:
+    """A steel ball under a coil, which falls or is caught without its controller."""
+
+    def equations(m: Scope) -> Equations:
+        lift = m.p.lift * m.x.current**2 / m.x.gap**2
+        return (
+            {
+                "gap": m.x.speed,
+                "speed": 9.81 - lift / m.p.mass,
+                "current": (m.u.voltage - m.p.resistance * m.x.current) / m.p.inductance,
+            },
+            {"gap": m.x.gap, "current": m.x.current},
+        )
+
+    return Model(
+        "maglev",
+        equations,
+        states=(
+            State("gap", "m", initial=0.01),
+            State("speed", "m/s"),
+            State("current", "A", initial=0.7),
+        ),
+        inputs=(Input("voltage", "V", lower=0.0, upper=24.0),),
+        outputs=(Output("gap", "m"), Output("current", "A")),
+        parameters=(
+            Parameter("mass", "kg", value=0.05),
+            Parameter("lift", "N m2/A2", value=0.9e-4, lower=1e-5, upper=1e-3, fitted=True),
+            Parameter("resistance", "Ohm", value=9.0, lower=1.0, upper=100.0, fitted=True),
+            Parameter("inductance", "H", value=0.06, lower=0.001, upper=1.0, fitted=True),
+        ),
+    )
+
+
+def levitation(seed: int, *, samples: int = 1000, drag: float = 0.0) -> Recording:
+    """Return a ball of 50 g held by state feedback under a coil of 10 ohm and 50 mH, every 1 ms.
+
+    Args:
+        drag: Viscous drag on the ball, in N s/m.
+    """
+    lift, mass, resistance, inductance, gap = 1e-4, 0.05, 10.0, 0.05, 0.01
+    rest = np.array([gap, 0.0, gap * np.sqrt(9.81 * mass / lift)])
+    gain = np.array([-3000.0, -70.0, 15.0])
+    rng = np.random.default_rng(seed)
+    x, target, rows = rest, rest, []
+
+    def rates(_: float, x: Vector, u: float) -> list[float]:
+        force = lift * x[2] ** 2 / x[0] ** 2 + drag * x[1]
+        return [x[1], 9.81 - force / mass, (u - resistance * x[2]) / inductance]
+
+    for k in range(samples):
+        if k % 100 == 0:
+            target = rest * (1.0 + rng.uniform(-0.2, 0.2))
+        dither = 0.3 * np.sign(np.sin(k / 7.0))
+        u = float(np.clip(resistance * target[2] - gain @ (x - target) + dither, 0.0, 24.0))
+        rows.append((u, x[0] + 1e-5 * rng.normal(), x[2] + 3e-3 * rng.normal()))
+        x = solve_ivp(rates, (0.0, 1e-3), x, args=(u,), rtol=1e-7, atol=1e-9).y[:, -1]
+    voltage, gaps, currents = np.array(rows).T
+    return Recording(
+        f"levitation {seed}",
+        1e-3 * np.arange(samples),
+        (
+            Signal("voltage", voltage, "V", role="command"),
+            Signal("gap", gaps, "m"),
+            Signal("current", currents, "A"),
+        ),
+    )

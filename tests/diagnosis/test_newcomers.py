@@ -12,7 +12,9 @@ from tests.diagnosis.newcomers import (
     hardening,
     hysteretic,
     levels,
+    levitation,
     loops,
+    maglev,
     oscillations,
     oscillator,
     rubbed,
@@ -22,8 +24,12 @@ from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.estimation.stability import drifts
+from workbench.diagnosis.estimation.windows import windowed_run
+from workbench.diagnosis.problem import Problem
+from workbench.diagnosis.refit_report import run_refit
 from workbench.diagnosis.selection import search
-from workbench.diagnosis.selection.held_out import drifts, windowed_run
+from workbench.diagnosis.undeclared import with_undeclared
 from workbench.physics.library import Hypothesis, library
 
 
@@ -112,7 +118,7 @@ def test_windows_cover_a_recording_of_any_length(count: int) -> None:
     seen = made_up(model, levels(count, 1, 60.0, 5, 20), sample_time=0.01)
     fit = fit_with_process_noise(model, [seen], default_priors(model, ["mass"]))
     assert drifts(model, seen)
-    run = windowed_run(fit, model, seen)
+    run = windowed_run(fit.model, model, seen, fit.noise_scale)
     # The right model predicts every window to the noise and what it adds to the speed.
     assert run.finite and run.simulated.shape == seen.outputs.shape
     assert run.rmse["position"] < 5.0 * seen.noise_rms[0]
@@ -125,3 +131,33 @@ def test_what_forgets_its_start_within_a_recording_does_not_drift() -> None:
     assert drifts(
         oscillator(), made_up(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02)
     )
+
+
+def test_a_plant_that_is_unstable_without_its_controller_is_refitted_and_judged() -> None:
+    runs = levitation(1), levitation(2)
+    model, notes = with_undeclared(maglev(), runs)
+    # What is left out is judged along the measurements: a free run leaves the numbers.
+    assert "speed.rate" in notes[-1]
+    report = run_refit(Problem("ball", "a ball", model, fit=runs[:1], hold_out=runs[1:]))
+    found = {e.name: e.value for e in report.refit.estimates}
+    truth = {"lift": 1e-4, "resistance": 10.0, "inductance": 0.05}
+    assert found == pytest.approx(truth, rel=0.01)
+    assert all(row.refitted < 2.0 * row.limited for row in report.rows)
+    # A ball that falls for 23 ms is e times further off.
+    assert 0.02 < report.refitted[0].window < 0.07
+    assert "started anew" in report.notes[-1]
+
+
+def test_drag_on_a_plant_that_is_unstable_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def few(*given: Any, **known: Any) -> tuple[Hypothesis, ...]:
+        laws = ("viscous_friction", "coulomb_friction", "local_catch", "ripple")
+        return tuple(e for e in library(*given, **known) if e.law in laws)
+
+    monkeypatch.setattr(search, "library", few)
+    runs = [levitation(seed, drag=0.25) for seed in (1, 2)]
+    verdict = diagnose(maglev(), runs[:1], runs[1:], jobs=1, advise=False).verdict
+    assert verdict is not None
+    (finding,) = verdict.findings
+    assert finding.effect == "viscous_friction" and finding.belief == "sure"
+    # 0.25 N s/m on 50 g; the sensors' noise is a tenth of a percent of their range.
+    assert finding.parameters["coefficient"].value == pytest.approx(5.0, rel=0.03)

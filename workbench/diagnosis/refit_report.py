@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.priors import default_priors
-from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
+from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
 from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.estimation.refit_result import Refit
+from workbench.diagnosis.estimation.stability import diverges
 from workbench.diagnosis.estimation.start import fitted_start
+from workbench.diagnosis.estimation.windows import MILD, windowed_run
 from workbench.diagnosis.problem import Problem
+from workbench.diagnosis.selection.held_out import floor_of
 from workbench.errors import WorkbenchError
 from workbench.model import Model
 from workbench.model.model import index_of
@@ -128,6 +131,12 @@ class RefitReport:
             found.append((name, estimate.value, value, (estimate.value - value) / estimate.std))
         return tuple(found)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader has to know of the recordings and of how the model was run along them."""
+        restarts = (run.restarts for run in self.refitted if run.restarts)
+        return (*self.problem.notes, *dict.fromkeys(restarts))
+
     def __str__(self) -> str:
         """Return short aligned tables."""
         lines = [f"{self.problem.title}: refitted on {len(self.problem.fit)} recording(s)", ""]
@@ -148,7 +157,7 @@ class RefitReport:
                 f" {r.nominal:>9.4g} {r.refitted:>9.4g} {r.limited:>9.4g} {_plain(r.noise):>9}"
                 + _remark(r)
             )
-        lines += [f"  {note}" for note in self.problem.notes]
+        lines += [f"  {note}" for note in self.notes]
         return "\n".join(lines)
 
 
@@ -170,6 +179,7 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
     judged += [(model, problem.observed(r, model)) for model, r in problem.in_loop]
     priors, how = default_priors(problem.model), problem.refit
     began, begun = time.perf_counter(), done()
+    scale = MILD
     if how.stages:
         found = refit(
             problem.model,
@@ -180,7 +190,8 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
             progress=progress,
         )
     else:
-        found = fit_with_process_noise(problem.model, fit, priors, progress=progress).refit
+        fitted = fit_with_process_noise(problem.model, fit, priors, progress=progress)
+        found, scale = fitted.refit, fitted.noise_scale
     seconds, work = time.perf_counter() - began, since(begun)
     if progress:
         progress("free runs on held-out recordings")
@@ -188,10 +199,17 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
     values = {e.name: e.value for e in found.estimates}
     for model, observed in judged:
         changed = model.with_parameters(values)
-        before = free_run(model, _started(how, model, observed))
-        started = _started(how, changed, observed)
-        after = free_run(changed, started)
-        limited = noise_limited(found, started, model=changed)
+        if diverges(model, observed):
+            before = windowed_run(model, model, observed, scale)
+            after = windowed_run(changed, model, observed, scale)
+            own = ProcessNoiseFit(replace(found, model=changed), scale)
+            floor = np.sqrt(floor_of(own, model, observed)).tolist()
+            limited = dict(zip(observed.used, floor, strict=True))
+        else:
+            before = free_run(model, _started(how, model, observed))
+            started = _started(how, changed, observed)
+            after = free_run(changed, started)
+            limited = noise_limited(found, started, model=changed)
         nominal.append(before)
         refitted.append(after)
         for k, name in enumerate(observed.used):

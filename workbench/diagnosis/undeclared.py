@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 
+from workbench.arrays import Vector
 from workbench.diagnosis.estimation.observe import observe
-from workbench.errors import WorkbenchError
+from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
+from workbench.diagnosis.estimation.process_noise import likely_scale
+from workbench.diagnosis.estimation.stability import diverges
+from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
 from workbench.model.units import from_si
@@ -75,32 +80,49 @@ def with_undeclared(model: Model, recordings: Sequence[Recording]) -> tuple[Mode
     model = replace(model, outputs=tuple(outputs))
     if any(p.disturbance or p.relative_disturbance for p in model.ports):
         return model, tuple(notes)
-    acting = ca.DM(model.exact.rates_by_port.sparsity(), 1).full().any(axis=0)
     sizes: dict[str, float] = {}
     for recording in recordings:
-        try:
-            seen = observe(model, recording)
-            run = simulate(
-                model,
-                np.clip(seen.inputs, *np.transpose([(q.lower, q.upper) for q in model.inputs])),
-                sample_time=seen.sample_time,
-                start=seen.start,
-                check=False,
-            )
-        except WorkbenchError:
-            continue  # Refit and checks say what is wrong with it.
-        for port, acts in zip(model.ports, acting, strict=True):
-            rms = float(np.sqrt(np.mean(run.signals[port.name] ** 2)))
-            if (
-                (acts or not acting.any())
-                and not port.name.endswith((".command", ".reading"))
-                and rms > 0
-            ):
-                sizes[port.name] = max(rms, sizes.get(port.name, 0.0))
+        with contextlib.suppress(WorkbenchError):  # Refit and checks say what is wrong with it.
+            for name, rms in _signals_along(model, observe(model, recording)).items():
+                sizes[name] = max(rms, sizes.get(name, 0.0))
     if sizes:
         notes.append(
             f"no port of {model.name} declares a disturbance; a twentieth of its signal is taken: "
             + ", ".join(f"{n} {LEFT_OUT * s:.2g}" for n, s in sizes.items())
         )
-    traits = replace(model.traits, sizes=tuple(sizes.items()))
-    return replace(model, traits=traits), tuple(notes)
+    return _with_sizes(model, sizes), tuple(notes)
+
+
+def _with_sizes(model: Model, sizes: Mapping[str, float]) -> Model:
+    return replace(model, traits=replace(model.traits, sizes=tuple(sizes.items())))
+
+
+def _signals_along(model: Model, seen: Observed) -> dict[str, float]:
+    """Return the rms of the signal at each port that acts on a rate, in its SI unit."""
+    acting = ca.DM(model.exact.rates_by_port.sparsity(), 1).full().any(axis=0)
+    ports = [
+        port
+        for port, acts in zip(model.ports, acting, strict=True)
+        if (acts or not acting.any()) and not port.name.endswith((".command", ".reading"))
+    ]
+    lower, upper = np.transpose([(q.lower, q.upper) for q in model.inputs])
+    inputs = np.clip(seen.inputs, lower, upper)
+    if not diverges(model, seen):
+        with contextlib.suppress(NumericalError):
+            run = simulate(
+                model, inputs, sample_time=seen.sample_time, start=seen.start, check=False
+            )
+            return _rms({port.name: run.signals[port.name] for port in ports})
+    # The measurements hold what would run away; how much is left out shows in how it is held.
+    trial = _with_sizes(model, {port.name: port.scale for port in ports})
+    scale = likely_scale(trial, [seen], {})
+    states = filter_of(trial, seen, scale).run(seen, trial.values).states
+    trace = trial.exact
+    signals = trace.along(states, inputs, trial.values, trace.signals)[0][:, :, 0]
+    named = dict(zip(trace.signal_names, signals.T, strict=True))
+    return _rms({port.name: named[port.name] for port in ports})
+
+
+def _rms(signals: Mapping[str, Vector]) -> dict[str, float]:
+    sizes = {name: float(np.sqrt(np.mean(v**2))) for name, v in signals.items()}
+    return {name: rms for name, rms in sizes.items() if rms > 0}

@@ -118,6 +118,9 @@ def _held_out(diagnosis: Diagnosis, proof: Proof, verdict: Verdict) -> Section:
             " the first measurements, never a later one."
         )
     ]
+    anew = next((run.restarts for run in diagnosis.runs["refitted"].values() if run.restarts), "")
+    if anew:
+        blocks.append(Words(f"{anew[0].upper()}{anew[1:]}.", "note"))
     for i, (title, run) in enumerate(diagnosis.runs["refitted"].items()):
         after = extended.get(title)
         name = _plain_title(title)

@@ -32,7 +32,7 @@ def refit_page(report: RefitReport, *, command: str) -> Page:
                 (
                     *drawn[1:],
                     _errors(report),
-                    *(Words(f"{note[0].upper()}{note[1:]}.", "note") for note in task.notes),
+                    *(Words(f"{note[0].upper()}{note[1:]}.", "note") for note in report.notes),
                     Method(methods("refit")),
                 ),
             ),

@@ -27,6 +27,7 @@ class FreeRun:
         time: Time from the first sample, shape (n,), in s.
         measured: Measurements, shape (n, n_used), in SI; NaN where there is none.
         simulated: What the model would read, shape (n, n_used), in SI; NaN if the run failed.
+        window: Length of the windows that it was started anew in, in s; 0 for a single run.
     """
 
     name: str
@@ -36,6 +37,18 @@ class FreeRun:
     measured: Vector
     simulated: Vector
     failure: str = ""
+    window: float = 0.0
+
+    @property
+    def restarts(self) -> str:
+        """In words that it was started anew, and why; empty for a single run."""
+        if not self.window:
+            return ""
+        return (
+            "the model runs away from wherever it starts, as what it describes does without its"
+            f" controller: it is started anew every {self.window:.2g} s, from what the"
+            " filter knows of its states there"
+        )
 
     @property
     def finite(self) -> bool:

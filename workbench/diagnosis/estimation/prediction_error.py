@@ -159,6 +159,14 @@ class PredictionError:
         parts = side_by_side([(some, (number,)) for number in range(count)])
         return [parts[i % count][i // count] for i in range(len(recordings))]
 
+    def expected(self, observed: Observed, run: Innovations) -> Vector:
+        """Return the measurements that the filter expected, shape (n, n_used), in SI.
+
+        NaN where there was no measurement.
+        """
+        error = run.whitened * np.exp(run.log_deviation) * self._output_scale
+        return np.asarray(observed.outputs - error)
+
     def _run(self, number: int, observed: Observed, values: npt.ArrayLike) -> Innovations:
         covariance = np.diag((observed.start_rms / self.state_scale)[list(self._corrected)] ** 2)
         found = self._filter(number).run(

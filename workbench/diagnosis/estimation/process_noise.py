@@ -21,6 +21,7 @@ from workbench.diagnosis.estimation.prediction_error import (
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.refit import ENOUGH, refit
 from workbench.diagnosis.estimation.refit_result import Refit
+from workbench.diagnosis.estimation.stability import diverges
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.model.model import index_of
@@ -37,7 +38,8 @@ _LOOKS, _ENDS = 2000, (0.005, 0.995)
 _UNKNOWN_START = 0.3
 """Uncertainty of the start of an effect's state that says nothing of it, over its scale."""
 
-_BLOCK_S, _LEAST_BLOCK, _LEAST_BLOCKS = 0.5, 20, 20
+_BLOCKS, _LEAST_BLOCK = 40, 20
+"""Blocks that a recording is cut into, and the least number of samples of one."""
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,7 @@ def fit_with_process_noise(
     best: ProcessNoiseFit | None = None
     values = dict(start or {})
     if noise_scale is None:
-        noise_scale = _first_scale(model, recordings, {p.name: p.mean for p in priors} | values)
+        noise_scale = likely_scale(model, recordings, {p.name: p.mean for p in priors} | values)
     first = int(np.argmin(np.abs(np.log(np.array(ladder) / noise_scale))))
     for level in ladder[first:] if follow else ladder[first : first + 1]:
         try:
@@ -164,13 +166,20 @@ def fit_with_process_noise(
     return best
 
 
-def _first_scale(
+def likely_scale(
     model: Model, recordings: Sequence[Observed], values: Mapping[str, float]
 ) -> float:
-    """Return where to begin: the disturbance that a plant declares may be wrong by a hundred.
+    """Return the process-noise scale, 3 or more, under which the first recording is most likely.
 
-    A filter that trusts the equations far more than they deserve has no slope that leads a refit
-    to better values.
+    A refit begins there: the disturbance that a plant declares may be wrong by a hundred, and a
+    filter that trusts the equations far more than they deserve has no slope that leads to better
+    values.
+
+    Args:
+        values: Values of some parameters by name, in SI.
+
+    Returns:
+        A step of the ladder, dimensionless.
     """
     first = recordings[0]
     p = model.with_parameters(values).values
@@ -197,9 +206,7 @@ def blocks_of_cost(fit: ProcessNoiseFit, recordings: Sequence[Observed]) -> Vect
     filter_ = filter_of(fit.model, recordings[0], fit.noise_scale)
     parts = filter_.along(recordings, fit.model.values)
     costs = [np.nan_to_num(0.5 * p.whitened**2 + p.log_deviation).sum(axis=1) for p in parts]
-    return np.concatenate(
-        [summed_over_blocks(c, r.sample_time) for c, r in zip(costs, recordings, strict=True)]
-    )
+    return np.concatenate([summed_over_blocks(c) for c in costs])
 
 
 def ranges_along(
@@ -236,24 +243,22 @@ def ranges_along(
     }
 
 
-def summed_over_blocks(values: Vector, sample_time: float) -> Vector:
+def summed_over_blocks(values: Vector) -> Vector:
     """Sum samples over blocks of time that are long enough to be taken as independent.
 
-    A block is half a second long, but a twentieth of the recording at the most, lest there be none
-    to compare, and 20 samples at least.
+    A block is a fortieth of the recording, and 20 samples at least.
 
     Args:
         values: One row per sample, shape (n, ...), in any unit.
-        sample_time: Time between samples, in s.
 
     Returns:
         Sums, shape (n_blocks, ...), in the same unit.
 
     Example:
-        >>> summed_over_blocks(np.ones(1000), 0.01).tolist() == [50.0] * 20
+        >>> summed_over_blocks(np.ones(1000)).tolist() == [25.0] * 40
         True
     """
-    size = max(_LEAST_BLOCK, min(round(_BLOCK_S / sample_time), len(values) // _LEAST_BLOCKS))
+    size = max(_LEAST_BLOCK, len(values) // _BLOCKS)
     return np.asarray(np.add.reduceat(values, np.arange(0, len(values), size), axis=0))
 
 
@@ -262,21 +267,21 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
 
     The filter runs along measurements that the model itself gives for the inputs, with the noise
     and the smallest scale of the ladder: ``sum (1/2 + log s)``, s the standard deviations of its
-    prediction errors. The model has parameters near those of the recordings.
+    prediction errors. The model has parameters near those of the recordings. An unstable one is
+    taken along the measurements themselves, lest it run away from where it was held.
 
     Raises:
         NumericalError: If the model leaves the finite numbers.
     """
     first = recordings[0]
     tight, blind = (filter_of(model, first, noise_scale) for noise_scale in (LADDER[-1], 1e-9))
-    scales = {q.name: q.scale for q in model.outputs}
-    scale = np.array([scales[name] for name in first.used])
     total = 0.0
     for observed in recordings:
-        # A filter that trusts no measurement simulates.
-        unread = replace(observed, noise_rms=1e9 * observed.noise_rms)
-        run = blind.run(unread, model.values)
-        own = observed.outputs - run.whitened * np.exp(run.log_deviation) * scale
+        own = observed.outputs
+        if not diverges(model, observed):
+            # A filter that trusts no measurement simulates.
+            unread = replace(observed, noise_rms=1e9 * observed.noise_rms)
+            own = blind.expected(observed, blind.run(unread, model.values))
         part = tight.run(replace(observed, outputs=own), model.values)
         used = np.isfinite(part.log_deviation)
         total += float(np.sum(0.5 + part.log_deviation[used]))

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
-from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, disturbances
+from workbench.diagnosis.estimation.prediction_error import Observed
 from workbench.diagnosis.estimation.process_noise import (
     LADDER,
     ProcessNoiseFit,
@@ -19,7 +19,14 @@ from workbench.diagnosis.estimation.process_noise import (
     gain_interval,
     summed_over_blocks,
 )
+from workbench.diagnosis.estimation.stability import diverges, drifts
 from workbench.diagnosis.estimation.start import fitted_start
+from workbench.diagnosis.estimation.windows import (
+    MILD,
+    expected_outputs,
+    windowed_run,
+    windows,
+)
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.model.model import index_of
@@ -36,23 +43,20 @@ _START_SHARE, _START_SAMPLES = 1 / 40, 10
 _SPOILT = 1.25
 _DRAWS = 4
 
-_MILD = 0.3
-"""Process-noise scale of a little trust in the equations, dimensionless."""
-
-_WINDOWS = 20
-_WINDOW_SAMPLES = 25
-
 
 def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
     """Run a model freely along a recording, from a start fitted to its first fortieth.
 
-    Temperatures and speeds before the first sample are not read.
+    Temperatures and speeds before the first sample are not read. A model that runs away from
+    wherever it starts is run over windows.
 
     Args:
         model: The model, with effects attached or not.
         nominal: The model that the recording was observed with.
         observed: The recording.
     """
+    if diverges(nominal, observed):
+        return windowed_run(model, nominal, observed)
     return free_run(model, _settled(model, nominal, observed))
 
 
@@ -62,56 +66,6 @@ def _settled(model: Model, nominal: Model, observed: Observed) -> Observed:
     return fitted_start(model, begun, samples=min(len(begun.outputs), wanted))
 
 
-def drifts(model: Model, observed: Observed) -> bool:
-    """Say whether a model integrates or is unstable, so that its free run drifts off.
-
-    An eigenvalue of the linearised equations, somewhere along the recording, forgets nothing over
-    its length.
-    """
-    slope = model.exact.jacobian_function
-    start = extended_start(observed, model, model).start
-    rates = np.asarray(slope(start, observed.inputs[len(observed.inputs) // 2], model.values)[0])
-    length = observed.sample_time * len(observed.outputs)
-    if not np.isfinite(rates).all():
-        return False
-    return bool(np.max(np.linalg.eigvals(rates).real, initial=-np.inf) > -1.0 / length)
-
-
-def windowed_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> FreeRun:
-    """Run a model freely over window after window of a recording.
-
-    Each window starts from the state that the filter has there. That judges models whose free run
-    drifts off over the whole recording whatever they contain.
-    """
-    parts = [free_run(fit.model, part) for part in _windows(fit, nominal, observed)]
-    failure = next((part.failure for part in parts if part.failure), "")
-    simulated = np.concatenate([part.simulated for part in parts])
-    return FreeRun(
-        observed.name,
-        observed.used,
-        parts[0].units,
-        observed.sample_time * np.arange(len(simulated), dtype=np.float64),
-        observed.outputs,
-        simulated,
-        failure,
-    )
-
-
-def _windows(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> list[Observed]:
-    model = fit.model
-    begun = extended_start(observed, nominal, model)
-    count = len(begun.outputs)
-    size = min(count, max(_WINDOW_SAMPLES, count // _WINDOWS))
-    rms = disturbances(model, max(fit.noise_scale, _MILD))
-    filter_ = PredictionError(model, begun.sample_time, begun.used, (), rms)
-    states = filter_.run(begun, model.values).states
-    starts = list(range(0, max(count - size // 2, 1), size))
-    return [
-        replace(begun, inputs=begun.inputs[k:end], outputs=begun.outputs[k:end], start=states[k])
-        for k, end in zip(starts, [*starts[1:], count], strict=True)
-    ]
-
-
 def pieces(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> list[Observed]:
     """Return what a model is run along to be judged: a recording, or its windows, with starts.
 
@@ -119,7 +73,7 @@ def pieces(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> list[Obs
         NumericalError: If the filter leaves the finite numbers.
     """
     if drifts(nominal, observed):
-        return _windows(fit, nominal, observed)
+        return windows(fit.model, nominal, observed, fit.noise_scale)
     return [_settled(fit.model, nominal, observed)]
 
 
@@ -127,7 +81,7 @@ def judged_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> Free
     """Run a fitted model along a recording: freely, or in windows where that would drift off."""
     try:
         if drifts(nominal, observed):
-            return windowed_run(fit, nominal, observed)
+            return windowed_run(fit.model, nominal, observed, fit.noise_scale)
         return settled_run(fit.model, nominal, observed)
     except (NumericalError, np.linalg.LinAlgError) as error:
         nothing = np.full_like(observed.outputs, np.nan)
@@ -168,26 +122,47 @@ def _over_floor(
     fit: ProcessNoiseFit, nominal: Model, observed: Observed, number: int
 ) -> tuple[dict[str, float], Vector]:
     """Return the error of a run by output, and the mean square of its floor."""
-    rng = np.random.default_rng(number)
+    return judged_run(fit, nominal, observed).rmse, floor_of(fit, nominal, observed, seed=number)
+
+
+def floor_of(fit: ProcessNoiseFit, nominal: Model, observed: Observed, *, seed: int = 0) -> Vector:
+    """Return what the run of a fitted model along a recording would be off by if it were right.
+
+    Args:
+        nominal: The model that the recording was observed with.
+
+    Returns:
+        Mean square by output, shape (n_used,), in SI squared.
+    """
+    rng = np.random.default_rng(seed)
     estimates = fit.refit.estimates
     low = np.array([e.prior.lower for e in estimates])
     high = np.array([e.prior.upper for e in estimates])
     middle = np.array([e.value for e in estimates])
     eigenvalues, vectors = np.linalg.eigh(fit.refit.covariance)
     root = vectors * np.sqrt(np.maximum(eigenvalues, 0.0))
-    own = free_run(fit.model, extended_start(observed, nominal, fit.model))
+    own, read = _own_run(fit, nominal, observed)
     squares = []
     for _ in range(_DRAWS if own.finite else 0):
         drawn = np.clip(middle + root @ rng.normal(size=len(middle)), low, high)
-        noise = observed.noise_rms * rng.normal(size=own.simulated.shape)
-        made = replace(observed, outputs=own.simulated + noise)
+        noise = observed.noise_rms * rng.normal(size=read.shape)
         values = dict(zip((e.name for e in estimates), drawn.tolist(), strict=True))
         other = replace(fit, refit=replace(fit.refit, model=fit.model.with_parameters(values)))
-        run = judged_run(other, nominal, made)
+        run = judged_run(other, nominal, replace(observed, outputs=read + noise))
         if run.finite:
-            squares.append([value**2 for value in run.rmse.values()])
-    floor = np.mean(squares, axis=0) if squares else observed.noise_rms**2
-    return judged_run(fit, nominal, observed).rmse, np.asarray(floor)
+            squares.append(np.mean((own.simulated + noise - run.simulated) ** 2, axis=0))
+    return np.asarray(np.mean(squares, axis=0) if squares else observed.noise_rms**2)
+
+
+def _own_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> tuple[FreeRun, Vector]:
+    """Return the run of a model, and what would be read near it if the model were right."""
+    if not diverges(nominal, observed):
+        own = free_run(fit.model, extended_start(observed, nominal, fit.model))
+        return own, own.simulated
+    # Run after run of its windows; what the filter expects of each sample has no jumps between.
+    own = windowed_run(fit.model, nominal, observed, fit.noise_scale)
+    expected = expected_outputs(fit.model, nominal, observed, fit.noise_scale)
+    return own, np.where(np.isfinite(expected), expected, own.simulated)
 
 
 def held_out_gain(
@@ -213,7 +188,7 @@ def held_out_gain(
     milder = [scale for scale in LADDER if scale > fit.noise_scale]
     if held_out[1] > 0.0 or not milder:
         return held_out, blocks
-    mild = blocks_of_cost(replace(fit, noise_scale=max(milder[-1], _MILD)), judged)
+    mild = blocks_of_cost(replace(fit, noise_scale=max(milder[-1], MILD)), judged)
     other = gain_interval(before, mild)
     return (other, mild) if other[0] > held_out[0] else (held_out, blocks)
 
@@ -295,9 +270,7 @@ def run_errors(fit: ProcessNoiseFit, nominal: Model, judged: Sequence[Observed])
     runs = [judged_run(fit, nominal, observed) for observed in judged]
     if not runs or not all(run.finite for run in runs):
         return NO_RUNS
-    parts = [
-        summed_over_blocks(np.nan_to_num(run.error**2), run.time[1] - run.time[0]) for run in runs
-    ]
+    parts = [summed_over_blocks(np.nan_to_num(run.error**2)) for run in runs]
     mean = np.nanmean(np.concatenate([run.error**2 for run in runs]), axis=0)
     return RunErrors(np.concatenate(parts), mean)
 

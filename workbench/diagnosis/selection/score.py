@@ -169,8 +169,8 @@ def score_library(
         return Scores((), np.zeros((0, 0)), noise_scale, tuple(failed.items()))
     ordered = [variant for one in attached for variant in one.variants]
     totals = _Totals(len(names), len(ordered))
-    for number, observed in enumerate(recordings):
-        totals.add([one.parts[number] for one in attached], observed.sample_time)
+    for number in range(len(recordings)):
+        totals.add([one.parts[number] for one in attached])
     scale = np.concatenate([attached[0].scale_of_free, *(a.scale_of_sizes for a in attached)])
     std = np.array([p.std for p in priors])
     return replace(_scores(totals, ordered, scale, std, noise_scale), failed=tuple(failed.items()))
@@ -268,7 +268,7 @@ class _Totals:
         self.begins: list[Vector] = []
         self.shown: list[Vector] = []
 
-    def add(self, parts: Sequence[Innovations], sample_time: float) -> None:
+    def add(self, parts: Sequence[Innovations]) -> None:
         errors = np.nan_to_num(parts[0].whitened)
         # At size zero all filters predict the same; the free parameters stand in each of them.
         others = [part.jacobian[:, :, self.split :] for part in parts[1:]]
@@ -277,11 +277,11 @@ class _Totals:
         self.information += rows.T @ rows
         products = np.einsum("kyf,ky->kf", jacobian, errors)
         self.gradient += products.sum(axis=0)
-        blocks = summed_over_blocks(products, sample_time)
+        blocks = summed_over_blocks(products)
         self.blocks.append(blocks)
         self.begins.append(np.linspace(0.0, len(errors), len(blocks), endpoint=False))
         own = jacobian[:, :, self.split :]
-        self.shown.append(summed_over_blocks(np.einsum("kyf,kyf->kf", own, own), sample_time))
+        self.shown.append(summed_over_blocks(np.einsum("kyf,kyf->kf", own, own)))
 
 
 def _scores(

@@ -29,10 +29,10 @@ from workbench.diagnosis.estimation.process_noise import (
     ranges_along,
     start_values,
 )
+from workbench.diagnosis.estimation.stability import diverges, drifts
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import (
-    drifts,
     explained,
     held_out_errors,
     judged_run,
@@ -365,7 +365,8 @@ def _run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
         task.say(f"the improved model could not be run: {error}")
         return state, math.nan
     state = replace(state, closest=fits)
-    if not drifts(task.nominal, task.judging[0]):
+    first = task.judging[0]
+    if not drifts(task.nominal, first) or diverges(task.nominal, first):
         state = replace(state, runs=runs)
     return state, explained(held_out_errors(runs, task.judging))
 

@@ -1,0 +1,121 @@
+"""Free runs over windows of a recording, for models whose run over all of it drifts off."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from workbench.arrays import Vector
+from workbench.diagnosis.estimation.free_run import FreeRun, free_run
+from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, filter_of
+from workbench.diagnosis.estimation.process_noise import extended_start
+from workbench.diagnosis.estimation.stability import drifts, growth_rate
+from workbench.model import Model
+from workbench.model.model import index_of
+
+MILD = 0.3
+"""Process-noise scale of a little trust in the equations, dimensionless."""
+
+_COUNT = 20
+_LEAST_SAMPLES, _LEAST_UNSTABLE = 25, 5
+"""Least number of samples of a window; the second for an unstable model."""
+
+_GROWTH = 2.0
+"""Time constants of an unstable model that a window lasts: what its start is off by grows by e2."""
+
+
+def window_samples(nominal: Model, observed: Observed) -> int:
+    """Return the length of a window in samples.
+
+    A twentieth of the recording; two time constants of the fastest unstable mode at the most, for
+    after more a run tells how well its start was known, not how well its equations hold.
+
+    Args:
+        nominal: The model that the recording was observed with.
+    """
+    count = len(observed.outputs)
+    size = max(_LEAST_SAMPLES, count // _COUNT)
+    if drifts(nominal, observed):
+        rate = growth_rate(nominal, observed) * observed.sample_time
+        longest = _GROWTH / rate if rate > 0.0 else math.inf
+        size = min(size, max(_LEAST_UNSTABLE, math.floor(min(longest, count))))
+    return min(count, size)
+
+
+def expected_outputs(
+    model: Model, nominal: Model, observed: Observed, noise_scale: float = MILD
+) -> Vector:
+    """Return the measurements that the filter of a model expects along a recording.
+
+    Args:
+        nominal: The model that the recording was observed with.
+        noise_scale: Process-noise scale, dimensionless.
+
+    Returns:
+        Shape (n, n_used), in SI; NaN where there was no measurement.
+
+    Raises:
+        NumericalError: If the filter leaves the finite numbers.
+    """
+    begun = extended_start(observed, nominal, model)
+    filter_ = _filter(model, begun, noise_scale)
+    return filter_.expected(begun, filter_.run(begun, model.values))
+
+
+def windows(
+    model: Model, nominal: Model, observed: Observed, noise_scale: float = MILD
+) -> list[Observed]:
+    """Cut a recording into windows, each with the start that the filter has there.
+
+    Args:
+        nominal: The model that the recording was observed with; it gives the length of the windows.
+        noise_scale: Process-noise scale, dimensionless.
+
+    Raises:
+        NumericalError: If the filter leaves the finite numbers.
+    """
+    begun = extended_start(observed, nominal, model)
+    states = _filter(model, begun, noise_scale).run(begun, model.values).states
+    count, size = len(begun.outputs), window_samples(nominal, observed)
+    starts = list(range(0, max(count - size // 2, 1), size))
+    return [
+        replace(begun, inputs=begun.inputs[k:end], outputs=begun.outputs[k:end], start=state)
+        for k, end, state in zip(starts, [*starts[1:], count], states[starts], strict=True)
+    ]
+
+
+def windowed_run(
+    model: Model, nominal: Model, observed: Observed, noise_scale: float = MILD
+) -> FreeRun:
+    """Run a model freely over window after window of a recording.
+
+    Args:
+        nominal: The model that the recording was observed with.
+        noise_scale: Process-noise scale of the filter that starts the windows, dimensionless.
+
+    Raises:
+        NumericalError: If the filter leaves the finite numbers.
+    """
+    cut = windows(model, nominal, observed, noise_scale)
+    parts = [free_run(model, part) for part in cut]
+    failure = next((part.failure for part in parts if part.failure), "")
+    simulated = np.concatenate([part.simulated for part in parts])
+    time = observed.sample_time * np.arange(len(simulated), dtype=np.float64)
+    rows = [index_of("output", name, model.outputs) for name in observed.used]
+    units = tuple(model.outputs[i].unit for i in rows)
+    return FreeRun(
+        observed.name,
+        observed.used,
+        units,
+        time,
+        observed.outputs,
+        simulated,
+        failure,
+        window=len(cut[0].outputs) * observed.sample_time,
+    )
+
+
+def _filter(model: Model, begun: Observed, noise_scale: float) -> PredictionError:
+    return filter_of(model, begun, max(noise_scale, MILD))
