@@ -49,7 +49,10 @@ def test_the_page_sets_the_three_designs_side_by_side(tmp_path: Path) -> None:
     table = regained_table(runs)
     assert [row[1] for row in table.rows] == list(WHICH) and table.rows[0][3] == "0.300"
     page = write_page(regained_page(runs, "verdict.json"), tmp_path / "redesign.html")
-    assert "redesigned, on the machine" in page.read_text()
+    text = page.read_text()
+    assert "redesigned, on the machine" in text
+    # An axis says its quantity, a panel its controller.
+    assert "angle in °" in text and "state feedback (" not in text
 
 
 @pytest.mark.long

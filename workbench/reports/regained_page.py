@@ -74,7 +74,8 @@ def regained_picture(runs: Sequence[DesignRun]) -> Picture:
             alpha=0.2,
             linewidth=0.0,
         )
-        label(axes, x="time since the step (s)" if axes is rows[-1] else "", y=f"{family} (°)")
+        label(axes, y="angle in °", title=family)
+    label(rows[-1], x="time since the step in s")
     key(rows[0])
     return Picture(
         "regained",

@@ -155,7 +155,7 @@ def trade_picture(trades: Trades, designs: Mapping[str, MarginedDesign[Controlle
             own = 1e3 * fastest.uncertainty.delay[1]
             axes.plot([own], [designs[name].speed], "o", color=shades[name].light, fillstyle="none")
     axes.set_ylim(bottom=0.0)
-    label(axes, x="largest delay that is tolerated (ms)", y="speed of the design (rad/s)")
+    label(axes, x="largest delay that is tolerated in ms", y="speed of the design in rad/s")
     key(axes, columns=3)
     return Picture(
         "bandwidth-against-delay",
