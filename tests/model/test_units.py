@@ -3,7 +3,7 @@
 import pytest
 
 from workbench.errors import WorkbenchError
-from workbench.model import State
+from workbench.model import Input, Output, State
 from workbench.model.units import convert, same_dimension, to_si
 
 
@@ -31,6 +31,12 @@ from workbench.model.units import convert, same_dimension, to_si
         ("kOhm", "V/A", 1e3),
         ("uH", "V s/A", 1e-6),
         ("nF", "A s/V", 1e-9),
+        ("mmol/l", "mol/m3", 1.0),
+        ("GPa", "N/m2", 1e9),
+        ("mT", "V s/m2", 1e-3),
+        ("kn", "m/s", 1852.0 / 3600.0),
+        ("day", "s", 86400.0),
+        ("mAh", "A s", 3.6),
     ],
 )
 def test_one_of_a_unit_in_si(unit: str, si: str, size: float) -> None:
@@ -44,6 +50,19 @@ def test_a_quantity_out_of_si_says_how_to_convert_it() -> None:
         State("T", "degC")
     with pytest.raises(WorkbenchError, match=r"1 mm = 0.001 SI"):
         State("gap", "mm")
+
+
+def test_inputs_and_outputs_are_read_in_units_of_their_own() -> None:
+    rudder = Input("rudder", "rad", display_unit="deg")
+    assert (rudder.display_unit, Output("speed", "m/s").display_unit) == ("deg", "m/s")
+    for kind in (Input, Output):
+        with pytest.raises(WorkbenchError, match=r"'K' of rudder does not measure what 'rad'"):
+            kind("rudder", "rad", display_unit="K")
+
+
+def test_degrees_fahrenheit_have_a_zero_of_their_own() -> None:
+    assert float(to_si(212.0, "degF")) == pytest.approx(373.15)
+    assert float(convert(-40.0, "degF", "degC")) == pytest.approx(-40.0)
 
 
 def test_units_of_other_dimensions_are_refused() -> None:

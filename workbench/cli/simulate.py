@@ -130,6 +130,6 @@ def _csv(run: Trajectory) -> str:
     from workbench.recordings.saving import csv_text
 
     outputs = {q.name for q in run.model.outputs}
-    shown = [(q.name, q.unit) for q in run.model.inputs if q.name not in outputs]
+    shown = [(q.name, q.display_unit) for q in run.model.inputs if q.name not in outputs]
     shown += [(q.name, q.display_unit) for q in run.model.outputs]
     return csv_text(run.time, [(name, unit, run[name]) for name, unit in shown])

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from workbench.errors import WorkbenchError
-from workbench.model.units import parse_unit
+from workbench.model.units import parse_unit, same_dimension
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Quantity:
             )
             raise WorkbenchError(
                 f"{self.name} is declared in {self.unit!r}; quantities of a model are in SI units,"
-                f" convert it ({size}); an output is still read in {self.unit} with"
+                f" convert it ({size}); an input or output is still read in {self.unit} with"
                 f" display_unit={self.unit!r}"
             )
         if not (math.isfinite(self.scale) and self.scale > 0):
@@ -66,7 +66,29 @@ class State(Quantity):
 
 
 @dataclass(frozen=True)
-class Input(Quantity):
+class Channel(Quantity):
+    """What goes into a machine or is read from it.
+
+    Args:
+        display_unit: Unit in which people read it, such as ``deg``; the SI unit by default.
+    """
+
+    display_unit: str = field(default="", kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check the quantity and fall back to the SI unit for display."""
+        super().__post_init__()
+        if not self.display_unit:
+            object.__setattr__(self, "display_unit", self.unit)
+        if not same_dimension(self.display_unit, self.unit):
+            raise WorkbenchError(
+                f"display_unit {self.display_unit!r} of {self.name} does not measure what"
+                f" {self.unit!r} does; give a unit of the same kind"
+            )
+
+
+@dataclass(frozen=True)
+class Input(Channel):
     """A command or disturbance that drives the model, held between samples.
 
     Args:
@@ -83,7 +105,7 @@ class Input(Quantity):
 
 
 @dataclass(frozen=True)
-class Output(Quantity):
+class Output(Channel):
     """What a sensor reads.
 
     Args:
@@ -91,21 +113,12 @@ class Output(Quantity):
         noise_rms: Root mean square of the white noise before conversion, in ``unit``.
         lower: Lower end of the sensor's range, in ``unit``.
         upper: Upper end of the sensor's range, in ``unit``.
-        display_unit: Unit in which people read it, such as ``deg``; the SI unit by default.
     """
 
     resolution: float = 0.0
     noise_rms: float = 0.0
     lower: float = -math.inf
     upper: float = math.inf
-    display_unit: str = ""
-
-    def __post_init__(self) -> None:
-        """Check the quantity and fall back to the SI unit for display."""
-        super().__post_init__()
-        if not self.display_unit:
-            object.__setattr__(self, "display_unit", self.unit)
-        parse_unit(self.display_unit)
 
 
 @dataclass(frozen=True)

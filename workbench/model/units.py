@@ -19,69 +19,93 @@ import numpy.typing as npt
 
 from workbench.errors import WorkbenchError
 
+BASES = ("m", "kg", "s", "K", "A", "rad", "mol", "cd")
+"""Base units."""
+
 Dimensions = tuple[int, ...]
-"""Exponents of metre, kilogram, second, kelvin, ampere and radian."""
+"""Exponents of the base units."""
 
-_ONE: Dimensions = (0, 0, 0, 0, 0, 0)
-_M: Dimensions = (1, 0, 0, 0, 0, 0)
-_KG: Dimensions = (0, 1, 0, 0, 0, 0)
-_S: Dimensions = (0, 0, 1, 0, 0, 0)
-_K: Dimensions = (0, 0, 0, 1, 0, 0)
-_A: Dimensions = (0, 0, 0, 0, 1, 0)
-_RAD: Dimensions = (0, 0, 0, 0, 0, 1)
-_N: Dimensions = (1, 1, -2, 0, 0, 0)
-_PA: Dimensions = (-1, 1, -2, 0, 0, 0)
-_J: Dimensions = (2, 1, -2, 0, 0, 0)
-_W: Dimensions = (2, 1, -3, 0, 0, 0)
-_V: Dimensions = (2, 1, -3, 0, -1, 0)
-_OHM: Dimensions = (2, 1, -3, 0, -2, 0)
-_H: Dimensions = (2, 1, -2, 0, -2, 0)
-_F: Dimensions = (-2, -1, 4, 0, 2, 0)
-_HZ: Dimensions = (0, 0, -1, 0, 0, 0)
 
-_SYMBOLS: dict[str, tuple[float, Dimensions]] = {
-    **dict.fromkeys(("1", "-", "count"), (1.0, _ONE)),
-    "%": (0.01, _ONE),
-    "m": (1.0, _M),
-    **dict.fromkeys(("l", "L"), (1e-3, (3, 0, 0, 0, 0, 0))),
-    "kg": (1.0, _KG),
-    "g": (1e-3, _KG),
-    "t": (1e3, _KG),
+def _dim(**exponents: int) -> Dimensions:
+    return tuple(exponents.get(name, 0) for name in BASES)
+
+
+_ONE = _dim()
+_S = _dim(s=1)
+_N = _dim(m=1, kg=1, s=-2)
+_PA = _dim(m=-1, kg=1, s=-2)
+_J = _dim(m=2, kg=1, s=-2)
+_W = _dim(m=2, kg=1, s=-3)
+
+_PREFIXABLE: dict[str, tuple[float, Dimensions]] = {
+    "m": (1.0, _dim(m=1)),
+    **dict.fromkeys(("l", "L"), (1e-3, _dim(m=3))),
+    "g": (1e-3, _dim(kg=1)),
     "s": (1.0, _S),
-    "min": (60.0, _S),
-    "h": (3600.0, _S),
-    "Hz": (1.0, _HZ),
-    "K": (1.0, _K),
-    "A": (1.0, _A),
-    "rad": (1.0, _RAD),
-    **dict.fromkeys(("deg", "°"), (math.pi / 180, _RAD)),
-    **dict.fromkeys(("turn", "rev"), (2 * math.pi, _RAD)),
-    "rpm": (2 * math.pi / 60, (0, 0, -1, 0, 0, 1)),
+    "Hz": (1.0, _dim(s=-1)),
+    "K": (1.0, _dim(K=1)),
+    "A": (1.0, _dim(A=1)),
+    "mol": (1.0, _dim(mol=1)),
+    "cd": (1.0, _dim(cd=1)),
+    "rad": (1.0, _dim(rad=1)),
     "N": (1.0, _N),
     "Pa": (1.0, _PA),
     "bar": (1e5, _PA),
-    "psi": (6894.757293168361, _PA),
-    **dict.fromkeys(("J", "Nm"), (1.0, _J)),
+    "J": (1.0, _J),
+    "eV": (1.602176634e-19, _J),
+    "cal": (4.184, _J),
     "W": (1.0, _W),
-    "V": (1.0, _V),
-    **dict.fromkeys(("Ohm", "ohm", "Ω"), (1.0, _OHM)),
-    "H": (1.0, _H),
-    "F": (1.0, _F),
+    "Wh": (3600.0, _J),
+    "V": (1.0, _dim(m=2, kg=1, s=-3, A=-1)),
+    **dict.fromkeys(("Ohm", "ohm", "Ω"), (1.0, _dim(m=2, kg=1, s=-3, A=-2))),
+    "S": (1.0, _dim(m=-2, kg=-1, s=3, A=2)),
+    "H": (1.0, _dim(m=2, kg=1, s=-2, A=-2)),
+    "F": (1.0, _dim(m=-2, kg=-1, s=4, A=2)),
+    "C": (1.0, _dim(s=1, A=1)),
+    "Ah": (3600.0, _dim(s=1, A=1)),
+    "Wb": (1.0, _dim(m=2, kg=1, s=-2, A=-1)),
+    "T": (1.0, _dim(kg=1, s=-2, A=-1)),
 }
-_PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "h": 1e2, "k": 1e3, "M": 1e6}
-_MULTIPLES = (
-    "cm", "mm", "um", "µm", "km", "mg", "ms", "us", "µs", "ns", "kHz", "mA", "mrad", "mN", "kN",
-    "hPa", "kPa", "MPa", "mbar", "kJ", "kW", "mV", "mH", "uH", "µH", "uF", "µF", "nF",
-    "kOhm", "mOhm",
-)  # fmt: skip
-_SYMBOLS |= {
-    text: (_PREFIXES[text[0]] * _SYMBOLS[text[1:]][0], _SYMBOLS[text[1:]][1]) for text in _MULTIPLES
-}
+_PREFIXES = {
+    "p": 1e-12, "n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "c": 1e-2, "d": 1e-1, "h": 1e2,
+    "k": 1e3, "M": 1e6, "G": 1e9,
+}  # fmt: skip
+
+# What a prefix and a unit would give is overruled by what has the name: min, h, cd, kn, ft.
+_SYMBOLS: dict[str, tuple[float, Dimensions]] = {
+    **{f"{p}{u}": (by * size, d) for p, by in _PREFIXES.items() for u, (size, d) in
+       _PREFIXABLE.items()},
+    **_PREFIXABLE,
+    **dict.fromkeys(("1", "-", "count"), (1.0, _ONE)),
+    "%": (0.01, _ONE),
+    "ppm": (1e-6, _ONE),
+    "t": (1e3, _dim(kg=1)),
+    "min": (60.0, _S),
+    "h": (3600.0, _S),
+    **dict.fromkeys(("d", "day"), (86400.0, _S)),
+    **dict.fromkeys(("deg", "°"), (math.pi / 180, _dim(rad=1))),
+    **dict.fromkeys(("turn", "rev"), (2 * math.pi, _dim(rad=1))),
+    "rpm": (2 * math.pi / 60, _dim(s=-1, rad=1)),
+    "Nm": (1.0, _J),
+    "psi": (6894.757293168361, _PA),
+    "atm": (101325.0, _PA),
+    "mmHg": (133.322387415, _PA),
+    **dict.fromkeys(("in", "inch"), (0.0254, _dim(m=1))),
+    "ft": (0.3048, _dim(m=1)),
+    "nmi": (1852.0, _dim(m=1)),
+    "kn": (1852.0 / 3600.0, _dim(m=1, s=-1)),
+    "lb": (0.45359237, _dim(kg=1)),
+    "lbf": (4.4482216152605, _N),
+    "hp": (745.6998715822702, _W),
+}  # fmt: skip
 
 _TOKEN = re.compile(r"\s*([()/*·]|\^?[-+−]?\d+|[²³⁻¹]+|[A-Za-zµΩ°%]+|-)")
 _SUPERSCRIPTS = str.maketrans("²³⁻¹−", "23-1-")
-_CELSIUS = {"degC", "°C", "celsius"}
-_CELSIUS_ZERO_K = 273.15
+_SCALES = {
+    **dict.fromkeys(("degC", "°C", "celsius"), (1.0, 273.15)),
+    **dict.fromkeys(("degF", "°F", "fahrenheit"), (5 / 9, 459.67 * 5 / 9)),
+}
+"""Temperature scales: the size of a degree and the zero, in K."""
 
 
 @dataclass(frozen=True)
@@ -90,8 +114,8 @@ class Unit:
 
     Args:
         factor: Size of the unit in SI base units.
-        dimensions: Exponents of metre, kilogram, second, kelvin, ampere, radian.
-        offset: SI value of zero in this unit; non-zero for degrees Celsius only.
+        dimensions: Exponents of the base units.
+        offset: SI value of zero in this unit; non-zero for temperature scales only.
     """
 
     text: str
@@ -120,8 +144,9 @@ def _unknown(text: str, token: str) -> WorkbenchError:
     meant = "".join(typed) or " ".join(_parts(token)) or "".join(near)
     hint = f"; did you mean {meant!r}?" if meant else ""
     return WorkbenchError(
-        f"unit {text!r} has the unknown part {token!r}{hint} (known: m, kg, s, K, A, V, N, Pa, bar,"
-        " rad, deg, Hz, W, J, l and their usual multiples, joined by spaces and /)"
+        f"unit {text!r} has the unknown part {token!r}{hint} (known: the units of the SI, such as"
+        " m, kg, s, K, A, mol, N, Pa, V, W, with their prefixes, and bar, l, h, rpm, deg, % and the"
+        " like, joined by spaces and /)"
     )
 
 
@@ -141,13 +166,14 @@ def parse_unit(text: str) -> Unit:
     Example:
         >>> unit = parse_unit("m3/(s Pa)")
         >>> unit.factor, unit.dimensions
-        (1.0, (4, -1, 1, 0, 0, 0))
+        (1.0, (4, -1, 1, 0, 0, 0, 0, 0))
     """
     stripped = text.strip()
     if stripped in ("", "1", "-"):
         return Unit(text, 1.0, _ONE)
-    if stripped in _CELSIUS:
-        return Unit(text, 1.0, _K, _CELSIUS_ZERO_K)
+    if stripped in _SCALES:
+        degree, zero = _SCALES[stripped]
+        return Unit(text, degree, _dim(K=1), zero)
     factor, dimensions = 1.0, _ONE
     position, sign, group = 0, 1, [1]
     last: tuple[float, Dimensions, int] | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from workbench.model.units import Unit, parse_unit
+from workbench.model.units import BASES, Unit, parse_unit
 
 
 @dataclass(frozen=True)
@@ -38,18 +38,18 @@ _KINDS = (
     Kind("torque", "N m", "N m"),
     Kind("power", "W", "W"),
     Kind("temperature", "K", "degC"),
+    Kind("concentration", "mol/m3", "mol/l"),
     Kind("frequency", "Hz", "Hz"),
 )
 UNSTATED = Kind("unstated", "", "")
-_BASES = ("m", "kg", "s", "K", "A", "rad")
 
 
 def _composed(unit: Unit) -> Kind:
     above = [
-        f"{b}{e if e > 1 else ''}" for b, e in zip(_BASES, unit.dimensions, strict=True) if e > 0
+        f"{b}{e if e > 1 else ''}" for b, e in zip(BASES, unit.dimensions, strict=True) if e > 0
     ]
     below = [
-        f"{b}{-e if e < -1 else ''}" for b, e in zip(_BASES, unit.dimensions, strict=True) if e < 0
+        f"{b}{-e if e < -1 else ''}" for b, e in zip(BASES, unit.dimensions, strict=True) if e < 0
     ]
     text = " ".join(above) or "1"
     if below:

@@ -55,13 +55,13 @@ class SimulatedMachine:
 def plan_csv(model: Model, experiment: Experiment) -> str:
     """Write the inputs of an experiment as a file to be played on a device.
 
-    CSV text: time in s and each input in the plant's unit, held until the next row.
+    CSV text: time in s and each input in the unit in which people read it, held until the next row.
     """
     time = experiment.sample_time * np.arange(len(experiment.inputs))
     return csv_text(
         time,
         [
-            (q.name, q.unit, column)
+            (q.name, q.display_unit, column)
             for q, column in zip(model.inputs, experiment.inputs.T, strict=True)
         ],
     )

@@ -40,7 +40,9 @@ def muscle_states(suffix: str = "") -> tuple[State, State]:
 def pressure_sensor(suffix: str = "", of: str = "") -> Output:
     """Return the gauge pressure sensor of a muscle; `suffix` ends its name."""
     text = f"gauge pressure sensor{of}, 12 bit on 10 bar"
-    return Output(f"pressure{suffix}", "Pa", 1e5, text, 10e5 / 4096, 600.0, 0.0, 10e5, "bar")
+    return Output(
+        f"pressure{suffix}", "Pa", 1e5, text, 10e5 / 4096, 600.0, 0.0, 10e5, display_unit="bar"
+    )
 
 
 @dataclass(frozen=True)

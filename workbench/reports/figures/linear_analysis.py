@@ -12,7 +12,7 @@ from workbench.model.units import parse_unit
 from workbench.reports.figure import Figure
 from workbench.reports.figures.bode import bode
 from workbench.reports.figures.nyquist import nyquist
-from workbench.reports.figures.study_traces import output_of, point_text, written
+from workbench.reports.figures.study_traces import output_of, point_text, shown, written
 from workbench.reports.page import Block, Words, methods
 from workbench.reports.pictures import Picture
 from workbench.reports.style import REFERENCE, SIMULATED, label, new_figure
@@ -98,12 +98,13 @@ def plant_picture(study: Study) -> list[Picture]:
             return []
     times = [horizon_of(linear) for linear in models.values()] or [1.0]
     frequency = np.geomspace(0.05 / max(times), 50.0 / min(times), 400)
-    factor = parse_unit(quantity.display_unit).factor
+    driven = study.plant.build().inputs[0]
+    factor = parse_unit(quantity.display_unit).factor / parse_unit(driven.display_unit).factor
     curves = {
         point: frequency_response(linear, controlled, frequency) / factor
         for point, linear in models.items()
     }
-    unit = f"{written(quantity.display_unit)}/{study.plant.build().inputs[0].unit}"
+    unit = f"{written(quantity.display_unit)}/{written(driven.display_unit)}"
     return [
         Picture(
             "plant-bode",
@@ -119,19 +120,20 @@ def map_picture(study: Study) -> list[Picture]:
     found = plant_map(study)
     if found is None:
         return []
-    display = output_of(study, found.output).display_unit
-    factor, unit = parse_unit(display).factor, written(display)
-    gain_unit = f"{unit}/{study.plant.build().inputs[0].unit}"
-    marked = [v / factor for point in study.points for n, v in point if n == found.output]
+    quantity = output_of(study, found.output)
+    factor, unit = parse_unit(quantity.display_unit).factor, written(quantity.display_unit)
+    driven = study.plant.build().inputs[0].display_unit
+    gain_unit = f"{unit}/{written(driven)}"
+    points = [v for point in study.points for n, v in point if n == found.output]
     figure, panels = new_figure([1.15, 1.15, 1.15])
     for axes, curve, title in (
         (panels[0], found.frequency_hz, "frequency in Hz"),
         (panels[1], found.damping, "damping ratio"),
-        (panels[2], found.gain / factor, f"gain in {gain_unit}"),
+        (panels[2], found.gain * parse_unit(driven).factor / factor, f"gain in {gain_unit}"),
     ):
         # Points, for a line would make a slope of every jump at a corner of a law.
-        axes.plot(found.values / factor, curve, "o", color=SIMULATED.light, markersize=3.5)
-        for value in marked:
+        axes.plot(shown(found.values, quantity), curve, "o", color=SIMULATED.light, markersize=3.5)
+        for value in shown(points, quantity):
             axes.axvline(value, color=REFERENCE.light, linewidth=1.0, linestyle=":")
         # From zero, so that a change of one per cent does not look like a doubling.
         axes.set_ylim(0.0, 1.15 * float(np.nanmax(curve)))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.model.quantities import Output
+from workbench.model.quantities import Channel, Output
 from workbench.model.units import from_si, with_unit
 from workbench.study.result import StudyResult
 from workbench.study.study import Study
@@ -37,8 +37,8 @@ def written(unit: str) -> str:
     return unit.replace("deg", "°")
 
 
-def shown(values: Any, quantity: Output) -> Vector:
-    """Return SI values of an output in its display unit."""
+def shown(values: Any, quantity: Channel) -> Vector:
+    """Return SI values of an input or output in its display unit."""
     return from_si(vector(values), quantity.display_unit)
 
 

@@ -121,7 +121,7 @@ def tracked(
     output = next(n.removeprefix("reference.") for n in first if n.startswith("reference."))
     command = next(n.removeprefix("input.") for n in first if n.startswith("input."))
     quantity, plant = output_of(study, output), study.plant.build()
-    input_unit = next(q.unit for q in plant.inputs if q.name == command)
+    driven = next(q for q in plant.inputs if q.name == command)
 
     def cut(own: Mapping[str, Any], name: str) -> Vector:
         low, high = window or (-math.inf, math.inf)
@@ -133,7 +133,7 @@ def tracked(
             controller,
             cut(r.traces, "time"),
             shown(cut(r.traces, f"output.{output}"), quantity),
-            cut(r.traces, f"input.{command}"),
+            shown(cut(r.traces, f"input.{command}"), driven),
             shown(cut(r.traces, f"linear.{output}"), quantity)
             if f"linear.{output}" in r.traces
             else None,
@@ -146,7 +146,7 @@ def tracked(
         trajectories,
         quantity=output,
         unit=written(quantity.display_unit),
-        command=f"{command} in {input_unit}",
+        command=f"{command} in {written(driven.display_unit)}",
         error_limit=steady_limit(study, scenario),
         lines=lines,
     )
