@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import lru_cache
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 from scipy.integrate import solve_ivp
@@ -378,5 +379,75 @@ def levitation(seed: int, *, samples: int = 1000, drag: float = 0.0) -> Recordin
             Signal("voltage", voltage, "V", role="command"),
             Signal("gap", gaps, "m"),
             Signal("current", currents, "A"),
+        ),
+    )
+
+
+def crane() -> Model:
+    """A trolley with a load on a rope, written down without a port of its own."""
+
+    def equations(m: Scope) -> Equations:
+        s, c = ca.sin(m.x.angle), ca.cos(m.x.angle)
+        pull = m.u.force - m.p.damping * m.x.speed
+        pulled = m.p.load * s * (m.p.rope * m.x.swing**2 + 9.81 * c)
+        rate = (pull + pulled) / (m.p.trolley + m.p.load * s**2)
+        return (
+            {
+                "position": m.x.speed,
+                "angle": m.x.swing,
+                "speed": rate,
+                "swing": (-rate * c - 9.81 * s) / m.p.rope - 0.1 * m.x.swing,
+            },
+            {"position": m.x.position, "angle": m.x.angle},
+        )
+
+    return Model(
+        "crane",
+        equations,
+        states=(
+            State("position", "m"),
+            State("angle", "rad"),
+            State("swing", "rad/s"),
+            State("speed", "m/s"),
+        ),
+        inputs=(Input("force", "N"),),
+        outputs=(Output("position", "m"), Output("angle", "rad")),
+        parameters=(
+            Parameter("trolley", "kg", value=9.0, lower=1.0, upper=50.0, fitted=True),
+            Parameter("load", "kg", value=5.0),
+            Parameter("rope", "m", value=1.1, lower=0.3, upper=3.0, fitted=True),
+            Parameter("damping", "N s/m", value=4.0, lower=0.0, upper=50.0, fitted=True),
+        ),
+    )
+
+
+def transport(seed: int, *, samples: int = 1000, friction: float = 0.0) -> Recording:
+    """Return a trolley of 10 kg that carries 5 kg on a rope of 1 m about, every 10 ms.
+
+    Args:
+        friction: Dry friction of the trolley on its rail, in N.
+    """
+    rng = np.random.default_rng(seed)
+    targets = np.repeat(rng.uniform(-1.0, 1.0, samples // 100), 100)
+    x, rows = np.zeros(4), []
+
+    def rates(_: float, x: Vector, u: float) -> list[float]:
+        s, c = np.sin(x[2]), np.cos(x[2])
+        pull = u - 5.0 * x[1] - friction * np.tanh(x[1] / 0.005)
+        rate = (pull + 5.0 * s * (x[3] ** 2 + 9.81 * c)) / (10.0 + 5.0 * s * s)
+        return [x[1], rate, x[3], -rate * c - 9.81 * s - 0.1 * x[3]]
+
+    for target in targets:
+        u = 60.0 * (target - x[0]) - 50.0 * x[1] + 20.0 * rng.normal()
+        rows.append((u, x[0] + 5e-4 * rng.normal(), x[2] + 1e-3 * rng.normal()))
+        x = solve_ivp(rates, (0.0, 0.01), x, args=(u,), rtol=1e-7, atol=1e-9).y[:, -1]
+    force, position, angle = np.array(rows).T
+    return Recording(
+        f"transport {seed}",
+        0.01 * np.arange(samples),
+        (
+            Signal("force", force, "N", role="command"),
+            Signal("position", position, "m"),
+            Signal("angle", angle, "rad"),
         ),
     )

@@ -8,6 +8,7 @@ import pytest
 
 from tests.diagnosis.newcomers import (
     carriage,
+    crane,
     damper,
     hardening,
     hysteretic,
@@ -19,6 +20,7 @@ from tests.diagnosis.newcomers import (
     oscillator,
     rubbed,
     rubbing,
+    transport,
 )
 from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.estimation.made_up import made_up
@@ -31,6 +33,7 @@ from workbench.diagnosis.refit_report import run_refit
 from workbench.diagnosis.selection import search
 from workbench.diagnosis.undeclared import with_undeclared
 from workbench.physics.library import Hypothesis, library
+from workbench.physics.place import Survey
 
 
 @pytest.mark.parametrize("scale", [pytest.param(0.01, marks=pytest.mark.long), 100.0])
@@ -161,3 +164,19 @@ def test_drag_on_a_plant_that_is_unstable_is_named(monkeypatch: pytest.MonkeyPat
     assert finding.effect == "viscous_friction" and finding.belief == "sure"
     # 0.25 N s/m on 50 g; the sensors' noise is a tenth of a percent of their range.
     assert finding.parameters["coefficient"].value == pytest.approx(5.0, rel=0.03)
+
+
+def test_what_rubs_on_a_trolley_acts_on_the_load_too() -> None:
+    # The force on the trolley moves trolley and rope at once; no equation is friction's own.
+    place = Survey(crane()).place("force.command")
+    assert place.shared
+    assert (place.speed.source, place.coordinate.source) == ("speed", "position")
+    laws = ("coulomb_friction", "viscous_friction", "linear_spring")
+    entries = tuple(e for e in library(crane()) if e.law in laws)
+    assert len(entries) == 9
+    runs = [transport(seed, friction=6.0) for seed in (1, 2)]
+    *_, found = stages(crane(), runs[:1], runs[1:], entries=entries, jobs=1, advise=False)
+    assert found.verdict is not None
+    (finding,) = found.verdict.findings
+    assert finding.effect == "coulomb_friction_force" and finding.belief == "sure"
+    assert finding.parameters["level"].value == pytest.approx(6.0, rel=0.03)

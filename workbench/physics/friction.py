@@ -7,7 +7,7 @@ import casadi as ca
 from workbench.model import Names, PortView, State
 from workbench.model.regularisation import Expression, Form
 from workbench.physics.law import Law, Own, each, floor, shape, size, twins
-from workbench.physics.place import EFFORTS, Place, per
+from workbench.physics.place import RESISTED, Place, per
 
 
 def transition(at: Place, around: float = 1e3) -> Own:
@@ -20,7 +20,7 @@ def transition(at: Place, around: float = 1e3) -> Own:
 coulomb_friction = Law(
     "coulomb_friction",
     "T = -level tanh(speed / transition_speed)",
-    each(*EFFORTS, needs=("speed",)),
+    each(*RESISTED, needs=("speed",)),
     lambda at: (
         size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale, "dry friction level", resists=True),
         transition(at, 1e4),
@@ -37,7 +37,7 @@ coulomb_friction = Law(
 viscous_friction = Law(
     "viscous_friction",
     "T = -coefficient speed",
-    each(*EFFORTS, needs=("speed",)),
+    each(*RESISTED, needs=("speed",)),
     lambda at: (
         size("coefficient", per(at.unit, at.speed.unit), 0.05 * at.scale / at.speed.scale,
              0.5 * at.scale / at.speed.scale, "damping", resists=True),
@@ -59,7 +59,7 @@ def _magnitude(at: PortView) -> Expression:
 quadratic_drag = Law(
     "quadratic_drag",
     "T = -coefficient v |v|",
-    each(*EFFORTS, needs=("speed",)),
+    each(*RESISTED, needs=("speed",)),
     lambda at: (
         size("coefficient", per(at.unit, at.speed.unit, 2), 0.02 * at.scale / at.speed.scale**2,
              0.5 * at.scale / at.speed.scale**2, "drag over squared speed", resists=True),
@@ -73,7 +73,7 @@ quadratic_drag = Law(
 cubic_drag = Law(
     "cubic_drag",
     "T = -coefficient v^3",
-    each(*EFFORTS, needs=("speed",)),
+    each(*RESISTED, needs=("speed",)),
     lambda at: (
         size("coefficient", per(at.unit, at.speed.unit, 3), 0.02 * at.scale / at.speed.scale**3,
              5.0 * at.scale / at.speed.scale**3, "drag over cubed speed", resists=True),
@@ -89,7 +89,7 @@ cubic_drag = Law(
 direction_dependent_viscous = Law(
     "direction_dependent_viscous",
     "T = -(difference / 2) |v|",
-    each(*EFFORTS, needs=("speed",)),
+    each(*RESISTED, needs=("speed",)),
     lambda at: (
         size("difference", per(at.unit, at.speed.unit), 0.025 * at.scale / at.speed.scale,
              0.5 * at.scale / at.speed.scale,
@@ -112,7 +112,7 @@ def _fading(at: PortView) -> Expression:
 stribeck_friction = Law(
     "stribeck_friction",
     "T = -break_away exp(-(v / stribeck_speed)^2) tanh(v / transition_speed)",
-    each(*EFFORTS, needs=("speed",)),
+    each(*RESISTED, needs=("speed",)),
     lambda at: (
         size("break_away", at.unit, 0.1 * at.scale, 0.5 * at.scale,
              "friction at standstill above the Coulomb level", source="estimate", resists=True),
@@ -148,7 +148,7 @@ def _of_bristles(at: PortView) -> Expression:
 lugre_friction = Law(
     "lugre_friction",
     "T = -level (z + damping_time dz/dt), dz/dt = (v - |v| z / s(v)) / presliding",
-    each(*EFFORTS, needs=("speed",)),
+    each(*RESISTED, needs=("speed",)),
     lambda at: (
         size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
              "friction at high speed", resists=True),
@@ -195,7 +195,7 @@ def _load_unit(at: Place) -> str:
 load_dependent_friction = Law(
     "load_dependent_friction",
     "T = -coefficient (sum of loads) tanh(v / transition_speed)",
-    each(*EFFORTS, needs=("speed", "bearing_load_1")),
+    each(*RESISTED, needs=("speed", "bearing_load_1")),
     lambda at: (
         size("coefficient", per(at.unit, _load_unit(at)), _typical(at),
              20.0 * _typical(at), "friction over load", resists=True),

@@ -8,7 +8,7 @@ from __future__ import annotations
 from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.law import Law, Rates, each, shape, size, twins
-from workbench.physics.place import EFFORTS
+from workbench.physics.place import RESISTED
 
 _SPEED_WIDTH = 1e-5
 """Speed, in SI, within which the regularised form rounds the reversal."""
@@ -68,7 +68,7 @@ muscle_hysteresis = Law(
 bouc_wen_hysteresis = Law(
     "bouc_wen_hysteresis",
     "T = T0 - level z, dz/dt = (v - |v| |z|^(n-1) z - skew v |z|^n) / breakaway",
-    each(*EFFORTS, needs=("speed",)),
+    each(*RESISTED, needs=("speed",)),
     lambda at: (
         size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
              "half width of the loop", resists=True),

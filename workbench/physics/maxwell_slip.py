@@ -13,7 +13,7 @@ from workbench.model import EffectView, PortView, State
 from workbench.model.regularisation import Expression
 from workbench.physics.elastoplastic import FLOOR_S, elastoplastic_rate
 from workbench.physics.law import Law, Own, Rates, each, floor, shape, size, twins
-from workbench.physics.place import EFFORTS, Place
+from workbench.physics.place import RESISTED, Place
 
 _SPEED_WIDTH = 1e-5
 """Speed, in SI, within which the regularised form rounds the reversal."""
@@ -102,7 +102,7 @@ def prandtl_ishlinskii(elements: int = _ELEMENTS) -> Law:
     return Law(
         "joint_hysteresis",
         "y = y - level sum(w_i z_i) / sum(w_i), z_i stop operators",
-        each(*EFFORTS, needs=("speed",)),
+        each(*RESISTED, needs=("speed",)),
         lambda at: (
             size("level", at.unit, 0.05 * at.scale, 0.5 * at.scale,
                  "half width of the loop", resists=True),

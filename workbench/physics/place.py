@@ -27,6 +27,10 @@ Vector = npt.NDArray[np.float64]
 EFFORTS = ("force", "acceleration", "circuit")
 """Roles of ports that drive a speed: of a body, or the current of a circuit."""
 
+RESISTED = (*EFFORTS, "shared command")
+"""Roles of places where something may resist a motion: also a command that sets several bodies in
+motion at once, such as the force on the trolley of a crane. What rubs there acts on all of them."""
+
 DRIVES = ("command", "voltage", "circuit", "current")
 """Roles of signals that a drive or amplifier gives."""
 
@@ -137,6 +141,7 @@ class Place:
             of a muscle, ``measured`` of what a sensor reads.
         driven: Whether an input of the model reaches the signal at once.
         commanded: Whether it follows from inputs alone.
+        shared: Whether it is a command that sets several bodies in motion at once.
         empty: Whether nothing passes there unless an effect adds it.
         whole: Whether the rate of what it drives or fills is proportional to the signal.
         elastic: Whether the signal is a straight line over the coordinate.
@@ -156,6 +161,7 @@ class Place:
     signals: Mapping[str, Local] = field(default_factory=dict)
     driven: bool = False
     commanded: bool = False
+    shared: bool = False
     empty: bool = False
     whole: bool = False
     elastic: bool = False
@@ -277,7 +283,12 @@ class Survey:
 
     def fitting(self, *roles: str, needs: tuple[str, ...] = ()) -> tuple[Place, ...]:
         """Return the places of some roles at which some signals can be had."""
-        return tuple(q for q in self.places if q.role in roles and set(needs) <= set(q.signals))
+        shared = "shared command" in roles
+        return tuple(
+            q
+            for q in self.places
+            if (q.role in roles or (shared and q.shared)) and set(needs) <= set(q.signals)
+        )
 
     def with_level(self, place: Place) -> Place:
         """Return a place with the level of the store that it alone changes."""
@@ -305,7 +316,8 @@ class Survey:
         directed = elastic = True
         pressed = self._pressed(port, index) if role in ("force", "muscle_tension") else {}
         signals |= pressed
-        if role in EFFORTS:
+        shared = role == "command" and sum(q.name in self._integral for q in self._moved[index]) > 1
+        if role in EFFORTS or shared:
             motion, directed = self._directed(index, self._motion(port, index, signals))
             signals |= motion | _bearing_loads(signals)
             elastic = "coordinate" in motion and self._elastic(index, motion["coordinate"])
@@ -320,11 +332,11 @@ class Survey:
         alone, fills = self._alone(index) if role in FLOWS else ("", 1.0)
         return Place(
             port, role, signals, self._reached[index], store=alone, fills=fills,
-            commanded=index in self._commanded, shaped=bool(pressed),
+            commanded=index in self._commanded, shared=shared, shaped=bool(pressed),
             empty=self.trace.signals[self.trace.signal_names.index(name)].is_zero(),
             parameters=self._entering[index],
-            whole=self._whole(index), elastic=role in EFFORTS and elastic, directed=directed,
-            output=output, duration=self.duration, sample_time=self.sample_time,
+            whole=self._whole(index), elastic=(shared or role in EFFORTS) and elastic,
+            directed=directed, output=output, duration=self.duration, sample_time=self.sample_time,
             seen=self.ranges.get(name),
         )  # fmt: skip
 
@@ -353,7 +365,9 @@ class Survey:
         speeds: list[str] = [s for s in origins if s in ("speed", "velocity")]
         speeds += [s for s, o in origins.items() if o in self._integral and s not in speeds]
         speeds += [s for s in origins if s.endswith(("_speed", "_velocity")) and s not in speeds]
-        moved = [q.name for q in self._moved[index] if self._is_speed(q, unit)]
+        moved = [q for q in self._moved[index] if self._is_speed(q, unit)]
+        # A force moves first what has a speed in m/s, a torque what has one in rad/s.
+        moved.sort(key=lambda q: not same_dimension(q.unit, f"{unit}/s"))
         found: dict[str, Local] = {}
         place = ""
         if speeds:
@@ -362,8 +376,8 @@ class Survey:
         elif own and (pair := self._own_motion(port, index, own)):
             found |= pair
         elif moved:
-            found["speed"] = self._between(index, moved)
-            place = "" if found["speed"].minus else self._integral.get(moved[0], "")
+            found["speed"] = self._between(index, [q.name for q in moved])
+            place = "" if found["speed"].minus else self._integral.get(moved[0].name, "")
         named = [s for s in origins if s in ("coordinate", "angle", "position")]
         named += [s for s, o in origins.items() if place and o == place]
         if named:

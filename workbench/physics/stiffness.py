@@ -13,7 +13,7 @@ from workbench.model import PortView
 from workbench.model.regularisation import Expression
 from workbench.physics.friction import transition
 from workbench.physics.law import Law, Own, each, shape, size, twins
-from workbench.physics.place import COORDINATES, EFFORTS, Place, per
+from workbench.physics.place import COORDINATES, RESISTED, Place, per
 
 
 def _rest(at: Place) -> Own:
@@ -37,7 +37,7 @@ def _linear(at: Place) -> tuple[Own, ...]:
 linear_spring = Law(
     "linear_spring",
     "T = -stiffness (x - rest)",
-    each(*EFFORTS, needs=("coordinate",)),
+    each(*RESISTED, needs=("coordinate",)),
     _linear,
     lambda at: at.value - at.p.stiffness * _deflection(at),
     source="R. Hooke 1678",
@@ -58,7 +58,7 @@ def _cubic(at: Place) -> tuple[Own, ...]:
 cubic_stiffness = Law(
     "cubic_stiffness",
     "T = -stiffness (x - rest)^3",
-    each(*EFFORTS, needs=("coordinate",)),
+    each(*RESISTED, needs=("coordinate",)),
     _cubic,
     lambda at: at.value - at.p.stiffness * _deflection(at) * _deflection(at) * _deflection(at),
     source="G. Duffing 1918",
@@ -77,7 +77,7 @@ def _polynomial(at: PortView) -> Expression:
 polynomial_stiffness = Law(
     "polynomial_stiffness",
     "T = -force (s^2 + cubic s^3 + fifth s^5), s = (x - rest) / reach",
-    each(*EFFORTS, needs=("coordinate",)),
+    each(*RESISTED, needs=("coordinate",)),
     lambda at: (
         size("force", at.unit, 0.1 * at.scale, 5.0 * at.scale,
              "force of the square at the reach", signed=True),
@@ -138,7 +138,7 @@ def _turns(at: Place) -> tuple[float, ...]:
 ripple = Law(
     "ripple",
     "T = amplitude sin(frequency x + phase)",
-    each(*EFFORTS, needs=("coordinate",)),
+    each(*RESISTED, needs=("coordinate",)),
     lambda at: (
         size("amplitude", at.unit, 0.03 * at.scale, 0.5 * at.scale,
              "amplitude of the ripple", signed=True),
@@ -186,7 +186,7 @@ def _centres(at: Place) -> list[dict[str, float]]:
 local_catch = Law(
     "local_catch",
     "T = height exp(-((x - centre) / width)^2)",
-    each(*EFFORTS, needs=("coordinate",)),
+    each(*RESISTED, needs=("coordinate",)),
     lambda at: (
         size("height", at.unit, 0.06 * at.scale, 0.5 * at.scale, "height of the bump", signed=True),
         *_place(at),
@@ -201,7 +201,7 @@ local_catch = Law(
 local_friction = Law(
     "local_friction",
     "T = -level exp(-((x - centre) / width)^2) tanh(v / transition_speed)",
-    each(*EFFORTS, needs=("coordinate", "speed")),
+    each(*RESISTED, needs=("coordinate", "speed")),
     lambda at: (
         size("level", at.unit, 0.06 * at.scale, 0.5 * at.scale,
              "friction at the place", resists=True),
