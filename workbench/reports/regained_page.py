@@ -11,7 +11,7 @@ from workbench.evaluation.regained import WHICH, DesignRun
 from workbench.evaluation.tolerance import tolerant_study
 from workbench.reports.page import Page, Section, again
 from workbench.reports.pictures import Picture
-from workbench.reports.style import colours, key, label, new_figure
+from workbench.reports.style import INK, colours, key, label, new_figure
 from workbench.reports.tables import Table, number
 from workbench.verification import Steps
 
@@ -74,7 +74,9 @@ def regained_picture(runs: Sequence[DesignRun]) -> Picture:
             alpha=0.2,
             linewidth=0.0,
         )
-        label(axes, y="angle in °", title=family)
+        label(axes, y="angle in °")
+        # Below the end of the step, where no curve is: above is the legend.
+        axes.text(0.98, 0.08, family, transform=axes.transAxes, ha="right", color=INK.light)
     label(rows[-1], x="time since the step in s")
     key(rows[0])
     return Picture(
