@@ -26,12 +26,13 @@ from workbench.diagnosis.diagnose import diagnose, stages
 from workbench.diagnosis.estimation.made_up import made_up
 from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import fit_with_process_noise
-from workbench.diagnosis.estimation.stability import drifts
 from workbench.diagnosis.estimation.windows import windowed_run
 from workbench.diagnosis.problem import Problem
 from workbench.diagnosis.refit_report import run_refit
 from workbench.diagnosis.selection import search
 from workbench.diagnosis.undeclared import with_undeclared
+from workbench.model import Input, Model, Output, Scope, State
+from workbench.model.trace import Equations
 from workbench.physics.library import Hypothesis, library
 from workbench.physics.place import Survey
 
@@ -120,7 +121,7 @@ def test_windows_cover_a_recording_of_any_length(count: int) -> None:
     model = carriage()
     seen = made_up(model, levels(count, 1, 60.0, 5, 20), sample_time=0.01)
     fit = fit_with_process_noise(model, [seen], default_priors(model, ["mass"]))
-    assert drifts(model, seen)
+    assert seen.drifts and not seen.diverges
     run = windowed_run(fit.model, model, seen, fit.noise_scale)
     # The right model predicts every window to the noise and what it adds to the speed.
     assert run.finite and run.simulated.shape == seen.outputs.shape
@@ -130,10 +131,8 @@ def test_windows_cover_a_recording_of_any_length(count: int) -> None:
 def test_what_forgets_its_start_within_a_recording_does_not_drift() -> None:
     # The oscillator's start fades with 0.23 1/s.
     seen = made_up(oscillator(), levels(1000, 1, 30.0, 20, 80), sample_time=0.02)
-    assert not drifts(oscillator(), seen)
-    assert drifts(
-        oscillator(), made_up(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02)
-    )
+    assert not seen.drifts
+    assert made_up(oscillator(), levels(100, 1, 30.0, 20, 80), sample_time=0.02).drifts
 
 
 def test_a_plant_that_is_unstable_without_its_controller_is_refitted_and_judged() -> None:
@@ -180,3 +179,21 @@ def test_what_rubs_on_a_trolley_acts_on_the_load_too() -> None:
     (finding,) = found.verdict.findings
     assert finding.effect == "coulomb_friction_force" and finding.belief == "sure"
     assert finding.parameters["level"].value == pytest.approx(6.0, rel=0.03)
+
+
+def test_heat_is_lost_where_a_plant_has_temperatures_and_no_ports() -> None:
+    def equations(m: Scope) -> Equations:
+        loss = (m.x.wall - 293.0) / 500.0
+        return {"wall": 3.0 * m.u.duty - loss, "charge": -m.u.duty}, {"temperature": m.x.wall}
+
+    oven = Model(
+        "oven",
+        equations,
+        states=(State("wall", "K", initial=293.0), State("charge", "A s")),
+        inputs=(Input("duty", "1"),),
+        outputs=(Output("temperature", "K"),),
+    )
+    offered = {e.name: e for e in library(oven)}
+    assert {"radiation_wall", "heat_loss_wall", "second_heat_store_wall"} <= offered.keys()
+    assert offered["radiation_wall"].ports == ("wall.rate",)
+    assert not any(name.endswith("_charge") for name in offered if name.startswith("radiation"))

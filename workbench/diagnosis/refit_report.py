@@ -14,7 +14,6 @@ from workbench.diagnosis.estimation.priors import default_priors
 from workbench.diagnosis.estimation.process_noise import ProcessNoiseFit, fit_with_process_noise
 from workbench.diagnosis.estimation.refit import refit
 from workbench.diagnosis.estimation.refit_result import Refit
-from workbench.diagnosis.estimation.stability import diverges
 from workbench.diagnosis.estimation.start import fitted_start
 from workbench.diagnosis.estimation.windows import MILD, windowed_run
 from workbench.diagnosis.problem import Problem
@@ -199,7 +198,7 @@ def run_refit(problem: Problem, *, progress: Callable[[str], None] | None = None
     values = {e.name: e.value for e in found.estimates}
     for model, observed in judged:
         changed = model.with_parameters(values)
-        if diverges(model, observed):
+        if observed.diverges:
             before = windowed_run(model, model, observed, scale)
             after = windowed_run(changed, model, observed, scale)
             own = ProcessNoiseFit(replace(found, model=changed), scale)

@@ -13,7 +13,6 @@ from workbench.arrays import Vector
 from workbench.diagnosis.estimation.observe import observe
 from workbench.diagnosis.estimation.prediction_error import Observed, filter_of
 from workbench.diagnosis.estimation.process_noise import likely_scale
-from workbench.diagnosis.estimation.stability import diverges
 from workbench.errors import NumericalError, WorkbenchError
 from workbench.model import Model
 from workbench.model.traits import LEFT_OUT
@@ -107,7 +106,7 @@ def _signals_along(model: Model, seen: Observed) -> dict[str, float]:
     ]
     lower, upper = np.transpose([(q.lower, q.upper) for q in model.inputs])
     inputs = np.clip(seen.inputs, lower, upper)
-    if not diverges(model, seen):
+    if not seen.diverges:
         with contextlib.suppress(NumericalError):
             run = simulate(
                 model, inputs, sample_time=seen.sample_time, start=seen.start, check=False

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from workbench.model import PortView, State
 from workbench.model.regularisation import Expression
+from workbench.model.units import same_dimension
 from workbench.physics.law import Fit, Law, Own, shape, size
 from workbench.physics.place import Place, Survey, per
 
@@ -14,8 +15,15 @@ _ZERO = 273.15
 
 
 def _stores(survey: Survey) -> Iterator[Fit]:
-    """Yield the last heat flow into each store: it carries all that came before."""
-    found = {q.level.source: q for q in survey.fitting("heat", needs=("level",))}
+    """Yield the last heat flow into each store: it carries all that came before.
+
+    So does the rate of a temperature.
+    """
+    found = {
+        q.level.source: q
+        for q in survey.fitting("heat", "flow", needs=("level",))
+        if q.role == "heat" or same_dimension(q.level.unit, "K")
+    }
     for place in found.values():
         yield f"_{place.port.group}", ((place,),)
 

@@ -8,6 +8,7 @@ level. No name of a state or signal is needed.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -58,23 +59,28 @@ _ROLES = {
 _ENDINGS = {".reading": "measurement", ".command": "command", ".outflow": "flow", ".inflow": "flow"}
 
 
+_FACTOR = re.compile(r"([A-Za-zµΩ°%]+)\^?(-?\d*)")
+
+
 def per(unit: str, divisor: str, power: int = 1) -> str:
     """Return the unit of a quantity per power of another one.
 
     Example:
-        >>> per("N", "m", 3), per("N m", "rad/s"), per("N", "m/s", 2), per("V/s", "V")
-        ('N/m3', 'N m s/rad', 'N s2/m2', 'V/(s V)')
+        >>> per("N", "m", 3), per("N m", "rad/s"), per("m/s2", "m/s", 2), per("V/s", "V")
+        ('N/m3', 'N m s/rad', '1/m', '1/s')
     """
-    top, _, bottom = divisor.partition("/")
-    exponent = str(power) if power > 1 else ""
-    above, _, below = unit.partition("/")
-    if bottom:
-        above = f"{above} {bottom}{exponent}" if above != "1" else f"{bottom}{exponent}"
-    if top in ("", "1"):
-        return f"{above}/{below}" if below else above
-    if not below:
-        return f"{above}/{top}{exponent}"
-    return f"{above}/({below.strip('()')} {top}{exponent})"
+    powers: dict[str, int] = {}
+    for text, sign in ((unit, 1), (divisor, -power)):
+        above, _, below = text.partition("/")
+        for part, side in ((above, sign), (below, -sign)):
+            for name, exponent in _FACTOR.findall(part):
+                powers[name] = powers.get(name, 0) + side * int(exponent or 1)
+    over, under = (
+        [f"{n}{abs(e) if abs(e) > 1 else ''}" for n, e in powers.items() if sign * e > 0]
+        for sign in (1, -1)
+    )
+    divided = f"({' '.join(under)})" if len(under) > 1 else "".join(under)
+    return (" ".join(over) or "1") + (f"/{divided}" if divided else "")
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,15 @@ def observe(model: Model, recording: Recording) -> Observed:
         noise,
         start,
         start_rms,
+        _growth(model, start, inputs[len(inputs) // 2]),
     )
+
+
+def _growth(model: Model, x: Vector, u: Vector) -> float:
+    rates = np.asarray(model.exact.jacobian_function(x, u, model.values)[0])
+    if not np.isfinite(rates).all():
+        return -math.inf
+    return float(np.max(np.linalg.eigvals(rates).real, initial=-math.inf))
 
 
 def _first_mean(measured: Vector, noise: float) -> tuple[float, float]:

@@ -8,6 +8,7 @@ Gauss-Newton step and a score test need.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -23,6 +24,9 @@ from workbench.work.threads import side_by_side, threads
 
 CORRELATION_TIME = 0.1
 """Time over which an unmodelled signal at a port is taken as correlated, s."""
+
+_LOST = 7.0
+"""Time constants of an unstable mode after which a thousandth has grown to all of a signal."""
 
 _SHORT = 2000
 """Samples of all recordings below which a thread costs more than it saves."""
@@ -40,6 +44,8 @@ class Observed:
         noise_rms: Root mean square of the measurements' noise, shape (n_used,), in SI.
         start: Estimated states at the first sample, shape (n_states,), in SI.
         start_rms: Their uncertainty, shape (n_states,), in SI.
+        growth: How fast a deviation from the nominal model's motion grows at the start, in 1/s:
+            the largest real part of its eigenvalues; minus infinity if that is not known.
     """
 
     name: str
@@ -50,6 +56,20 @@ class Observed:
     noise_rms: Vector
     start: Vector
     start_rms: Vector
+    growth: float = -math.inf
+
+    @property
+    def drifts(self) -> bool:
+        """Whether the plant integrates or is unstable, so that its free run drifts off.
+
+        Its slowest mode forgets nothing over the length of the recording.
+        """
+        return self.growth * self.sample_time * len(self.outputs) > -1.0
+
+    @property
+    def diverges(self) -> bool:
+        """Whether the plant is so unstable that a run along the whole recording tells nothing."""
+        return self.growth * self.sample_time * len(self.outputs) > _LOST
 
     def __post_init__(self) -> None:
         """Check the shapes."""

@@ -21,7 +21,6 @@ from workbench.diagnosis.estimation.prediction_error import (
 from workbench.diagnosis.estimation.priors import Prior
 from workbench.diagnosis.estimation.refit import ENOUGH, refit
 from workbench.diagnosis.estimation.refit_result import Refit
-from workbench.diagnosis.estimation.stability import diverges
 from workbench.errors import NumericalError
 from workbench.model import Model
 from workbench.model.model import index_of
@@ -278,7 +277,7 @@ def perfect_cost(model: Model, recordings: Sequence[Observed]) -> float:
     total = 0.0
     for observed in recordings:
         own = observed.outputs
-        if not diverges(model, observed):
+        if not observed.diverges:
             # A filter that trusts no measurement simulates.
             unread = replace(observed, noise_rms=1e9 * observed.noise_rms)
             own = blind.expected(observed, blind.run(unread, model.values))

@@ -11,7 +11,6 @@ from workbench.arrays import Vector
 from workbench.diagnosis.estimation.free_run import FreeRun, free_run
 from workbench.diagnosis.estimation.prediction_error import Observed, PredictionError, filter_of
 from workbench.diagnosis.estimation.process_noise import extended_start
-from workbench.diagnosis.estimation.stability import drifts, growth_rate
 from workbench.model import Model
 from workbench.model.model import index_of
 
@@ -26,20 +25,16 @@ _GROWTH = 2.0
 """Time constants of an unstable model that a window lasts: what its start is off by grows by e2."""
 
 
-def window_samples(nominal: Model, observed: Observed) -> int:
+def window_samples(observed: Observed) -> int:
     """Return the length of a window in samples.
 
     A twentieth of the recording; two time constants of the fastest unstable mode at the most, for
     after more a run tells how well its start was known, not how well its equations hold.
-
-    Args:
-        nominal: The model that the recording was observed with.
     """
     count = len(observed.outputs)
     size = max(_LEAST_SAMPLES, count // _COUNT)
-    if drifts(nominal, observed):
-        rate = growth_rate(nominal, observed) * observed.sample_time
-        longest = _GROWTH / rate if rate > 0.0 else math.inf
+    if observed.growth > 0.0:
+        longest = _GROWTH / (observed.growth * observed.sample_time)
         size = min(size, max(_LEAST_UNSTABLE, math.floor(min(longest, count))))
     return min(count, size)
 
@@ -70,7 +65,7 @@ def windows(
     """Cut a recording into windows, each with the start that the filter has there.
 
     Args:
-        nominal: The model that the recording was observed with; it gives the length of the windows.
+        nominal: The model that the recording was observed with.
         noise_scale: Process-noise scale, dimensionless.
 
     Raises:
@@ -78,7 +73,7 @@ def windows(
     """
     begun = extended_start(observed, nominal, model)
     states = _filter(model, begun, noise_scale).run(begun, model.values).states
-    count, size = len(begun.outputs), window_samples(nominal, observed)
+    count, size = len(begun.outputs), window_samples(observed)
     starts = list(range(0, max(count - size // 2, 1), size))
     return [
         replace(begun, inputs=begun.inputs[k:end], outputs=begun.outputs[k:end], start=state)

@@ -19,7 +19,6 @@ from workbench.diagnosis.estimation.process_noise import (
     gain_interval,
     summed_over_blocks,
 )
-from workbench.diagnosis.estimation.stability import diverges, drifts
 from workbench.diagnosis.estimation.start import fitted_start
 from workbench.diagnosis.estimation.windows import (
     MILD,
@@ -55,7 +54,7 @@ def settled_run(model: Model, nominal: Model, observed: Observed) -> FreeRun:
         nominal: The model that the recording was observed with.
         observed: The recording.
     """
-    if diverges(nominal, observed):
+    if observed.diverges:
         return windowed_run(model, nominal, observed)
     return free_run(model, _settled(model, nominal, observed))
 
@@ -72,7 +71,7 @@ def pieces(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> list[Obs
     Raises:
         NumericalError: If the filter leaves the finite numbers.
     """
-    if drifts(nominal, observed):
+    if observed.drifts:
         return windows(fit.model, nominal, observed, fit.noise_scale)
     return [_settled(fit.model, nominal, observed)]
 
@@ -80,7 +79,7 @@ def pieces(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> list[Obs
 def judged_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> FreeRun:
     """Run a fitted model along a recording: freely, or in windows where that would drift off."""
     try:
-        if drifts(nominal, observed):
+        if observed.drifts:
             return windowed_run(fit.model, nominal, observed, fit.noise_scale)
         return settled_run(fit.model, nominal, observed)
     except (NumericalError, np.linalg.LinAlgError) as error:
@@ -156,7 +155,7 @@ def floor_of(fit: ProcessNoiseFit, nominal: Model, observed: Observed, *, seed: 
 
 def _own_run(fit: ProcessNoiseFit, nominal: Model, observed: Observed) -> tuple[FreeRun, Vector]:
     """Return the run of a model, and what would be read near it if the model were right."""
-    if not diverges(nominal, observed):
+    if not observed.diverges:
         own = free_run(fit.model, extended_start(observed, nominal, fit.model))
         return own, own.simulated
     # Run after run of its windows; what the filter expects of each sample has no jumps between.

@@ -22,6 +22,7 @@ from workbench.diagnosis.estimation.process_noise import (
     gain_interval,
     start_values,
 )
+from workbench.diagnosis.estimation.windows import windows
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import (
     NO_RUNS,
@@ -779,12 +780,14 @@ def _closest_errors(
 
 
 def _shift(entry: Hypothesis, fit: ProcessNoiseFit, observed: Observed) -> float:
-    """Return how far the effect moves an output in a free run, over the noise."""
+    """Return how far the effect moves an output in free runs, over the noise."""
     if entry.replaces:
         return math.nan
     absent = fit.model.with_parameters({f"{entry.name}.{entry.size_parameter}": 0.0})
-    runs = free_run(fit.model, observed), free_run(absent, observed)
-    if not all(run.finite for run in runs):
+    parts = windows(fit.model, fit.model, observed) if observed.diverges else [observed]
+    runs = [(free_run(fit.model, part), free_run(absent, part)) for part in parts]
+    if not all(run.finite for pair in runs for run in pair):
         return math.inf
-    moved = np.sqrt(np.nanmean((runs[0].simulated - runs[1].simulated) ** 2, axis=0))
+    apart = np.concatenate([one.simulated - other.simulated for one, other in runs])
+    moved = np.sqrt(np.nanmean(apart**2, axis=0))
     return float(np.max(moved / observed.noise_rms))

@@ -29,7 +29,6 @@ from workbench.diagnosis.estimation.process_noise import (
     ranges_along,
     start_values,
 )
-from workbench.diagnosis.estimation.stability import diverges, drifts
 from workbench.diagnosis.location.locate import Location
 from workbench.diagnosis.selection.candidate import Candidate
 from workbench.diagnosis.selection.held_out import (
@@ -366,7 +365,7 @@ def _run_freely(task: Task, state: Selected) -> tuple[Selected, float]:
         return state, math.nan
     state = replace(state, closest=fits)
     first = task.judging[0]
-    if not drifts(task.nominal, first) or diverges(task.nominal, first):
+    if first.diverges or not first.drifts:
         state = replace(state, runs=runs)
     return state, explained(held_out_errors(runs, task.judging))
 
