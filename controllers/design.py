@@ -14,7 +14,7 @@ from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, cast
 
 from controllers.protocol import Controller
-from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.registry import Registry, user_code
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ def _check_controller(design: str, found: Any) -> None:
                 f"{name} of the controller of design {design!r} is {names!r}; give a tuple of"
                 ' names, such as ("angle",)'
             )
-    check_range(f"sample_time of the controller of design {design!r}", found.sample_time, 1e-9, 1e4)
+    check_range(f"sample_time of the controller of design {design!r}", found.sample_time, *TIMES_S)
 
 
 def _named(controller: Any, name: str) -> Any:

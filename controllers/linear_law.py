@@ -23,6 +23,9 @@ from controllers.named_state import flat, restored
 from controllers.protocol import Controller
 from workbench.arrays import Matrix
 
+_SMALLEST = 1e-9
+"""Smallest step of a difference as a share of a value, and smallest value that counts, in SI."""
+
 
 class LinearLaw(NamedTuple):
     """``z[k+1] = F z[k] + G m[k], u[k] = H z[k] + J m[k]`` around rest, in SI.
@@ -95,12 +98,24 @@ def _differenced(
         command, following, _ = controller.step(state, tuple(values[n:].tolist()), reference)
         return np.array([*flat(following), *controller.linear_command(command)], dtype=float)
 
+    def slope(i: int, size: float) -> Matrix:
+        step = np.zeros(len(stack))
+        step[i] = size
+        return np.asarray((run(stack + step) - run(stack - step)) / (2.0 * size))
+
     columns = []
     for i, value in enumerate(stack):
-        # Small beside the clipping limits and the corners of the valve curve, and symmetric.
-        step = np.zeros(len(stack))
-        step[i] = 1e-7 * max(abs(value), 1.0)
-        columns.append((run(stack + step) - run(stack - step)) / (2.0 * step[i]))
+        # Small beside the clipping limits and the corners of the valve curve, whatever the unit: a
+        # step is too large where a smaller one shows another slope.
+        size = 1e-7 * max(abs(value), 1.0)
+        found = slope(i, size)
+        while size > _SMALLEST * max(abs(value), _SMALLEST):
+            size *= 1e-2
+            finer = slope(i, size)
+            if np.allclose(found, finer, rtol=1e-3, atol=1e-6 * float(np.abs(finer).max())):
+                break
+            found = finer
+        columns.append(found)
     table = np.array(columns).T
     F, G, H, J = table[:n, :n], table[:n, n:], table[n:, :n], table[n:, n:]
     size = np.maximum(np.max(np.abs(np.hstack([F, G])), axis=1, keepdims=True), 1e-300)

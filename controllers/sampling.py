@@ -24,7 +24,7 @@ def anti_windup(A: Matrix, C: Matrix, pole: float) -> tuple[float, ...]:
     values, vectors = np.linalg.eig(A)
     slow = int(np.argmax(np.abs(values)))
     seen = (C @ vectors[:, slow])[0]
-    if values[slow].imag or abs(values[slow]) <= pole or abs(seen) < 1e-12:
+    if values[slow].imag or abs(values[slow]) <= pole or abs(seen) < 1e-12 * np.linalg.norm(C[0]):
         return (0.0,) * len(A)
     gain = (values[slow] - pole) * vectors[:, slow] / seen
     return tuple(gain.real.tolist())

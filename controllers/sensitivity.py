@@ -80,7 +80,9 @@ def gain_of(
         closed loop is stable.
     """
     A, B, C, F, G, H, J = loop_parts
-    _, sizes, directions = np.linalg.svd(np.vstack([A - np.eye(len(A)), C]))
+    length = np.linalg.norm(C, axis=1, keepdims=True)
+    seen = C / np.where(length > 0.0, length, 1.0)
+    _, sizes, directions = np.linalg.svd(np.vstack([A - np.eye(len(A)), seen]))
     if np.min(sizes) <= 1e-12 * np.max(sizes):
         shown = directions[sizes > 1e-12 * sizes.max()].T
         A, B, C = shown.T @ A @ shown, shown.T @ B, C @ shown
@@ -104,9 +106,10 @@ def gain_of(
 
 
 class LoopMatrices(NamedTuple):
-    """The sampled plant (A, B, C) and the law (F, G, H, J) of a loop around rest, in SI.
+    """The sampled plant (A, B, C) and the law (F, G, H, J) of a loop around rest.
 
-    Rows of C are the controller's sensors in their order.
+    All is in SI but the states of the plant, which count in their scales. Rows of C are the
+    controller's sensors in their order.
     """
 
     A: Matrix
@@ -149,7 +152,9 @@ def loops_at(
             check_choice("input of the linear model", name, linear.input_names)
         columns, gain = [linear.input_names.index(name) for name in controller.actuators], 1.0
     rows = [linear.output_names.index(name) for name in controller.sensors]
-    A, B, C = np.asarray(linear.A), gain * np.asarray(linear.B)[:, columns], linear.C[rows]
+    size = linear.state_scales
+    A, B = linear.A * size / size[:, None], gain * linear.B[:, columns] / size[:, None]
+    C = linear.C[rows] * size
     values = dict(zip(linear.output_names, linear.y0.tolist(), strict=True))
     at_rest = tuple(values[name] for name in controller.sensors)
     reference = tuple(values[name] for name in controller.controlled)

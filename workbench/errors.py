@@ -9,6 +9,9 @@ from collections.abc import Iterable
 import numpy as np
 import numpy.typing as npt
 
+TIMES_S = (1e-15, 1e15)
+"""Shortest and longest time that a machine may have, in s; beyond, a unit is wrong."""
+
 
 class WorkbenchError(Exception):
     """A mistake in what the user asked for; its text is one clear sentence.

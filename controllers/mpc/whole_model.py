@@ -54,7 +54,7 @@ from controllers.quadratic_program.solver import Solution
 from controllers.reference.horizon import lagged
 from controllers.valve_inverse import ACTUATORS, SENSORS, ValveController, ValveInverse
 from workbench.arrays import Matrix
-from workbench.errors import check_choice, check_range
+from workbench.errors import TIMES_S, check_choice, check_range
 from workbench.linearisation.state_space import linear_model
 
 if TYPE_CHECKING:
@@ -293,12 +293,12 @@ class MPCSpecification:
     sample_time: float = 0.002
 
     def __post_init__(self) -> None:
-        h = check_range("sample time", self.sample_time, 1e-9, 1e4, "s")
-        check_range("prediction time", self.prediction_time, h, 1e5, "s")
+        h = check_range("sample time", self.sample_time, *TIMES_S, "s")
+        check_range("prediction time", self.prediction_time, h, TIMES_S[1], "s")
         check_range("opening limit", self.opening_limit, 1e-3, 1.0)
         check_choice("solver", self.solver, (OWN, *OPTIONS))
         for name in ("angle_scale", "opening_scale", "move_scale", "rate_limit", "softness"):
-            check_range(name.replace("_", " "), getattr(self, name), 1e-9, 1e9)
+            check_range(name.replace("_", " "), getattr(self, name), 1e-30, 1e30)
         check_range("number of moves", len(self.blocks), 1, 100)
         check_range("shortest block", min(self.blocks), 1, 1000, "samples")
         low, high = self.pressure_limits

@@ -16,7 +16,7 @@ from controllers.design import Design
 from controllers.h_infinity.synthesis import Weights, synthesise
 from controllers.plain.single_loop import SPEED, LoopSpecification
 from controllers.plain.transfer_law import TransferLaw, transfer_controller
-from workbench.errors import check_range
+from workbench.errors import TIMES_S, check_range
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class PlainHInfinitySpecification(LoopSpecification):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("speed", self.speed, 0.0, 0.5 / self.sample_time, "rad/s")
-        check_range("delay", self.delay, 0.0, 1e3, "s")
+        check_range("delay", self.delay, 0.0, TIMES_S[1], "s")
 
 
 def design_plain_h_infinity(
@@ -59,14 +59,17 @@ def design_plain_h_infinity(
     w = want.speed or SPEED / h
     size = abs(complex(transfer_function(own.A, own.B, own.C, own.D, np.array([1j * w]))[0, 0, 0]))
     unit = 1.0 / size
-    # Time counts in 1 / w, so that no machine is too slow or too fast for the numbers. The command
-    # passes a delay (first-order Pade); a disturbance enters beside it.
+    # Time counts in 1 / w and states in scales, so that no machine is too slow or too small for the
+    # numbers. The command passes a delay (first-order Pade); a disturbance enters beside it.
+    states = own.state_scales / loop.output_scale
     p = 2.0 / (w * (want.delay or 1.5 * h))
     n = len(own.A)
-    B = own.B * (unit / w)
-    A = np.block([[own.A / w, 2.0 * B], [np.zeros((1, n)), np.array([[-p]])]])
+    B = own.B / states[:, None] * (unit / w)
+    A = np.block(
+        [[own.A * states / states[:, None] / w, 2.0 * B], [np.zeros((1, n)), np.array([[-p]])]]
+    )
     entries = np.block([[B, -B], [np.zeros((1, 1)), np.array([[p]])]])
-    C = np.hstack([own.C, np.zeros((1, 1))])
+    C = np.hstack([own.C * states, np.zeros((1, 1))])
     plant = A, entries, C, np.zeros((1, 2))
     found = synthesise(plant, Weights(1.0), tolerance=0.3, sample_time=h * w)
     law = ct.ss(found.A, found.B, unit * found.C, unit * found.D, h)

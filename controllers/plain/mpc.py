@@ -6,6 +6,7 @@ to 1 about rest, on a curve that is a straight line, and the disturbance is one 
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ import numpy as np
 
 from controllers.design import Design
 from controllers.mpc.whole_model import LinearMPC, MPCSpecification, design_mpc
-from controllers.plain.single_loop import SPEED, LoopSpecification
+from controllers.plain.single_loop import DISTURBED, SPEED, LoopSpecification
 from controllers.valve_inverse import ValveInverse
 from workbench.errors import check_range
 
@@ -45,7 +46,7 @@ class PlainMPCSpecification(LoopSpecification):
         super().__post_init__()
         check_range("speed", self.speed, 0.0, 0.5 / self.sample_time, "rad/s")
         for name in ("error_scale", "rate_time", "noise"):
-            check_range(name.replace("_", " "), getattr(self, name), 0.0, 1e12)
+            check_range(name.replace("_", " "), getattr(self, name), 0.0, 1e30)
 
 
 def design_plain_mpc(
@@ -62,14 +63,14 @@ def design_plain_mpc(
     own, h = loop.linear, want.sample_time
     speed = want.speed or SPEED / h
     step = h * max(1, round(0.1 / speed / h))
-    scales = {q.name: q.scale for q in own.operating_point.model.states}
-    size = np.array([scales.get(name, 1.0) for name in own.state_names])
-    entered = int(np.argmax(np.abs(own.B[:, 0]) / size))
-    walk = float(abs(own.B[entered, 0])) * loop.command_scale
+    entered = int(np.argmax(np.abs(own.B[:, 0]) / loop.linear.state_scales))
+    walking = 1.0 / math.sqrt(DISTURBED * h)
+    walk = float(abs(own.B[entered, 0])) * loop.command_scale * walking
     plain = MPCSpecification(
         angle_scale=want.error_scale or 0.01 * loop.output_scale,
         prediction_time=step,
         rate_limit=1.0 / (want.rate_time or 2.0 * step),
+        state_noise=MPCSpecification.state_noise * walking,
         disturbances={own.state_names[entered]: walk},
         sensor_noise=(want.noise or max(loop.noise, 1e-4 * loop.output_scale),),
         reference_speed=speed,

@@ -11,7 +11,7 @@ import numpy as np
 from controllers.arithmetic import Numbers, Told
 from controllers.law import ClosedForm
 from controllers.protocol import Command
-from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
     from workbench.linearisation import LinearModel
@@ -56,6 +56,9 @@ class SingleLoop(NamedTuple):
 
 SPEED = 0.02
 """Usual speed of a loop, times the sample time, dimensionless."""
+
+DISTURBED = 500.0
+"""Samples over which the disturbance of a command is taken to walk as far as it declares."""
 
 
 def single_loop(plant: Any, measured: str = "", actuator: str = "") -> SingleLoop:
@@ -117,7 +120,7 @@ class LoopSpecification:
     sample_time: float = field(default=0.002, kw_only=True)
 
     def __post_init__(self) -> None:
-        check_range("sample time", self.sample_time, 1e-9, 1e4, "s")
+        check_range("sample time", self.sample_time, *TIMES_S, "s")
 
     def loop(self, linear: Any) -> SingleLoop:
         """Return the loop to control."""

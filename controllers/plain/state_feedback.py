@@ -30,12 +30,12 @@ import numpy as np
 
 from controllers.arithmetic import FLOATS, Arithmetic, Number, Numbers, Told
 from controllers.design import Design
-from controllers.plain.single_loop import SPEED, LoopSpecification, PlainLaw, SingleLoop
+from controllers.plain.single_loop import DISTURBED, SPEED, LoopSpecification, PlainLaw, SingleLoop
 from controllers.reference.horizon import lagged
 from controllers.sampling import Rows, rows, total
 from controllers.sensitivity import peak_sensitivities
-from workbench.arrays import Matrix
-from workbench.errors import WorkbenchError, check_range
+from workbench.arrays import Matrix, Vector
+from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.zero_order_hold import zero_order_hold
 
 if TYPE_CHECKING:
@@ -146,8 +146,8 @@ class ObserverSpecification(LoopSpecification):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("reference speed", self.reference_speed, 0.0, 1e12)
-        check_range("noise", self.noise, 0.0, 1e12)
+        check_range("reference speed", self.reference_speed, 0.0, 1.0 / TIMES_S[0])
+        check_range("noise", self.noise, 0.0, 1e30)
         check_range("disturbance of the command", self.disturbance, 1e-9, 1e3)
 
 
@@ -169,8 +169,8 @@ class LQISpecification(ObserverSpecification):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        check_range("error scale", self.error_scale, 0.0, 1e12)
-        check_range("integral time", self.integral_time, 0.0, 1e12)
+        check_range("error scale", self.error_scale, 0.0, 1e30)
+        check_range("integral time", self.integral_time, 0.0, TIMES_S[1])
 
 
 def design_lqi(linear: LinearModel, specification: LQISpecification | None = None) -> ObserverLaw:
@@ -202,7 +202,8 @@ def _lqi(loop: SingleLoop, want: LQISpecification, error: float) -> ObserverLaw:
     F, G = zero_order_hold(loop.linear.A, loop.linear.B, h)
     C = loop.linear.C
     cost = np.array([[1.0 / loop.command_scale**2]])
-    gain = _regulator(F, G, C.T @ C / error**2, cost)
+    size = loop.linear.state_scales
+    gain = _regulator(F, G, C.T @ C / error**2, cost, size)
     slowest = np.max(np.abs(np.linalg.eigvals(F - G @ gain)))
     speed = -math.log(min(max(slowest, 1e-12), 1.0 - 1e-9)) / h
     time = want.integral_time or 2.0 / speed
@@ -210,7 +211,8 @@ def _lqi(loop: SingleLoop, want: LQISpecification, error: float) -> ObserverLaw:
     joined = np.block([[F, np.zeros((n, 1))], [-h * C, np.ones((1, 1))]])
     weight = np.zeros((n + 1, n + 1))
     weight[:n, :n], weight[n, n] = C.T @ C / error**2, 1.0 / (time * error) ** 2
-    gains = _regulator(joined, np.vstack([G, [[0.0]]]), weight, cost)[0]
+    size = np.append(size, time * loop.output_scale)
+    gains = _regulator(joined, np.vstack([G, [[0.0]]]), weight, cost, size)[0]
     closed = np.linalg.eigvals(joined - np.vstack([G, [[0.0]]]) @ gains[None, :])
     slow = -math.log(min(max(np.max(np.abs(closed)), 1e-12), 1.0 - 1e-9)) / h
     speed = min(want.reference_speed or 2.0 * speed, 0.5 / h)
@@ -288,7 +290,8 @@ def design_plain_sliding_mode(
     joined = np.block([[A, np.zeros((n, 1))], [-C, np.zeros((1, 1))]])
     entry = np.vstack([B, [[0.0]]])
     poles = [-abs(p) if abs(p) > slope else -slope for p in np.linalg.eigvals(A)]
-    surface = _surface(joined, entry, sorted(poles)[:n], loop.actuator)
+    size = np.append(loop.linear.state_scales, loop.output_scale / slope)
+    surface = _surface(joined, entry, sorted(poles)[:n], size, loop.actuator)
     kept = surface @ joined
     bandwidth = want.layer_bandwidth or 2.0 * slope
     reach = want.reach * loop.command_scale
@@ -307,10 +310,9 @@ def design_plain_sliding_mode(
     )
 
 
-def _surface(A: Matrix, B: Matrix, poles: list[float], actuator: str) -> Matrix:
+def _surface(A: Matrix, B: Matrix, poles: list[float], size: Vector, actuator: str) -> Matrix:
     """Return S with S B = 1 such that the model has these poles on S x = 0."""
     n = len(A)
-    size = _balance(A)
     a, b = A * size / size[:, None], B / size[:, None]
     reached = np.hstack([np.linalg.matrix_power(a, k) @ b for k in range(n)])
     size_of = np.linalg.norm(reached, axis=0)
@@ -327,17 +329,9 @@ def _surface(A: Matrix, B: Matrix, poles: list[float], actuator: str) -> Matrix:
     return np.asarray(row / float((row @ B)[0]))
 
 
-def _balance(A: Matrix) -> Matrix:
-    from scipy.linalg import matrix_balance
-
-    _, (size, _) = matrix_balance(A, permute=False, separate=True)
-    return np.asarray(size, dtype=float).reshape(len(A))
-
-
-def _regulator(F: Matrix, G: Matrix, weight: Matrix, cost: Matrix) -> Matrix:
+def _regulator(F: Matrix, G: Matrix, weight: Matrix, cost: Matrix, size: Vector) -> Matrix:
     from scipy.linalg import LinAlgError, solve_discrete_are
 
-    size = _balance(F)
     f, g = F * size / size[:, None], G / size[:, None]
     q = weight * size * size[:, None] / cost[0, 0]
     try:
@@ -368,23 +362,27 @@ def _observed(
     F, G = zero_order_hold(own.A, own.B, h)
     n = len(F)
     noise = want.noise or max(loop.noise, 1e-4 * loop.output_scale)
-    # The disturbance is a random walk of the command over a second.
+    # The disturbance is white noise that moves the integral of the command as a random walk.
     walk = want.disturbance * loop.command_scale
-    q = G @ G.T * (walk * walk / h) + 1e-12 * walk * walk * np.diag((G[:, 0] ** 2) + 1e-300)
-    predictor = _regulator(F.T, own.C.T, q, np.array([[noise * noise]])).ravel()
+    q = DISTURBED * walk * walk * (G @ G.T)
+    q = q + 1e-12 / DISTURBED * np.diag(np.diag(q)) + 1e-300 * np.eye(n)
+    size = loop.linear.state_scales
+    predictor = _regulator(F.T, own.C.T, q, np.array([[noise * noise]]), 1.0 / size).ravel()
     # From the gain of the predictor to that of the correction.
     correction = np.linalg.solve(F, predictor)
     rest = np.block([[own.A, own.B], [own.C, np.zeros((1, 1))]])
     right = np.append(np.zeros(n), 1.0)
+    rest = rest * np.append(size, loop.command_scale)
     scale = np.maximum(np.max(np.abs(rest), axis=1), 1e-300)
-    target = np.linalg.lstsq(rest / scale[:, None], right / scale, rcond=None)[0]
-    if np.max(np.abs((rest @ target - right) / scale)) > 1e-6 / np.max(scale):
+    rest, right = rest / scale[:, None], right / scale
+    target = np.linalg.lstsq(rest, right, rcond=None)[0]
+    if np.max(np.abs(rest @ target - right)) > 1e-6 * np.max(right):
         raise WorkbenchError(
             f"{loop.measured} cannot be held at a reference by {loop.actuator}; follow another"
             " output"
         )
-    xs = target[:n]
-    forward = float(target[n] + gain @ xs)
+    xs = target[:n] * size
+    forward = float(target[n] * loop.command_scale + gain @ xs)
     share = start = along = 0.0
     if surface:
         along = float(np.array(surface) @ xs)

@@ -29,7 +29,7 @@ from controllers.design import Design
 from controllers.plain.single_loop import LoopSpecification, PlainLaw, SingleLoop
 from controllers.sampling import Rows, anti_windup, rows, total
 from controllers.sensitivity import peak_sensitivities
-from workbench.errors import WorkbenchError, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.linearisation.transfer import transfer_function
 
 if TYPE_CHECKING:
@@ -120,13 +120,13 @@ def pid_by_hand(
         >>> pi.step(pi.initial_state((0.0,)), (0.0,), (3.0,))[0]
         (6.0,)
     """
-    h = check_range("sample time", sample_time, 1e-9, 1e4, "s")
-    check_range("filter time", filter_time, 0.0, 1e4, "s")
+    h = check_range("sample time", sample_time, *TIMES_S, "s")
+    check_range("filter time", filter_time, 0.0, TIMES_S[1], "s")
     fade = filter_time / (filter_time + h)
     slope = derivative / (filter_time + h)
     if tracking_time is None:
         tracking_time = proportional / integral if proportional and integral else 50.0 * h
-    tracking = max(check_range("tracking time", abs(tracking_time), 0.0, 1e6, "s"), 2.0 * h)
+    tracking = max(check_range("tracking time", abs(tracking_time), 0.0, TIMES_S[1], "s"), 2.0 * h)
     return TransferLaw(
         A=((1.0, 0.0), (0.0, fade)),
         by_reference=(h * integral, (1.0 - fade) * derivative_weight),
@@ -186,13 +186,14 @@ def transfer_controller(
     """
     import control as ct
 
-    h = check_range("sample time", sample_time, 1e-9, 1e4, "s")
+    h = check_range("sample time", sample_time, *TIMES_S, "s")
     if system.ninputs != 1 or system.noutputs != 1:
         raise WorkbenchError(
             f"the controller has {system.ninputs} inputs and {system.noutputs} outputs; give one"
             " from the error to the command"
         )
-    if system.isdtime(strict=True) and system.dt is not True and abs(system.dt - h) > 1e-9:
+    own = system.dt if system.isdtime(strict=True) and system.dt is not True else h
+    if not math.isclose(own, h, rel_tol=1e-6):
         raise WorkbenchError(
             f"the controller has a sample time of {system.dt:g} s and shall step every {h:g} s;"
             " give sample_time, or the controller in continuous time"
@@ -253,7 +254,7 @@ class PlainPIDSpecification(LoopSpecification):
         check_range("phase margin", self.phase_margin, 0.2, 1.5, "rad")
         check_range("limit on Ms", self.maximum_sensitivity, 1.05, 10.0)
         check_range("limit on Mt", self.maximum_complementary, 1.0, 10.0)
-        check_range("delay", self.delay, 0.0, 1e3, "s")
+        check_range("delay", self.delay, 0.0, TIMES_S[1], "s")
 
 
 def design_plain_pid(

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from typer.core import TyperCommand
 
 from workbench.cli.options import Short, taking
-from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 from workbench.plants import DEFAULT_PLANT
 
 if TYPE_CHECKING:
@@ -267,7 +267,7 @@ def _steps(model: Model, texts: Iterable[str]) -> dict[str, tuple[tuple[float, f
                     f"step of {word} {step!r} has no value; write it as TIME:VALUE"
                 )
             at = check_range(
-                f"time of a step of {word}", quantity("time", time, "s"), 0.0, 1e5, "s"
+                f"time of a step of {word}", quantity("time", time, "s"), 0.0, TIMES_S[1], "s"
             )
             to = quantity(word, value, about.unit)
             found.setdefault(name, []).append(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from workbench.cli.plant import Chosen, with_plant
-from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
     from workbench.operating_point import OperatingPoint
@@ -54,7 +54,7 @@ def simulate(
             return quantity(name, given, "s")
         return steps * step_time(linearise(start, verdict=False))
 
-    step = check_range("sample time", time("sample time", sample_time, 1e-3), 1e-9, 1e4, "s")
+    step = check_range("sample time", time("sample time", sample_time, 1e-3), *TIMES_S, "s")
     length = check_range("duration", time("duration", duration, 4.0), 2 * step, 1e6 * step, "s")
     driven = _with_pulses(chosen, pulses, lambda: time("period", period, 2.0), length)
     run = run_model(
@@ -100,7 +100,7 @@ def _with_pulses(
         room,
         about.unit,
     )
-    half = 0.5 * check_range("period", period(), 1e-6, 1e6, "s")
+    half = 0.5 * check_range("period", period(), *TIMES_S, "s")
     count = int(duration / half) + 1
     driven[name] = tuple(
         (i * half, about.nominal + (size if i % 2 == 0 else -size)) for i in range(count)

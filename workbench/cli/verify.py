@@ -14,7 +14,7 @@ import typer
 from workbench.cli.options import AsJson
 from workbench.cli.plant import Chosen, value_at_rest, with_plant
 from workbench.cli.running import counting, tell, typed
-from workbench.errors import WorkbenchError, check_choice, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_range
 
 if TYPE_CHECKING:
     from workbench.model import Model
@@ -177,13 +177,13 @@ def _scenario(
     ]
     shown = step_time(linear)
     held = shown if hold is None else quantity("time", hold, "s")
-    check_range("time between the steps", held, 1e-9, 1e7, "s")
+    check_range("time between the steps", held, *TIMES_S, "s")
     step = (
         _stated(base, controllers) or shown / 1000
         if sample_time is None
         else quantity("sample time", sample_time, "s")
     )
-    check_range("sample time", step, 1e-9, held, "s")
+    check_range("sample time", step, TIMES_S[0], held, "s")
     unit = about.display_unit
     begin, end_ = (float(from_si(v, unit)) for v in levels)
     asked = step_scenario(

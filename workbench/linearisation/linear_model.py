@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from workbench.arrays import Vector
 from workbench.display import Drawn, Rows
-from workbench.errors import check_choice, check_range
+from workbench.errors import TIMES_S, check_choice, check_range
 from workbench.linearisation.modes import Mode, find_modes
 from workbench.linearisation.zero_order_hold import zero_order_hold
 from workbench.model.units import from_si
@@ -117,6 +117,12 @@ class LinearModel(Drawn):
         """Poles, shape (n_states,), in rad/s."""
         return np.linalg.eigvals(self.A).astype(np.complex128)
 
+    @property
+    def state_scales(self) -> Vector:
+        """Typical sizes of the states, shape (n_states,), in SI."""
+        scales = {q.name: q.scale for q in self.operating_point.model.states}
+        return np.array([scales[name] for name in self.state_names])
+
     @cached_property
     def modes(self) -> tuple[Mode, ...]:
         """Modes from slow to fast, each with its frequency, damping and main states."""
@@ -163,7 +169,7 @@ class LinearModel(Drawn):
 
     def discretise(self, sample_time: float) -> tuple[Vector, Vector, Vector, Vector]:
         """Return the matrices for inputs that are held over a sample, in s."""
-        h = check_range("sample time", sample_time, 1e-7, 1e4, "s")
+        h = check_range("sample time", sample_time, *TIMES_S, "s")
         return *zero_order_hold(self.A, self.B, h), self.C.copy(), self.D.copy()
 
     def response(self, u: npt.ArrayLike, sample_time: float) -> Vector:

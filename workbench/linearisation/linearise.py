@@ -114,9 +114,10 @@ def _straightened(op: OperatingPoint, curve: ActuatorCurve) -> OperatingPoint:
     i = [q.name for q in model.states].index(curve.state)
     x[i] = curve.full * curve.value(op.model.signals(op.x, op.u))
     u[0] += x[i] - op.x[i]
-    rates = derivatives_of(model, EXACT).values(x, u, model.values)[: len(x)]
-    scale = np.array([q.scale for q in model.states])
-    if np.max(np.abs(rates - op.rates) / scale) > 1e-4:
+    values, slopes = derivatives_of(model, EXACT)(x, u, model.values)
+    rates, slopes = values[: len(x)], np.abs(slopes[: len(x)])
+    scale = slopes @ np.array([q.scale for q in (*model.states, *model.inputs)])
+    if np.any(np.abs(rates - op.rates) > 1e-4 * scale):
         raise WorkbenchError(
             f"the {curve.name} cannot be the input of {model.name!r} here: an effect on the"
             f" command keeps {curve.state} from following it; use input='plant'"

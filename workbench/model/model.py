@@ -19,6 +19,7 @@ from workbench.model.effect import Effect
 from workbench.model.quantities import Input, Output, Parameter, Quantity, State
 from workbench.model.regularisation import EXACT, REGULARISED, Expression, Form
 from workbench.model.scope import Names, Port
+from workbench.model.sizes import missing, sized, sizes
 from workbench.model.trace import Equations, Trace, trace
 from workbench.model.traits import Traits
 
@@ -72,6 +73,26 @@ class Model(Shown):
             double = sorted({n for n in names if names.count(n) > 1})
             if double:
                 raise WorkbenchError(f"model {self.name!r} uses the name {double[0]!r} twice")
+        _ = self.exact
+        if missing((self.states, self.inputs, self.outputs), self.exact, dict(self.traits.scales)):
+            self._find_sizes()
+
+    def _find_sizes(self) -> None:
+        """Give a size to what declares none, and write the equations down again with it."""
+        x = np.array([q.initial for q in self.states], dtype=float)
+        u, p = self.nominal_input, self.values
+        of_x, of_u, of_y, of_ports = sizes(self.exact, self.states, self.inputs, x, u, p)
+        y = np.asarray(self.exact.outputs_function(x, u, p), dtype=float).ravel()
+        scales = {**of_ports, **dict(self.traits.scales)}
+        changed = {
+            "states": sized(self.states, of_x, x),
+            "inputs": sized(self.inputs, of_u, u),
+            "outputs": sized(self.outputs, of_y, y),
+            "traits": replace(self.traits, scales=tuple(scales.items())),
+        }
+        for name, value in changed.items():
+            object.__setattr__(self, name, value)
+        del self.__dict__["exact"]
         _ = self.exact
 
     @cached_property

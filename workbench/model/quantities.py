@@ -15,13 +15,16 @@ class Quantity:
 
     Args:
         name: Name by which it is found; letters, digits, underscores and dots.
-        scale: Typical size, in ``unit``; sets tolerances and conditioning.
+        scale: Typical size, in ``unit``; sets tolerances and conditioning. Where it is left out, 0,
+            the model finds it in its equations (`workbench.model.sizes`).
+        sized: Whether the author declared the scale.
     """
 
     name: str
     unit: str
-    scale: float = 1.0
+    scale: float = 0.0
     description: str = ""
+    sized: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
         """Check the name, the unit and the scale."""
@@ -41,7 +44,7 @@ class Quantity:
                 f" convert it ({size}); an input or output is still read in {self.unit} with"
                 f" display_unit={self.unit!r}"
             )
-        if not (math.isfinite(self.scale) and self.scale > 0):
+        if not (math.isfinite(self.scale) and self.scale >= 0):
             raise WorkbenchError(
                 f"scale of {self.name} is {self.scale!r}; give a positive typical size"
             )
@@ -140,7 +143,6 @@ class Parameter(Quantity):
         WorkbenchError: If the value is not finite or outside its bounds.
     """
 
-    scale: float = 0.0
     value: float = 0.0
     lower: float = -math.inf
     upper: float = math.inf

@@ -165,6 +165,7 @@ class Scope:
         transform: Applies the attached effects to the signal of a port; none by default.
         values: Final value of every port and published signal so far, by name, in its SI unit.
         units: Those SI units, by name of port or signal.
+        scales: Typical sizes of ports that declare none, in SI by name.
     """
 
     x: Names
@@ -176,6 +177,7 @@ class Scope:
     values: dict[str, Expression] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     ranges: list[ValidRange] = field(default_factory=list)
+    scales: Mapping[str, float] = field(default_factory=dict)
 
     def port(
         self,
@@ -194,8 +196,8 @@ class Scope:
 
         Args:
             value: The signal as the model has it, in ``unit``.
-            scale: Typical size of the signal, in ``unit``; 1 where none is declared, until a
-                recording shows it.
+            scale: Typical size of the signal, in ``unit``; where none is declared, that which the
+                equations show, until a recording shows it.
             signals: Local signals that an effect may use, by name, in SI.
             disturbance: Root mean square of what the equations may leave out here, in ``unit``.
             relative_disturbance: The same, as a fraction of the signal's magnitude, dimensionless.
@@ -208,7 +210,7 @@ class Scope:
         port = Port(
             name,
             unit,
-            1.0 if scale is None else scale,
+            (self.scales.get(name) or 1.0) if scale is None else scale,
             description,
             tuple(local),
             disturbance,

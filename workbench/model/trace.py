@@ -222,6 +222,7 @@ def trace(model: Written, form: Form) -> Trace:
             Names("parameter", symbols["parameter"]),
             form=form,
             transform=transform,
+            scales=dict(model.traits.scales),
         )
 
     scope = scope_of(symbols["input"])
@@ -310,7 +311,8 @@ def _opened(
     if what == "rate":
         unit = f"{unit}2" if unit.endswith("/s") else f"{unit}/s"
     name = f"{q.name}.{what}"
-    return scope.port(name, value, unit=unit, scale=sizes.get(name) or q.scale)
+    own = q.scale if q.sized and what != "rate" else 0.0
+    return scope.port(name, value, unit=unit, scale=sizes.get(name) or own or None)
 
 
 def _default_rates(model: Written, scope: Scope, rates: Named, sizes: Mapping[str, float]) -> Named:

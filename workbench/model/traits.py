@@ -79,6 +79,7 @@ class Traits:
         choices: Parameters that a user chooses; messages say which values would be possible.
         sizes: Root mean square of the signals at ports along recordings, in SI: of a plant that
             declares no disturbance anywhere, `LEFT_OUT` of it may be left out there.
+        scales: Typical sizes of ports that declare none (`workbench.model.sizes`), in SI by name.
     """
 
     sums: tuple[DriftingSum, ...] = ()
@@ -87,6 +88,7 @@ class Traits:
     choices: tuple[str, ...] = ()
     curves: tuple[ActuatorCurve, ...] = ()
     sizes: tuple[tuple[str, float], ...] = ()
+    scales: tuple[tuple[str, float], ...] = ()
 
     def curve(self, name: str) -> ActuatorCurve:
         """Return a curve by the name of its input.

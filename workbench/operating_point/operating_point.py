@@ -24,6 +24,7 @@ from workbench.model.units import from_si, shown_unit
 from workbench.operating_point.derivatives import derivatives_of
 from workbench.operating_point.reach import what_would_be_possible
 from workbench.operating_point.trim import (
+    RESIDUAL_TOLERANCE,
     Condition,
     Problem,
     Solution,
@@ -171,7 +172,13 @@ def operating_point(
         solution = _with_effects_at_start(problem, solution, x, u)
     _snap(model, wanted, solution)
     values = derivatives_of(model, EXACT).values(solution.x, solution.u, model.values)
-    if not np.isfinite(values).all():
+    # What is zero within the tolerance may be zero.
+    x, u = (
+        np.where(np.abs(found) < RESIDUAL_TOLERANCE * np.array([q.scale for q in of]), 0.0, found)
+        for found, of in ((solution.x, model.states), (solution.u, model.inputs))
+    )
+    rounded = derivatives_of(model, EXACT).values(x, u, model.values)
+    if not np.isfinite([values, rounded]).all():
         raise WorkbenchError(
             f"where {model.name!r} would rest with {_asked(problem)}, its equations divide by zero"
             " or leave the numbers; give another value at rest (--at NAME=VALUE, of verify --from"

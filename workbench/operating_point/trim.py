@@ -17,7 +17,8 @@ from workbench.model.traits import bound_value
 from workbench.operating_point.derivatives import derivatives_of
 
 RESIDUAL_TOLERANCE = 1e-8
-"""Largest residual, in scales of a state per second and scales of a measurement."""
+"""Largest residual: of a rate relative to what states and inputs make of it when each moves by its
+scale, of a measurement relative to its scale."""
 
 _MAX_STEPS = 60
 _SINGULAR = 1e-10
@@ -97,28 +98,51 @@ def solve(problem: Problem, x: Vector, u: Vector, *, robust: bool = True) -> Sol
         robust: Whether to fall back to a bounded least-squares search where Newton's method ends
             outside its tolerance.
     """
-    exact = _Equations(problem, EXACT)
+    exact = _Equations(problem, EXACT, _rate_sizes(problem.model, x, u))
+    # The search weighs all rates alike, lest the fastest lead it; each is judged as it is.
+    own = exact.size[: exact.n_x]
+    alike = own * (np.median(exact.rate_size / own) if exact.n_x else 1.0)
+    even, rounded = (_Equations(problem, form, alike) for form in (EXACT, REGULARISED))
+
+    def finished(z: Vector) -> tuple[Vector, int]:
+        near, first = even.newton(z)
+        last, more = exact.newton(near)
+        return last, first + more
+
     z0 = exact.scaled(x, u)
-    z, steps = exact.newton(z0)
+    z, steps = finished(z0)
     if exact.error(z) > RESIDUAL_TOLERANCE:
         # The rounded kinks guide the search, the exact equations then finish it.
-        start, more = _Equations(problem, REGULARISED).newton(z0)
-        better, last = exact.newton(start)
+        start, more = rounded.newton(z0)
+        better, last = finished(start)
         steps += more + last
         if exact.error(better) < exact.error(z):
             z = better
     if robust and exact.error(z) > RESIDUAL_TOLERANCE:
-        better, more = exact.newton(_Equations(problem, REGULARISED).least_squares(z))
+        better, more = finished(rounded.least_squares(z))
         steps += more
         if exact.error(better) < exact.error(z):
             z = better
     return exact.solution(z, steps)
 
 
+def _rate_sizes(model: Model, x: Vector, u: Vector) -> Vector:
+    """Return what each rate is when one state or input moves by its scale, in SI per second.
+
+    A rate that nothing moves there has the pace of the fastest.
+    """
+    own = np.array([q.scale for q in model.states])
+    unknowns = np.concatenate([own, [q.scale for q in model.inputs]])
+    slope = derivatives_of(model, EXACT)(x, u, model.values)[1][: len(own)] * unknowns
+    found = np.abs(np.where(np.isfinite(slope), slope, 0.0)).max(axis=1, initial=0.0)
+    pace = float(np.max(found / own, initial=0.0)) or 1.0
+    return np.asarray(np.where(found > 0.0, found, pace * own))
+
+
 class _Equations:
     """The equations of a trim on one form, in scaled variables."""
 
-    def __init__(self, problem: Problem, form: Form) -> None:
+    def __init__(self, problem: Problem, form: Form, rate_size: Vector) -> None:
         self.problem = problem
         model = problem.model
         self.at = derivatives_of(model, form)
@@ -129,7 +153,7 @@ class _Equations:
         self.size = np.array(own + ([1.0] if self.drifts else []))
         self.lower = np.append(problem.lower, -np.inf)[: len(self.size)] / self.size
         self.upper = np.append(problem.upper, np.inf)[: len(self.size)] / self.size
-        self.rate_size = np.array([q.scale for q in model.states])
+        self.rate_size = rate_size
         self.weights = np.array([c.weights for c in problem.conditions]).reshape(
             len(problem.conditions), len(model.outputs) + self.n_x + self.n_u
         )

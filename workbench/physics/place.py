@@ -266,8 +266,6 @@ class Survey:
     ) -> None:
         self.model, self.trace, self._found = model, model.exact, found
         self.ranges = ranges or {}
-        # Who gives ports no size leaves out that of other quantities too.
-        self._sized = all(q.sized for q in model.ports if not q.name.endswith(".reading"))
         # A recording that is to be refused later may have no sensible time base.
         self.duration = duration if 0.0 < duration < math.inf else 0.0
         self.sample_time = sample_time if 0.0 < sample_time < math.inf else 0.0
@@ -611,7 +609,7 @@ class Survey:
         lower, upper = getattr(q, "lower", -math.inf), getattr(q, "upper", math.inf)
         start = getattr(q, "initial", getattr(q, "nominal", 0.0))
         seen = self.ranges.get(name)
-        scale = q.scale if self._sized or q.scale != 1.0 else _largest(seen) or q.scale
+        scale = q.scale if q.sized else _largest(seen) or q.scale
         return Local(name, q.unit, scale, lower, upper, start, seen)
 
     def _local(self, port: Port, signal: str, origin: str, unit: str = "") -> Local:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from workbench.arrays import Vector
-from workbench.errors import WorkbenchError, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_range
 from workbench.recordings.aligned_table import aligned_table
 from workbench.recordings.column_assignment import assign, find_time, header_list
 from workbench.recordings.column_matching import Requested, requested_signals
@@ -90,7 +90,7 @@ def rules_of(
         rules = replace(rules, columns=tuple(str(c) for c in columns))
     if sample_time_s is not None:
         rules = replace(
-            rules, sample_time_s=check_range("sample_time_s", sample_time_s, 1e-9, 1e6, "s")
+            rules, sample_time_s=check_range("sample_time_s", sample_time_s, *TIMES_S, "s")
         )
     return rules
 

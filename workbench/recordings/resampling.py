@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.errors import WorkbenchError, check_finite, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_finite, check_range
 from workbench.recordings.recording import Recording, Signal
 
 
@@ -56,7 +56,7 @@ def _interpolated(signal: Signal, time: Vector, times: Vector) -> Vector:
         return np.full(len(times), np.nan)
     if signal.zero_order_hold:
         # The small allowance keeps a sample that rounding moved just behind its own instant.
-        slack = 1e-9 * max(1.0, float(np.max(np.abs(time))))
+        slack = 1e-9 * float(np.max(np.abs(time)))
         index = np.searchsorted(time[good], times + slack, side="right") - 1
         held: Vector = signal.values[good][np.clip(index, 0, None)]
         return held
@@ -92,7 +92,9 @@ def resample(
     old = recording.sample_time
     first, last = float(recording.time[0]), float(recording.time[-1])
     if rate_Hz is not None:
-        check_range("rate_Hz", rate_Hz, 1 / max(recording.duration, 1e-12), 1e7, "Hz")
+        check_range(
+            "rate_Hz", rate_Hz, 1 / max(recording.duration, TIMES_S[0]), 1 / TIMES_S[0], "Hz"
+        )
         n = int(np.floor(recording.duration * rate_Hz * (1 + 1e-9))) + 1
         instants = first + np.arange(n) / rate_Hz
         new = 1 / rate_Hz

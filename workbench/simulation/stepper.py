@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.errors import NumericalError, check_choice, check_range
+from workbench.errors import TIMES_S, NumericalError, check_choice, check_range
 from workbench.model import EXACT, Form, Model
 from workbench.model.model import check_vector
 from workbench.simulation.integrators import METHODS, Method, integrator_of, name_of
@@ -36,7 +36,7 @@ class Stepper:
 
     def __post_init__(self) -> None:
         """Check the arguments and build the functions."""
-        check_range("sample time", self.sample_time, 1e-7, 1e4, "s")
+        check_range("sample time", self.sample_time, *TIMES_S, "s")
         check_range("integration tolerance", self.tolerance, 1e-13, 1e-2)
         check_choice("integration method", self.method, METHODS)
         self.scale = np.array([q.scale for q in self.model.states])

@@ -203,8 +203,7 @@ def _limit(move: Move) -> dict[str, Any]:
 def _is_compared(study: Study, initial: float, final: float) -> bool:
     chosen = study.report.limit_steps
     return not chosen or any(
-        math.isclose(a, initial, abs_tol=1e-9) and math.isclose(b, final, abs_tol=1e-9)
-        for a, b in chosen
+        max(abs(a - initial), abs(b - final)) <= 1e-6 * abs(final - initial) for a, b in chosen
     )
 
 

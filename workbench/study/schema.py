@@ -273,7 +273,7 @@ class _Resolver(TomlTables):
                 chosen = self.named("controllers")[name].get("scenarios") or case.scenarios
                 for scenario in (case.scenarios[s] for s in chosen if s in case.scenarios):
                     h = scenario.sample_time
-                    if isinstance(designed, float) and abs(designed - h) > 1e-9:
+                    if isinstance(designed, float) and not math.isclose(designed, h, rel_tol=1e-6):
                         with self.at("controllers", name, "specification", "sample_time"):
                             raise WorkbenchError(
                                 f"controller {name!r} steps every {designed:g} s and scenario"

@@ -68,7 +68,7 @@ def verify(
         except NumericalError:
             method = "rosenbrock"
     h = scenario.sample_time
-    if abs(controller.sample_time - h) > 1e-9:
+    if not math.isclose(controller.sample_time, h, rel_tol=1e-6):
         raise WorkbenchError(
             f"controller {controller.name!r} steps every {controller.sample_time:g} s and scenario"
             f" {scenario.name!r} every {h:g} s; design the controller for the scenario's sample"

@@ -6,19 +6,19 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_finite, check_range
 from workbench.model.units import to_si
 from workbench.verification.signals import Signal, Steps
 
-EVENTS_S = (0.0, 1e8)
+EVENTS_S = (0.0, TIMES_S[1])
 """First and last time of a change, a disturbance or a fault, in s."""
 
 RANGES_S = {
-    "sample_time": (1e-9, 1e4),
-    "duration": (2e-6, 1e8),
-    "settle": (0.0, 1e7),
-    "rest_window": (2e-6, 1e8),
-    "count_from": (0.0, 1e8),
+    "sample_time": TIMES_S,
+    "duration": TIMES_S,
+    "settle": EVENTS_S,
+    "rest_window": TIMES_S,
+    "count_from": EVENTS_S,
 }
 """Ranges of the times of a scenario, in s; a duration and a rest window have two samples or more,
 and counting begins before the end."""

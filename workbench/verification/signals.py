@@ -12,14 +12,14 @@ import numpy as np
 import numpy.typing as npt
 
 from workbench.arrays import Vector
-from workbench.errors import WorkbenchError, check_choice, check_finite, check_range
+from workbench.errors import TIMES_S, WorkbenchError, check_choice, check_finite, check_range
 from workbench.model.units import to_si
 from workbench.registry import Registry, user_code
 
-FREQUENCIES_HZ = (1e-4, 1e3)
+FREQUENCIES_HZ = (1.0 / TIMES_S[1], 1.0 / TIMES_S[0])
 """Lowest and highest frequency of a sine, in Hz."""
 
-BEGINS_S = (0.0, 1e5)
+BEGINS_S = (0.0, TIMES_S[1])
 """Earliest and latest begin of a sine, in s."""
 
 
@@ -55,7 +55,7 @@ class _Points(Signal):
 
     def sample(self, time: npt.ArrayLike) -> Vector:
         # A time computed as k h may fall short of its decimal value by one rounding.
-        instants = np.asarray(time, dtype=float) + 1e-9
+        instants = np.asarray(time, dtype=float) * (1.0 + 1e-10)
         index = np.searchsorted(self.times, instants, side="right") - 1
         return np.asarray(self.values, dtype=float)[np.maximum(index, 0)]
 

@@ -360,7 +360,7 @@ def _local(
     kept: list[tuple[str, str, Vector]] = []
     for item in near or arguments:
         spread = float(np.std(item[2]))
-        if spread > 1e-9 * max(float(np.abs(item[2]).max()), 1e-12) and not any(
+        if spread > 1e-9 * float(np.abs(item[2]).max()) and not any(
             abs(float(np.corrcoef(item[2], other)[0, 1])) > _PARALLEL for *_, other in kept
         ):
             kept.append(item)

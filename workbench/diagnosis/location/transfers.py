@@ -59,7 +59,8 @@ class Transfers:
             strength = np.abs(g).max(initial=0.0) or 1.0
             g = np.concatenate([g, row[:, None, :] * (strength / size if size else 0.0)], axis=1)
         size = np.linalg.norm(g, axis=1)[:, None, :]
-        unit = np.divide(g, size, out=np.full_like(g, np.nan), where=size > 1e-9)
+        least = 1e-15 * size.max(initial=0.0)
+        unit = np.divide(g, size, out=np.full_like(g, np.nan), where=size > least)
         # The part across the other's direction: 1 - cos^2 would lose half of the digits.
         cosines = np.einsum("nki,nkj->nij", unit.conj(), unit)
         across = unit[:, :, None, :] - unit[:, :, :, None] * cosines[:, None, :, :]

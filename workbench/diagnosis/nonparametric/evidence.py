@@ -178,7 +178,7 @@ def _site(
     units: dict[str, str] = {}
     for i, name in enumerate(seen[ports[0]]):
         column = np.column_stack([of_port[port][:, i, 0] for port in ports])
-        if float(np.std(column)) < 1e-9 * max(float(np.abs(column).max()), 1e-12):
+        if float(np.std(column)) <= 1e-9 * float(np.abs(column).max()):
             continue
         alike = (np.corrcoef(column.ravel(), v.ravel())[0, 1] for v in signals.values())
         if any(abs(float(r)) > _SAME for r in alike):

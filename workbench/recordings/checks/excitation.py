@@ -14,6 +14,9 @@ from workbench.recordings.checks.noise import white_rms
 from workbench.recordings.recording import Recording, Signal
 
 _BINS = 20
+_SMOOTHED = 5.0
+"""Samples over which a motion is smoothed before its direction is read."""
+
 _MOTIONS = ("angle", "length")
 
 
@@ -75,12 +78,11 @@ def directions(signal: Signal, sample_time: float) -> Directions:
     """
     from scipy.ndimage import gaussian_filter1d
 
-    # A Gaussian of 10 ms does not ring at a sudden stop, as a sharper filter would.
-    width = max(1.0, 0.01 / sample_time)
-    smooth = gaussian_filter1d(signal.values, width, mode="nearest")
+    # A Gaussian does not ring at a sudden stop, as a sharper filter would.
+    smooth = gaussian_filter1d(signal.values, _SMOOTHED, mode="nearest")
     speed = np.gradient(smooth, sample_time)
     # White noise of rms s, smoothed over w samples, changes by s / (2 pi^(1/4) w^(3/2)) per sample.
-    noise = white_rms(signal.values) / (2 * np.pi**0.25 * width**1.5) / sample_time
+    noise = white_rms(signal.values) / (2 * np.pi**0.25 * _SMOOTHED**1.5) / sample_time
     limit = max(4 * noise, 1e-3 * float(np.abs(speed).max()))
     sign = np.where(np.abs(speed) > limit, np.sign(speed), 0.0)
     moving = sign[sign != 0]

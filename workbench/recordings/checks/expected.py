@@ -102,7 +102,7 @@ def middle_speed(model: Model) -> float:
     if not A.size or not np.isfinite(A).all():
         return math.nan
     sizes = np.abs(np.linalg.eigvals(A))
-    sizes = sizes[sizes > 1e-9 * max(1.0, float(sizes.max()))]
+    sizes = sizes[sizes > 1e-9 * float(sizes.max())]
     return float(np.median(sizes)) if sizes.size else math.nan
 
 

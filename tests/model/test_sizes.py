@@ -1,0 +1,132 @@
+"""A plant that declares no size, in any unit and at any pace, gives the same answers."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from controllers.plain.mpc import PlainMPCSpecification, design_plain_mpc
+from controllers.plain.state_feedback import LQISpecification, design_lqi
+from controllers.plain.transfer_law import PlainPIDSpecification, design_plain_pid
+from controllers.sensitivity import peak_sensitivities
+from workbench.linearisation import linearise
+from workbench.linearisation.pace import step_time
+from workbench.model import Input, Model, Output, Parameter, Scope, State
+from workbench.model.trace import Equations
+from workbench.operating_point import operating_point
+from workbench.verification import metrics, step_scenario, verify
+
+UNITS = [
+    pytest.param(1e-7, 1.0, 1.0, id="microseconds"),
+    pytest.param(1e6, 1e4, 1e-3, id="weeks"),
+    pytest.param(1e-4, 1e-9, 100.0, id="nanometres"),
+]
+
+
+def stage(pace: float, length: float, voltage: float, sized: bool = False) -> Model:
+    """A stage on a hardening spring behind a lag, in other units of time, length and voltage."""
+
+    def equations(m: Scope) -> Equations:
+        force = m.p.gain * m.x.drive - m.p.k * m.x.x - m.p.k3 * m.x.x**3 - m.p.d * m.x.v
+        rates = {"x": m.x.v, "v": force, "drive": (m.u.u - m.x.drive) / m.p.tau}
+        return rates, {"position": m.x.x}
+
+    def size(value: float) -> float:
+        return value if sized else 0.0
+
+    return Model(
+        "stage",
+        equations,
+        states=(
+            State("x", "m", size(length)),
+            State("v", "m/s", size(length / pace)),
+            State("drive", "V", size(voltage)),
+        ),
+        inputs=(Input("u", "V", size(voltage), lower=-2.0 * voltage, upper=2.0 * voltage),),
+        outputs=(Output("position", "m", size(length)),),
+        parameters=(
+            Parameter("gain", "m/(s2 V)", value=length / pace**2 / voltage),
+            Parameter("k", "1/s2", value=1.0 / pace**2),
+            Parameter("k3", "1/(m2 s2)", value=0.3 / (pace * length) ** 2),
+            Parameter("d", "1/s", value=0.5 / pace),
+            Parameter("tau", "s", value=0.2 * pace),
+        ),
+    )
+
+
+@pytest.mark.parametrize(("pace", "length", "voltage"), UNITS)
+def test_sizes_follow_the_units(pace: float, length: float, voltage: float) -> None:
+    usual, other = stage(1.0, 1.0, 1.0), stage(pace, length, voltage)
+    of_states = np.array([q.scale for q in other.states]) / [length, length / pace, voltage]
+    assert of_states == pytest.approx([q.scale for q in usual.states], rel=1e-6)
+    # As large as the statics say: 2 V bring 2 m / (1 + 0.3 x^2), some 1.3 m at the most.
+    assert 0.3 < usual.states[0].scale < 2.0 and usual.inputs[0].scale == 2.0
+    ports = {q.name: q.scale for q in other.ports}
+    known = {q.name: q.scale for q in usual.ports}
+    assert ports["v.rate"] == pytest.approx(known["v.rate"] * length / pace**2, rel=1e-6)
+    assert not any(q.sized for q in (*other.states, *other.outputs))
+    declared = stage(pace, length, voltage, sized=True)
+    assert declared.states[0].scale == length and declared.states[0].sized
+
+
+@pytest.mark.parametrize("sized", [True, False], ids=["sized", "unsized"])
+@pytest.mark.parametrize(("pace", "length", "voltage"), UNITS)
+def test_points_and_poles_follow_the_units(
+    pace: float, length: float, voltage: float, sized: bool
+) -> None:
+    point = operating_point(stage(pace, length, voltage, sized), {"position": 0.5 * length})
+    assert point["x"] == pytest.approx(0.5 * length, rel=1e-9)
+    # k x + k3 x^3 = 0.5 + 0.3 0.125.
+    assert point.u[0] == pytest.approx(0.5375 * voltage, rel=1e-6)
+    linear = linearise(point)
+    usual = linearise(operating_point(stage(1.0, 1.0, 1.0, sized), {"position": 0.5}))
+    assert np.sort_complex(linear.poles * pace) == pytest.approx(np.sort_complex(usual.poles))
+    assert step_time(linear) == pytest.approx(step_time(usual) * pace)
+    found, expected = (
+        (m.verdict.amplitude.upper / v, m.verdict.frequency.upper * t)
+        for m, v, t in ((linear, voltage, pace), (usual, 1.0, 1.0))
+    )
+    assert found == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize(("pace", "length", "voltage"), UNITS)
+def test_loops_follow_the_units(pace: float, length: float, voltage: float) -> None:
+    def scored(t: float, x: float, v: float) -> list[list[float]]:
+        plant = stage(t, x, v)
+        linear = linearise(operating_point(plant, {"position": 0.0}), verdict=False)
+        h = step_time(linear) / 1000
+        rows = []
+        for law in (
+            design_plain_pid(linear, PlainPIDSpecification(sample_time=h)),
+            design_lqi(linear, LQISpecification(sample_time=h)),
+            design_plain_mpc(linear, PlainMPCSpecification(sample_time=h)),
+        ):
+            scenario = step_scenario("position", 0.0, 0.4 * x, lead=t, hold=20.0 * t, sample_time=h)
+            told = metrics(verify(law, plant, scenario))
+            rows.append([*peak_sensitivities(law, linear), told["rmse"].value / x])
+        return rows
+
+    # Two runs of the integrator with other steps agree within its tolerance.
+    assert np.array(scored(pace, length, voltage)) == pytest.approx(
+        np.array(scored(1.0, 1.0, 1.0)), rel=1e-4
+    )
+
+
+def test_a_bearing_that_sticks_at_the_start_is_sized_where_it_slides() -> None:
+    def equations(m: Scope) -> Equations:
+        import casadi as ca
+
+        return {"v": m.u.force - 0.2 * ca.tanh(m.x.v / 1e-3) - 0.5 * m.x.v}, {"speed": m.x.v}
+
+    made = Model(
+        "bearing",
+        equations,
+        states=(State("v", "m/s"),),
+        inputs=(Input("force", "N", lower=-1.0, upper=1.0),),
+        outputs=(Output("speed", "m/s"),),
+    )
+    # 1 N against 0.5 N s/m; stuck it would creep at 1 / (0.2 / 1e-3) = 5 mm/s.
+    assert 0.5 < made.states[0].scale < 2.5
+    assert math.isclose(made.outputs[0].scale, made.states[0].scale)

@@ -1,0 +1,130 @@
+"""Typical sizes where a plant declares none, from its equations and the ranges of its inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import casadi as ca
+import numpy as np
+
+from workbench.arrays import Vector
+from workbench.model.quantities import Input, Output, Quantity, State
+from workbench.model.trace import Trace
+
+Named = TypeVar("Named", State, Input, Output)
+
+_ROUNDS = 4
+"""Times that the motion is followed to where the sizes of the last round lead: a bearing that
+sticks at the start slides there."""
+
+_INTEGRATES = 1e-9
+"""Size of an eigenvalue, as a share of the largest, below which its mode has no pace."""
+
+
+def sizes(
+    traced: Trace,
+    states: Sequence[State],
+    inputs: Sequence[Input],
+    x: Vector,
+    u: Vector,
+    p: Vector,
+) -> tuple[Vector, Vector, Vector, dict[str, float]]:
+    """Find how far inputs within their range move a plant at its own pace.
+
+    The response of the linear model ``|(s I - A)^-1 B| size(u)`` is taken on ``s = w exp(j pi/4)``,
+    half-way between a decay and an oscillation, so that no resonance and no instability counts, at
+    every pace ``w`` of the plant: the magnitudes of its eigenvalues.
+
+    Args:
+        x: States at the start, shape (n_states,), in SI.
+        u: Inputs at rest, shape (n_inputs,), in SI.
+        p: Parameters, shape (n_parameters,), in SI.
+
+    Returns:
+        Sizes of states, inputs and outputs, and those of ports by name, in SI; declared sizes as
+        they are, and zero where neither equations nor ranges tell.
+    """
+    of_u = np.array([q.scale or _reach(q, q.nominal) for q in inputs])
+    declared = np.array([q.scale for q in states])
+    ends = np.array([(q.lower, q.upper) for q in states]).reshape(-1, 2)
+    limits = np.array([(q.lower, q.upper) for q in inputs]).reshape(-1, 2)
+    named = [port.name for port in traced.ports]
+    rows = [traced.signal_names.index(name) for name in named]
+    both = ca.vertcat(traced.x, traced.u)
+    slopes = traced.function(
+        "slopes",
+        *(ca.densify(ca.jacobian(e, both)) for e in (traced.rates, traced.outputs)),
+        ca.densify(ca.jacobian(traced.signals[rows], both)),
+    )
+    n_x = len(states)
+    of_x, found = declared.copy(), None
+    for _ in range(_ROUNDS):
+        responses, measured, passed = [], [], []
+        for sign in (0.0, 1.0, -1.0):
+            at = np.clip(x + sign * of_x, *ends.T)
+            driven = np.clip(u + sign * 0.5 * of_u, *limits.T)
+            rates, outputs, ports = (np.asarray(part) for part in slopes(at, driven, p))
+            if not np.isfinite(rates).all():
+                continue
+            responses.append(_response(rates[:, :n_x], rates[:, n_x:], of_u))
+            moved = np.concatenate([np.where(declared > 0.0, declared, responses[-1]), of_u])
+            measured.append(np.abs(outputs) @ moved)
+            passed.append(np.abs(ports) @ moved)
+        if not responses:
+            break
+        found = [np.median(part, axis=0) for part in (responses, measured, passed)]
+        reached = np.where(declared > 0.0, declared, found[0])
+        if np.allclose(reached, of_x, rtol=0.01, atol=0.0):
+            break
+        of_x = reached
+    if found is None:
+        return declared, of_u, np.zeros(traced.outputs.numel()), {}
+    return of_x, of_u, found[1], dict(zip(named, found[2].tolist(), strict=True))
+
+
+def _response(a: Vector, b: Vector, of_u: Vector) -> Vector:
+    """Return the largest response over the paces of a linear model, shape (n_states,), in SI."""
+    paces = np.abs(np.linalg.eigvals(a)) if a.size else np.zeros(0)
+    own = paces[paces > _INTEGRATES * paces.max(initial=0.0)]
+    turned = np.exp(0.25j * np.pi)
+    each = [
+        np.abs(np.linalg.solve(w * turned * np.eye(len(a)) - a, b)) @ of_u
+        for w in (own if own.size else [1.0])
+    ]
+    return np.asarray(np.max(each, axis=0))
+
+
+def _reach(q: State | Input | Output, usual: float) -> float:
+    """Return the largest magnitude that a quantity declares; 0 if it declares none."""
+    ends = [abs(end) for end in (q.lower, q.upper) if np.isfinite(end)]
+    return max(ends, default=0.0) or abs(usual)
+
+
+def sized(quantities: Sequence[Named], found: Vector, usual: Vector) -> tuple[Named, ...]:
+    """Return quantities with sizes where they declare none.
+
+    Args:
+        found: Sizes that the equations show, shape (n,), in SI; zero or infinite where none.
+        usual: Values at the start or at rest, shape (n,), in SI.
+    """
+
+    def one(q: Named, size: float, value: float) -> Named:
+        if q.scale > 0.0:
+            return q
+        known = _reach(q, 0.0)
+        size = size if np.isfinite(size) and size > 0.0 else known or abs(value)
+        size = min(size, known) if known else size
+        return replace(q, scale=size if np.isfinite(size) and size > 0.0 else 1.0, sized=False)
+
+    return tuple(map(one, quantities, found.tolist(), usual.tolist()))
+
+
+def missing(
+    groups: Sequence[Sequence[Quantity]], traced: Trace, known: Mapping[str, float]
+) -> bool:
+    """Tell whether a quantity or a port has no size yet."""
+    return any(q.scale == 0.0 for group in groups for q in group) or any(
+        not port.sized and port.name not in known for port in traced.ports
+    )
