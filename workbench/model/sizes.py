@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -121,10 +121,8 @@ def sized(quantities: Sequence[Named], found: Vector, usual: Vector) -> tuple[Na
     return tuple(map(one, quantities, found.tolist(), usual.tolist()))
 
 
-def missing(
-    groups: Sequence[Sequence[Quantity]], traced: Trace, known: Mapping[str, float]
-) -> bool:
-    """Tell whether a quantity or a port has no size yet."""
+def missing(groups: Sequence[Sequence[Quantity]], traced: Trace, known: Collection[str]) -> bool:
+    """Tell whether a quantity has no size yet, or a port that is not known by name."""
     return any(q.scale == 0.0 for group in groups for q in group) or any(
         not port.sized and port.name not in known for port in traced.ports
     )
